@@ -1,0 +1,64 @@
+"""What the RGB-D camera delivers in one look."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.transforms import transform_points
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole camera without distortion; lengths in pixels, pixel centres at integer + 0.5."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    @cached_property
+    def rays(self) -> NDArray[np.float32]:
+        """(H, W, 3) points of depth 1 m through every pixel's centre, in ``camera_optical``."""
+        u = (np.arange(self.width) + 0.5 - self.cx) / self.fx
+        v = (np.arange(self.height) + 0.5 - self.cy) / self.fy
+        x, y = np.meshgrid(u, v)
+        return np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One look of the RGB-D camera.
+
+    Attributes:
+        time: s.
+        rgb: (H, W, 3) uint8.
+        depth: (H, W) float32, metres along the optical axis; 0 = no return.
+        intrinsics: of both images, which are registered to each other.
+        T_base_camera: 4×4 pose of ``camera_optical`` in ``base_link``.
+        T_odom_base: 4×4 pose of ``base_link`` in ``odom``, by the robot's odometry.
+        label: (H, W) uint8 true label of every pixel, where a simulator knows it.
+        instance: (H, W) int32 id of the object that every pixel shows, where a simulator knows it; -1 = none.
+    """
+
+    time: float
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    intrinsics: Intrinsics
+    T_base_camera: NDArray[np.float64]
+    T_odom_base: NDArray[np.float64]
+    label: NDArray[np.uint8] | None = None
+    instance: NDArray[np.int32] | None = None
+
+    @cached_property
+    def returns(self) -> NDArray[np.bool_]:
+        """(H, W) bool, the pixels with a depth return."""
+        return np.isfinite(self.depth) & (self.depth > 0)
+
+    def points(self, T_target_camera: NDArray[np.float64]) -> NDArray[np.float32]:
+        """(N, 3) float32 points of all returns, row-major over the image, in the target frame."""
+        points = self.intrinsics.rays[self.returns] * self.depth[self.returns, None]
+        return transform_points(T_target_camera, points)

@@ -1,0 +1,36 @@
+"""What a point can belong to."""
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class Label(IntEnum):
+    """Semantic classes; the thesis's four are 1 to 4. A geom carries its id as ``user`` data in the MJCF."""
+
+    UNLABELLED = 0
+    WALL = 1
+    TERRAIN = 2
+    INCLINED_RAMP = 3
+    STRAIGHT_RAMP = 4
+    CEILING = 5
+    VICTIM = 6
+    CLUTTER = 7
+
+
+THESIS_FOUR = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)
+
+COLOURS = np.array(
+    [
+        (128, 128, 128),  # unlabelled: grey
+        (214, 39, 40),  # wall: red
+        (242, 200, 15),  # terrain: yellow
+        (31, 101, 214),  # inclined ramp: blue
+        (255, 128, 192),  # straight ramp: pink
+        (200, 200, 200),  # ceiling: light grey
+        (44, 160, 44),  # victim: green
+        (140, 86, 50),  # clutter: brown
+    ],
+    np.uint8,
+)
+"""(8, 3) uint8 RGB, indexed by label."""

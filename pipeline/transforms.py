@@ -1,0 +1,46 @@
+"""Rigid transforms as 4×4 matrices; ``T_a_b`` takes b's coordinates to a's."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def transform_points(T: NDArray[np.float64], points: NDArray) -> NDArray[np.float32]:
+    """(N, 3) float32 points, moved by ``T``."""
+    return (points @ T[:3, :3].T.astype(np.float32) + T[:3, 3].astype(np.float32)).astype(np.float32)
+
+
+def inverse(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The inverse of a rigid transform."""
+    result = np.eye(4)
+    result[:3, :3] = T[:3, :3].T
+    result[:3, 3] = -T[:3, :3].T @ T[:3, 3]
+    return result
+
+
+def from_rotation(R: ArrayLike, t: ArrayLike) -> NDArray[np.float64]:
+    """The transform with rotation matrix ``R`` and translation ``t``."""
+    result = np.eye(4)
+    result[:3, :3] = R
+    result[:3, 3] = t
+    return result
+
+
+def from_yaw(x: float, y: float, z: float, yaw: float) -> NDArray[np.float64]:
+    """The transform of a level body at (x, y, z) m that looks along ``yaw`` rad."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return from_rotation([[c, -s, 0], [s, c, 0], [0, 0, 1]], [x, y, z])
+
+
+def yaw_of(T: NDArray[np.float64]) -> float:
+    """Yaw of a pose in rad, (−π, π]."""
+    return float(np.arctan2(T[1, 0], T[0, 0]))
+
+
+def tilt_of(T: NDArray[np.float64]) -> tuple[float, float]:
+    """Roll and pitch of a pose in rad (REP 103: x forward, y left, z up; pitch is positive nose down)."""
+    return float(np.arctan2(T[2, 1], T[2, 2])), float(-np.arcsin(np.clip(T[2, 0], -1, 1)))
+
+
+def wrap_angle(angle: float) -> float:
+    """The same angle in [−π, π)."""
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -1,1 +1,1 @@
-"""Topological map (thesis 3.3): nodes on the segments, edges that a robot can drive, a minimum spanning tree."""
+"""Topological map (thesis 3.3): nodes on the segments, drivable edges, a minimum spanning tree."""

@@ -1,0 +1,38 @@
+"""What turns points into classes: a network, a rule, or the simulator's own truth."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.labels import Label
+
+
+class PointClassifier(Protocol):
+    """Gives every point of a frame its class probabilities."""
+
+    def classify(self, frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Classify the returns of a frame.
+
+        Args:
+            frame: the look that the points come from.
+            points: (N, 3) float32 in ``map``, all returns row-major, as ``frame.points`` gives them.
+
+        Returns:
+            (N, 8) float32 class probabilities, indexed by :class:`pipeline.labels.Label`; rows sum to 1.
+        """
+        ...
+
+
+class TruthClassifier:
+    """The labels that the simulator wrote into the frame (``--labels truth``)."""
+
+    def classify(self, frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N, 8) float32 one-hot of ``frame.label`` at the returns; InputError where a frame has no labels."""
+        if frame.label is None:
+            raise InputError(
+                f"the frame at {frame.time:.2f} s carries no true labels: only a simulator knows them"
+            )
+        return np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]]

@@ -1,0 +1,210 @@
+"""Frontier exploration on the metric map: where to look next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline import exploration_kernels as kernels
+from pipeline.surface.drivable import DrivableSurface
+from pipeline.surface.paths import ShortestPaths
+from pipeline.transforms import wrap_angle, yaw_of
+
+
+@dataclass(frozen=True)
+class ExplorationConfig:
+    """How views are weighed.
+
+    Attributes:
+        camera_height: of the camera above the ground, m.
+        near, far: distances from the robot at which the camera sees the ground, m.
+        field_of_view: of the camera along the horizon, less a margin, rad.
+        max_slope: of the upper edge of the view.
+        max_unknown: a ray is believed to see no further than this into unknown ground, m.
+        rays: directions around a view.
+        spacing: of the points from which views are considered, m.
+        wall_margin: unknown ground nearer to a hazard cannot be driven on and is not worth a look, m.
+        min_gain: a view that promises less is not worth the drive, m².
+        max_misses: ground that so many looks should have shown and did not is given up.
+        speed: expected, m/s.
+        turn_rate: expected, rad/s.
+        look_time: that a look costs whatever the way, s.
+    """
+
+    camera_height: float = 0.6
+    near: float = 1.1
+    far: float = 3.2
+    field_of_view: float = np.deg2rad(54)
+    max_slope: float = 0.15
+    max_unknown: float = 1.0
+    rays: int = 180
+    spacing: float = 0.25
+    wall_margin: float = 0.25
+    min_gain: float = 0.03
+    max_misses: int = 2
+    speed: float = 0.2
+    turn_rate: float = 0.5
+    look_time: float = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A place to look from.
+
+    Attributes:
+        position: (2,) m in ``map``.
+        heading: rad.
+        gain: m² of ground expected to be seen for the first time.
+    """
+
+    position: NDArray[np.float64]
+    heading: float
+    gain: float
+
+
+class Exploration:
+    """Chooses views by what would be seen per second of driving.
+
+    Attributes:
+        frontiers: (N, 3) centres of the frontiers left, m in ``map``.
+    """
+
+    def __init__(self, config: ExplorationConfig | None = None):
+        self.config = config or ExplorationConfig()
+        self.frontiers = np.zeros((0, 3))
+        self._misses: dict[tuple[int, int], int] = {}
+        self._expected: NDArray[np.float64] = np.zeros((0, 2))
+
+    def next_view(
+        self,
+        surface: DrivableSurface,
+        measured: NDArray[np.float32],
+        paths: ShortestPaths,
+        T_map_base: NDArray[np.float64],
+    ) -> View | None:
+        """The view that shows most per second, or None when nothing is left that is worth a look.
+
+        Args:
+            surface: what the robot may drive on.
+            measured: (nx, ny) height of the ground that returns have shown, NaN elsewhere.
+            paths: shortest paths from where the robot is.
+            T_map_base: pose of the robot.
+        """
+        target = self._targets(surface, measured)
+        self.frontiers = _frontiers(surface, paths, target)
+        candidates = self._candidates(surface, paths)
+        if not len(candidates) or not target.any():
+            return None
+        gains = self._gains(candidates, surface, target)
+        seconds = self._seconds(candidates, paths, T_map_base)
+        worth = np.where(gains >= self.config.min_gain, gains / seconds, 0.0)
+        n, m = np.unravel_index(worth.argmax(), worth.shape)
+        if worth[n, m] <= 0:
+            return None
+        view = View(candidates[n], wrap_angle(m * 2 * np.pi / self.config.rays), float(gains[n, m]))
+        self._expected = self._in_view(view, surface, target)
+        return view
+
+    def _targets(self, surface: DrivableSurface, measured: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """(nx, ny) ground that nobody has seen, that may be drivable, and that was not looked for in vain."""
+        grid = surface.grid
+        for key in map(tuple, self._expected):
+            if np.isnan(grid.at(measured, key, outside=0)):
+                self._misses[key] = self._misses.get(key, 0) + 1
+        self._expected = np.zeros((0, 2))
+        from_hazard = ndimage.distance_transform_edt(~surface.hazard) * grid.cell
+        target = np.isnan(measured) & (from_hazard >= self.config.wall_margin)
+        given_up = [key for key, misses in self._misses.items() if misses >= self.config.max_misses]
+        if given_up:
+            target[tuple(grid.cell_of(given_up).T)] = False
+        return target
+
+    def _candidates(self, surface: DrivableSurface, paths: ShortestPaths) -> NDArray[np.float64]:
+        """(N, 2) points to look from: here, and a coarse grid of places where the robot can turn."""
+        stride = max(1, round(self.config.spacing / surface.grid.cell))
+        standable = surface.turnable & paths.reachable
+        coarse = np.zeros_like(standable)
+        coarse[::stride, ::stride] = True
+        here = np.zeros((0, 2)) if paths.start is None else paths.start[None]
+        return np.concatenate([here, surface.grid.centre_of(np.argwhere(standable & coarse))])
+
+    def _gains(
+        self, candidates: NDArray[np.float64], surface: DrivableSurface, target: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        config = self.config
+        return kernels.view_gains(
+            candidates,
+            config.rays,
+            round(config.field_of_view / (2 * np.pi) * config.rays),
+            config.camera_height,
+            config.near,
+            config.far,
+            config.max_slope,
+            config.max_unknown,
+            surface.grid.origin,
+            surface.grid.cell,
+            surface.elevation,
+            target,
+        )
+
+    def _seconds(
+        self, candidates: NDArray[np.float64], paths: ShortestPaths, T_map_base: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(N, rays) time to each view."""
+        config = self.config
+        distance = np.array([paths.cost_to(c) for c in candidates])
+        distance[0] = 0
+        bearing = np.arange(config.rays) * 2 * np.pi / config.rays
+        way = candidates - T_map_base[:2, 3]
+        moves = distance > surface_tolerance
+        first = np.where(moves, np.arctan2(way[:, 1], way[:, 0]), yaw_of(T_map_base))
+        turn = np.abs(_wrap(first - yaw_of(T_map_base)))[:, None] + np.abs(_wrap(bearing - first[:, None]))
+        return config.look_time + distance[:, None] / config.speed + turn / config.turn_rate
+
+    def _in_view(
+        self, view: View, surface: DrivableSurface, target: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """(N, 2) centres of the target cells that the view should show."""
+        config, grid = self.config, surface.grid
+        seen = np.zeros(int(config.far / grid.cell) + 2, np.int64)
+        cells: set[int] = set()
+        half = config.field_of_view / 2
+        for bearing in np.arange(view.heading - half, view.heading + half, np.deg2rad(0.5)):
+            _, count = kernels.cast_ray(
+                *view.position,
+                bearing,
+                config.camera_height,
+                config.near,
+                config.far,
+                config.max_slope,
+                config.max_unknown,
+                grid.origin,
+                grid.cell,
+                surface.elevation,
+                target,
+                seen,
+            )
+            cells.update(seen[:count].tolist())
+        return grid.centre_of(np.stack(np.unravel_index(sorted(cells), grid.shape), axis=-1))
+
+
+surface_tolerance = 0.05
+
+
+def _wrap(angle: NDArray) -> NDArray:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def _frontiers(
+    surface: DrivableSurface, paths: ShortestPaths, target: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground."""
+    around = ndimage.binary_dilation(target, np.ones((3, 3)), iterations=round(0.35 / surface.grid.cell))
+    pieces, number = ndimage.label(around & paths.reachable & ~target, np.ones((3, 3)))
+    centres = []
+    for piece in range(1, number + 1):
+        cells = np.argwhere(pieces == piece)
+        middle = cells[np.linalg.norm(cells - cells.mean(axis=0), axis=1).argmin()]
+        centres.append([*surface.grid.centre_of(middle), surface.elevation[tuple(middle)]])
+    return np.array(centres).reshape(-1, 3)

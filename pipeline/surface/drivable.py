@@ -1,0 +1,113 @@
+"""Where on the surface the robot may stand, turn and drive."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from pipeline.surface import path_kernels
+from pipeline.surface import surface_kernels as kernels
+from pipeline.surface.grid import Grid
+from pipeline.surface.surface_map import SurfaceMap
+
+
+@dataclass(frozen=True)
+class DrivableConfig:
+    """What a Pioneer 3-AT takes, with a margin for the noise of the map.
+
+    Attributes:
+        max_step: between neighbouring cells, m.
+        max_tilt: rad.
+        clearance: of the robot's centre from hazards and unknown ground while driving straight, m.
+        turning_clearance: the same for turning in place, m; the corners of the chassis sweep 0.35 m.
+        ramp_tilt: a steeper cell belongs to a ramp, rad.
+        ramp_margin: so near to a ramp the robot's wheels may already be on it, m.
+        ramp_alignment: largest angle between a drive over a ramp and its slope, rad.
+    """
+
+    max_step: float = 0.06
+    max_tilt: float = np.deg2rad(20)
+    clearance: float = 0.30
+    turning_clearance: float = 0.37
+    ramp_tilt: float = np.deg2rad(8)
+    ramp_margin: float = 0.2
+    ramp_alignment: float = np.deg2rad(20)
+
+
+@dataclass(frozen=True, eq=False)
+class DrivableSurface:
+    """What follows from a surface map for the robot; all arrays are (nx, ny) on its grid.
+
+    Attributes:
+        grid: where the cells lie.
+        elevation: float32 m, NaN where unknown.
+        hazard: bool, steps and slopes that the robot cannot take.
+        clearance: float64 m to the nearest hazard or unknown cell.
+        drivable: bool, the robot's centre may pass.
+        turnable: bool, the robot may turn in place.
+        ramp: bool, the wheels are on a ramp or just before it.
+        uphill: (nx, ny, 2) float32 unit vector up the nearest ramp; 0 away from ramps.
+        ramp_alignment: rad, as configured.
+    """
+
+    grid: Grid
+    elevation: NDArray[np.float32]
+    hazard: NDArray[np.bool_]
+    clearance: NDArray[np.float64]
+    drivable: NDArray[np.bool_]
+    turnable: NDArray[np.bool_]
+    ramp: NDArray[np.bool_]
+    uphill: NDArray[np.float32]
+    ramp_alignment: float
+
+    def lines_are_drivable(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
+        """(N,) whether the robot can drive the straight lines between points (N, 2 or 3), ramps head-on."""
+        return path_kernels.lines_are_drivable(
+            np.ascontiguousarray(np.asarray(starts, np.float64)[..., :2]),
+            np.ascontiguousarray(np.asarray(ends, np.float64)[..., :2]),
+            self.grid.origin,
+            self.grid.cell,
+            self.drivable,
+            self.ramp,
+            self.uphill,
+            float(np.cos(self.ramp_alignment)),
+        )
+
+
+def drivable_surface(surface: SurfaceMap, config: DrivableConfig | None = None) -> DrivableSurface:
+    """Judge every cell of the surface map."""
+    config = config or DrivableConfig()
+    cell, elevation = surface.grid.cell, surface.elevation
+    gradient = kernels.gradients(elevation, cell, radius=2)
+    slope = np.linalg.norm(gradient, axis=-1)
+    hazard = kernels.step_hazards(elevation, config.max_step) | (slope > np.tan(config.max_tilt))
+    blocked = hazard | np.isnan(elevation)
+    # A border of the grid is unknown ground as well.
+    clearance = ndimage.distance_transform_edt(np.pad(~blocked, 1))[1:-1, 1:-1] * cell
+    ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
+    return DrivableSurface(
+        grid=surface.grid,
+        elevation=elevation,
+        hazard=hazard,
+        clearance=clearance,
+        drivable=clearance >= config.clearance,
+        turnable=(clearance >= config.turning_clearance) & ~ramp,
+        ramp=ramp,
+        uphill=uphill,
+        ramp_alignment=config.ramp_alignment,
+    )
+
+
+def _ramps(
+    slope: NDArray, gradient: NDArray, hazard: NDArray[np.bool_], cell: float, config: DrivableConfig
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    """The cells on or near a ramp, and the unit vector up the nearest one."""
+    # Opening drops single noisy cells.
+    core = ndimage.binary_opening((slope > np.tan(config.ramp_tilt)) & ~hazard, np.ones((3, 3)))
+    if not core.any():
+        return core, np.zeros_like(gradient)
+    distance, nearest = ndimage.distance_transform_edt(~core, return_indices=True)
+    ramp = distance * cell <= config.ramp_margin
+    uphill = gradient[tuple(nearest)] / slope[tuple(nearest)][..., None]
+    return ramp, np.where(ramp[..., None], uphill, 0).astype(np.float32)

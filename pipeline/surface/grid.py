@@ -1,0 +1,50 @@
+"""A regular grid over the xy plane of ``map``."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Where the cells of a layer lie; layers are indexed [i, j] along x and y.
+
+    Attributes:
+        origin: (2,) xy of the corner of cell [0, 0], m.
+        cell: side of a cell, m.
+        shape: number of cells along x and y.
+    """
+
+    origin: NDArray[np.float64]
+    cell: float
+    shape: tuple[int, int]
+
+    def cell_of(self, xy: ArrayLike) -> NDArray[np.int64]:
+        """(..., 2) indices of the cells that hold the points (..., 2 or 3); may lie outside the grid."""
+        return np.floor((np.asarray(xy)[..., :2] - self.origin) / self.cell).astype(np.int64)
+
+    def centre_of(self, cells: ArrayLike) -> NDArray[np.float64]:
+        """(..., 2) centres of cells (..., 2), m."""
+        return self.origin + (np.asarray(cells) + 0.5) * self.cell
+
+    def at(self, layer: NDArray, xy: ArrayLike, outside: float = 0) -> NDArray:
+        """(...) values of a layer at points (..., 2 or 3); ``outside`` beyond the grid."""
+        cells = self.cell_of(xy)
+        inside = ((cells >= 0) & (cells < self.shape)).all(axis=-1)
+        cells = np.where(np.expand_dims(inside, -1), cells, 0)
+        return np.where(inside, layer[cells[..., 0], cells[..., 1]], outside)
+
+    def nearest(self, mask: NDArray[np.bool_], xy: ArrayLike, within: float) -> NDArray[np.float64] | None:
+        """(2,) the point itself if its cell is in the mask, or else the centre of the nearest such cell.
+
+        None if there is none ``within`` so many metres.
+        """
+        xy = np.asarray(xy, np.float64)[:2]
+        if self.at(mask, xy, outside=False):
+            return xy
+        reach = int(np.ceil(within / self.cell))
+        low, high = np.maximum(self.cell_of(xy) - reach, 0), np.maximum(self.cell_of(xy) + reach + 1, 0)
+        centres = self.centre_of(np.argwhere(mask[low[0] : high[0], low[1] : high[1]]) + low)
+        distance = np.linalg.norm(centres - xy, axis=1)
+        return centres[distance.argmin()] if len(distance) and distance.min() <= within else None

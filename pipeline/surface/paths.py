@@ -1,0 +1,84 @@
+"""Shortest drivable paths on the surface grid: they tell what is reachable and join what the nodes leave apart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.surface import path_kernels as kernels
+from pipeline.surface.drivable import DrivableSurface
+
+
+@dataclass(frozen=True)
+class PathConfig:
+    """How paths over the grid are weighed.
+
+    Attributes:
+        ramp_alignment: largest angle between a drive over a ramp and its slope, rad. On eight neighbours no
+            ramp can be met more exactly than 22.5°.
+        ramp_cost: a metre on a ramp counts as much as so many on the level.
+        snap: a point off the drivable surface is moved onto it from no further than this, m.
+    """
+
+    ramp_alignment: float = np.deg2rad(23)
+    ramp_cost: float = 2.0
+    snap: float = 0.5
+
+
+class ShortestPaths:
+    """All shortest paths from one point over the drivable surface.
+
+    Attributes:
+        start: (2,) the point on the surface that stands for the wanted one, m; None where there is none near.
+        cost: (nx, ny) float32 m, ramps counted dearer; inf where no path leads.
+    """
+
+    def __init__(self, surface: DrivableSurface, start: ArrayLike, config: PathConfig | None = None):
+        self._config = config or PathConfig()
+        self._surface = surface
+        self.start = surface.grid.nearest(surface.drivable, start, self._config.snap)
+        if self.start is None:
+            self.cost = np.full(surface.drivable.shape, np.inf, np.float32)
+            return
+        cells, self._parent = kernels.shortest_paths(
+            *surface.grid.cell_of(self.start),
+            surface.drivable,
+            surface.ramp,
+            surface.uphill,
+            float(np.cos(self._config.ramp_alignment)),
+            self._config.ramp_cost,
+        )
+        self.cost = cells * np.float32(surface.grid.cell)
+
+    @property
+    def reachable(self) -> NDArray[np.bool_]:
+        """(nx, ny) cells to which a path leads."""
+        return np.isfinite(self.cost)
+
+    def cost_to(self, xy: ArrayLike) -> float:
+        """Cost to a point, m; inf where no path leads."""
+        return float(self._surface.grid.at(self.cost, xy, outside=np.inf))
+
+    def path_to(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """(N, 2) cell centres from the start to a reachable point, m."""
+        flat = np.ravel_multi_index(tuple(self._surface.grid.cell_of(xy)), self.cost.shape)
+        cells = []
+        while flat >= 0:
+            cells.append(flat)
+            flat = self._parent.ravel()[flat]
+        return self._surface.grid.centre_of(np.stack(np.unravel_index(cells[::-1], self.cost.shape), axis=-1))
+
+
+def simplify(surface: DrivableSurface, path: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The fewest points of a grid path that straight drivable lines join; bends lie where the robot can turn."""
+    bends = [0]
+    while bends[-1] < len(path) - 1:
+        rest = np.arange(bends[-1] + 1, len(path))
+        ahead = surface.lines_are_drivable(np.repeat(path[bends[-1]][None], len(rest), axis=0), path[rest])
+        can_turn = surface.grid.at(surface.turnable, path[rest])
+        can_turn[-1] = True
+        good = (
+            rest[ahead & can_turn] if (ahead & can_turn).any() else rest[ahead] if ahead.any() else rest[:1]
+        )
+        bends.append(int(good[-1]))
+    return path[bends]

@@ -1,0 +1,152 @@
+"""Compiled loops of the surface layer."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def accumulate(
+    points,
+    origin,
+    cell,
+    z_min,
+    z_bin,
+    height,
+    hits,
+    touched,
+):
+    """Fold points into the mean height of their bin of their column; marks the columns that changed."""
+    nx, ny, nz = height.shape
+    for n in range(points.shape[0]):
+        i = int(np.floor((points[n, 0] - origin[0]) / cell))
+        j = int(np.floor((points[n, 1] - origin[1]) / cell))
+        k = int(np.floor((points[n, 2] - z_min) / z_bin))
+        if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
+            continue
+        # The count saturates, so that an old surface can still follow a slow change.
+        if hits[i, j, k] < 1000:
+            hits[i, j, k] += 1
+        height[i, j, k] += (points[n, 2] - height[i, j, k]) / hits[i, j, k]
+        touched[i, j] = True
+
+
+@njit(cache=True)
+def column_height(height, hits, min_hits, headroom, z_bin):
+    """Height of the lowest surface of one column with ``headroom`` above it; NaN where nothing was measured.
+
+    Adjacent filled bins are one body, and so are bodies with too little air between them. A body thinner than
+    a bin is a sloping or noisy floor whose mean counts; of a thicker one, an obstacle, the top counts.
+    """
+    bottom, top = np.nan, np.nan
+    total, weight = 0.0, 0.0
+    for k in range(height.shape[0]):
+        if hits[k] < min_hits:
+            continue
+        if not np.isnan(top) and height[k] - top >= headroom:
+            break
+        if np.isnan(bottom):
+            bottom = height[k]
+        top = height[k]
+        total += hits[k] * height[k]
+        weight += hits[k]
+    if top - bottom < 0.5 * z_bin:
+        return total / weight
+    return top
+
+
+@njit(cache=True)
+def extract_elevation(
+    height,
+    hits,
+    touched,
+    min_hits,
+    headroom,
+    z_bin,
+    elevation,
+):
+    """Refresh ``elevation`` (nx, ny) where a column was touched."""
+    nx, ny = elevation.shape
+    for i in range(nx):
+        for j in range(ny):
+            if touched[i, j]:
+                elevation[i, j] = column_height(height[i, j], hits[i, j], min_hits, headroom, z_bin)
+
+
+@njit(cache=True)
+def fill_holes(elevation, max_spread):
+    """Unknown cells among at least five known neighbours of nearly one height take their mean."""
+    filled = elevation.copy()
+    nx, ny = elevation.shape
+    for i in range(1, nx - 1):
+        for j in range(1, ny - 1):
+            if not np.isnan(elevation[i, j]):
+                continue
+            low, high, total, count = np.inf, -np.inf, 0.0, 0
+            for di in range(-1, 2):
+                for dj in range(-1, 2):
+                    h = elevation[i + di, j + dj]
+                    if not np.isnan(h):
+                        low, high, total, count = min(low, h), max(high, h), total + h, count + 1
+            if count >= 5 and high - low <= max_spread:
+                filled[i, j] = total / count
+    return filled
+
+
+@njit(cache=True)
+def step_hazards(elevation, max_step):
+    """Cells that differ from one of their eight neighbours by more than ``max_step`` m; both sides are marked."""
+    nx, ny = elevation.shape
+    hazard = np.zeros((nx, ny), np.bool_)
+    for i in range(nx):
+        for j in range(ny):
+            for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
+                if (
+                    i + di < nx
+                    and 0 <= j + dj < ny
+                    and abs(elevation[i, j] - elevation[i + di, j + dj]) > max_step
+                ):
+                    hazard[i, j] = True
+                    hazard[i + di, j + dj] = True
+    return hazard
+
+
+@njit(cache=True)
+def gradients(elevation, cell, radius):
+    """(nx, ny, 2) slope of the least-squares plane through each cell's round neighbourhood; 0 where unknown.
+
+    Neighbours beyond a slope of 50° belong to another surface (a wall, the floor under a deck) and stay out.
+    """
+    nx, ny = elevation.shape
+    result = np.zeros((nx, ny, 2), np.float32)
+    for i in range(nx):
+        for j in range(ny):
+            h0 = elevation[i, j]
+            if np.isnan(h0):
+                continue
+            n = sx = sy = sz = sxx = sxy = syy = sxz = syz = 0.0
+            for di in range(-radius, radius + 1):
+                for dj in range(-radius, radius + 1):
+                    a, b = i + di, j + dj
+                    if di * di + dj * dj > radius * radius or not (0 <= a < nx and 0 <= b < ny):
+                        continue
+                    dz = elevation[a, b] - h0
+                    x, y = di * cell, dj * cell
+                    if np.isnan(dz) or abs(dz) > 1.2 * np.sqrt(x * x + y * y) + 0.02:
+                        continue
+                    n, sx, sy, sz = n + 1, sx + x, sy + y, sz + dz
+                    sxx, sxy, syy, sxz, syz = (
+                        sxx + x * x,
+                        sxy + x * y,
+                        syy + y * y,
+                        sxz + x * dz,
+                        syz + y * dz,
+                    )
+            if n < 4:
+                continue
+            sxx, sxy, syy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
+            sxz, syz = sxz - sx * sz / n, syz - sy * sz / n
+            determinant = sxx * syy - sxy * sxy
+            if determinant > 1e-9:
+                result[i, j, 0] = (sxz * syy - syz * sxy) / determinant
+                result[i, j, 1] = (syz * sxx - sxz * sxy) / determinant
+    return result

@@ -1,0 +1,121 @@
+"""How high the ground is, cell by cell.
+
+Voxels of 0.1 m cannot tell a ramp from a step, so the layer keeps the mean height of the returns in finer columns.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.surface import surface_kernels as kernels
+from pipeline.surface.grid import Grid
+
+
+@dataclass(frozen=True)
+class SurfaceConfig:
+    """How the surface is measured.
+
+    Attributes:
+        cell: side of a cell, m.
+        z_min, z_max: heights that matter to the robot, m in ``map``.
+        z_bin: returns of one column within such a slice are averaged, m. Slices are centred on z = 0.
+        min_hits: returns that make a slice count.
+        headroom: air that the robot needs above the ground, m.
+        hole_spread: unknown cells are filled where their neighbours differ by no more than this, m.
+        block: the layer grows by such strips, m.
+    """
+
+    cell: float = 0.05
+    z_min: float = -0.55
+    z_max: float = 2.05
+    z_bin: float = 0.1
+    min_hits: int = 3
+    headroom: float = 0.65
+    hole_spread: float = 0.05
+    block: float = 6.4
+
+
+class SurfaceMap:
+    """A grid over ``map``'s xy plane, indexed [i, j] along x and y, that grows where points fall.
+
+    Attributes:
+        measured: (nx, ny) float32 height of the ground from returns alone, NaN where there are none.
+        elevation: the same with small holes filled and the ground assumed at the start; NaN where unknown.
+        revision: counts the updates.
+    """
+
+    def __init__(self, config: SurfaceConfig | None = None):
+        self.config = config or SurfaceConfig()
+        self._origin = np.zeros(2)
+        self.revision = 0
+        self._levels = round((self.config.z_max - self.config.z_min) / self.config.z_bin)
+        self._allocate(0, 0)
+
+    def _allocate(self, nx: int, ny: int) -> None:
+        self._height = np.zeros((nx, ny, self._levels), np.float32)
+        self._hits = np.zeros((nx, ny, self._levels), np.uint16)
+        self._assumed = np.full((nx, ny), np.nan, np.float32)
+        self.measured = np.full((nx, ny), np.nan, np.float32)
+        self.elevation = np.full((nx, ny), np.nan, np.float32)
+
+    @property
+    def _layers(self) -> list[NDArray]:
+        return [self._height, self._hits, self._assumed, self.measured, self.elevation]
+
+    @property
+    def grid(self) -> Grid:
+        """Where the cells lie now."""
+        return Grid(self._origin, self.config.cell, self.elevation.shape)
+
+    def assume_ground(self, T_map_base: NDArray[np.float64], radius: float) -> None:
+        """Take the disc around the robot for flat until it is measured: somebody set the robot down there.
+
+        The camera sees nothing closer than about a metre, so without this the robot could not start.
+        """
+        centre, z = T_map_base[:2, 3], T_map_base[2, 3]
+        self._grow(np.array([centre - radius, centre + radius]))
+        cells = np.moveaxis(np.indices(self.grid.shape), 0, -1)
+        near = np.linalg.norm(self.grid.centre_of(cells) - centre, axis=-1) <= radius
+        self._assumed[near] = z
+        self._refresh(np.zeros(self.grid.shape, np.bool_))
+
+    def update(self, points: NDArray[np.float32]) -> None:
+        """Add (N, 3) points in ``map``; those that are not finite are ignored."""
+        points = points[np.isfinite(points).all(axis=1)]
+        if not len(points):
+            return
+        config = self.config
+        self._grow(points[:, :2])
+        touched = np.zeros(self.grid.shape, np.bool_)
+        kernels.accumulate(
+            points, self._origin, config.cell, config.z_min, config.z_bin, self._height, self._hits, touched
+        )
+        self._refresh(touched)
+
+    def _refresh(self, touched: NDArray[np.bool_]) -> None:
+        config = self.config
+        kernels.extract_elevation(
+            self._height, self._hits, touched, config.min_hits, config.headroom, config.z_bin, self.measured
+        )
+        known = np.where(np.isnan(self.measured), self._assumed, self.measured)
+        for _ in range(2):
+            known = kernels.fill_holes(known, config.hole_spread)
+        self.elevation = known
+        self.revision += 1
+
+    def _grow(self, xy: NDArray) -> None:
+        """Make room for the points' bounding box, in whole blocks."""
+        block_cells = round(self.config.block / self.config.cell)
+        low, high = self.grid.cell_of(xy.min(axis=0)), self.grid.cell_of(xy.max(axis=0))
+        before = np.maximum(0, -(low // block_cells))
+        after = np.maximum(0, high // block_cells + 1 - np.array(self.grid.shape) // block_cells)
+        if not (before.any() or after.any()):
+            return
+        old = self._layers
+        start = before * block_cells
+        inside = tuple(slice(s, s + n) for s, n in zip(start, self.grid.shape, strict=True))
+        self._allocate(*(np.array(self.grid.shape) + (before + after) * block_cells))
+        for layer, values in zip(self._layers, old, strict=True):
+            layer[inside] = values
+        self._origin = self._origin - start * self.config.cell

@@ -23,7 +23,7 @@ class LabelledImage:
     Attributes:
         rgb: (H, W, 3) uint8.
         depth: (H, W) float32, metres along the optical axis; 0 = no return.
-        label: (H, W) uint8 true label of the surface that each depth was measured on; 0 = nothing or unlabelled.
+        label: (H, W) uint8 true label of the surface that each depth comes from; 0 = nothing or unlabelled.
         instance: (H, W) int32 geom id of that surface; -1 = nothing.
         intrinsics: of all four images.
         T_world_camera: 4×4 pose of ``camera_optical`` in the world.
@@ -70,26 +70,26 @@ class RgbdCamera:
             label=self._label[geom] * seen,
             instance=np.where(seen, geom, np.int32(-1)),
             intrinsics=self.intrinsics,
-            T_world_camera=self.T_world_camera(data),
-            T_base_camera=self.T_base_camera(data),
+            T_world_camera=self.pose(data),
+            T_base_camera=self.pose_in_base(data),
         )
 
-    def T_world_camera(self, data: mujoco.MjData) -> NDArray[np.float64]:
+    def pose(self, data: mujoco.MjData) -> NDArray[np.float64]:
         """4×4 pose of ``camera_optical`` in the world."""
         R = data.cam_xmat[self.camera_id].reshape(3, 3) @ _MUJOCO_OPTICAL
         return from_rotation(R, data.cam_xpos[self.camera_id])
 
-    def T_base_camera(self, data: mujoco.MjData) -> NDArray[np.float64]:
-        """4×4 pose of ``camera_optical`` in the root body of the robot that carries it (the world's, if none)."""
+    def pose_in_base(self, data: mujoco.MjData) -> NDArray[np.float64]:
+        """4×4 pose of ``camera_optical`` in the robot's root body; in the world if no robot carries it."""
         T_world_base = from_rotation(data.xmat[self.base_body].reshape(3, 3), data.xpos[self.base_body])
-        return inverse(T_world_base) @ self.T_world_camera(data)
+        return inverse(T_world_base) @ self.pose(data)
 
 
 def camera_intrinsics(model: mujoco.MjModel, camera_id: int, width: int, height: int) -> Intrinsics:
     """Intrinsics of a model's camera for pictures of ``width`` × ``height`` pixels.
 
-    A camera with a ``sensorsize`` has its focal lengths and principal point (an offset from the middle, to the left
-    and upwards) in metres on the sensor; any other one has ``fovy`` and square pixels.
+    A camera with a ``sensorsize`` has its focal lengths and principal point (an offset from the middle, to the
+    left and upwards) in metres on the sensor; any other one has ``fovy`` and square pixels.
     """
     sensor = model.cam_sensorsize[camera_id]
     if np.all(sensor > 0):

@@ -1,9 +1,11 @@
 """Pictures of a model: colour, and geom ids with the depth that belongs to them."""
 
+import importlib
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -24,8 +26,8 @@ _SCENE = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
 class Renderer:
     """Draws one model in one OpenGL context, without a screen.
 
-    Two contexts in one process get in each other's way, so there is one renderer for all the cameras of a model. It
-    belongs to the thread that made it. Geoms of groups 0 to 2 are drawn, as the viewer does; sites are not.
+    Two contexts in one process get in each other's way, so there is one renderer for all the cameras of a model.
+    It belongs to the thread that made it. Geoms of groups 0 to 2 are drawn, as the viewer does; sites are not.
     """
 
     def __init__(self, model: mujoco.MjModel, width: int = 640, height: int = 480) -> None:
@@ -33,7 +35,7 @@ class Renderer:
         self.model = model
         self.width = width
         self.height = height
-        self._gl = mujoco.GLContext(width, height)
+        self._gl = _offscreen_context(width, height)
         self._gl.make_current()
         with _without_multisampling(model, width, height):
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
@@ -62,8 +64,8 @@ class Renderer:
         Both come from the same fragment, so they agree at edges too.
 
         Returns:
-            (H, W) int32 geom id, -1 where there is none, and (H, W) float32 depth along the optical axis in metres,
-            0 where there is no geom.
+            (H, W) int32 geom id, -1 where there is none, and (H, W) float32 depth along the optical axis in
+            metres, 0 where there is no geom.
         """
         self._update(data, camera)
         self._flags(ids=True)
@@ -95,7 +97,7 @@ class Renderer:
         mujoco.mjv_updateScene(self.model, data, self._option, None, view, _SCENE, self._scene)
 
     def _flags(self, *, ids: bool) -> None:
-        """Draw ids as flat colours, or what a camera needs to see: light and shadow, no reflections, no haze."""
+        """Draw ids as flat colours, or what a camera sees: light and shadow, but no reflections and no haze."""
         flags = self._scene.flags
         flags[_RENDER.mjRND_SEGMENT] = flags[_RENDER.mjRND_IDCOLOR] = ids
         flags[_RENDER.mjRND_SHADOW] = flags[_RENDER.mjRND_SKYBOX] = not ids
@@ -116,7 +118,7 @@ class Renderer:
     def _metres(self, buffer: NDArray[np.float32]) -> NDArray[np.float32]:
         """Depth in metres of a reversed-z buffer, which holds 1 at the near plane and 0 at the far one.
 
-        There the perspective projection is b = near (far - z) / (z (far - near)). No term below cancels another.
+        There perspective is b = near (far - z) / (z (far - near)). Nothing cancels in its inverse.
         """
         near = np.float32(self.model.vis.map.znear * self.model.stat.extent)
         far = np.float32(self.model.vis.map.zfar * self.model.stat.extent)
@@ -138,6 +140,17 @@ def fixed_camera(model: mujoco.MjModel, camera: int | str) -> mujoco.MjvCamera:
     view.type = mujoco.mjtCamera.mjCAMERA_FIXED
     view.fixedcamid = index
     return view
+
+
+def _offscreen_context(width: int, height: int) -> Any:
+    """An OpenGL context of the platform that MUJOCO_GL names.
+
+    ``mujoco.GLContext`` would be another one if mujoco was imported before sarsim, which sets MUJOCO_GL.
+    """
+    platform = os.environ["MUJOCO_GL"].strip().lower()
+    if platform not in ("egl", "osmesa", "glfw"):
+        raise InputError(f"MUJOCO_GL={platform} cannot draw without a screen: set it to egl or osmesa")
+    return importlib.import_module(f"mujoco.{platform}").GLContext(width, height)
 
 
 @contextmanager

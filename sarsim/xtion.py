@@ -7,17 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Intrinsics
-from sarsim import xtion_kernels
+from sarsim import xtion_kernels as kernels
 from sarsim.camera import LabelledImage
+
+EDGE = 0.25  # pixels of disparity, two of the sensor's steps: what breaks less is no edge to it
 
 
 @dataclass(frozen=True)
 class Xtion:
     """The sensor's range and its errors, each of which can be switched off.
 
-    Sources: axial noise from Nguyen, Izadi & Lovell, "Modeling Kinect sensor noise" (3DIMPVT 2012), a sensor of the
-    same make; steps of disparity from Khoshelham & Elberink, "Accuracy and resolution of Kinect depth data"
-    (Sensors 2012); range from the maker's data sheet.
+    Sources: axial noise from Nguyen, Izadi & Lovell, "Modeling Kinect sensor noise for improved 3D reconstruction
+    and tracking" (3DIMPVT 2012), a sensor of the same make; steps of disparity from Khoshelham & Elberink,
+    "Accuracy and resolution of Kinect depth data" (Sensors 2012); range from the maker's data sheet.
     """
 
     min_range: float = 0.8
@@ -59,7 +61,7 @@ class Xtion:
         )
 
     def apply(self, image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
-        """The image with measured depth. Label and instance are those of the surface that each depth comes from."""
+        """The image with measured depth; label and instance are of the surface that each depth comes from."""
         depth, source = self.measure(image.depth, image.intrinsics, rng)
         return replace(
             image, depth=depth, label=image.label.ravel()[source], instance=image.instance.ravel()[source]
@@ -67,7 +69,7 @@ class Xtion:
 
     def measure(
         self, depth: NDArray[np.float32], intrinsics: Intrinsics, rng: np.random.Generator
-    ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Measured depth, and where in the picture each value was taken.
 
         Args:
@@ -76,32 +78,44 @@ class Xtion:
             rng: drawn from once a call, whatever is switched on.
 
         Returns:
-            (H, W) float32 depth in metres, 0 = no return, and (H, W) int32 flat index of the pixel whose true depth
-            was measured: another one than the pixel itself only beside a depth edge.
+            (H, W) float32 depth in metres, 0 = no return, and (H, W) int64 flat index of the pixel whose true
+            depth was measured: another one than the pixel itself only beside a depth edge.
         """
-        key = rng.integers(1 << 64, dtype=np.uint64)
-        noise = self._noise(intrinsics)
-        inverse_depth = np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0)
-        if self.shadow:
-            shadow = xtion_kernels.projector_shadow(inverse_depth, noise.focal_baseline)
-        else:
-            shadow = np.zeros(depth.shape, np.bool_)
-        return xtion_kernels.measure(inverse_depth, shadow, key, noise)
-
-    def _noise(self, intrinsics: Intrinsics) -> xtion_kernels.Noise:
-        focal_baseline = intrinsics.fx * self.baseline
-        return xtion_kernels.Noise(
-            fx=intrinsics.fx,
-            fy=intrinsics.fy,
-            cx=intrinsics.cx,
-            cy=intrinsics.cy,
-            focal_baseline=focal_baseline,
-            nearest=self.min_range,
-            farthest=self.max_range,
-            axial=float(self.axial_noise),
-            lateral=self.lateral_sigma if self.lateral_noise else 0.0,
-            edge=2 * self.disparity_step / focal_baseline,  # smaller breaks drown in the quantisation
-            step=self.disparity_step if self.quantisation else 0.0,
-            grazing=float(np.cos(np.radians(self.max_incidence))) if self.grazing else 0.0,
-            dropout=self.dropout,
+        bits = kernels.random_bits(rng.integers(1 << 64, dtype=np.uint64), *depth.shape)
+        disparity = self._disparity(depth, intrinsics)
+        slopes = kernels.slopes(disparity)
+        cosine = kernels.cosine_of_incidence(
+            disparity, *slopes, intrinsics.rays, intrinsics.fx, intrinsics.fy
         )
+        source = np.arange(depth.size).reshape(depth.shape)
+        if self.lateral_noise:
+            source = kernels.lateral_source(disparity, *slopes, bits, self.lateral_sigma, EDGE)
+        measured = np.where(self._returns(disparity, cosine), depth, np.float32(0)).ravel()[source]
+        if self.axial_noise:
+            sigma = kernels.axial_sigma(depth, cosine).ravel()[source]
+            measured += np.where(measured > 0, sigma * kernels.NORMAL[bits & 0xFFFF], np.float32(0))
+        if self.quantisation:
+            steps = np.rint(self._disparity(measured, intrinsics) / self.disparity_step)
+            measured = self._disparity(steps * self.disparity_step, intrinsics)
+        return np.where(self._kept(measured, bits), measured, np.float32(0)), source
+
+    def _disparity(self, depth: NDArray[np.float32], intrinsics: Intrinsics) -> NDArray[np.float32]:
+        """(H, W) float32 disparity in pixels of depth in metres, or the other way round; 0 stays 0."""
+        product = np.float32(intrinsics.fx * self.baseline)
+        return np.divide(product, depth, out=np.zeros_like(depth), where=depth > 0)
+
+    def _returns(self, disparity: NDArray[np.float32], cosine: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """(H, W) bool, the pixels whose surface sends the projector's light back."""
+        lit = disparity > 0
+        if self.grazing:
+            lit &= cosine > np.cos(np.radians(self.max_incidence))
+        if self.shadow:
+            lit &= ~kernels.projector_shadow(disparity)
+        return lit
+
+    def _kept(self, measured: NDArray[np.float32], bits: NDArray[np.uint64]) -> NDArray[np.bool_]:
+        """(H, W) bool, the depths in range that do not drop out."""
+        kept = (measured >= self.min_range) & (measured <= self.max_range)
+        if self.dropout > 0:
+            kept &= (bits >> np.uint64(48)) >= self.dropout * (1 << 16)
+        return kept

@@ -1,0 +1,137 @@
+"""The whole pipeline: look, map, plan, drive (thesis, chapter 3)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.exploration import Exploration, ExplorationConfig, View
+from pipeline.frame import Frame
+from pipeline.localisation import OdometryLocalisation
+from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
+from pipeline.navigation import NavigationConfig, Navigator
+from pipeline.path_plan import PathPlan, plan_path
+from pipeline.robot import Robot
+from pipeline.semantic_map.classifier import PointClassifier
+from pipeline.semantic_map.planes import PlanesConfig, find_planes
+from pipeline.semantic_map.segments import Segments, SegmentsConfig
+from pipeline.semantic_map.semantic_map import SemanticMap, SemanticMapConfig
+from pipeline.stopwatch import Stopwatch
+from pipeline.surface.drivable import DrivableConfig, DrivableSurface, drivable_surface
+from pipeline.surface.paths import ShortestPaths
+from pipeline.surface.surface_map import SurfaceConfig, SurfaceMap
+from pipeline.topological_map.nodes import NodeConfig
+from pipeline.topological_map.topological_map import TopologicalMap
+
+
+@dataclass(frozen=True)
+class ExplorerConfig:
+    """The settings of every stage.
+
+    Attributes:
+        start_radius: around the robot's start so much ground is taken for flat until it is seen, m: whoever set it
+            down saw to that, and the camera sees nothing nearer.
+    """
+
+    metric_map: MetricMapConfig = field(default_factory=MetricMapConfig)
+    surface: SurfaceConfig = field(default_factory=SurfaceConfig)
+    drivable: DrivableConfig = field(default_factory=DrivableConfig)
+    semantic_map: SemanticMapConfig = field(default_factory=SemanticMapConfig)
+    planes: PlanesConfig = field(default_factory=PlanesConfig)
+    segments: SegmentsConfig = field(default_factory=SegmentsConfig)
+    nodes: NodeConfig = field(default_factory=NodeConfig)
+    exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
+    navigation: NavigationConfig = field(default_factory=NavigationConfig)
+    start_radius: float = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What came of one look.
+
+    Attributes:
+        frame: what the camera saw.
+        T_map_base: 4×4 pose of the robot at that moment, as localised.
+        points: (N, 3) float32 the returns in ``map``.
+        labels: (N,) uint8 their classes.
+        surface: where the robot may drive now.
+        view: where to look next; None if nothing is left to look at.
+        plan: the way there.
+    """
+
+    frame: Frame
+    T_map_base: NDArray[np.float64]
+    points: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    surface: DrivableSurface
+    view: View | None
+    plan: PathPlan | None
+
+
+class Explorer:
+    """Explores with a robot: each ``look`` renews the maps and the plan, each ``drive`` follows the plan."""
+
+    def __init__(
+        self, robot: Robot, classifier: PointClassifier, config: ExplorerConfig | None = None, seed: int = 0
+    ):
+        self.config = config or ExplorerConfig()
+        self.robot = robot
+        self.classifier = classifier
+        self.localisation = OdometryLocalisation()
+        self.metric_map = MetricMap(self.config.metric_map)
+        self.surface_map = SurfaceMap(self.config.surface)
+        self.semantic_map = SemanticMap(self.config.semantic_map)
+        self.segments = Segments(self.config.segments)
+        self.topological_map = TopologicalMap(self.config.nodes)
+        self.exploration = Exploration(self.config.exploration)
+        self.navigator = Navigator(robot, self.config.navigation)
+        self.stopwatch = Stopwatch()
+        self.steps = 0
+        self._seed = seed
+
+    def look(self) -> Look:
+        """Sense, localise, map, segment, renew the topology and plan the way to the next view."""
+        with self.stopwatch("sense"):
+            frame = self.robot.sense()
+        with self.stopwatch("localisation"):
+            T_map_base = self.localisation.localise(frame)
+            T_map_camera = T_map_base @ frame.T_base_camera
+            points = frame.points(T_map_camera)
+        with self.stopwatch("metric_map"):
+            self.metric_map.integrate(frame.depth, frame.intrinsics, T_map_camera)
+        with self.stopwatch("surface"):
+            surface = self._update_surface(points, T_map_base)
+            paths = ShortestPaths(surface, T_map_base[:2, 3])
+        with self.stopwatch("semantic_map"):
+            probabilities = self.classifier.classify(frame, points)
+            labels = probabilities.argmax(axis=1).astype(np.uint8)
+            self.semantic_map.update(points, probabilities)
+        with self.stopwatch("segments"):
+            patches = find_planes(
+                points, labels, T_map_camera[:3, 3], self._seed + self.steps, self.config.planes
+            )
+            self.segments.update(patches, self.steps)
+        with self.stopwatch("topological_map"):
+            self.topological_map.update(patches, self.segments.segments, surface, paths)
+        with self.stopwatch("exploration"):
+            view = self.exploration.next_view(surface, self.surface_map.measured, paths, T_map_base)
+        with self.stopwatch("path_plan"):
+            plan = plan_path(self.topological_map, surface, paths, view.position) if view else None
+        self.steps += 1
+        return Look(frame, T_map_base, points, labels, surface, view, plan)
+
+    def drive(self, look: Look) -> bool:
+        """Follow the plan of a look and turn to its view; True if all of it was reached."""
+        if look.view is None or look.plan is None:
+            return False
+        self.navigator.T_map_odom = self.localisation.T_map_odom
+        with self.stopwatch("navigation"):
+            return self.navigator.follow(look.plan.way_points, look.view.heading)
+
+    def _update_surface(
+        self, points: NDArray[np.float32], T_map_base: NDArray[np.float64]
+    ) -> DrivableSurface:
+        if self.steps == 0:
+            self.surface_map.assume_ground(T_map_base, self.config.start_radius)
+        self.surface_map.update(points)
+        return drivable_surface(self.surface_map, self.config.drivable)

@@ -1,0 +1,61 @@
+"""Where the thesis puts nodes on a segment (3.3 and 4.4)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+from pipeline.semantic_map.segments import Segment
+
+
+@dataclass(frozen=True)
+class NodeConfig:
+    """Which places become nodes.
+
+    Attributes:
+        large_ramp: a straight ramp longer than this has a node in each half, m.
+        foot_distance: of a node from the bottom edge of its inclined ramp, m: the whole robot stands level.
+        max_ramp_slope: a steeper plane labelled inclined ramp is a ramp's side, rad.
+        min_area: smaller segments have no nodes, m².
+        spacing: a terrain node has no other node nearer than this in a straight drive, m.
+        snap: a node is moved no further than this to where the robot can stand and turn, m.
+    """
+
+    large_ramp: float = 1.8
+    foot_distance: float = 0.45
+    max_ramp_slope: float = np.deg2rad(35)
+    min_area: float = 0.1
+    spacing: float = 1.2
+    snap: float = 0.4
+
+
+def segment_nodes(segment: Segment, config: NodeConfig) -> NDArray[np.float64]:
+    """(N, 3) places in ``map`` for the nodes of a straight or an inclined ramp; none on other segments."""
+    if segment.box.extent[0] * segment.box.extent[1] < config.min_area:
+        return np.zeros((0, 3))
+    if segment.label is Label.STRAIGHT_RAMP:
+        return _middles(segment, config)
+    if segment.label is Label.INCLINED_RAMP and segment.plane.normal[2] > np.cos(config.max_ramp_slope):
+        return _bottom(segment, config)[None]
+    return np.zeros((0, 3))
+
+
+def _middles(segment: Segment, config: NodeConfig) -> NDArray[np.float64]:
+    """The middle of a straight ramp, or the middles of the two halves of a large one."""
+    T, extent = segment.box.T_map_box, segment.box.extent
+    long = int(np.argmax(extent[:2]))
+    if extent[long] <= config.large_ramp:
+        return T[None, :3, 3]
+    quarter = T[:3, long] * extent[long] / 4
+    return np.stack([T[:3, 3] - quarter, T[:3, 3] + quarter])
+
+
+def _bottom(segment: Segment, config: NodeConfig) -> NDArray[np.float64]:
+    """Before the bottom edge of an inclined ramp, where the robot does not slide."""
+    box = segment.box
+    downhill = np.array([*segment.plane.normal[:2], 0.0])
+    downhill /= np.linalg.norm(downhill)
+    # The box's y axis runs along the slope, up or down.
+    along = box.T_map_box[:3, 1] * np.sign(box.T_map_box[:3, 1] @ downhill)
+    return box.T_map_box[:3, 3] + along * box.extent[1] / 2 + downhill * config.foot_distance

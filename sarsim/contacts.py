@@ -1,0 +1,34 @@
+"""What the robot runs into."""
+
+import mujoco
+import numpy as np
+
+from pipeline.labels import Label
+from sarsim.camera import geom_labels
+
+OBSTACLES = (Label.WALL, Label.CLUTTER, Label.VICTIM)
+
+
+class CollisionCounter:
+    """Counts how often a part of the robot begins to touch a wall, clutter or a victim.
+
+    Attributes:
+        collisions: so far.
+    """
+
+    def __init__(self, model: mujoco.MjModel, base_body: int):
+        """``base_body``: id of the robot's root body."""
+        self._is_robot = model.body_rootid[model.geom_bodyid] == base_body
+        self._is_obstacle = np.isin(geom_labels(model), OBSTACLES) & ~self._is_robot
+        self._touching: set[tuple[int, int]] = set()
+        self.collisions = 0
+
+    def count(self, data: mujoco.MjData) -> None:
+        """Look at the contacts of this moment."""
+        first, second = data.contact.geom1, data.contact.geom2
+        hit = (self._is_robot[first] & self._is_obstacle[second]) | (
+            self._is_robot[second] & self._is_obstacle[first]
+        )
+        touching = {(int(a), int(b)) for a, b in zip(first[hit], second[hit], strict=True)}
+        self.collisions += len(touching - self._touching)
+        self._touching = touching

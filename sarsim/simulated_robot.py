@@ -1,0 +1,142 @@
+"""The simulated body that carries the pipeline."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.robot import Motion, Velocity
+from sarsim.arena import RescueArena
+from sarsim.camera import LabelledImage, RgbdCamera
+from sarsim.contacts import CollisionCounter
+from sarsim.lighting import Lighting, set_lighting
+from sarsim.odometry import WheelOdometry
+from sarsim.rendering import Renderer
+from sarsim.task import CONTROL_TIMESTEP, rescue_environment
+from sarsim.xtion import Xtion
+
+SENSORS = {"xtion": Xtion(), "ideal": Xtion.ideal()}
+SETTLING_TIME = 0.5
+"""s that the robot stands before the episode begins."""
+
+
+@dataclass(frozen=True)
+class SimulationConfig:
+    """What is simulated.
+
+    Attributes:
+        odometry: the true pose, or dead reckoning by wheels and gyro.
+        sensor: the Xtion with its noise, or its range alone.
+        lighting: of the arena; in the dark the robot's lamp is on.
+    """
+
+    odometry: Literal["truth", "wheel"] = "truth"
+    sensor: Literal["xtion", "ideal"] = "xtion"
+    lighting: Literal["normal", "dim", "dark"] = "normal"
+
+
+@dataclass(frozen=True, eq=False)
+class TrueLook:
+    """What a look would have been without noise and with the true pose.
+
+    Attributes:
+        T_world_base: 4×4 true pose.
+        image: noise-free, clipped to the sensor's range.
+    """
+
+    T_world_base: NDArray[np.float64]
+    image: LabelledImage
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A moment of the trajectory.
+
+    Attributes:
+        time: s.
+        T_world_base: 4×4 true pose.
+        T_odom_base: 4×4 what the odometry believes.
+    """
+
+    time: float
+    T_world_base: NDArray[np.float64]
+    T_odom_base: NDArray[np.float64]
+
+
+class SimulatedRobot:
+    """A Pioneer 3-AT in an arena that implements :class:`pipeline.robot.Robot`; ``odom`` is the world's frame.
+
+    Attributes:
+        physics: dm_control's, for whoever scores or draws.
+        true_look: of the newest frame.
+        trajectory: a pose every control period.
+        collisions: counts the robot's contacts with walls, clutter and victims.
+    """
+
+    control_period = 2 * CONTROL_TIMESTEP
+
+    def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):
+        sensor_seed, odometry_seed = np.random.SeedSequence(seed).spawn(2)
+        self.config = config
+        self._sensor_rng = np.random.default_rng(sensor_seed)
+        self._environment = rescue_environment(arena, seed)
+        self._environment.reset()
+        self.robot = self._environment.task.robot
+        self.physics = self._environment.physics
+        set_lighting(self.physics, self.robot, Lighting[config.lighting])
+        self.renderer = Renderer(self.physics.model.ptr)
+        self._camera = RgbdCamera(self.renderer, self.robot.camera.full_identifier)
+        self._odometry = WheelOdometry(np.random.default_rng(odometry_seed))
+        self._T_world_start = arena.T_world_start
+        self.collisions = CollisionCounter(self.physics.model.ptr, self._camera.base_body)
+        self.true_look: TrueLook | None = None
+        self.trajectory: list[Pose] = []
+        for _ in range(round(SETTLING_TIME / self.control_period)):
+            self.drive(Velocity())
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds since the robot was set down."""
+        return float(self.physics.time())
+
+    def sense(self) -> Frame:
+        """Take one look, standing."""
+        truth = self._camera.look(self.physics.data.ptr)
+        image = SENSORS[self.config.sensor].apply(truth, self._sensor_rng)
+        clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)
+        pose = self.trajectory[-1]
+        self.true_look = TrueLook(pose.T_world_base, clipped)
+        return Frame(
+            time=pose.time,
+            rgb=image.rgb,
+            depth=image.depth,
+            intrinsics=image.intrinsics,
+            T_base_camera=image.T_base_camera,
+            T_odom_base=pose.T_odom_base,
+            label=image.label,
+            instance=image.instance,
+        )
+
+    def drive(self, command: Velocity) -> Motion:
+        """Follow ``command`` for one control period."""
+        for _ in range(round(self.control_period / CONTROL_TIMESTEP)):
+            self._environment.step(np.array([command.v, command.omega]))
+            self.collisions.count(self.physics.data.ptr)
+        robot, physics = self.robot, self.physics
+        gyro, accelerometer = robot.gyro(physics), robot.accelerometer(physics)
+        T_odom_base = self._T_world_start @ self._odometry.update(
+            robot.wheel_angle(physics), gyro, accelerometer, self.control_period
+        )
+        T_world_base = robot.T_world_base(physics)
+        if self.config.odometry == "truth":
+            T_odom_base = T_world_base
+        self.trajectory.append(Pose(self.time, T_world_base, T_odom_base))
+        wheel_speed = robot.wheel_speed(physics) * self._odometry.config.wheel_radius
+        return Motion(self.time, T_odom_base, gyro, accelerometer, wheel_speed)
+
+    def close(self) -> None:
+        """Free the renderer and the environment."""
+        self.renderer.close()
+        self._environment.close()

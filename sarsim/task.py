@@ -1,0 +1,72 @@
+"""The task as a dm_control environment: a robot in an arena, driven by velocity commands."""
+
+import mujoco
+import numpy as np
+from dm_control import composer, mjcf
+from dm_env import specs
+from numpy.typing import NDArray
+
+from pipeline.robot import Velocity
+from sarsim.arena import RescueArena
+from sarsim.pioneer3at import Pioneer3AT
+from sarsim.skid_steer import SkidSteer
+
+CONTROL_TIMESTEP = 0.02
+"""s, the period of the drive's firmware."""
+
+
+class RescueTask(composer.Task):
+    """Drive through a rescue arena; an action is (v m/s, ω rad/s).
+
+    There is no reward: what a robot makes of an episode is told by its report.
+    """
+
+    def __init__(self, arena: RescueArena, robot: Pioneer3AT):
+        self._arena = arena
+        self.robot = robot
+        self._frame = arena.add_free_entity(robot)
+        self._drive = SkidSteer()
+        self.set_timesteps(CONTROL_TIMESTEP, arena.mjcf_model.option.timestep)
+        for observable in robot.observables.proprioception:
+            observable.enabled = True
+
+    @property
+    def root_entity(self) -> RescueArena:
+        """The arena."""
+        return self._arena
+
+    def action_spec(self, physics: mjcf.Physics) -> specs.BoundedArray:
+        """(v m/s, ω rad/s)."""
+        limits = np.array([self._drive.config.max_speed, self._drive.config.max_turn_rate])
+        return specs.BoundedArray((2,), np.float64, -limits, limits, name="v\tomega")
+
+    def initialize_episode(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:
+        """Set the robot down at the arena's start."""
+        T = self._arena.T_world_start
+        quat = np.empty(4)
+        mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
+        self.robot.set_pose(physics, T[:3, 3], quat)
+        self._drive = SkidSteer()
+
+    def before_step(
+        self, physics: mjcf.Physics, action: NDArray, random_state: np.random.RandomState
+    ) -> None:
+        """Let the drive's firmware turn the command into wheel speeds."""
+        wheels = self._drive.command(
+            Velocity(float(action[0]), float(action[1])),
+            self.robot.wheel_speed(physics),
+            float(self.robot.gyro(physics)[2]),
+            CONTROL_TIMESTEP,
+        )
+        self.robot.set_wheel_speed(physics, *wheels)
+
+    def get_reward(self, physics: mjcf.Physics) -> float:
+        """Always 0."""
+        return 0.0
+
+
+def rescue_environment(arena: RescueArena, seed: int) -> composer.Environment:
+    """The dm_env environment of a Pioneer 3-AT in an arena, without a time limit."""
+    return composer.Environment(
+        RescueTask(arena, Pioneer3AT()), random_state=seed, strip_singleton_obs_buffer_dim=True
+    )

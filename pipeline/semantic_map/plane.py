@@ -1,0 +1,66 @@
+"""A plane, and the sums from which it is fitted by least squares."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """The points x with ``normal · x = offset``.
+
+    Attributes:
+        normal: (3,) float64 of length 1; it points to the side from which the surface was seen.
+        offset: m.
+    """
+
+    normal: NDArray[np.float64]
+    offset: float
+
+    def distance(self, points: NDArray) -> NDArray[np.float64]:
+        """(N,) signed distance of (N, 3) points in m, positive on the viewer's side."""
+        return points @ self.normal - self.offset
+
+    def facing(self, direction: NDArray[np.float64]) -> "Plane":
+        """The same plane with its normal on the side of ``direction`` (3,)."""
+        return self if self.normal @ direction >= 0 else Plane(-self.normal, -self.offset)
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Count, sum and sum of squares of points: all that a least-squares plane needs, and they add up.
+
+    Attributes:
+        count: number of points.
+        total: (3,) float64, Σ x.
+        squares: (3, 3) float64, Σ x xᵀ.
+    """
+
+    count: int
+    total: NDArray[np.float64]
+    squares: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, points: NDArray) -> Self:
+        """The moments of (N, 3) points."""
+        x = points.astype(np.float64)
+        return cls(len(x), x.sum(axis=0), x.T @ x)
+
+    def __add__(self, other: "Moments") -> "Moments":
+        """The moments of both sets of points together."""
+        return Moments(self.count + other.count, self.total + other.total, self.squares + other.squares)
+
+    @property
+    def centroid(self) -> NDArray[np.float64]:
+        """(3,) mean point."""
+        return self.total / self.count
+
+    def fit(self) -> tuple[Plane, float]:
+        """The plane of least squared orthogonal distances, its normal's sign arbitrary, and the rms distance in m."""
+        centroid = self.centroid
+        covariance = self.squares / self.count - np.outer(centroid, centroid)
+        variances, axes = np.linalg.eigh(covariance)
+        normal = axes[:, 0]
+        return Plane(normal, float(normal @ centroid)), float(np.sqrt(max(variances[0], 0.0)))

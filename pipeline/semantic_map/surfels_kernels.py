@@ -1,0 +1,177 @@
+"""Loops over the pixels of a look: thinning it to surfels, and taking pixels onto planes."""
+
+import numpy as np
+from numba import njit
+
+NONE = -1
+"""No surfel, no region."""
+
+
+@njit(cache=True)
+def make_surfels(depth, labels, rays, block, min_pixels, max_residual):
+    """Mean point of the pixels of one label in every block of the image.
+
+    A block in which one label has two surfaces, one before the other, gives a surfel each.
+
+    Args:
+        depth: (H, W) float32 m.
+        labels: (H, W) uint8, 0 for pixels to leave out.
+        rays: (H, W, 3) float32, points at depth 1.
+        block: pixels, the edge of a block.
+        min_pixels: fewer pixels make no surfel.
+        max_residual: 1/m, see ``parting_inverse_depth``.
+
+    Returns:
+        (N, 3) float32 points in the camera's frame, (N,) uint8 labels, (N, 2) int32 row and column of their
+        blocks, in row-major order, and (H, W) int32, the surfel of every pixel or NONE.
+    """
+    height, width = depth.shape
+    of_pixel = np.full((height, width), NONE, np.int32)
+    room = depth.size // min_pixels + 1
+    points, surfel_labels = np.empty((room, 3), np.float32), np.empty(room, np.uint8)
+    blocks = np.empty((room, 2), np.int32)
+    count = 0
+    for row in range(0, height, block):
+        for column in range(0, width, block):
+            rows, columns = slice(row, row + block), slice(column, column + block)
+            z, l, r = depth[rows, columns], labels[rows, columns], rays[rows, columns]
+            present = np.zeros(256, np.int64)
+            for label in l.flat:
+                present[label] += 1
+            for label in np.flatnonzero(present[1:] >= min_pixels) + 1:
+                parting = parting_inverse_depth(z, l, label, max_residual)
+                for near in (True, False):
+                    pixels, mean = mean_point(z, l, r, label, parting, near)
+                    if pixels >= min_pixels:
+                        assign(of_pixel[rows, columns], z, l, label, parting, near, count)
+                        points[count], surfel_labels[count] = mean, label
+                        blocks[count] = row // block, column // block
+                        count += 1
+    return points[:count], surfel_labels[:count], blocks[:count], of_pixel
+
+
+@njit(cache=True)
+def parting_inverse_depth(depth, labels, label, max_residual):
+    """The inverse depth between two surfaces of one label in a block, or 0 where they are one.
+
+    Inverse depth is affine over the image of a plane, and its noise does not grow with range: what deviates from
+    an affine fit by more than ``max_residual`` (rms, 1/m) is no single plane, and is parted in the middle.
+    """
+    n, low, high = 0, np.inf, 0.0
+    s, ss = np.zeros(3), np.zeros((3, 3))
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            if labels[v, u] != label:
+                continue
+            q = 1 / np.float64(depth[v, u])
+            low, high = min(low, q), max(high, q)
+            x = (np.float64(u), np.float64(v), q)
+            for i in range(3):
+                s[i] += x[i]
+                for j in range(3):
+                    ss[i, j] += x[i] * x[j]
+            n += 1
+    uu, vv, uv = ss[0, 0] - s[0] * s[0] / n, ss[1, 1] - s[1] * s[1] / n, ss[0, 1] - s[0] * s[1] / n
+    uq, vq, qq = ss[0, 2] - s[0] * s[2] / n, ss[1, 2] - s[1] * s[2] / n, ss[2, 2] - s[2] * s[2] / n
+    determinant = uu * vv - uv * uv
+    # Pixels in one row or column have no affine fit of their own.
+    explained = (vv * uq * uq - 2 * uv * uq * vq + uu * vq * vq) / determinant if determinant > 0 else 0.0
+    return (low + high) / 2 if (qq - explained) / n > max_residual * max_residual else 0.0
+
+
+@njit(cache=True)
+def mean_point(depth, labels, rays, label, parting, near):
+    """Number and mean of the points of one label before (``near``) or behind the parting inverse depth."""
+    n, x, y, z = 0, 0.0, 0.0, 0.0
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            if labels[v, u] == label and (1 / np.float64(depth[v, u]) > parting) == near:
+                x += rays[v, u, 0] * depth[v, u]
+                y += rays[v, u, 1] * depth[v, u]
+                z += depth[v, u]
+                n += 1
+    n_or_1 = max(n, 1)
+    return n, (x / n_or_1, y / n_or_1, z / n_or_1)
+
+
+@njit(cache=True)
+def assign(of_pixel, depth, labels, label, parting, near, surfel):
+    """Write ``surfel`` to the pixels that ``mean_point`` took."""
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            if labels[v, u] == label and (1 / np.float64(depth[v, u]) > parting) == near:
+                of_pixel[v, u] = surfel
+
+
+@njit(cache=True)
+def neighbours(blocks, columns, labels, points, reach, max_step):
+    """(N, 2·(2·reach + 1)²) int32: for every surfel those of its label up to ``reach`` blocks away.
+
+    Rows end with NONE. Surfels are no neighbours if they are farther apart than ``max_step`` times the depth for
+    every block between them.
+
+    Args:
+        blocks: (N, 2) int32, in row-major order.
+        columns: more than any block's column.
+        labels: (N,) uint8.
+        points: (N, 3) float32 in the camera's frame.
+        reach: blocks.
+        max_step: m per m of depth.
+    """
+    number = blocks[:, 0] * columns + blocks[:, 1]
+    result = np.full((len(blocks), 2 * (2 * reach + 1) ** 2), NONE, np.int32)
+    for i in range(len(blocks)):
+        row, column = blocks[i]
+        left, right = max(column - reach, 0), min(column + reach, columns - 1)
+        found = 0
+        for r in range(row - reach, row + reach + 1):
+            first, end = np.searchsorted(number, np.array((r * columns + left, r * columns + right + 1)))
+            for j in range(first, end):
+                if labels[j] != labels[i] or j == i or found == result.shape[1]:
+                    continue
+                steps = max(abs(r - row), abs(blocks[j, 1] - column), 1)
+                if distance(points[i], points[j]) <= max_step * steps * min(points[i, 2], points[j, 2]):
+                    result[i, found] = j
+                    found += 1
+    return result
+
+
+@njit(cache=True, inline="always")
+def distance(a, b):
+    """Between two points."""
+    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@njit(cache=True)
+def project_pixels(depth, rays, of_pixel, region, planes, stride, max_shift):
+    """Where the rays of pixels meet the planes that their surfels belong to.
+
+    The noise of a depth camera moves points along their rays; on the plane they are where they should be.
+
+    Args:
+        depth: (H, W) float32 m.
+        rays: (H, W, 3) float32.
+        of_pixel: (H, W) int32, the surfel of every pixel or NONE.
+        region: (N,) int32, the plane of every surfel or NONE.
+        planes: (P, 4) float64 rows [n, d] with n · x = d, in the camera's frame.
+        stride: every how many pixels.
+        max_shift: m along the optical axis; pixels that would move farther are left out.
+
+    Returns:
+        (M, 3) float32 points in the camera's frame and their (M,) int32 surfels.
+    """
+    height, width = depth.shape
+    room = (height // stride + 1) * (width // stride + 1)
+    points, surfels = np.empty((room, 3), np.float32), np.empty(room, np.int32)
+    count = 0
+    for v in range(0, height, stride):
+        for u in range(0, width, stride):
+            surfel = of_pixel[v, u]
+            if surfel == NONE or region[surfel] == NONE:
+                continue
+            n, ray = planes[region[surfel]], rays[v, u]
+            slope = n[0] * ray[0] + n[1] * ray[1] + n[2] * ray[2]
+            if abs(n[3] - slope * depth[v, u]) <= max_shift * abs(slope):
+                points[count], surfels[count] = ray * np.float32(n[3] / slope), surfel
+                count += 1
+    return points[:count], surfels[:count]

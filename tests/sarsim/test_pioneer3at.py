@@ -48,6 +48,16 @@ class Slope(composer.Arena):
         self._mjcf_root.worldbody.add("geom", type="plane", size=(0, 0, 0.1), zaxis=normal)
 
 
+class Wall(composer.Arena):
+    """Terrain, and a wall across it at x = 1.1 m."""
+
+    def _build(self) -> None:
+        self._mjcf_root = mjcf.RootElement("wall")
+        add = self._mjcf_root.worldbody.add
+        add("geom", type="plane", size=(0, 0, 0.1))
+        add("geom", type="box", size=(0.1, 5, 0.6), pos=(1.2, 0, 0.6))
+
+
 class Drive:
     """The robot in an arena, its firmware and odometry, and its true poses along the way."""
 
@@ -274,6 +284,12 @@ def test_stops_on_a_ramp_and_stays():
 def test_climbs_the_steepest_slope_of_the_data_sheet():
     drive = Drive(Slope(), z=0.002, pitch=-np.radians(19)).go(4.0, 0.25)
     assert_allclose(np.linalg.norm(drive.moved[:3, 3]), 0.25 * 4.0 - 0.104, atol=0.02)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.45, 0.8, 1.1])
+def test_does_not_climb_a_wall(angle):
+    drive = Drive(Wall()).go(angle / 0.5, 0.0, 0.5).go(1.0).go(8.0, 0.2)
+    assert drive.tilt < 2
 
 
 def test_odometry_without_errors_agrees_with_the_truth():

@@ -11,6 +11,9 @@ from pipeline.surface.drivable import DrivableSurface
 from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import wrap_angle, yaw_of
 
+_HERE = 0.05
+"""m; nothing nearer is worth turning towards first."""
+
 
 @dataclass(frozen=True)
 class ExplorationConfig:
@@ -26,6 +29,8 @@ class ExplorationConfig:
         spacing: of the points from which views are considered, m.
         wall_margin: unknown ground nearer to a hazard cannot be driven on and is not worth a look, m.
         min_gain: a view that promises less is not worth the drive, m².
+        blind_radius: ground that a look should have shown and did not is not looked for again from nearer than
+            this to where that look was taken, m; twice as far after a second miss, and so on.
         max_misses: ground that so many looks should have shown and did not is given up.
         speed: expected, m/s.
         turn_rate: expected, rad/s.
@@ -42,7 +47,8 @@ class ExplorationConfig:
     spacing: float = 0.25
     wall_margin: float = 0.25
     min_gain: float = 0.03
-    max_misses: int = 2
+    blind_radius: float = 0.6
+    max_misses: int = 4
     speed: float = 0.2
     turn_rate: float = 0.5
     look_time: float = 2.0
@@ -63,6 +69,29 @@ class View:
     gain: float
 
 
+@dataclass(frozen=True, eq=False)
+class _Miss:
+    """How often a cell was looked for in vain, and where from the last time."""
+
+    count: int
+    position: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Targets:
+    """Ground worth a look; layers are (nx, ny).
+
+    Attributes:
+        mask: bool, unseen, perhaps drivable, and not given up.
+        blind_from: (nx, ny, 2) where the last look in vain was taken, m.
+        blind_radius: m around it from which the cell cannot be seen.
+    """
+
+    mask: NDArray[np.bool_]
+    blind_from: NDArray[np.float32]
+    blind_radius: NDArray[np.float32]
+
+
 class Exploration:
     """Chooses views by what would be seen per second of driving.
 
@@ -73,7 +102,7 @@ class Exploration:
     def __init__(self, config: ExplorationConfig | None = None):
         self.config = config or ExplorationConfig()
         self.frontiers = np.zeros((0, 3))
-        self._misses: dict[tuple[int, int], int] = {}
+        self._misses: dict[tuple[float, float], _Miss] = {}
         self._expected: NDArray[np.float64] = np.zeros((0, 2))
 
     def next_view(
@@ -91,10 +120,11 @@ class Exploration:
             paths: shortest paths from where the robot is.
             T_map_base: pose of the robot.
         """
+        self._count_misses(surface, measured, T_map_base[:2, 3])
         target = self._targets(surface, measured)
-        self.frontiers = _frontiers(surface, paths, target)
+        self.frontiers = _frontiers(surface, paths, target.mask)
         candidates = self._candidates(surface, paths)
-        if not len(candidates) or not target.any():
+        if not len(candidates) or not target.mask.any():
             return None
         gains = self._gains(candidates, surface, target)
         seconds = self._seconds(candidates, paths, T_map_base)
@@ -106,19 +136,27 @@ class Exploration:
         self._expected = self._in_view(view, surface, target)
         return view
 
-    def _targets(self, surface: DrivableSurface, measured: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """(nx, ny) ground that nobody has seen, that may be drivable, and that was not looked for in vain."""
-        grid = surface.grid
-        for key in map(tuple, self._expected):
-            if np.isnan(grid.at(measured, key, outside=0)):
-                self._misses[key] = self._misses.get(key, 0) + 1
+    def _count_misses(
+        self, surface: DrivableSurface, measured: NDArray[np.float32], position: NDArray[np.float64]
+    ) -> None:
+        """Remember which cells the last look should have shown and did not."""
+        for cell in self._expected[np.isnan(surface.grid.at(measured, self._expected))]:
+            key = (round(cell[0], 3), round(cell[1], 3))
+            count = self._misses[key].count + 1 if key in self._misses else 1
+            self._misses[key] = _Miss(count, position)
         self._expected = np.zeros((0, 2))
-        from_hazard = ndimage.distance_transform_edt(~surface.hazard) * grid.cell
-        target = np.isnan(measured) & (from_hazard >= self.config.wall_margin)
-        given_up = [key for key, misses in self._misses.items() if misses >= self.config.max_misses]
-        if given_up:
-            target[tuple(grid.cell_of(given_up).T)] = False
-        return target
+
+    def _targets(self, surface: DrivableSurface, measured: NDArray[np.float32]) -> _Targets:
+        grid = surface.grid
+        mask = np.isnan(measured) & (surface.to_hazard >= self.config.wall_margin)
+        blind_from = np.zeros((*grid.shape, 2), np.float32)
+        blind_radius = np.zeros(grid.shape, np.float32)
+        for cell, miss in self._misses.items():
+            i, j = grid.cell_of(cell)
+            mask[i, j] &= miss.count < self.config.max_misses
+            blind_from[i, j] = miss.position
+            blind_radius[i, j] = miss.count * self.config.blind_radius
+        return _Targets(mask, blind_from, blind_radius)
 
     def _candidates(self, surface: DrivableSurface, paths: ShortestPaths) -> NDArray[np.float64]:
         """(N, 2) points to look from: here, and a coarse grid of places where the robot can turn."""
@@ -130,7 +168,7 @@ class Exploration:
         return np.concatenate([here, surface.grid.centre_of(np.argwhere(standable & coarse))])
 
     def _gains(
-        self, candidates: NDArray[np.float64], surface: DrivableSurface, target: NDArray[np.bool_]
+        self, candidates: NDArray[np.float64], surface: DrivableSurface, target: _Targets
     ) -> NDArray[np.float64]:
         config = self.config
         return kernels.view_gains(
@@ -145,7 +183,9 @@ class Exploration:
             surface.grid.origin,
             surface.grid.cell,
             surface.elevation,
-            target,
+            target.mask,
+            target.blind_from,
+            target.blind_radius,
         )
 
     def _seconds(
@@ -157,14 +197,12 @@ class Exploration:
         distance[0] = 0
         bearing = np.arange(config.rays) * 2 * np.pi / config.rays
         way = candidates - T_map_base[:2, 3]
-        moves = distance > surface_tolerance
+        moves = distance > _HERE
         first = np.where(moves, np.arctan2(way[:, 1], way[:, 0]), yaw_of(T_map_base))
         turn = np.abs(_wrap(first - yaw_of(T_map_base)))[:, None] + np.abs(_wrap(bearing - first[:, None]))
         return config.look_time + distance[:, None] / config.speed + turn / config.turn_rate
 
-    def _in_view(
-        self, view: View, surface: DrivableSurface, target: NDArray[np.bool_]
-    ) -> NDArray[np.float64]:
+    def _in_view(self, view: View, surface: DrivableSurface, target: _Targets) -> NDArray[np.float64]:
         """(N, 2) centres of the target cells that the view should show."""
         config, grid = self.config, surface.grid
         seen = np.zeros(int(config.far / grid.cell) + 2, np.int64)
@@ -182,14 +220,13 @@ class Exploration:
                 grid.origin,
                 grid.cell,
                 surface.elevation,
-                target,
+                target.mask,
+                target.blind_from,
+                target.blind_radius,
                 seen,
             )
             cells.update(seen[:count].tolist())
         return grid.centre_of(np.stack(np.unravel_index(sorted(cells), grid.shape), axis=-1))
-
-
-surface_tolerance = 0.05
 
 
 def _wrap(angle: NDArray) -> NDArray:

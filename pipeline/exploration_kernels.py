@@ -18,12 +18,15 @@ def cast_ray(
     cell,
     elevation,
     target,
+    blind_from,
+    blind_radius,
     seen,
 ):
     """What a ray of the camera at (x, y) is expected to show for the first time.
 
     The ray runs over the known ground; a cell is hidden where something before it rises higher in the view.
-    Unknown ground is believed to go on at the last known height.
+    Unknown ground is believed to go on at the last known height. Where earlier looks proved that belief wrong, a
+    cell does not count: from within ``blind_radius`` (nx, ny) of ``blind_from`` (nx, ny, 2), m.
 
     Returns the summed radii of the target cells in view (times the step and the angle between rays that is their
     area) and their number; their flat indices go to ``seen``.
@@ -54,6 +57,9 @@ def cast_ray(
             continue
         horizon = max(horizon, slope)
         if r >= near and target[i, j]:
+            ex, ey = x - blind_from[i, j, 0], y - blind_from[i, j, 1]
+            if ex * ex + ey * ey < blind_radius[i, j] ** 2:
+                continue
             total += r
             seen[count] = i * ny + j
             count += 1
@@ -74,6 +80,8 @@ def view_gains(
     cell,
     elevation,
     target,
+    blind_from,
+    blind_radius,
 ):
     """(N, rays) m² of target area expected in view from each of (N, 2) points, looking along ray m of the circle."""
     gains = np.zeros((len(views), rays))
@@ -95,6 +103,8 @@ def view_gains(
                 cell,
                 elevation,
                 target,
+                blind_from,
+                blind_radius,
                 seen,
             )
             area[m] = total * cell * step

@@ -29,8 +29,10 @@ class ExplorerConfig:
     """The settings of every stage.
 
     Attributes:
-        start_radius: around the robot's start so much ground is taken for flat until it is seen, m: whoever set it
-            down saw to that, and the camera sees nothing nearer.
+        start_radius: ground that is taken for flat around the robot's start until it is seen, m: whoever set it
+            down saw to that, and the camera sees nothing nearer than a metre.
+        start_ahead: the same in a strip before the robot, m.
+        start_width: of that strip, m.
     """
 
     metric_map: MetricMapConfig = field(default_factory=MetricMapConfig)
@@ -42,7 +44,9 @@ class ExplorerConfig:
     nodes: NodeConfig = field(default_factory=NodeConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
-    start_radius: float = 1.2
+    start_radius: float = 0.5
+    start_ahead: float = 1.4
+    start_width: float = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +111,10 @@ class Explorer:
             labels = probabilities.argmax(axis=1).astype(np.uint8)
             self.semantic_map.update(points, probabilities)
         with self.stopwatch("segments"):
-            patches = find_planes(
-                points, labels, T_map_camera[:3, 3], self._seed + self.steps, self.config.planes
-            )
+            patches = find_planes(frame, labels, T_map_camera, self._seed + self.steps, self.config.planes)
             self.segments.update(patches, self.steps)
         with self.stopwatch("topological_map"):
-            self.topological_map.update(patches, self.segments.segments, surface, paths)
+            self.topological_map.update(patches, self.segments, surface, paths)
         with self.stopwatch("exploration"):
             view = self.exploration.next_view(surface, self.surface_map.measured, paths, T_map_base)
         with self.stopwatch("path_plan"):
@@ -132,6 +134,9 @@ class Explorer:
         self, points: NDArray[np.float32], T_map_base: NDArray[np.float64]
     ) -> DrivableSurface:
         if self.steps == 0:
-            self.surface_map.assume_ground(T_map_base, self.config.start_radius)
+            config = self.config
+            self.surface_map.assume_ground(
+                T_map_base, config.start_radius, config.start_ahead, config.start_width
+            )
         self.surface_map.update(points)
         return drivable_surface(self.surface_map, self.config.drivable)

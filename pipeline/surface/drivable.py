@@ -19,16 +19,18 @@ class DrivableConfig:
     Attributes:
         max_step: between neighbouring cells, m.
         max_tilt: rad.
-        clearance: of the robot's centre from hazards and unknown ground while driving straight, m.
-        turning_clearance: the same for turning in place, m; the corners of the chassis sweep 0.35 m.
+        clearance: of the robot's centre from hazards while driving straight, m.
+        unknown_clearance: the same from unknown ground, m; half of the robot's width.
+        turning_clearance: from hazards while turning in place, m; the corners of the chassis sweep 0.35 m.
         ramp_tilt: a steeper cell belongs to a ramp, rad.
         ramp_margin: so near to a ramp the robot's wheels may already be on it, m.
         ramp_alignment: largest angle between a drive over a ramp and its slope, rad.
     """
 
-    max_step: float = 0.06
+    max_step: float = 0.05
     max_tilt: float = np.deg2rad(20)
     clearance: float = 0.30
+    unknown_clearance: float = 0.25
     turning_clearance: float = 0.37
     ramp_tilt: float = np.deg2rad(8)
     ramp_margin: float = 0.2
@@ -43,7 +45,7 @@ class DrivableSurface:
         grid: where the cells lie.
         elevation: float32 m, NaN where unknown.
         hazard: bool, steps and slopes that the robot cannot take.
-        clearance: float64 m to the nearest hazard or unknown cell.
+        to_hazard: float64 m to the nearest hazard.
         drivable: bool, the robot's centre may pass.
         turnable: bool, the robot may turn in place.
         ramp: bool, the wheels are on a ramp or just before it.
@@ -54,7 +56,7 @@ class DrivableSurface:
     grid: Grid
     elevation: NDArray[np.float32]
     hazard: NDArray[np.bool_]
-    clearance: NDArray[np.float64]
+    to_hazard: NDArray[np.float64]
     drivable: NDArray[np.bool_]
     turnable: NDArray[np.bool_]
     ramp: NDArray[np.bool_]
@@ -82,17 +84,18 @@ def drivable_surface(surface: SurfaceMap, config: DrivableConfig | None = None) 
     gradient = kernels.gradients(elevation, cell, radius=2)
     slope = np.linalg.norm(gradient, axis=-1)
     hazard = kernels.step_hazards(elevation, config.max_step) | (slope > np.tan(config.max_tilt))
-    blocked = hazard | np.isnan(elevation)
-    # A border of the grid is unknown ground as well.
-    clearance = ndimage.distance_transform_edt(np.pad(~blocked, 1))[1:-1, 1:-1] * cell
+    to_hazard = ndimage.distance_transform_edt(~hazard) * cell
+    # Beyond the grid's border all is unknown.
+    to_unknown = ndimage.distance_transform_edt(np.pad(~np.isnan(elevation), 1))[1:-1, 1:-1] * cell
+    drivable = (to_hazard >= config.clearance) & (to_unknown >= config.unknown_clearance)
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     return DrivableSurface(
         grid=surface.grid,
         elevation=elevation,
         hazard=hazard,
-        clearance=clearance,
-        drivable=clearance >= config.clearance,
-        turnable=(clearance >= config.turning_clearance) & ~ramp,
+        to_hazard=to_hazard,
+        drivable=drivable,
+        turnable=drivable & (to_hazard >= config.turning_clearance) & ~ramp,
         ramp=ramp,
         uphill=uphill,
         ramp_alignment=config.ramp_alignment,

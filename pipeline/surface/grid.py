@@ -33,7 +33,7 @@ class Grid:
         cells = self.cell_of(xy)
         inside = ((cells >= 0) & (cells < self.shape)).all(axis=-1)
         cells = np.where(np.expand_dims(inside, -1), cells, 0)
-        return np.where(inside, layer[cells[..., 0], cells[..., 1]], outside)
+        return np.where(inside, layer[cells[..., 0], cells[..., 1]], layer.dtype.type(outside))
 
     def nearest(self, mask: NDArray[np.bool_], xy: ArrayLike, within: float) -> NDArray[np.float64] | None:
         """(2,) the point itself if its cell is in the mask, or else the centre of the nearest such cell.
@@ -41,7 +41,7 @@ class Grid:
         None if there is none ``within`` so many metres.
         """
         xy = np.asarray(xy, np.float64)[:2]
-        if self.at(mask, xy, outside=False):
+        if self.at(mask, xy, outside=0):
             return xy
         reach = int(np.ceil(within / self.cell))
         low, high = np.maximum(self.cell_of(xy) - reach, 0), np.maximum(self.cell_of(xy) + reach + 1, 0)

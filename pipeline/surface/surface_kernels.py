@@ -73,40 +73,46 @@ def extract_elevation(
 
 
 @njit(cache=True)
-def fill_holes(elevation, max_spread):
-    """Unknown cells among at least five known neighbours of nearly one height take their mean."""
+def bridge_gaps(elevation, max_gap, max_spread):
+    """Fill what is unknown between two known cells of nearly one height, at most ``max_gap`` unknown cells apart.
+
+    Along the axes and the diagonals; where several pairs face each other, the last one counts.
+    """
     filled = elevation.copy()
     nx, ny = elevation.shape
-    for i in range(1, nx - 1):
-        for j in range(1, ny - 1):
-            if not np.isnan(elevation[i, j]):
-                continue
-            low, high, total, count = np.inf, -np.inf, 0.0, 0
-            for di in range(-1, 2):
-                for dj in range(-1, 2):
-                    h = elevation[i + di, j + dj]
-                    if not np.isnan(h):
-                        low, high, total, count = min(low, h), max(high, h), total + h, count + 1
-            if count >= 5 and high - low <= max_spread:
-                filled[i, j] = total / count
+    for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
+        for i in range(nx):
+            for j in range(ny):
+                if np.isnan(elevation[i, j]):
+                    continue
+                for gap in range(2, max_gap + 2):
+                    a, b = i + gap * di, j + gap * dj
+                    if not (a < nx and 0 <= b < ny):
+                        break
+                    rise = elevation[a, b] - elevation[i, j]
+                    if np.isnan(rise):
+                        continue
+                    for k in range(1, gap):
+                        if abs(rise) <= max_spread and np.isnan(elevation[i + k * di, j + k * dj]):
+                            filled[i + k * di, j + k * dj] = elevation[i, j] + rise * k / gap
+                    break
     return filled
 
 
 @njit(cache=True)
 def step_hazards(elevation, max_step):
-    """Cells that differ from one of their eight neighbours by more than ``max_step`` m; both sides are marked."""
+    """The higher cell of every two neighbours, of eight, that differ by more than ``max_step`` m."""
     nx, ny = elevation.shape
     hazard = np.zeros((nx, ny), np.bool_)
     for i in range(nx):
         for j in range(ny):
             for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
-                if (
-                    i + di < nx
-                    and 0 <= j + dj < ny
-                    and abs(elevation[i, j] - elevation[i + di, j + dj]) > max_step
-                ):
-                    hazard[i, j] = True
-                    hazard[i + di, j + dj] = True
+                a, b = i + di, j + dj
+                if not (a < nx and 0 <= b < ny):
+                    continue
+                rise = elevation[a, b] - elevation[i, j]
+                hazard[a, b] |= rise > max_step
+                hazard[i, j] |= rise < -max_step
     return hazard
 
 

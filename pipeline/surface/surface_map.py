@@ -22,7 +22,8 @@ class SurfaceConfig:
         z_bin: returns of one column within such a slice are averaged, m. Slices are centred on z = 0.
         min_hits: returns that make a slice count.
         headroom: air that the robot needs above the ground, m.
-        hole_spread: unknown cells are filled where their neighbours differ by no more than this, m.
+        max_gap: unknown gaps no wider are filled, m: a Pioneer 3-AT rolls over them.
+        max_gap_rise: if the ground beyond differs by no more than this, m.
         block: the layer grows by such strips, m.
     """
 
@@ -32,7 +33,8 @@ class SurfaceConfig:
     z_bin: float = 0.1
     min_hits: int = 3
     headroom: float = 0.65
-    hole_spread: float = 0.05
+    max_gap: float = 0.15
+    max_gap_rise: float = 0.05
     block: float = 6.4
 
 
@@ -41,7 +43,7 @@ class SurfaceMap:
 
     Attributes:
         measured: (nx, ny) float32 height of the ground from returns alone, NaN where there are none.
-        elevation: the same with small holes filled and the ground assumed at the start; NaN where unknown.
+        elevation: the same with small gaps filled and the ground assumed at the start; NaN where unknown.
         revision: counts the updates.
     """
 
@@ -68,16 +70,23 @@ class SurfaceMap:
         """Where the cells lie now."""
         return Grid(self._origin, self.config.cell, self.elevation.shape)
 
-    def assume_ground(self, T_map_base: NDArray[np.float64], radius: float) -> None:
-        """Take the disc around the robot for flat until it is measured: somebody set the robot down there.
+    def assume_ground(
+        self, T_map_base: NDArray[np.float64], radius: float, ahead: float, width: float
+    ) -> None:
+        """Take the ground under the robot and just before it for flat until it is measured.
 
-        The camera sees nothing closer than about a metre, so without this the robot could not start.
+        Args:
+            T_map_base: pose of the robot.
+            radius: of a disc around it, m.
+            ahead: length of a strip that runs forward from its middle, m.
+            width: of the strip, m.
         """
-        centre, z = T_map_base[:2, 3], T_map_base[2, 3]
-        self._grow(np.array([centre - radius, centre + radius]))
-        cells = np.moveaxis(np.indices(self.grid.shape), 0, -1)
-        near = np.linalg.norm(self.grid.centre_of(cells) - centre, axis=-1) <= radius
-        self._assumed[near] = z
+        centre, reach = T_map_base[:2, 3], max(radius, ahead)
+        self._grow(np.array([centre - reach, centre + reach]))
+        cells = self.grid.centre_of(np.moveaxis(np.indices(self.grid.shape), 0, -1))
+        x, y = np.moveaxis((cells - centre) @ T_map_base[:2, :2], -1, 0)
+        on_strip = (x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2)
+        self._assumed[(np.hypot(x, y) <= radius) | on_strip] = T_map_base[2, 3]
         self._refresh(np.zeros(self.grid.shape, np.bool_))
 
     def update(self, points: NDArray[np.float32]) -> None:
@@ -99,9 +108,7 @@ class SurfaceMap:
             self._height, self._hits, touched, config.min_hits, config.headroom, config.z_bin, self.measured
         )
         known = np.where(np.isnan(self.measured), self._assumed, self.measured)
-        for _ in range(2):
-            known = kernels.fill_holes(known, config.hole_spread)
-        self.elevation = known
+        self.elevation = kernels.bridge_gaps(known, round(config.max_gap / config.cell), config.max_gap_rise)
         self.revision += 1
 
     def _grow(self, xy: NDArray) -> None:

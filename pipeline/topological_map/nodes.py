@@ -16,7 +16,7 @@ class NodeConfig:
     Attributes:
         large_ramp: a straight ramp longer than this has a node in each half, m.
         foot_distance: of a node from the bottom edge of its inclined ramp, m: the whole robot stands level.
-        max_ramp_slope: a steeper plane labelled inclined ramp is a ramp's side, rad.
+        max_slope: a steeper plane is a ramp's side, rad.
         min_area: smaller segments have no nodes, m².
         spacing: a terrain node has no other node nearer than this in a straight drive, m.
         snap: a node is moved no further than this to where the robot can stand and turn, m.
@@ -24,7 +24,7 @@ class NodeConfig:
 
     large_ramp: float = 1.8
     foot_distance: float = 0.45
-    max_ramp_slope: float = np.deg2rad(35)
+    max_slope: float = np.deg2rad(35)
     min_area: float = 0.1
     spacing: float = 1.2
     snap: float = 0.4
@@ -32,11 +32,11 @@ class NodeConfig:
 
 def segment_nodes(segment: Segment, config: NodeConfig) -> NDArray[np.float64]:
     """(N, 3) places in ``map`` for the nodes of a straight or an inclined ramp; none on other segments."""
-    if segment.box.extent[0] * segment.box.extent[1] < config.min_area:
+    if segment.box.area < config.min_area or segment.plane.normal[2] < np.cos(config.max_slope):
         return np.zeros((0, 3))
     if segment.label is Label.STRAIGHT_RAMP:
         return _middles(segment, config)
-    if segment.label is Label.INCLINED_RAMP and segment.plane.normal[2] > np.cos(config.max_ramp_slope):
+    if segment.label is Label.INCLINED_RAMP:
         return _bottom(segment, config)[None]
     return np.zeros((0, 3))
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
+from pipeline.semantic_map.crossings import crossings
 from pipeline.semantic_map.planes import PlanePatch
-from pipeline.semantic_map.segments import Segment, crossings
+from pipeline.semantic_map.segments import Segment, Segments
 from pipeline.surface.drivable import DrivableSurface
 from pipeline.surface.paths import ShortestPaths, simplify
 from pipeline.topological_map.nodes import NodeConfig, segment_nodes
@@ -19,6 +20,9 @@ from pipeline.topological_map.spanning_tree import collision_free_tree
 
 WALL_TEST_HEIGHT = 0.3
 """m above the ground: edges are tested against walls where the robot's body would meet them."""
+
+LEVEL = 0.12
+"""m; ground that differs more in height from a segment does not belong to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +58,7 @@ class TopologicalMap:
     def update(
         self,
         patches: Sequence[PlanePatch],
-        segments: Sequence[Segment],
+        segments: Segments,
         surface: DrivableSurface,
         paths: ShortestPaths,
     ) -> None:
@@ -70,7 +74,7 @@ class TopologicalMap:
         self._drop_lost_nodes(segments, surface, standable)
         self._place_ramp_nodes(segments, surface, standable)
         self._add_terrain_nodes(patches, surface, paths, standable)
-        walls = [s for s in segments if s.label is Label.WALL]
+        walls = segments.of(Label.WALL)
         self._span(surface, walls)
         self._join_components(surface, walls)
 
@@ -107,7 +111,7 @@ class TopologicalMap:
         return node_id
 
     def _drop_lost_nodes(
-        self, segments: Sequence[Segment], surface: DrivableSurface, standable: NDArray[np.bool_]
+        self, segments: Segments, surface: DrivableSurface, standable: NDArray[np.bool_]
     ) -> None:
         """Forget nodes where the robot, as it is known now, cannot stand, and those of merged segments."""
         alive = {s.id for s in segments}
@@ -121,12 +125,12 @@ class TopologicalMap:
         }
 
     def _place_ramp_nodes(
-        self, segments: Sequence[Segment], surface: DrivableSurface, standable: NDArray[np.bool_]
+        self, segments: Segments, surface: DrivableSurface, standable: NDArray[np.bool_]
     ) -> None:
         for segment in segments:
-            places = segment_nodes(segment, self.config)
-            for index, place in enumerate(places):
-                xy = surface.grid.nearest(standable, place, self.config.snap)
+            for index, place in enumerate(segment_nodes(segment, self.config)):
+                level = np.abs(surface.elevation - place[2]) < LEVEL
+                xy = surface.grid.nearest(standable & level, place, self.config.snap)
                 key = (segment.id, index)
                 if xy is not None:
                     self._ramp_ids[key] = self._add(segment.label, xy, surface, self._ramp_ids.get(key))
@@ -139,7 +143,7 @@ class TopologicalMap:
         standable: NDArray[np.bool_],
     ) -> None:
         """A node in the middle of every terrain patch in view, and one where the robot is, if none is near."""
-        places = [np.median(p.points, axis=0) for p in patches if p.label is Label.TERRAIN]
+        places = [np.median(p.points.astype(np.float64), axis=0) for p in patches if p.label is Label.TERRAIN]
         if paths.start is not None:
             places.append(paths.start)
         for place in places:

@@ -1,0 +1,1 @@
+"""What the robot made of an episode, against the ground truth that it never saw."""

@@ -56,19 +56,20 @@ class RgbdCamera:
         self.base_body = int(model.body_rootid[model.cam_bodyid[self.camera_id]])
         self.intrinsics = camera_intrinsics(model, self.camera_id, renderer.width, renderer.height)
         self._renderer = renderer
+        other = _not_of_body(model, self.base_body)
         # Indexed by geom id; the last element is what -1, no geom, stands for.
-        self._label = np.append(geom_labels(model), np.uint8(Label.UNLABELLED))
-        self._seen = np.append(_not_of_body(model, self.base_body), False)
+        self._label = np.append(np.where(other, geom_labels(model), np.uint8(0)), np.uint8(Label.UNLABELLED))
+        self._instance = np.append(np.where(other, np.arange(model.ngeom), -1), -1).astype(np.int32)
 
     def look(self, data: mujoco.MjData) -> LabelledImage:
         """Take one noise-free look, at whatever range."""
         geom, depth = self._renderer.segmentation_and_depth(data, self.camera_id)
-        seen = self._seen[geom]
+        instance = self._instance.take(geom)
         return LabelledImage(
             rgb=self._renderer.colour(data, self.camera_id),
-            depth=depth * seen,
-            label=self._label[geom] * seen,
-            instance=np.where(seen, geom, np.int32(-1)),
+            depth=depth * (instance >= 0),
+            label=self._label.take(geom),
+            instance=instance,
             intrinsics=self.intrinsics,
             T_world_camera=self.pose(data),
             T_base_camera=self.pose_in_base(data),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from sarsim import culling
 
 SHADOW_MAP = 1024  # texels; the default of 4096 takes three times as long to light a picture
 SLICES, STACKS = (
@@ -20,6 +21,7 @@ SLICES, STACKS = (
 )  # of a drawn sphere or cylinder: at 0.3 m radius it stays within 1 mm of the round one
 
 _RENDER = mujoco.mjtRndFlag
+_NOT_DRAWN = 5  # a group of geoms
 _SCENE = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
 
 
@@ -49,8 +51,7 @@ class Renderer:
 
     def colour(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB."""
-        self._update(data, camera)
-        self._flags(ids=False)
+        self._update(data, camera, ids=False)
         pixels = np.empty((self.height, self.width, 3), np.uint8)
         mujoco.mjr_render(self._rectangle, self._scene, self._context)
         mujoco.mjr_readPixels(pixels, None, self._rectangle, self._context)
@@ -67,8 +68,7 @@ class Renderer:
             (H, W) int32 geom id, -1 where there is none, and (H, W) float32 depth along the optical axis in
             metres, 0 where there is no geom.
         """
-        self._update(data, camera)
-        self._flags(ids=True)
+        self._update(data, camera, ids=True)
         pixels = np.empty((self.height, self.width, 3), np.uint8)
         buffer = np.empty((self.height, self.width), np.float32)
         mujoco.mjr_render(self._rectangle, self._scene, self._context)
@@ -90,13 +90,19 @@ class Renderer:
     ) -> None:
         self.close()
 
-    def _update(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera) -> None:
-        """Take the geoms' and the camera's poses over from ``data``."""
+    def _update(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera, *, ids: bool) -> None:
+        """Take over from ``data`` what the picture needs."""
         self._gl.make_current()
         view = camera if isinstance(camera, mujoco.MjvCamera) else fixed_camera(self.model, camera)
-        mujoco.mjv_updateScene(self.model, data, self._option, None, view, _SCENE, self._scene)
+        mujoco.mjv_updateCamera(self.model, data, view, self._scene)
+        between_eyes = mujoco.mjv_averageCamera(*self._scene.camera)  # the scene has two, for stereo
+        planes = culling.frustum(between_eyes, self.width / self.height)
+        needed = (culling.in_picture if ids else culling.in_lit_picture)(self.model, data, planes)
+        with _hidden(self.model, ~needed):
+            mujoco.mjv_updateScene(self.model, data, self._option, None, view, _SCENE, self._scene)
+        self._flags(ids)
 
-    def _flags(self, *, ids: bool) -> None:
+    def _flags(self, ids: bool) -> None:
         """Draw ids as flat colours, or what a camera sees: light and shadow, but no reflections and no haze."""
         flags = self._scene.flags
         flags[_RENDER.mjRND_SEGMENT] = flags[_RENDER.mjRND_IDCOLOR] = ids
@@ -105,15 +111,14 @@ class Renderer:
 
     def _geom_ids(self, pixels: NDArray[np.uint8]) -> NDArray[np.int32]:
         """(H, W) int32 geom ids from colours that count the scene's geoms from 1; 0 is the background."""
-        geoms = self._scene.geoms[: self._scene.ngeom]
         table = np.full(self._scene.ngeom + 1, -1, np.int32)
-        for geom in geoms:
+        for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
                 table[geom.segid + 1] = geom.objid
         index = pixels[..., 0].astype(np.int32)
         index |= pixels[..., 1].astype(np.int32) << 8
         index |= pixels[..., 2].astype(np.int32) << 16
-        return table[index]
+        return table.take(index)
 
     def _metres(self, buffer: NDArray[np.float32]) -> NDArray[np.float32]:
         """Depth in metres of a reversed-z buffer, which holds 1 at the near plane and 0 at the far one.
@@ -151,6 +156,17 @@ def _offscreen_context(width: int, height: int) -> Any:
     if platform not in ("egl", "osmesa", "glfw"):
         raise InputError(f"MUJOCO_GL={platform} cannot draw without a screen: set it to egl or osmesa")
     return importlib.import_module(f"mujoco.{platform}").GLContext(width, height)
+
+
+@contextmanager
+def _hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
+    """Put geoms into a group that is not drawn, for a while."""
+    groups = model.geom_group.copy()
+    model.geom_group[geoms] = _NOT_DRAWN
+    try:
+        yield
+    finally:
+        model.geom_group[:] = groups
 
 
 @contextmanager

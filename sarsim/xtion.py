@@ -63,9 +63,10 @@ class Xtion:
     def apply(self, image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
         """The image with measured depth; label and instance are of the surface that each depth comes from."""
         depth, source = self.measure(image.depth, image.intrinsics, rng)
-        return replace(
-            image, depth=depth, label=image.label.ravel()[source], instance=image.instance.ravel()[source]
-        )
+        if not self.lateral_noise:
+            return replace(image, depth=depth)
+        label, instance = image.label.ravel()[source], image.instance.ravel()[source]
+        return replace(image, depth=depth, label=label, instance=instance)
 
     def measure(
         self, depth: NDArray[np.float32], intrinsics: Intrinsics, rng: np.random.Generator
@@ -81,41 +82,47 @@ class Xtion:
             (H, W) float32 depth in metres, 0 = no return, and (H, W) int64 flat index of the pixel whose true
             depth was measured: another one than the pixel itself only beside a depth edge.
         """
-        bits = kernels.random_bits(rng.integers(1 << 64, dtype=np.uint64), *depth.shape)
+        key = rng.integers(1 << 64, dtype=np.uint64)
+        source = np.arange(depth.size).reshape(depth.shape)
+        if self._has_no_error():
+            return self._in_range(depth), source
+        bits = kernels.random_bits(key, *depth.shape)
         disparity = self._disparity(depth, intrinsics)
         slopes = kernels.slopes(disparity)
         cosine = kernels.cosine_of_incidence(
             disparity, *slopes, intrinsics.rays, intrinsics.fx, intrinsics.fy
         )
-        source = np.arange(depth.size).reshape(depth.shape)
         if self.lateral_noise:
             source = kernels.lateral_source(disparity, *slopes, bits, self.lateral_sigma, EDGE)
-        measured = np.where(self._returns(disparity, cosine), depth, np.float32(0)).ravel()[source]
+        measured = np.where(self._returns(disparity, cosine, bits), depth, np.float32(0)).ravel()[source]
         if self.axial_noise:
             sigma = kernels.axial_sigma(depth, cosine).ravel()[source]
             measured += np.where(measured > 0, sigma * kernels.NORMAL[bits & 0xFFFF], np.float32(0))
         if self.quantisation:
             steps = np.rint(self._disparity(measured, intrinsics) / self.disparity_step)
             measured = self._disparity(steps * self.disparity_step, intrinsics)
-        return np.where(self._kept(measured, bits), measured, np.float32(0)), source
+        return self._in_range(measured), source
+
+    def _has_no_error(self) -> bool:
+        return self == self.ideal(self.min_range, self.max_range)
+
+    def _in_range(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.where((depth >= self.min_range) & (depth <= self.max_range), depth, np.float32(0))
 
     def _disparity(self, depth: NDArray[np.float32], intrinsics: Intrinsics) -> NDArray[np.float32]:
         """(H, W) float32 disparity in pixels of depth in metres, or the other way round; 0 stays 0."""
         product = np.float32(intrinsics.fx * self.baseline)
         return np.divide(product, depth, out=np.zeros_like(depth), where=depth > 0)
 
-    def _returns(self, disparity: NDArray[np.float32], cosine: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def _returns(
+        self, disparity: NDArray[np.float32], cosine: NDArray[np.float32], bits: NDArray[np.uint64]
+    ) -> NDArray[np.bool_]:
         """(H, W) bool, the pixels whose surface sends the projector's light back."""
-        lit = disparity > 0
+        returns = disparity > 0
         if self.grazing:
-            lit &= cosine > np.cos(np.radians(self.max_incidence))
+            returns &= cosine > np.cos(np.radians(self.max_incidence))
         if self.shadow:
-            lit &= ~kernels.projector_shadow(disparity)
-        return lit
-
-    def _kept(self, measured: NDArray[np.float32], bits: NDArray[np.uint64]) -> NDArray[np.bool_]:
-        """(H, W) bool, the depths in range that do not drop out."""
-        kept = (measured >= self.min_range) & (measured <= self.max_range)
+            returns &= ~kernels.projector_shadow(disparity)
         if self.dropout > 0:
-            kept &= (bits >> np.uint64(48)) >= self.dropout * (1 << 16)
-        return kept
+            returns &= (bits >> np.uint64(48)) >= self.dropout * (1 << 16)
+        return returns

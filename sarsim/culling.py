@@ -1,0 +1,80 @@
+"""Which geoms a picture needs. Most of a picture's time goes into the vertices of geoms that are not in it."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+
+def in_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(ngeom,) bool, the geoms that may be seen between the ``planes`` of :func:`frustum`."""
+    outside = _outside(data.geom_xpos, _radius(model), planes)
+    return np.logical_not(outside.any(axis=1))
+
+
+def in_lit_picture(
+    model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """(ngeom,) bool, the geoms that may be seen, themselves or by a shadow that they cast."""
+    centre, radius = data.geom_xpos, _radius(model)
+    outside = _outside(centre, radius, planes)
+    needed = np.logical_not(outside.any(axis=1))
+    floor = np.min(centre[:, 2] - np.where(np.isfinite(radius), radius, 0), initial=0)
+    for light in np.flatnonzero(model.light_active & model.light_castshadow):
+        # A shadow fills the hull of two spheres, the geom's and that at its end: it is out if one plane has both out.
+        shadow_outside = outside & _outside(*_shadow_end(model, data, int(light), floor), planes)
+        needed |= np.logical_not(shadow_outside.any(axis=1))
+    return needed
+
+
+def frustum(camera: mujoco.MjvGLCamera, aspect: float) -> NDArray[np.float64]:
+    """(5, 4) planes (n, d) around what a perspective camera sees, with n·p + d ≥ 0 inside.
+
+    ``aspect`` is the picture's width over its height.
+    """
+    forward, up = np.array(camera.forward, np.float64), np.array(camera.up, np.float64)
+    right = np.cross(forward, up)
+    near, bottom, top = camera.frustum_near, camera.frustum_bottom, camera.frustum_top
+    half_width = camera.frustum_width or aspect * (top - bottom) / 2
+    normals = np.array(
+        [
+            near * right + (half_width - camera.frustum_center) * forward,
+            -near * right + (half_width + camera.frustum_center) * forward,
+            near * up - bottom * forward,
+            -near * up + top * forward,
+            forward,
+        ]
+    )
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.column_stack([normals, -normals @ np.array(camera.pos, np.float64)])
+
+
+def _radius(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """(ngeom,) bounding spheres' radii in metres; endless for a plane, to which MuJoCo gives none."""
+    return np.where(model.geom_rbound > 0, model.geom_rbound, np.inf)
+
+
+def _outside(
+    centre: NDArray[np.float64], radius: NDArray[np.float64], planes: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """(N, P) bool, spheres that lie wholly outside a plane."""
+    return centre @ planes[:, :3].T + planes[:, 3] < -radius[:, None]
+
+
+def _shadow_end(
+    model: mujoco.MjModel, data: mujoco.MjData, light: int, floor: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(ngeom, 3) centres and (ngeom,) radii of the geoms' shadows where the last of them reaches the floor.
+
+    Endless where it never does, because the geom is as high as the light or the light points upwards.
+    """
+    centre, radius = data.geom_xpos, _radius(model)
+    top = centre[:, 2] + radius
+    if model.light_type[light] == mujoco.mjtLightType.mjLIGHT_DIRECTIONAL:
+        direction = data.light_xdir[light]
+        ends = np.isfinite(top) & (direction[2] < 0)
+        length = np.divide(floor - top, direction[2], out=np.zeros_like(top), where=ends)
+        return centre + length[:, None] * direction, np.where(ends, radius, np.inf)
+    origin = data.light_xpos[light]
+    ends = top < origin[2]
+    scale = np.divide(origin[2] - floor, origin[2] - top, out=np.ones_like(top), where=ends)
+    return origin + scale[:, None] * (centre - origin), np.where(ends, radius * scale, np.inf)

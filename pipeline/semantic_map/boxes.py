@@ -61,9 +61,7 @@ class Hull:
 
     def union(self, other: "Hull") -> "Hull":
         """The hull of both."""
-        return Hull(
-            np.maximum(self.reach, other.reach), min(self.low, other.low), max(self.high, other.high)
-        )
+        return Hull(np.maximum(self.reach, other.reach), min(self.low, other.low), max(self.high, other.high))
 
     def span(self, axis: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
         """(2,) reach from ``origin`` (2,) against and along the level ``axis`` (2,), to the nearest degree."""

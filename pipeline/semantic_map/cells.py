@@ -20,6 +20,10 @@ CORE = 12
 """Cells in reach, itself included, inside a surface or along an edge (25 and 15); in a corner there are 9."""
 CONTACT = 12
 """Cells in reach of another set, or three quarters of all, for both to be one surface; corners meet in 9 at most."""
+FRAYED = 0.25
+"""A cell with less than this share of the points of another one in reach is noise at the surface's edge."""
+NONE = -1
+"""No piece."""
 
 Cells = NDArray[np.int32]
 
@@ -36,7 +40,7 @@ def cells_of(points: NDArray) -> tuple[Cells, NDArray[np.intp]]:
 
 def centres(cells: Cells) -> NDArray[np.float64]:
     """(K, 3) centres in m."""
-    return (cells + 0.5) * CELL - SHIFT
+    return cells.astype(np.float64) * CELL + (CELL / 2 - SHIFT)
 
 
 def unite(a: Cells, b: Cells) -> Cells:
@@ -54,23 +58,33 @@ def in_contact(a: Cells, b: Cells) -> bool:
     return bool(np.isfinite(distances).sum() >= min(CONTACT, 0.75 * len(small)))
 
 
-def connected_pieces(cells: Cells) -> NDArray[np.intp]:
-    """(K,) number of the piece that each cell belongs to, in the manner of DBSCAN (Ester et al. 1996).
+def connected_pieces(cells: Cells, points: NDArray[np.intp]) -> NDArray[np.intp]:
+    """(K,) number of the piece that each cell belongs to, NONE for cells that are but noise at a surface's edge.
 
-    Core cells in reach of each other are of one piece, so that surfaces whose corners touch stay two. Other cells go
-    with a core cell in reach; those without one make pieces among themselves.
+    Noise are cells with few ``points`` (K,) beside such with many. Of the others, in the manner of DBSCAN (Ester et
+    al. 1996), core cells in reach of each other are of one piece, so that surfaces whose corners touch stay two.
+    Cells that are no core go with a core cell in reach; those without one make pieces among themselves.
     """
     pairs = KDTree(cells).query_pairs(REACH + 0.5, p=np.inf, output_type="ndarray")
+    frayed = np.zeros(len(cells), bool)
+    for one, other in (pairs.T, pairs.T[::-1]):
+        frayed[one[points[one] < FRAYED * points[other]]] = True
+    pairs = pairs[~frayed[pairs].any(axis=1)]
     core = np.bincount(pairs.ravel(), minlength=len(cells)) + 1 >= CORE
+    anchored = _anchors(pairs, core)
+    alone = ~core
+    alone[anchored[:, 0]] = False
+    links = np.vstack([pairs[core[pairs].all(axis=1)], anchored, pairs[alone[pairs].all(axis=1)]])
+    graph = coo_array((np.ones(len(links), np.int8), links.T), shape=(len(cells), len(cells)))
+    return np.where(frayed, NONE, connected_components(graph, directed=False)[1])
+
+
+def _anchors(pairs: NDArray[np.intp], core: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(M, 2): every cell in reach of core cells but none itself, with the first of these."""
     mixed = pairs[core[pairs].sum(axis=1) == 1]
     mixed = np.where(core[mixed[:, :1]], mixed[:, ::-1], mixed)
-    border, first = np.unique(mixed[np.lexsort(mixed.T[::-1])][:, 0], return_index=True)
-    hung = mixed[np.lexsort(mixed.T[::-1])][first]
-    alone = ~core
-    alone[border] = False
-    links = np.vstack([pairs[core[pairs].all(axis=1)], hung, pairs[alone[pairs].all(axis=1)]])
-    graph = coo_array((np.ones(len(links), np.int8), links.T), shape=(len(cells), len(cells)))
-    return connected_components(graph, directed=False)[1].astype(np.intp)
+    mixed = mixed[np.lexsort(mixed.T[::-1])]
+    return mixed[np.unique(mixed[:, 0], return_index=True)[1]]
 
 
 def _near_box_of(a: Cells, b: Cells) -> Cells:

@@ -30,7 +30,7 @@ class TruthClassifier:
     """The labels that the simulator wrote into the frame (``--labels truth``)."""
 
     def classify(self, frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(N, 8) float32 one-hot of ``frame.label`` at the returns; InputError where a frame has no labels."""
+        """(N, 8) float32 one-hot of ``frame.label`` at the returns; InputError if the frame has none."""
         if frame.label is None:
             raise InputError(
                 f"the frame at {frame.time:.2f} s carries no true labels: only a simulator knows them"

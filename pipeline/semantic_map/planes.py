@@ -3,7 +3,7 @@
 The thesis lets RANSAC find the planes of a whole class and parts those of one equation by region growing. Here
 regions of one normal are grown first: given many parallel ramps at once, RANSAC prefers a level cut through all
 of them to any of their slopes. Each region then gets its planes by RANSAC, and a plane whose surface has a gap is
-parted there.
+parted there by growing again, over the cells that it fills.
 """
 
 from collections.abc import Iterator
@@ -13,31 +13,19 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.cells import Cells, cells_of, connected_pieces
 from pipeline.semantic_map.plane import Moments, Plane
-from pipeline.semantic_map.regions_kernels import claim_nearest, grow_regions, normals
-from pipeline.semantic_map.surfels_kernels import NONE, make_surfels, neighbours, project_pixels
+from pipeline.semantic_map.regions_kernels import NONE, claim_nearest, grow_regions, normals
+from pipeline.semantic_map.surfels_kernels import make_surfels, neighbours, project_pixels
 from pipeline.transforms import transform_points
 
 
 @dataclass(frozen=True)
 class PlanesConfig:
-    """Settings of the plane search.
-
-    Attributes:
-        labels: classes made of planes.
-        block: pixels, the edge of the image blocks that are averaged to one surfel each.
-        min_pixels: of a surfel.
-        max_residual: 1/m, rms deviation of a surfel's inverse depths from those of a plane.
-        max_step: m per m of depth, between surfels of adjacent blocks that hang together.
-        max_angle: rad, between a surfel's normal and its region's.
-        max_distance: m, of a surfel from its plane.
-        min_surfels: a plane of fewer is dropped.
-        min_cells: a piece of fewer 5 cm cells is dropped.
-        iterations: RANSAC samples per plane.
-    """
+    """Settings of the plane search."""
 
     labels: tuple[Label, ...] = (
         Label.WALL,
@@ -46,15 +34,33 @@ class PlanesConfig:
         Label.STRAIGHT_RAMP,
         Label.CEILING,
     )
+    """Classes made of planes."""
     block: int = 8
+    """pixels, the edge of the image blocks that are averaged to one surfel each."""
     min_pixels: int = 16
+    """Of a surfel."""
     max_residual: float = 0.005
+    """1/m, rms deviation of a surfel's inverse depths from those of a plane."""
+    reach: int = 2
+    """blocks, how far apart neighbouring surfels are."""
     max_step: float = 0.12
+    """m per m of depth, between neighbouring surfels one block apart."""
     max_angle: float = np.deg2rad(20)
+    """rad, between a surfel's normal and its region's."""
     max_distance: float = 0.025
+    """m, of a surfel from its plane."""
     min_surfels: int = 10
-    min_cells: int = 8
+    """Of a plane."""
     iterations: int = 50
+    """RANSAC samples per plane."""
+    stride: int = 2
+    """Every how many pixels the plane's extent is looked up."""
+    max_shift: float = 0.01
+    """m along the optical axis from a pixel of the plane to where its ray meets the plane."""
+    noise: float = 0.006
+    """m per m² of depth that ``max_shift`` grows: 3σ of a structured-light camera (Nguyen et al. 2012)."""
+    min_cells: int = 8
+    """Of 5 cm, of a piece of plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,36 +107,57 @@ def find_planes(
         T_map_camera: 4×4 pose of the camera.
         seed: of RANSAC; the same seed and look give the same planes, bit for bit.
         config: settings.
+
+    Raises:
+        InputError: if there is not one label for every return.
     """
     config = config or PlanesConfig()
     surfels = _thin(frame, labels, config)
-    region = _grow(surfels, config)
-    region, planes = _ransac_all(surfels, region, seed, config)
+    region, planes = _ransac_regions(surfels, _grow(surfels, config), seed, config)
     region, planes = _settle(surfels, region, planes, config)
-    return list(_patches(frame, surfels, region, planes, T_map_camera, config))
+    points, plane_of_point, surfel = project_pixels(
+        frame.depth, frame.intrinsics.rays, surfels.of_pixel, surfels.near, region, planes,
+        config.stride, config.max_shift, config.noise,
+    )  # fmt: skip
+    points = transform_points(T_map_camera, points)
+    centres = transform_points(T_map_camera, surfels.points)
+    patches = []
+    for number, members in _groups(plane_of_point):
+        for inside, cells in _pieces(points[members]):
+            # A pixel at an edge may lie on this plane though its surfel, a mean, was given to another one.
+            own = np.unique(surfel[members[inside]])
+            own = own[region[own] == number]
+            if len(own) >= config.min_surfels and len(cells) >= config.min_cells:
+                label = Label(surfels.labels[own[0]])
+                patches.append(
+                    _patch(label, centres[own], points[members[inside]], cells, T_map_camera[:3, 3])
+                )
+    return patches
 
 
 def _thin(frame: Frame, labels: NDArray[np.uint8], config: PlanesConfig) -> _Surfels:
-    """Average away the noise and most of the points, the boundaries between labels kept."""
+    """Average away the noise and most of the points; the boundaries between labels are kept."""
+    if labels.shape != (np.count_nonzero(frame.returns),):
+        raise InputError(f"planes: {labels.shape} labels for {np.count_nonzero(frame.returns)} returns")
     image = np.zeros(frame.depth.shape, np.uint8)
-    image[frame.returns] = np.where(np.isin(labels, config.labels), labels, 0)
+    image[frame.returns] = np.where(np.isin(labels, config.labels), labels, Label.UNLABELLED)
     points, surfel_labels, blocks, of_pixel = make_surfels(
         frame.depth, image, frame.intrinsics.rays, config.block, config.min_pixels, config.max_residual
     )
-    near = neighbours(blocks, image.shape[1] // config.block + 1, surfel_labels, points, 2, config.max_step)
+    columns = frame.intrinsics.width // config.block + 1
+    near = neighbours(blocks, columns, surfel_labels, points, config.reach, config.max_step)
     return _Surfels(points, surfel_labels, near, of_pixel)
 
 
 def _grow(surfels: _Surfels, config: PlanesConfig) -> NDArray[np.int32]:
     """(N,) region of every surfel, grown from the flattest places first."""
     normal, variation = normals(surfels.points, surfels.near)
-    return grow_regions(
-        surfels.points, surfels.near, normal, np.argsort(variation, kind="stable"),
-        np.cos(config.max_angle), config.max_distance,
-    )  # fmt: skip
+    order = np.argsort(variation, kind="stable")
+    min_cosine = np.cos(config.max_angle)
+    return grow_regions(surfels.points, surfels.near, normal, order, min_cosine, config.max_distance)
 
 
-def _ransac_all(
+def _ransac_regions(
     surfels: _Surfels, region: NDArray[np.int32], seed: int, config: PlanesConfig
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """(N,) plane of every surfel, NONE for outliers, and the (P, 4) planes [n, d] of all regions.
@@ -141,17 +168,18 @@ def _ransac_all(
     o3d.utility.random.seed(seed)
     result = np.full(len(region), NONE, np.int32)
     planes = np.empty((0, 4))
-    for members in sorted(_groups(region, config.min_surfels), key=len, reverse=True):
+    regions = [members for _, members in _groups(region) if len(members) >= config.min_surfels]
+    for members in sorted(regions, key=len, reverse=True):
         claimed = claim_nearest(surfels.points, surfels.near, members, result, planes, config.max_distance)
         result[members] = claimed
-        members = members[claimed == NONE]
-        while len(members) >= config.min_surfels:
-            inlier = _ransac(surfels.points[members], config)
-            if inlier.sum() < config.min_surfels:
+        rest = members[claimed == NONE]
+        while len(rest) >= config.min_surfels:
+            inlier = _ransac(surfels.points[rest], config)
+            if np.count_nonzero(inlier) < config.min_surfels:
                 break
-            result[members[inlier]] = len(planes)
-            planes = np.vstack([planes, _fit(surfels.points[members[inlier]])])
-            members = members[~inlier]
+            result[rest[inlier]] = len(planes)
+            planes = np.vstack([planes, _fit(surfels.points[rest[inlier]])])
+            rest = rest[~inlier]
     return result, planes
 
 
@@ -172,52 +200,39 @@ def _settle(
     """Let every surfel choose the nearest plane around it, and fit again, so that edges fall where planes meet."""
     everyone = np.arange(len(region))
     for _ in range(2):
-        region = claim_nearest(
-            surfels.points, surfels.near, everyone, region, planes, config.max_distance
-        )
+        region = claim_nearest(surfels.points, surfels.near, everyone, region, planes, config.max_distance)
         planes = planes.copy()
-        for members in _groups(region, config.min_surfels):
-            planes[region[members[0]]] = _fit(surfels.points[members])
+        for number, members in _groups(region):
+            if len(members) >= config.min_surfels:
+                planes[number] = _fit(surfels.points[members])
     return region, planes
 
 
-def _patches(
-    frame: Frame,
-    surfels: _Surfels,
-    region: NDArray[np.int32],
-    planes: NDArray[np.float64],
-    T_map_camera: NDArray[np.float64],
-    config: PlanesConfig,
-) -> Iterator[PlanePatch]:
-    """The connected pieces of every plane."""
-    points, of_point = project_pixels(
-        frame.depth, frame.intrinsics.rays, surfels.of_pixel, region, planes, 2, 0.1
-    )
-    points = transform_points(T_map_camera, points)
-    centres = transform_points(T_map_camera, surfels.points)
-    for pixels in _groups(region[of_point], 1):
-        cells, row = cells_of(points[pixels])
-        piece = connected_pieces(cells)
-        for piece_pixels in _groups(piece[row], 1):
-            inside = cells[piece == piece[row[piece_pixels[0]]]]
-            members = np.unique(of_point[pixels[piece_pixels]])
-            if len(members) >= config.min_surfels and len(inside) >= config.min_cells:
-                moments = Moments.of(centres[members])
-                plane = moments.fit()[0].facing(T_map_camera[:3, 3] - moments.centroid)
-                label = Label(surfels.labels[members[0]])
-                yield PlanePatch(label, plane, moments, points[pixels[piece_pixels]], inside)
+def _pieces(points: NDArray[np.float32]) -> Iterator[tuple[NDArray[np.intp], Cells]]:
+    """The connected pieces of (N, 3) points: which points and which cells."""
+    cells, row = cells_of(points)
+    piece = connected_pieces(cells, np.bincount(row))
+    for number, inside in _groups(piece[row]):
+        yield inside, cells[piece == number]
 
 
-def _groups(region: NDArray, min_size: int) -> Iterator[NDArray[np.intp]]:
-    """The members of every region of at least that size, in the order of the regions."""
-    order = np.argsort(region, kind="stable")
-    starts = np.flatnonzero(np.diff(region[order], prepend=NONE))
-    for members in np.split(order, starts)[1:]:
-        if len(members) >= min_size:
-            yield members
+def _patch(
+    label: Label, surfels: NDArray, points: NDArray[np.float32], cells: Cells, viewpoint: NDArray[np.float64]
+) -> PlanePatch:
+    moments = Moments.of(surfels)
+    plane, _ = moments.fit()
+    return PlanePatch(label, plane.facing(viewpoint - moments.centroid), moments, points, cells)
 
 
 def _fit(points: NDArray) -> NDArray[np.float64]:
     """(4,) least-squares plane [n, d]."""
     plane, _ = Moments.of(points).fit()
     return np.append(plane.normal, plane.offset)
+
+
+def _groups(numbers: NDArray) -> Iterator[tuple[int, NDArray[np.intp]]]:
+    """Every number but NONE that occurs, in order, and where."""
+    order = np.argsort(numbers, kind="stable")
+    starts = np.flatnonzero(np.diff(numbers[order], prepend=NONE))
+    for members in np.split(order, starts)[1:]:
+        yield int(numbers[members[0]]), members

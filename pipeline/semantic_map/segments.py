@@ -110,7 +110,14 @@ class Segments:
 
     def _segment_of(self, patch: PlanePatch, step: int) -> Segment:
         return self._segment(
-            self._next_id, patch.label, patch.plane, patch.moments, Hull.of(patch.points), patch.cells, step, step
+            self._next_id,
+            patch.label,
+            patch.plane,
+            patch.moments,
+            Hull.of(patch.points),
+            patch.cells,
+            step,
+            step,
         )
 
     def _merged(self, a: Segment, b: Segment) -> Segment:

@@ -1,82 +1,80 @@
-"""Loops over the points of a frame: open-addressing hash tables of voxels, linear probing.
+"""Loops over the points of a look: a hash table of voxels with open addressing and linear probing.
 
-A voxel's key is ``(((i · 2²⁰) + j) · 2²⁰ + k) · 8 + tag`` with its indices shifted to be non-negative. Keys of points
-beyond ±2¹⁹ voxels, and of points that are not finite, do not exist. A table has 2ⁿ slots, empty ones hold ``EMPTY``.
+The key of voxel (i, j, k) is ``(i · 2²¹ + j) · 2²¹ + k``, its indices shifted to be positive. A table has 2ⁿ
+slots; empty ones hold ``EMPTY``.
 """
 
 import numpy as np
 from numba import int64, njit, uint64
 
 EMPTY = -1
-HALF = 1 << 19
+HALF = 1 << 20
+"""Voxels from the origin to where keys end, along every axis: 21 km at 2 cm."""
 FIBONACCI = 0x9E3779B97F4A7C15
-"""2⁶⁴ over the golden ratio: Knuth's multiplicative hash, The Art of Computer Programming 6.4."""
-
-
-@njit(cache=True, inline="always")
-def voxel_key(x, y, z, per_metre, tag):
-    """The key of the voxel that holds the point, or EMPTY if there is none; NaN fails every comparison."""
-    i, j, k = np.floor(x * per_metre), np.floor(y * per_metre), np.floor(z * per_metre)
-    if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
-        return EMPTY
-    return index_key(int64(i), int64(j), int64(k), int64(tag))
-
-
-@njit(cache=True, inline="always")
-def index_key(i, j, k, tag):
-    """The key of voxel (i, j, k)."""
-    return (((i + HALF) << 20 | (j + HALF)) << 20 | (k + HALF)) << 3 | tag
-
-
-@njit(cache=True, inline="always")
-def find_slot(keys, shift, key):
-    """The slot that holds ``key``, or the empty one where it belongs."""
-    slot = int64((uint64(key) * uint64(FIBONACCI)) >> uint64(shift))
-    while keys[slot] != EMPTY and keys[slot] != key:
-        slot = int64((slot + 1) & int64(keys.size - 1))
-    return slot
+"""2⁶⁴ over the golden ratio: multiplicative hashing, Knuth, The Art of Computer Programming 6.4."""
 
 
 @njit(cache=True)
-def insert_all(keys, indices, shift, new_keys):
-    """Fill an empty table: ``new_keys[i]`` maps to ``i``."""
-    for i in range(new_keys.size):
-        slot = find_slot(keys, shift, new_keys[i])
-        keys[slot] = new_keys[i]
-        indices[slot] = i
+def accumulate(points, weights, per_metre, keys, indices, shift, voxels, voxel_keys, means, evidence, hits):
+    """Add points to the voxels that hold them, and return how many voxels there are then.
 
-
-@njit(cache=True)
-def accumulate(
-    points, weights, tags, per_metre, keys, indices, shift, count, voxel_keys, means, evidence, hits
-):
-    """Add points to the voxels that hold them and return the number of voxels.
+    Points that are not finite, too far out for a key, or with weights that are not finite are left out.
 
     Args:
         points: (N, 3) float32.
-        weights: (N, C) float32 evidence per class; points with a weight that is not finite are left out.
-        tags: (N,) uint8 below 8: points of one voxel and different tags are kept apart.
-        per_metre: voxels per metre.
-        keys, indices, shift: the table, with more than ``count + N`` slots.
-        count: voxels so far.
-        voxel_keys, means, evidence, hits: (M,), (M, 3), (M, C), (M,), M ≥ count + N, changed in place.
+        weights: (N, C) float32, evidence per class.
+        per_metre: number of voxels per metre.
+        keys: (2ⁿ,) int64, the table's keys; more than half of them stay empty.
+        indices: (2ⁿ,) int32, their voxels.
+        shift: 64 - n.
+        voxels: number of voxels so far.
+        voxel_keys: (M,) int64 key of every voxel, M ≥ voxels + N; it and the others are changed in place.
+        means: (M, 3) float32 mean of the points of every voxel.
+        evidence: (M, C) float32 sum of their weights.
+        hits: (M,) uint32 their number.
     """
-    last_key, voxel = EMPTY, 0
-    for n in range(points.shape[0]):
-        key = voxel_key(points[n, 0], points[n, 1], points[n, 2], per_metre, tags[n])
+    last_key, voxel = int64(EMPTY), 0
+    for n in range(len(points)):
+        key = voxel_key(points[n], per_metre)
         if key == EMPTY or not np.isfinite(weights[n].sum()):
             continue
-        # Neighbouring pixels mostly share a voxel: most points need no look into the table.
+        # Neighbouring pixels mostly share a voxel, so most points need no look into the table.
         if key != last_key:
             slot = find_slot(keys, shift, key)
             if keys[slot] == EMPTY:
-                keys[slot], indices[slot], voxel_keys[count] = key, count, key
-                means[count], evidence[count], hits[count] = 0.0, 0.0, 0
-                count += 1
+                keys[slot], indices[slot], voxel_keys[voxels] = key, voxels, key
+                means[voxels], evidence[voxels], hits[voxels] = 0.0, 0.0, 0
+                voxels += 1
             last_key, voxel = key, indices[slot]
         hits[voxel] += 1
         for c in range(3):
             means[voxel, c] += (points[n, c] - means[voxel, c]) / hits[voxel]
         for c in range(weights.shape[1]):
             evidence[voxel, c] += weights[n, c]
-    return count
+    return voxels
+
+
+@njit(cache=True)
+def insert_all(keys, indices, shift, voxel_keys):
+    """Fill an empty table: ``voxel_keys[i]`` leads to ``i``."""
+    for i in range(len(voxel_keys)):
+        slot = find_slot(keys, shift, voxel_keys[i])
+        keys[slot], indices[slot] = voxel_keys[i], i
+
+
+@njit(cache=True, inline="always")
+def voxel_key(point, per_metre):
+    """The key of the voxel that holds the point, or EMPTY; NaN fails every comparison."""
+    i, j, k = np.floor(point[0] * per_metre), np.floor(point[1] * per_metre), np.floor(point[2] * per_metre)
+    if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
+        return int64(EMPTY)
+    return ((int64(i) + HALF) << 21 | (int64(j) + HALF)) << 21 | (int64(k) + HALF)
+
+
+@njit(cache=True, inline="always")
+def find_slot(keys, shift, key):
+    """The slot that holds the key, or the empty one where it belongs."""
+    slot = int64((uint64(key) * uint64(FIBONACCI)) >> uint64(shift))
+    while keys[slot] != EMPTY and keys[slot] != key:
+        slot = int64((slot + 1) & int64(keys.size - 1))
+    return slot

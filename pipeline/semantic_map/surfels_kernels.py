@@ -34,16 +34,16 @@ def make_surfels(depth, labels, rays, block, min_pixels, max_residual):
     for row in range(0, height, block):
         for column in range(0, width, block):
             rows, columns = slice(row, row + block), slice(column, column + block)
-            z, l, r = depth[rows, columns], labels[rows, columns], rays[rows, columns]
+            z, of, r = depth[rows, columns], labels[rows, columns], rays[rows, columns]
             present = np.zeros(256, np.int64)
-            for label in l.flat:
+            for label in of.flat:
                 present[label] += 1
             for label in np.flatnonzero(present[1:] >= min_pixels) + 1:
-                parting = parting_inverse_depth(z, l, label, max_residual)
+                parting = parting_inverse_depth(z, of, label, max_residual)
                 for near in (True, False):
-                    pixels, mean = mean_point(z, l, r, label, parting, near)
+                    pixels, mean = mean_point(z, of, r, label, parting, near)
                     if pixels >= min_pixels:
-                        assign(of_pixel[rows, columns], z, l, label, parting, near, count)
+                        assign(of_pixel[rows, columns], z, of, label, parting, near, count)
                         points[count], surfel_labels[count] = mean, label
                         blocks[count] = row // block, column // block
                         count += 1
@@ -143,35 +143,69 @@ def distance(a, b):
 
 
 @njit(cache=True)
-def project_pixels(depth, rays, of_pixel, region, planes, stride, max_shift):
-    """Where the rays of pixels meet the planes that their surfels belong to.
+def project_pixels(depth, rays, of_pixel, near, region, planes, stride, max_shift, noise):
+    """Where the rays of pixels meet the planes that they belong to.
 
-    The noise of a depth camera moves points along their rays; on the plane they are where they should be.
+    The noise of a depth camera moves points along their rays; on the plane they are where they should be. A pixel
+    belongs to the plane, of its surfel's and that one's neighbours', to which it moves least.
 
     Args:
         depth: (H, W) float32 m.
         rays: (H, W, 3) float32.
         of_pixel: (H, W) int32, the surfel of every pixel or NONE.
+        near: (N, K) int32 neighbours of every surfel, ending with NONE.
         region: (N,) int32, the plane of every surfel or NONE.
         planes: (P, 4) float64 rows [n, d] with n · x = d, in the camera's frame.
         stride: every how many pixels.
-        max_shift: m along the optical axis; pixels that would move farther are left out.
+        max_shift, noise: pixels that would move by more than ``max_shift + noise · depth²`` m along the optical
+            axis are left out.
 
     Returns:
-        (M, 3) float32 points in the camera's frame and their (M,) int32 surfels.
+        (M, 3) float32 points in the camera's frame, their (M,) int32 planes and (M,) int32 surfels.
     """
-    height, width = depth.shape
-    room = (height // stride + 1) * (width // stride + 1)
-    points, surfels = np.empty((room, 3), np.float32), np.empty(room, np.int32)
+    choices = regions_around(near, region)
+    room = (depth.shape[0] // stride + 1) * (depth.shape[1] // stride + 1)
+    points, of_point = np.empty((room, 3), np.float32), np.empty(room, np.int32)
+    surfels = np.empty(room, np.int32)
     count = 0
-    for v in range(0, height, stride):
-        for u in range(0, width, stride):
+    for v in range(0, depth.shape[0], stride):
+        for u in range(0, depth.shape[1], stride):
             surfel = of_pixel[v, u]
-            if surfel == NONE or region[surfel] == NONE:
+            if surfel == NONE:
                 continue
-            n, ray = planes[region[surfel]], rays[v, u]
-            slope = n[0] * ray[0] + n[1] * ray[1] + n[2] * ray[2]
-            if abs(n[3] - slope * depth[v, u]) <= max_shift * abs(slope):
-                points[count], surfels[count] = ray * np.float32(n[3] / slope), surfel
-                count += 1
-    return points[:count], surfels[:count]
+            z = depth[v, u]
+            least = limit = max_shift + noise * z * z
+            for r in choices[surfel]:
+                if r == NONE:
+                    break
+                slope = dot(planes[r], rays[v, u])
+                offset = abs(planes[r, 3] - slope * z)
+                if offset < least * abs(slope):
+                    least = offset / abs(slope)
+                    points[count] = rays[v, u] * np.float32(planes[r, 3] / slope)
+                    of_point[count], surfels[count] = r, surfel
+            count += least < limit
+    return points[:count], of_point[:count], surfels[:count]
+
+
+@njit(cache=True)
+def regions_around(near, region):
+    """(N, 4) int32: the first four regions of every surfel and its neighbours, its own first, ending with NONE."""
+    result = np.full((len(near), 4), NONE, np.int32)
+    for i in range(len(near)):
+        found = 0
+        if region[i] != NONE:
+            result[i, 0], found = region[i], 1
+        for j in near[i]:
+            if j == NONE or found == 4:
+                break
+            if region[j] != NONE and not (result[i, :found] == region[j]).any():
+                result[i, found] = region[j]
+                found += 1
+    return result
+
+
+@njit(cache=True, inline="always")
+def dot(a, b):
+    """Of the first three."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

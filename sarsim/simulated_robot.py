@@ -1,5 +1,6 @@
 """The simulated body that carries the pipeline."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
+from pipeline.transforms import transform_points
 from sarsim.arena import RescueArena
 from sarsim.camera import LabelledImage, RgbdCamera
 from sarsim.contacts import CollisionCounter
@@ -49,6 +51,12 @@ class TrueLook:
     T_world_base: NDArray[np.float64]
     image: LabelledImage
 
+    def points(self) -> NDArray[np.float32]:
+        """(N, 3) float32 the noise-free returns, m in the world."""
+        returns = self.image.depth > 0
+        rays = self.image.intrinsics.rays[returns]
+        return transform_points(self.image.T_world_camera, rays * self.image.depth[returns, None])
+
 
 @dataclass(frozen=True, eq=False)
 class Pose:
@@ -73,6 +81,7 @@ class SimulatedRobot:
         true_look: of the newest frame.
         trajectory: a pose every control period.
         collisions: counts the robot's contacts with walls, clutter and victims.
+        on_motion: called with every new pose of the trajectory.
     """
 
     control_period = 2 * CONTROL_TIMESTEP
@@ -93,8 +102,14 @@ class SimulatedRobot:
         self.collisions = CollisionCounter(self.physics.model.ptr, self._camera.base_body)
         self.true_look: TrueLook | None = None
         self.trajectory: list[Pose] = []
+        self.on_motion: Callable[[Pose], None] = lambda pose: None
         for _ in range(round(SETTLING_TIME / self.control_period)):
             self.drive(Velocity())
+
+    @property
+    def base_body(self) -> int:
+        """Id of the body ``base_link`` in the compiled model."""
+        return self._camera.base_body
 
     @property
     def time(self) -> float:
@@ -133,6 +148,7 @@ class SimulatedRobot:
         if self.config.odometry == "truth":
             T_odom_base = T_world_base
         self.trajectory.append(Pose(self.time, T_world_base, T_odom_base))
+        self.on_motion(self.trajectory[-1])
         wheel_speed = robot.wheel_speed(physics) * self._odometry.config.wheel_radius
         return Motion(self.time, T_odom_base, gyro, accelerometer, wheel_speed)
 

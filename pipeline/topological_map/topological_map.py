@@ -9,6 +9,7 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.files import whole_file
 from pipeline.labels import Label
 from pipeline.semantic_map.crossings import crossings
 from pipeline.semantic_map.planes import PlanePatch
@@ -99,7 +100,8 @@ class TopologicalMap:
             for n in self.nodes.values()
         ]
         edges = [{"nodes": [a, b], "length": round(w, 4)} for a, b, w in self.graph.edges(data="weight")]
-        path.write_text(json.dumps({"nodes": nodes, "edges": edges}, indent=1))
+        with whole_file(path) as partial:
+            partial.write_text(json.dumps({"nodes": nodes, "edges": edges}, indent=1) + "\n")
 
     def _add(
         self, label: Label, xy: NDArray[np.float64], surface: DrivableSurface, node_id: int | None = None

@@ -105,15 +105,15 @@ def true_surface(
 
 def _grid_around(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int) -> Grid:
     """A grid over all geoms of the arena; an infinite plane counts as 50 m."""
-    of_arena = (model.body_rootid[model.geom_bodyid] != robot_body).nonzero()[0]
-    radius = np.where(
-        model.geom_type[of_arena] == mujoco.mjtGeom.mjGEOM_PLANE, 0, model.geom_rbound[of_arena]
-    )
-    plane_size = np.where(model.geom_size[of_arena, :2] > 0, model.geom_size[of_arena, :2], 25.0)
-    is_plane = (model.geom_type[of_arena] == mujoco.mjtGeom.mjGEOM_PLANE)[:, None]
-    reach = np.where(is_plane, plane_size, radius[:, None])
-    low = (data.geom_xpos[of_arena, :2] - reach).min(axis=0)
-    high = (data.geom_xpos[of_arena, :2] + reach).max(axis=0)
+    arena = np.flatnonzero(model.body_rootid[model.geom_bodyid] != robot_body)
+    centre, half = model.geom_aabb[arena, :3].copy(), model.geom_aabb[arena, 3:].copy()
+    plane = model.geom_type[arena] == mujoco.mjtGeom.mjGEOM_PLANE
+    size = model.geom_size[arena[plane], :2]
+    half[plane] = np.column_stack([np.where(size > 0, size, 25.0), np.zeros(plane.sum())])
+    R = data.geom_xmat[arena].reshape(-1, 3, 3)
+    middle = data.geom_xpos[arena] + np.einsum("nij,nj->ni", R, np.where(plane[:, None], 0, centre))
+    reach = np.einsum("nij,nj->ni", np.abs(R), half)
+    low, high = (middle - reach)[:, :2].min(axis=0), (middle + reach)[:, :2].max(axis=0)
     origin = np.floor((low - MARGIN) / CELL) * CELL
     nx, ny = np.ceil((high + MARGIN - origin) / CELL).astype(int)
     return Grid(origin, CELL, (int(nx), int(ny)))

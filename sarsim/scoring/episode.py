@@ -1,0 +1,110 @@
+"""The score of an episode: what goes into report.json."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.explorer import Explorer, Look
+from pipeline.navigation import Outcome
+from pipeline.surface.path_kernels import shortest_paths
+from sarsim.scoring.faces import score_segments, true_faces
+from sarsim.scoring.semantics import SemanticScore
+from sarsim.scoring.topology import score_topology
+from sarsim.scoring.trajectory import driven, greatest_tilt, score_localisation, times_tipped
+from sarsim.scoring.true_surface import true_surface
+from sarsim.scoring.voxels import VoxelScore
+from sarsim.simulated_robot import SimulatedRobot
+
+SEEN_HEIGHT = 0.15
+"""m; a return this near to a cell's ground has seen the cell."""
+
+
+class EpisodeScore:
+    """Watches an episode from outside, with the truth at hand."""
+
+    def __init__(self, robot: SimulatedRobot, explorer: Explorer):
+        self._robot = robot
+        self._explorer = explorer
+        model, data = robot.physics.model.ptr, robot.physics.data.ptr
+        self.surface = true_surface(model, data, robot.base_body, robot.trajectory[-1].T_world_base[:3, 3])
+        self._faces = true_faces(model, data)
+        self._voxels = VoxelScore(explorer.metric_map)
+        self._semantics = SemanticScore(explorer.semantic_map.config)
+        self._seen = np.zeros(self.surface.grid.shape, np.bool_)
+        self._cost_ratios: list[float] = []
+        self._start_time = robot.time
+
+    def add(self, look: Look) -> None:
+        """Take the newest look into account."""
+        truth = self._robot.true_look
+        assert truth is not None
+        points = truth.points()
+        self._voxels.add(points, truth.image.T_world_camera[:3, 3])
+        self._see(points)
+        if look.frame.label is not None:
+            self._semantics.add(look.points, look.frame.label[look.frame.returns])
+        if look.plan is not None and look.plan.length > 0.1:
+            self._cost_ratios.append(
+                look.plan.length / self._optimum(truth.T_world_base[:2, 3], look.plan.way_points[-1, :2])
+            )
+
+    @property
+    def explored_fraction(self) -> float:
+        """Share of the drivable area that was seen."""
+        return float(self._seen[self.surface.drivable].mean())
+
+    def report(self) -> dict[str, Any]:
+        """Everything about the stages; the commands add what ran and how long it took."""
+        explorer, trajectory = self._explorer, self._robot.trajectory
+        return {
+            "metric_map": self._voxels.report(),
+            "semantic_map": self._semantics.report(explorer.semantic_map),
+            "segments": score_segments(explorer.segments, self._faces),
+            "topological_map": score_topology(explorer.topological_map, self.surface),
+            "path_plan": self._path_plan(),
+            "navigation": self._navigation(),
+            "exploration": {
+                "explored_fraction": self.explored_fraction,
+                "frontiers_left": len(explorer.exploration.frontiers),
+            },
+            "localisation": score_localisation(trajectory),
+        }
+
+    def _see(self, points: NDArray[np.float32]) -> None:
+        """Mark the cells that a noise-free return fell in."""
+        grid = self.surface.grid
+        cells = grid.cell_of(points)
+        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+        i, j = cells[inside].T
+        on_ground = np.abs(points[inside, 2] - self.surface.height[i, j]) < SEEN_HEIGHT
+        self._seen[i[on_ground], j[on_ground]] = True
+
+    def _optimum(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:
+        """Length in m of the shortest way on the true grid; NaN if the truth has none."""
+        grid, drivable = self.surface.grid, self.surface.drivable
+        first, last = grid.nearest(drivable, start, 0.3), grid.nearest(drivable, goal, 0.3)
+        if first is None or last is None:
+            return float("nan")
+        no_ramp, level = np.zeros_like(drivable), np.zeros((*drivable.shape, 2), np.float32)
+        cost, _ = shortest_paths(*grid.cell_of(first), drivable, no_ramp, level, 0.0, 1.0)
+        return max(float(grid.at(cost, last)) * grid.cell, grid.cell)
+
+    def _path_plan(self) -> dict[str, Any]:
+        ratios = np.array([r for r in self._cost_ratios if np.isfinite(r)])
+        cost = {"median": float(np.median(ratios)), "max": float(ratios.max())} if len(ratios) else {}
+        return {"plans": len(self._cost_ratios), "cost_vs_grid": cost}
+
+    def _navigation(self) -> dict[str, Any]:
+        legs, trajectory = self._explorer.navigator.legs, self._robot.trajectory
+        roll, pitch = greatest_tilt(trajectory)
+        return {
+            "legs": len(legs),
+            "reached": sum(leg.outcome is Outcome.REACHED for leg in legs),
+            "tipped": times_tipped(trajectory),
+            "stuck": sum(leg.outcome is Outcome.STUCK for leg in legs),
+            "collisions": self._robot.collisions.collisions,
+            "distance_m": driven(trajectory),
+            "max_roll_deg": float(np.degrees(roll)),
+            "max_pitch_deg": float(np.degrees(pitch)),
+        }

@@ -1,0 +1,62 @@
+"""How right the metric map is."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.metric_map.metric_map import MetricMap
+from sarsim.scoring.voxel_kernels import mark_crossed
+
+
+class VoxelScore:
+    """Collects what noise-free rays at the true poses cross and where they end, and holds the map against it."""
+
+    def __init__(self, metric_map: MetricMap):
+        self._map = metric_map
+        self._size = metric_map.config.voxel_size
+        self._corner = (
+            metric_map.voxel_centre(np.zeros((1, 3), np.int64))[0].astype(np.float64) - self._size / 2
+        )
+        self._lower = np.zeros(3, np.int64)
+        self._crossed = np.zeros((0, 0, 0), np.bool_)
+        self._surface = np.zeros((0, 0, 0), np.bool_)
+
+    def add(self, points: NDArray[np.float32], camera: NDArray[np.float64]) -> None:
+        """Follow the noise-free rays of a look: (N, 3) end points and (3,) camera, m in the world."""
+        if not len(points):
+            return
+        ends = (points.astype(np.float64) - self._corner) / self._size
+        start = (camera - self._corner) / self._size
+        self._reserve(np.vstack([ends, start]))
+        mark_crossed(ends - self._lower, start - self._lower, self._crossed)
+        i, j, k = (np.floor(ends).astype(np.int64) - self._lower).T
+        self._surface[i, j, k] = True
+
+    def report(self) -> dict[str, float]:
+        """The figures of the map; a voxel with a surface counts as surface even where other rays cross it."""
+        upper = self._lower + self._surface.shape
+        log_odds = self._map.log_odds(self._lower, upper)
+        occupied, free = log_odds > 0, log_odds < 0
+        crossed = self._crossed & ~self._surface
+        near_surface = ndimage.binary_dilation(self._surface, np.ones((3, 3, 3)))
+        # Occupied voxels beyond the window are wrong, too.
+        all_occupied = max(len(self._map.occupied_centres()), 1)
+        return {
+            "occupied_recall": float(occupied[self._surface].mean()),
+            "occupied_precision": float((occupied & near_surface).sum() / all_occupied),
+            "false_free_rate": float(free[self._surface].mean()),
+            "free_recall": float(free[crossed].mean()),
+        }
+
+    def _reserve(self, voxels: NDArray[np.float64]) -> None:
+        """Make room for points, with a voxel to spare on every side."""
+        low = np.floor(voxels.min(axis=0)).astype(np.int64) - 1
+        high = np.floor(voxels.max(axis=0)).astype(np.int64) + 2
+        if self._surface.size == 0:
+            self._lower = low
+        before = np.maximum(self._lower - low, 0)
+        after = np.maximum(high - (self._lower + self._surface.shape), 0)
+        if before.any() or after.any():
+            pad = list(zip(before, after, strict=True))
+            self._crossed, self._surface = np.pad(self._crossed, pad), np.pad(self._surface, pad)
+            self._lower = self._lower - before

@@ -1,0 +1,181 @@
+"""Run an episode: the robot explores an arena, builds its maps and leaves a recording and a report."""
+
+import json
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.progress import Progress, TimeElapsedColumn
+from sarsim.recording import EpisodeRecorder
+from sarsim.scripts.cli import INTERRUPTED, run
+from sarsim.scripts.tables import report_table
+
+from pipeline.errors import InputError
+from pipeline.explorer import Explorer, ExplorerConfig
+from pipeline.files import whole_file
+from pipeline.semantic_map.classifier import TruthClassifier
+from sarsim.arena import load_arena
+from sarsim.scoring.episode import EpisodeScore
+from sarsim.scoring.trajectory import write_tum
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+CLASSIFIERS = {"truth": TruthClassifier}
+"""Who says what a point belongs to, by the value of ``--labels``."""
+
+
+@dataclass(frozen=True)
+class EpisodeConfig:
+    """What an episode is made of.
+
+    Attributes:
+        arena: nist_6x4, or the path of an MJCF file.
+        seed: of everything random.
+        steps: looks at most; the episode ends before when nothing is left to look at.
+        labels: who says what a point belongs to.
+        simulation: of the robot's body.
+        pipeline: settings of every stage.
+        view: show the episode while it runs: in a new window, in the browser, or not at all.
+        out: folder for the results, runs/<arena>-<seed> if not given.
+    """
+
+    arena: str = "nist_6x4"
+    seed: int = 0
+    steps: int = 160
+    labels: Literal["truth"] = "truth"
+    simulation: Annotated[SimulationConfig, tyro.conf.arg(name="")] = field(default_factory=SimulationConfig)
+    pipeline: ExplorerConfig = field(default_factory=ExplorerConfig)
+    view: Literal["none", "spawn", "web"] = "none"
+    out: Path | None = None
+
+
+class Episode:
+    """A robot, its explorer, and those who watch: the score and the recorder."""
+
+    def __init__(self, config: EpisodeConfig):
+        """Raises InputError where the arena, the output folder or the viewer cannot be had."""
+        self.config = config
+        arena = load_arena(config.arena)
+        self.out = config.out or Path("runs") / f"{Path(config.arena).stem}-{config.seed}"
+        make_folder(self.out)
+        self.robot = SimulatedRobot(arena, config.simulation, config.seed)
+        classifier = CLASSIFIERS[config.labels]()
+        self.explorer = Explorer(self.robot, classifier, config.pipeline, config.seed)
+        self.score = EpisodeScore(self.robot, self.explorer)
+        self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
+        self.robot.on_motion = self.recorder.log_motion
+        self._wall_start, self._sim_start = perf_counter(), self.robot.time
+
+    def run(self) -> bool:
+        """Look and drive until nothing is left to look at; False if interrupted. Results are written in any case."""
+        with Progress(
+            *Progress.get_default_columns(), TimeElapsedColumn(), console=Console(stderr=True)
+        ) as progress:
+            bar = progress.add_task(self.config.arena, total=self.config.steps)
+            try:
+                while self.explorer.steps < self.config.steps and self.step():
+                    progress.update(bar, completed=self.explorer.steps, description=self._state())
+                return True
+            except KeyboardInterrupt:
+                self.recorder.log_message("WARN", "interrupted")
+                return False
+            finally:
+                self._finish()
+
+    def step(self) -> bool:
+        """One look, and the drive to the next; False when there is no next."""
+        look = self.explorer.look()
+        self.score.add(look)
+        self.recorder.log_look(self.explorer.steps - 1, self.explorer, look)
+        if look.plan is None:
+            self.recorder.log_message("INFO", "nothing is left that is worth a look")
+            return False
+        if not self.explorer.drive(look):
+            leg = self.explorer.navigator.legs[-1]
+            self.recorder.log_message("WARN", f"leg to {leg.target.round(2)} ended {leg.outcome.value}")
+        return True
+
+    def _state(self) -> str:
+        return f"{self.config.arena}: {self.score.explored_fraction:.0%} explored"
+
+    def _finish(self) -> None:
+        wall_time, sim_time = perf_counter() - self._wall_start, self.robot.time - self._sim_start
+        self.recorder.close()
+        if self.explorer.steps:
+            self.report = self._report(wall_time, sim_time)
+            self._write()
+        self.robot.close()
+
+    def _report(self, wall_time: float, sim_time: float) -> dict[str, Any]:
+        seconds = self.explorer.stopwatch.seconds
+        config = asdict(self.config) | {"out": str(self.out)}
+        return {
+            "arena": self.config.arena,
+            "seed": self.config.seed,
+            "steps": self.explorer.steps,
+            "version": version("sarsim"),
+            "config": config,
+            "sim_time_s": sim_time,
+            "wall_time_s": wall_time,
+            "real_time_factor": sim_time / wall_time,
+            "timing_ms": {stage: percentiles(times) for stage, times in seconds.items()},
+            **self.score.report(),
+        }
+
+    def _write(self) -> None:
+        with whole_file(self.out / "report.json") as path:
+            path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
+        self.explorer.metric_map.save(self.out / "metric_map.npz")
+        self.explorer.semantic_map.save(self.out / "semantic_map.ply")
+        self.explorer.topological_map.save(self.out / "topology.json")
+        poses = self.robot.trajectory
+        times = [p.time for p in poses]
+        write_tum(self.out / "trajectory_true.tum", times, [p.T_world_base for p in poses])
+        write_tum(self.out / "trajectory_estimated.tum", times, [p.T_odom_base for p in poses])
+
+
+def percentiles(seconds: list[float]) -> dict[str, float]:
+    """Median and 95th percentile, in ms."""
+    return {"median": 1e3 * float(np.median(seconds)), "p95": 1e3 * float(np.percentile(seconds, 95))}
+
+
+def make_folder(path: Path) -> None:
+    """Make sure that files can be written into a folder.
+
+    Raises:
+        InputError: they cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with whole_file(path / ".probe") as probe:
+            probe.touch()
+        (path / ".probe").unlink()
+    except OSError as error:
+        raise InputError(f"--out {path}: {error.strerror or error}") from error
+
+
+def run_episode(config: Annotated[EpisodeConfig, tyro.conf.arg(name="")]) -> None:
+    """Run the episode, print its report and say where it lies."""
+    episode = Episode(config)
+    finished = episode.run()
+    console = Console()
+    if episode.explorer.steps:
+        console.print(report_table(episode.report))
+    console.print(
+        f"Results in {episode.out}; look at the recording with: python scripts/view.py {episode.out}"
+    )
+    if not finished:
+        raise SystemExit(INTERRUPTED)
+
+
+def main() -> None:
+    """Entry point."""
+    run(run_episode)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,31 @@
+"""Reports as tables for a person to read."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from rich.table import Table
+
+SKIPPED = ("config", "timing_ms")
+
+
+def report_table(report: dict[str, Any]) -> Table:
+    """A row for every figure of report.json, without the settings; the stages apart."""
+    table = Table("figure", title=f"{report['arena']}, seed {report['seed']}")
+    table.add_column("value", justify="right")
+    for stage, content in report.items():
+        if stage in SKIPPED:
+            continue
+        for name, value in figures(stage, content):
+            table.add_row(name, f"{value:,.4g}" if isinstance(value, float) else str(value))
+        if isinstance(content, dict):
+            table.add_section()
+    return table
+
+
+def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
+    """The numbers in nested dicts, with their path as name."""
+    if isinstance(content, dict):
+        for key, value in content.items():
+            yield from figures(f"{name}.{key}", value)
+    else:
+        yield name, content

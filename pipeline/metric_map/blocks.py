@@ -11,6 +11,7 @@ from pipeline.errors import InputError
 SIDE = 64
 """Voxels along a side of a block."""
 
+Key = tuple[int, int, int]
 Box = tuple[slice, slice, slice]
 
 
@@ -30,48 +31,35 @@ class BlockArray:
         """Bytes of all blocks."""
         return len(self._blocks) * SIDE**3
 
-    def pieces(
-        self, lower: NDArray[np.int64], shape: tuple[int, ...], *, create: bool = False
-    ) -> Iterator[tuple[Box, NDArray[np.int8]]]:
-        """The parts of a box that lie in one block each.
+    def __contains__(self, key: Key) -> bool:
+        return key in self._blocks
 
-        Args:
-            lower: (3,) index of the box's first voxel.
-            shape: of the box.
-            create: make the blocks that are missing, instead of leaving them out.
-
-        Yields:
-            Where the part lies in the box, and a view of the part's voxels.
+    def block(self, key: Key) -> NDArray[np.int8]:
+        """(SIDE, SIDE, SIDE) int8, the block itself; it comes into being if it is not there.
 
         Raises:
-            InputError: if a new block would exceed the bound on memory.
+            InputError: if it would exceed the bound on memory.
         """
-        first = lower // SIDE
-        last = (lower + np.array(shape) - 1) // SIDE
-        x, y, z = (range(a, b + 1) for a, b in zip(first.tolist(), last.tolist(), strict=True))
-        for key in product(x, y, z):
-            block = self._block(key) if create else self._blocks.get(key)
-            if block is None:
-                continue
-            in_box, in_block = [], []
-            for axis in range(3):
-                corner = key[axis] * SIDE - int(lower[axis])
-                begin, end = max(corner, 0), min(corner + SIDE, shape[axis])
-                in_box.append(slice(begin, end))
-                in_block.append(slice(begin - corner, end - corner))
-            yield (in_box[0], in_box[1], in_box[2]), block[in_block[0], in_block[1], in_block[2]]
+        block = self._blocks.get(key)
+        if block is None:
+            if self.nbytes + SIDE**3 > self._max_bytes:
+                raise InputError(f"the metric map would exceed its bound of {self._max_bytes} bytes")
+            block = self._blocks[key] = np.zeros((SIDE, SIDE, SIDE), np.int8)
+        return block
 
     def read(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray[np.int8]:
         """A copy of a box, int8."""
         result = np.zeros(shape, np.int8)
-        for box, piece in self.pieces(lower, shape):
-            result[box] = piece
+        for key, in_box, in_block in parts(lower, shape):
+            if key in self._blocks:
+                result[in_box] = self._blocks[key][in_block]
         return result
 
     def write(self, lower: NDArray[np.int64], values: NDArray[np.int8]) -> None:
         """Overwrite a box."""
-        for box, piece in self.pieces(lower, values.shape, create=True):
-            piece[...] = values[box]
+        for key, in_box, in_block in parts(lower, values.shape):
+            if values[in_box].any():
+                self.block(key)[in_block] = values[in_box]
 
     def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(3,) first index and (3,) one past the last index of the box around all that is not zero."""
@@ -82,13 +70,27 @@ class BlockArray:
             return np.zeros(3, np.int64), np.zeros(3, np.int64)
         return np.min(corners, axis=0), np.max(corners, axis=0)
 
-    def _block(self, key: tuple[int, int, int]) -> NDArray[np.int8]:
-        block = self._blocks.get(key)
-        if block is None:
-            if self.nbytes + SIDE**3 > self._max_bytes:
-                raise InputError(f"the metric map would exceed its bound of {self._max_bytes} bytes")
-            block = self._blocks[key] = np.zeros((SIDE, SIDE, SIDE), np.int8)
-        return block
+
+def parts(lower: NDArray[np.int64], shape: tuple[int, ...]) -> Iterator[tuple[Key, Box, Box]]:
+    """The parts of a box, given by its first index and its shape, that lie in one block each.
+
+    Yields:
+        The block's key, where the part lies in the box and where in the block.
+    """
+    axes = [_parts_of_axis(first, length) for first, length in zip(lower.tolist(), shape, strict=True)]
+    for part in product(*axes):
+        (a, i, u), (b, j, v), (c, k, w) = part
+        yield (a, b, c), (i, j, k), (u, v, w)
+
+
+def _parts_of_axis(first: int, length: int) -> list[tuple[int, slice, slice]]:
+    """Along one axis: number of the block, indices in the box and indices in the block."""
+    result = []
+    for block in range(first // SIDE, -(-(first + length) // SIDE)):
+        corner = block * SIDE - first
+        begin, end = max(corner, 0), min(corner + SIDE, length)
+        result.append((block, slice(begin, end), slice(begin - corner, end - corner)))
+    return result
 
 
 def _extent(block: NDArray[np.int8]) -> list[NDArray[np.int64]]:

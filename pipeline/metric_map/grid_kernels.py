@@ -1,26 +1,45 @@
-"""Weighing a scan against the map, and reading the map."""
+"""Weighing a scan against the map."""
 
 import numpy as np
 from numba import njit
 
-HIT = 2
+WORD = 8
+"""Marks along z that are looked at together."""
 
 
 @njit(cache=True)
-def fold(marks, log_odds, hit, miss, least, greatest):
-    """Add a scan's marks to the log-odds of the same voxels, within ``least``..``greatest``.
+def any_mark(words):
+    """Is there a mark in a part of a scan? ``words``: (nx, ny, nz / WORD) uint64."""
+    for i in range(words.shape[0]):
+        for j in range(words.shape[1]):
+            for k in range(words.shape[2]):
+                if words[i, j, k] != 0:
+                    return True
+    return False
+
+
+@njit(cache=True)
+def fold(words, log_odds, hit, miss, least, greatest):
+    """Add a scan's marks to the log-odds of the same voxels.
 
     Args:
-        marks: (nx, ny, nz) uint8, 0 unseen, 1 free, 2 hit.
+        words: (nx, ny, nz / WORD) uint64, each WORD marks along z: 0 unseen, 1 free, 2 hit.
         log_odds: (nx, ny, nz) int8, changed in place.
-        hit, miss: positive int, what an end point adds and a crossing takes.
+        hit, miss: what an end point adds and a crossing takes.
+        least, greatest: clamps.
     """
-    gain = np.array((0, -miss, hit), np.int16)
-    nx, ny, nz = marks.shape
-    for i in range(nx):
-        for j in range(ny):
-            for k in range(nz):
-                mark = marks[i, j, k]
-                value = np.int16(log_odds[i, j, k]) + gain[mark]
-                value = min(max(value, least), greatest)
-                log_odds[i, j, k] = value if mark != 0 else log_odds[i, j, k]
+    for i in range(words.shape[0]):
+        for j in range(words.shape[1]):
+            for k in range(words.shape[2]):
+                word = words[i, j, k]
+                if word != 0:
+                    _fold_word(word, log_odds[i, j, k * WORD : (k + 1) * WORD], hit, miss, least, greatest)
+
+
+@njit(cache=True)
+def _fold_word(word, log_odds, hit, miss, least, greatest):
+    for n in range(WORD):
+        mark = (word >> np.uint64(8 * n)) & np.uint64(0xFF)
+        if mark != 0:
+            gain = hit if mark == 2 else -miss
+            log_odds[n] = min(max(log_odds[n] + gain, least), greatest)

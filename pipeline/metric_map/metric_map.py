@@ -11,14 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.metric_map import files
-from pipeline.metric_map.blocks import BlockArray
-from pipeline.metric_map.grid_kernels import fold
+from pipeline.metric_map.blocks import BlockArray, parts
+from pipeline.metric_map.grid_kernels import WORD, any_mark, fold
 from pipeline.metric_map.projective_update import project
 from pipeline.metric_map.ray_traversal import trace
 from pipeline.metric_map.scan import Scan, Scratch
 
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0
 """The thesis's three values of a voxel."""
+
+_IDENTITY = np.eye(3)
 
 FARTHEST = 1e5
 """m; a pose or point farther from the map's origin than this is taken for an error."""
@@ -32,9 +34,9 @@ class MetricMapConfig:
         voxel_size: m.
         max_range: m; returns from farther free space up to here and end nowhere. Along the optical axis for depth
             images, from the origin for points.
-        offset: (x, y, z) of a voxel's corner in ``map``, in voxels. Built surfaces tend to lie at round figures; one that
-            lies on a face between two voxel layers makes noise fill both. So z = 0 is put inside a layer, and so
-            are the multiples of half a voxel along every axis.
+        offset: (x, y, z) of a voxel's corner in ``map``, in voxels. Built surfaces tend to lie at round figures;
+            noise makes one that lies on a face between two voxel layers fill both. So z = 0 is put inside a layer,
+            and so are the multiples of half a voxel along every axis.
         hit: what an end point adds to a voxel's log-odds. Far more than a crossing takes: one return proves a
             surface, while rays cross a voxel with a surface in a corner of it again and again.
         miss: what a crossing takes from a voxel's log-odds.
@@ -184,9 +186,12 @@ class MetricMap:
         return self.voxel_centre(np.argwhere(_states(self.log_odds(lower, upper)) == state) + lower)
 
     def _fold(self, scan: Scan) -> None:
-        config = self.config
-        for box, piece in self._log_odds.pieces(scan.lower, scan.marks.shape, create=True):
-            fold(scan.marks[box], piece, config.hit, config.miss, config.least, config.greatest)
+        config, words = self.config, scan.words
+        for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
+            part = words[i, j, k.start // WORD : k.stop // WORD]
+            if key in self._log_odds or any_mark(part):
+                log_odds = self._log_odds.block(key)[in_block]
+                fold(part, log_odds, config.hit, config.miss, config.least, config.greatest)
 
 
 def _states(log_odds: NDArray[np.int8]) -> NDArray[np.float32]:
@@ -206,13 +211,14 @@ def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
 def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:
     """A copy of a pose, float64, after making sure that it is one."""
     T = np.array(T, np.float64)
-    if T.shape != (4, 4) or not np.isfinite(T).all() or not np.array_equal(T[3], (0, 0, 0, 1)):
-        raise InputError("a pose must be a finite 4×4 matrix whose last row is 0 0 0 1")
+    if T.shape != (4, 4) or T[3].tolist() != [0, 0, 0, 1]:
+        raise InputError("a pose must be a 4×4 matrix whose last row is 0 0 0 1")
     R = T[:3, :3]
-    if not np.allclose(R @ R.T, np.eye(3), atol=1e-4) or np.linalg.det(R) < 0:
+    # Written so that a NaN anywhere fails too.
+    if not (np.abs(R @ R.T - _IDENTITY).max() <= 1e-4 and np.linalg.det(R) > 0):
         raise InputError("a pose must be rigid: its rotation is not orthonormal or mirrors")
-    if np.abs(T[:3, 3]).max() > FARTHEST:
-        raise InputError(f"the camera stands farther than {FARTHEST:.0f} m from the map's origin")
+    if not np.abs(T[:3, 3]).max() <= FARTHEST:
+        raise InputError(f"the camera must stand within {FARTHEST:.0f} m of the map's origin")
     return T
 
 

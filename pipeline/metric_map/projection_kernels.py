@@ -1,27 +1,112 @@
 """The projective update: which voxels do the rays of a depth image end in, and which do they cross?
 
-Everything is measured in the scan's box: ``camera`` is the optical centre and ``rotation`` turns camera axes into map
-axes, in metres from the box's corner. Voxel (i, j, k) of the box spans [i, i + 1] · size and so on.
+The marks of a scan are a box of whole blocks of voxels. A point in the box is measured from its corner, in voxels.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-FREE, HIT = 1, 2
-TILE = 8
-"""Pixels along a side of the finest pyramid level's tiles."""
-SAMPLES = 8
-"""Pixels looked at along each side of a voxel's footprint in the image."""
+from pipeline.metric_map.ray_kernels import HIT, walk
+
 BLOCK = 8
-"""Voxels along a side of the blocks that are tried as a whole first."""
+"""Voxels along a side of the blocks that are decided together."""
+SIDE = BLOCK + 1
+"""Voxel corners along a side of a block."""
+CORNERS = SIDE**3
+TILE = 8
+"""Pixels along a side of the tiles of the depth pyramid's finest level."""
+NEAR = 5.0
+"""Depth in voxels up to which the field of view is so narrow that voxel corners miss parts of it."""
+NEAR_ROWS, NEAR_COLUMNS = 7, 9
+"""Rays that are followed up to there; so dense that they miss no voxel by more than a part of it."""
+
+
+class View(NamedTuple):
+    """A depth image's geometry."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    far: float
+    """m of depth; returns at most this deep are end points, deeper ones reach this far and end nowhere."""
+    margin: float
+    margin_growth: float
+    """A ray frees space up to margin + margin_growth · depth² m before its end."""
+    origin: NDArray[np.float64]
+    """(3,) the optical centre in the box."""
+    axes: NDArray[np.float64]
+    """(3, 3) the camera's axes x, y, z in the map, in voxels per metre."""
+    size: float
+    """m along a voxel's side."""
 
 
 @njit(cache=True)
-def _voxels_of_row(row, far, base, step, origin, ny, nz, nowhere, index):
+def observe(depth, pinhole, pose, size, far, margin, margin_growth, marks, flat, high):
+    """Mark the voxels that rays end in as HIT and those that they only cross as FREE.
+
+    Args:
+        depth: (H, W) float32, m; what is not a positive finite number is no return.
+        pinhole: (4,) float64 fx, fy, cx, cy in pixels.
+        pose: (3, 4) float64: rotation, camera axes to map axes, and the optical centre in the box, in voxels.
+        size, far, margin, margin_growth: see View.
+        marks: (nx, ny, nz) uint8 zeros that hold all that the camera can see; whole blocks.
+        flat: the same, with one more mark at the end that stands for "nowhere".
+        high: (levels, ⌈H / TILE⌉, ⌈W / TILE⌉) float32, to be filled.
+    """
+    axes = np.ascontiguousarray(pose[:, :3].T) / size
+    origin = pose[:, 3].copy()
+    fx, fy, cx, cy = pinhole
+    view = View(fx, fy, cx, cy, far, margin, margin_growth, origin, axes, size)
+    _mark_returns(depth, view, marks.shape, flat, high[0])
+    _build_pyramid(high)
+    _mark_near(depth, view, marks)
+    _mark_free(depth, view, marks, high)
+
+
+@njit(cache=True)
+def _mark_returns(depth, view, shape, flat, high):
+    """Mark the voxel of each return as HIT and find the deepest reach in every tile (0 = no return)."""
+    height, width = depth.shape
+    nowhere = np.int32(flat.size - 1)
+    far = np.float32(view.far)
+    ny, nz = np.int32(shape[1]), np.int32(shape[2])
+    origin, step = view.origin.astype(np.float32), (view.axes[0] / view.fx).astype(np.float32)
+    first = _first_of_rows(height, view)
+    index = np.empty(width, np.int32)
+    deepest = np.zeros(high.shape[1] * TILE, np.float32)
+    for top in range(0, height, TILE):
+        deepest[:] = 0
+        for v in range(top, min(top + TILE, height)):
+            _voxels_of_row(depth[v], far, first[v], step, origin, ny, nz, nowhere, index)
+            for u in range(width):
+                flat[np.uint32(index[u])] = HIT
+            _deepest_of_columns(depth[v], far, deepest)
+        _deepest_of_tiles(deepest, high[top // TILE])
+    flat[nowhere] = 0
+
+
+@njit(cache=True)
+def _first_of_rows(height, view):
+    """(H, 3) float32, voxels from the camera to the point 1 m deep in the first pixel of each image row."""
+    first = np.empty((height, 3), np.float32)
+    x = (0.5 - view.cx) / view.fx
+    for v in range(height):
+        y = (v + 0.5 - view.cy) / view.fy
+        for axis in range(3):
+            first[v, axis] = view.axes[0, axis] * x + view.axes[1, axis] * y + view.axes[2, axis]
+    return first
+
+
+@njit(cache=True)
+def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
     """Fill ``index`` with the flat voxel that each return of an image row falls in."""
     zero = np.float32(0)
     o0, o1, o2 = origin[0], origin[1], origin[2]
-    a0, a1, a2 = base[0], base[1], base[2]
+    a0, a1, a2 = first[0], first[1], first[2]
     b0, b1, b2 = step[0], step[1], step[2]
     for u in range(row.size):
         column = np.float32(np.int32(u))
@@ -35,254 +120,196 @@ def _voxels_of_row(row, far, base, step, origin, ny, nz, nowhere, index):
 
 
 @njit(cache=True)
-def _extremes_of_row(row, far, least, greatest):
-    """Fold how far the rays of an image row reach into the least and the greatest of each column."""
+def _deepest_of_columns(row, far, deepest):
+    """Fold how deep the rays of an image row reach into the deepest of each column."""
     zero, infinity = np.float32(0), np.float32(np.inf)
     for u in range(row.size):
-        d = row[u] if (row[u] > zero) & (row[u] < infinity) else zero
-        reach = d if d < far else far
-        least[u] = reach if reach < least[u] else least[u]
-        greatest[u] = reach if reach > greatest[u] else greatest[u]
+        d = row[u] if row[u] < infinity else zero
+        d = d if d < far else far
+        deepest[u] = d if d > deepest[u] else deepest[u]
 
 
 @njit(cache=True)
-def _extremes_of_tiles(least, greatest, low, high):
-    """Fold the columns' extremes into those of the tiles of one row of tiles."""
-    for t in range(low.size):
-        smallest, largest = least[t * TILE], greatest[t * TILE]
-        for u in range(t * TILE + 1, min((t + 1) * TILE, least.size)):
-            smallest = min(smallest, least[u])
-            largest = max(largest, greatest[u])
-        low[t], high[t] = smallest, largest
+def _deepest_of_tiles(deepest, high):
+    """Fold the columns' deepest into those of a row of tiles."""
+    for t in range(high.size):
+        c = deepest[t * TILE : (t + 1) * TILE]
+        high[t] = max(max(max(c[0], c[1]), max(c[2], c[3])), max(max(c[4], c[5]), max(c[6], c[7])))
 
 
 @njit(cache=True)
-def mark_returns(depth, far, focal, centre, camera, rotation, size, shape, marks, low, high):
-    """Mark the voxel that each return falls in as HIT and fill the finest pyramid level.
-
-    Args:
-        depth: (H, W) float32, m; what is not a positive finite number is no return.
-        far: returns at most this deep are end points; deeper ones reach this far and end nowhere.
-        focal, centre: (2,) float64, pixels.
-        camera, rotation, size: see above.
-        shape: (3,) voxels of the box.
-        marks: flat uint8, one more than the box has voxels.
-        low, high: (H / TILE, W / TILE) float32 to fill: the least and the greatest reach in a tile (0 = no return).
-    """
-    height, width = depth.shape
-    far = np.float32(far)
-    nowhere = np.int32(marks.size - 1)
-    ny, nz = np.int32(shape[1]), np.int32(shape[2])
-    origin = (camera / size).astype(np.float32)
-    step = (rotation[:, 0] / (focal[0] * size)).astype(np.float32)
-    index = np.empty(width, np.int32)
-    least, greatest = np.empty(width, np.float32), np.empty(width, np.float32)
-    x = (0.5 - centre[0]) / focal[0]
-    for top in range(0, height, TILE):
-        least[:] = np.inf
-        greatest[:] = 0
-        for v in range(top, min(top + TILE, height)):
-            y = (v + 0.5 - centre[1]) / focal[1]
-            base = ((rotation[:, 0] * x + rotation[:, 1] * y + rotation[:, 2]) / size).astype(np.float32)
-            _voxels_of_row(depth[v], far, base, step, origin, ny, nz, nowhere, index)
-            for u in range(width):
-                marks[np.uint32(index[u])] = HIT
-            _extremes_of_row(depth[v], far, least, greatest)
-        _extremes_of_tiles(least, greatest, low[top // TILE], high[top // TILE])
-    marks[nowhere] = 0
-
-
-@njit(cache=True)
-def build_pyramid(low, high):
-    """Fill the coarser levels: a tile of level n + 1 covers 2 × 2 of level n.
-
-    Args:
-        low, high: (levels, H / TILE, W / TILE) float32, level 0 filled; level n uses its first ⌈shape / 2ⁿ⌉ tiles.
-    """
-    levels, height, width = low.shape
+def _build_pyramid(high):
+    """Fill the coarser levels; a tile of level n + 1 covers 2 × 2 of level n, which uses its first ⌈shape / 2ⁿ⌉."""
+    levels, height, width = high.shape
     for level in range(1, levels):
-        rows, columns = (height + 1) // 2, (width + 1) // 2
-        for i in range(rows):
-            for j in range(columns):
-                bottom, right = min(2 * i + 1, height - 1), min(2 * j + 1, width - 1)
-                a, b = low[level - 1], high[level - 1]
-                low[level, i, j] = min(a[2 * i, 2 * j], a[bottom, 2 * j], a[2 * i, right], a[bottom, right])
-                high[level, i, j] = max(b[2 * i, 2 * j], b[bottom, 2 * j], b[2 * i, right], b[bottom, right])
-        height, width = rows, columns
+        fine = high[level - 1]
+        for i in range((height + 1) // 2):
+            top, bottom = 2 * i, min(2 * i + 1, height - 1)
+            for j in range((width + 1) // 2):
+                left, right = 2 * j, min(2 * j + 1, width - 1)
+                upper, lower = (
+                    max(fine[top, left], fine[top, right]),
+                    max(fine[bottom, left], fine[bottom, right]),
+                )
+                high[level, i, j] = max(upper, lower)
+        height, width = (height + 1) // 2, (width + 1) // 2
 
 
 @njit(cache=True)
-def _extremes(low, high, u0, u1, v0, v1):
-    """Bounds of the reach over the pixels u0..u1 × v0..v1, from at most 3 × 3 tiles."""
+def _reach(d, view):
+    """Depth in m up to which the ray of a pixel with depth d frees space."""
+    if not 0 < d < np.inf:
+        return 0.0
+    d = min(d, view.far)
+    return d - view.margin - view.margin_growth * d * d
+
+
+@njit(cache=True)
+def _mark_near(depth, view, marks):
+    """Follow a few rays right before the camera, and those of the picture's corners all the way."""
+    height, width = depth.shape
+    x, y, z = view.origin
+    ax = view.axes
+    for i in range(NEAR_ROWS):
+        v = i * (height - 1) // (NEAR_ROWS - 1)
+        b = (v + 0.5 - view.cy) / view.fy
+        for j in range(NEAR_COLUMNS):
+            u = j * (width - 1) // (NEAR_COLUMNS - 1)
+            a = (u + 0.5 - view.cx) / view.fx
+            reach = _reach(depth[v, u], view)
+            if 0 < i < NEAR_ROWS - 1 or 0 < j < NEAR_COLUMNS - 1:
+                reach = min(reach, NEAR * view.size)
+            if reach > 0:
+                x_stop = x + reach * (ax[0, 0] * a + ax[1, 0] * b + ax[2, 0])
+                y_stop = y + reach * (ax[0, 1] * a + ax[1, 1] * b + ax[2, 1])
+                z_stop = z + reach * (ax[0, 2] * a + ax[1, 2] * b + ax[2, 2])
+                walk(x, y, z, x_stop, y_stop, z_stop, marks)
+
+
+@njit(cache=True)
+def _mark_free(depth, view, marks, high):
+    """Mark as FREE every voxel that is not a HIT and of which the camera sees a corner before the returns.
+
+    Where free space ends at a plane (a surface, the edge of the picture or of a shadow), it takes up a part of a
+    voxel only if it holds one of the voxel's corners. So the corners, each shared by eight voxels, decide as well
+    as all the rays through a voxel would.
+    """
+    metric = view.axes * (view.size * view.size)  # m per voxel along each camera axis
+    offsets = _corner_offsets(metric)
+    spread = np.abs(metric).sum(axis=1) * (0.5 * BLOCK)
+    middle = metric.sum(axis=1) * (0.5 * BLOCK)
+    pixel, deep, reach = (
+        np.empty(CORNERS, np.int32),
+        np.empty(CORNERS, np.float32),
+        np.empty(CORNERS, np.float32),
+    )
+    seen = np.zeros(CORNERS + SIDE * SIDE, np.uint8)
+    for i in range(0, marks.shape[0], BLOCK):
+        for j in range(0, marks.shape[1], BLOCK):
+            for k in range(0, marks.shape[2], BLOCK):
+                x, y, z = i - view.origin[0], j - view.origin[1], k - view.origin[2]
+                r = metric[0, 0] * x + metric[0, 1] * y + metric[0, 2] * z
+                d = metric[1, 0] * x + metric[1, 1] * y + metric[1, 2] * z
+                w = metric[2, 0] * x + metric[2, 1] * y + metric[2, 2] * z
+                if _may_be_seen(r + middle[0], d + middle[1], w + middle[2], spread, depth.shape, view, high):
+                    _project_corners(r, d, w, offsets, depth.shape, view, pixel, deep)
+                    _see_corners(depth.reshape(-1), view, pixel, deep, reach, seen)
+                    _mark_block(seen, marks[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK])
+
+
+@njit(cache=True)
+def _corner_offsets(metric):
+    """(3, CORNERS) float32, m in camera axes, from a block's first corner to the corners of its voxels."""
+    offsets = np.empty((3, CORNERS), np.float32)
+    n = 0
+    for i in range(SIDE):
+        for j in range(SIDE):
+            for k in range(SIDE):
+                for axis in range(3):
+                    offsets[axis, n] = metric[axis, 0] * i + metric[axis, 1] * j + metric[axis, 2] * k
+                n += 1
+    return offsets
+
+
+@njit(cache=True)
+def _may_be_seen(r, d, w, spread, shape, view, high):
+    """False if the cuboid (r, d, w) ± spread, m in camera axes, lies out of the picture or behind all returns."""
+    near, deep = w - spread[2], w + spread[2]
+    if deep <= 0 or near >= view.far:
+        return False
+    if near <= 0:
+        return True
+    u0, u1 = _interval(r, spread[0], near, deep, view.fx, view.cx)
+    v0, v1 = _interval(d, spread[1], near, deep, view.fy, view.cy)
+    if u0 >= shape[1] or v0 >= shape[0] or u1 < 0 or v1 < 0:
+        return False
+    return _deepest(high, max(u0, 0), min(u1, shape[1] - 1), max(v0, 0), min(v1, shape[0] - 1)) > near
+
+
+@njit(cache=True)
+def _interval(x, half, near, deep, focal, centre):
+    """First and last pixel along an image axis whose ray can meet a cuboid x ± half between two depths."""
+    a, b = x - half, x + half
+    first = a / near if a < 0 else a / deep
+    last = b / near if b > 0 else b / deep
+    return int(np.floor(first * focal + centre)), int(np.floor(last * focal + centre))
+
+
+@njit(cache=True)
+def _deepest(high, u0, u1, v0, v1):
+    """A bound of the reach over the pixels u0..u1 × v0..v1, from at most 3 × 3 tiles."""
     level, shift = 0, 3
     while (u1 >> shift) - (u0 >> shift) > 2 or (v1 >> shift) - (v0 >> shift) > 2:
         level, shift = level + 1, shift + 1
-    smallest, largest = np.float32(np.inf), np.float32(0)
+    deepest = np.float32(0)
     for i in range(v0 >> shift, (v1 >> shift) + 1):
         for j in range(u0 >> shift, (u1 >> shift) + 1):
-            smallest = min(smallest, low[level, i, j])
-            largest = max(largest, high[level, i, j])
-    return smallest, largest
+            deepest = max(deepest, high[level, i, j])
+    return deepest
+
+
+@njit(cache=True, error_model="numpy")
+def _project_corners(r0, d0, w0, offsets, shape, view, pixel, deep):
+    """Fill the flat pixel and the depth of a block's corners; a corner out of the picture is infinitely deep."""
+    fx, fy, cx, cy = np.float32(view.fx), np.float32(view.fy), np.float32(view.cx), np.float32(view.cy)
+    r0, d0, w0 = np.float32(r0), np.float32(d0), np.float32(w0)
+    zero, one, infinity = np.float32(0), np.float32(1), np.float32(np.inf)
+    right, bottom, row = np.float32(shape[1]), np.float32(shape[0]), np.int32(shape[1])
+    rs, ds, ws = offsets[0], offsets[1], offsets[2]
+    for n in range(CORNERS):
+        w = w0 + ws[n]
+        scale = one / w
+        u = (r0 + rs[n]) * scale * fx + cx
+        v = (d0 + ds[n]) * scale * fy + cy
+        inside = (w > zero) & (u >= zero) & (v >= zero) & (u < right) & (v < bottom)
+        u = u if inside else zero
+        v = v if inside else zero
+        pixel[n] = np.int32(np.int32(np.int32(v) * row) + np.int32(u))
+        deep[n] = w if inside else infinity
 
 
 @njit(cache=True)
-def _interval(x, h, near, far, focal, centre):
-    """First and last pixel, along one image axis, whose ray can meet a cuboid with x ± h and depth near..far."""
-    a, b = x - h, x + h
-    first = a / near if a < 0 else a / far
-    last = b / near if b > 0 else b / far
-    return int(np.ceil(first * focal + centre - 0.5)), int(np.floor(last * focal + centre - 0.5))
+def _see_corners(depth, view, pixel, deep, reach, seen):
+    """Fill ``seen``: does the ray through a corner's pixel reach the corner?"""
+    # Fetching the depths apart from comparing them lets the comparison run in vectors.
+    for n in range(CORNERS):
+        reach[n] = depth[np.uint32(pixel[n])]
+    far, a, b = np.float32(view.far), np.float32(view.margin), np.float32(view.margin_growth)
+    zero, infinity = np.float32(0), np.float32(np.inf)
+    for n in range(CORNERS):
+        d = reach[n]
+        e = d if d < far else far
+        seen[n] = (d > zero) & (d < infinity) & (e - a - b * e * e > deep[n])
 
 
 @njit(cache=True)
-def _entry(dx, dy, dz, x, y, z, half):
-    """Ray parameter at which the ray along d enters the cube (x, y, z) ± half; infinite if it misses."""
-    enter, leave = 0.0, np.inf
-    for d, c in ((dx, x), (dy, y), (dz, z)):
-        if d == 0.0:
-            if abs(c) >= half:
-                return np.inf
-        else:
-            a, b = (c - half) / d, (c + half) / d
-            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
-    return enter if enter < leave else np.inf
-
-
-@njit(cache=True)
-def _reach(d, far, margin):
-    """How deep the ray of a pixel with depth d frees space; see MetricMapConfig.margin."""
-    if not (d > 0 and d < np.inf):
-        return -1.0
-    d = min(d, far)
-    return d - margin[0] - margin[1] * d * d
-
-
-@njit(cache=True)
-def _is_crossed(depth, far, margin, focal, centre, rotation, u0, u1, v0, v1, nearest, x, y, z, half):
-    """Does the ray of a sampled pixel enter the cube (x, y, z) ± half, map axes, before it ends?"""
-    columns, rows = min(SAMPLES, u1 - u0 + 1), min(SAMPLES, v1 - v0 + 1)
-    for i in range(rows):
-        v = v0 + (2 * i + 1) * (v1 - v0 + 1) // (2 * rows)
-        b = (v + 0.5 - centre[1]) / focal[1]
-        for j in range(columns):
-            u = u0 + (2 * j + 1) * (u1 - u0 + 1) // (2 * columns)
-            reach = _reach(depth[v, u], far, margin)
-            if reach > nearest:
-                a = (u + 0.5 - centre[0]) / focal[0]
-                dx = rotation[0, 0] * a + rotation[0, 1] * b + rotation[0, 2]
-                dy = rotation[1, 0] * a + rotation[1, 1] * b + rotation[1, 2]
-                dz = rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2]
-                if _entry(dx, dy, dz, x, y, z, half) < reach:
-                    return True
-    return False
-
-
-@njit(cache=True)
-def mark_free(depth, far, margin, focal, centre, camera, rotation, size, marks, low, high):
-    """Mark as FREE every voxel that is not a HIT and that a ray crosses before it ends.
-
-    Args:
-        marks: (nx, ny, nz) uint8.
-        margin: (2,) float64, see MetricMapConfig.
-        low, high: the pyramid of ``build_pyramid``.
-        depth, far, focal, centre, camera, rotation, size: as in ``mark_returns``.
-    """
-    nx, ny, nz = marks.shape
-    spread = np.abs(rotation).sum(axis=0) * (0.5 * size)
-    for i in range(0, nx, BLOCK):
-        for j in range(0, ny, BLOCK):
-            for k in range(0, nz, BLOCK):
-                ends = (min(i + BLOCK, nx), min(j + BLOCK, ny), min(k + BLOCK, nz))
-                _mark_free_block(
-                    depth,
-                    far,
-                    margin,
-                    focal,
-                    centre,
-                    camera,
-                    rotation,
-                    size,
-                    spread,
-                    marks,
-                    low,
-                    high,
-                    i,
-                    j,
-                    k,
-                    ends,
-                )
-
-
-@njit(cache=True)
-def _mark_free_block(
-    depth, far, margin, focal, centre, camera, rotation, size, spread, marks, low, high, i0, j0, k0, ends
-):
-    """Decide a block of voxels at once if that is possible, and voxel by voxel if it is not."""
-    height, width = depth.shape
-    half = 0.5 * size
-    x = (i0 + 0.5 * BLOCK) * size - camera[0]
-    y = (j0 + 0.5 * BLOCK) * size - camera[1]
-    z = (k0 + 0.5 * BLOCK) * size - camera[2]
-    w = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
-    near, deep = w - BLOCK * spread[2], w + BLOCK * spread[2]
-    if deep <= 0 or near >= far:
-        return
-    fills = False
-    if near > size:
-        r = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z
-        d = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
-        u0, u1 = _interval(r, BLOCK * spread[0], near, deep, focal[0], centre[0])
-        v0, v1 = _interval(d, BLOCK * spread[1], near, deep, focal[1], centre[1])
-        if u0 >= width or v0 >= height or u1 < 0 or v1 < 0:
-            return
-        inside = u0 >= 0 and v0 >= 0 and u1 < width and v1 < height
-        least, greatest = _extremes(
-            low, high, max(u0, 0), min(u1, width - 1), max(v0, 0), min(v1, height - 1)
-        )
-        if _reach(greatest, far, margin) <= near:
-            return
-        # A cube's outline holds a circle of its side: where that is wider than a pixel's diagonal, some ray hits it.
-        dense = min(focal[0], focal[1]) * size > 1.5 * deep
-        fills = inside and dense and _reach(least, far, margin) > deep
-    for i in range(i0, ends[0]):
-        for j in range(j0, ends[1]):
-            for k in range(k0, ends[2]):
-                if marks[i, j, k] != 0:
-                    continue
-                if fills:
-                    marks[i, j, k] = FREE
-                    continue
-                x, y, z = (
-                    (i + 0.5) * size - camera[0],
-                    (j + 0.5) * size - camera[1],
-                    (k + 0.5) * size - camera[2],
-                )
-                w = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
-                near, deep = w - spread[2], w + spread[2]
-                if deep <= 0 or near >= far:
-                    continue
-                u0, u1, v0, v1 = 0, width - 1, 0, height - 1
-                if near > 0.1 * size:
-                    r = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z
-                    d = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
-                    u, v = (
-                        int(np.floor(r / w * focal[0] + centre[0])),
-                        int(np.floor(d / w * focal[1] + centre[1])),
-                    )
-                    if u >= 0 and v >= 0 and u < width and v < height:
-                        dense = min(focal[0], focal[1]) * size > 1.5 * w
-                        if dense and _reach(depth[v, u], far, margin) > w:
-                            marks[i, j, k] = FREE
-                            continue
-                    u0, u1 = _interval(r, spread[0], near, deep, focal[0], centre[0])
-                    v0, v1 = _interval(d, spread[1], near, deep, focal[1], centre[1])
-                    if u0 >= width or v0 >= height or u1 < 0 or v1 < 0 or u0 > u1 or v0 > v1:
-                        continue
-                    u0, u1, v0, v1 = max(u0, 0), min(u1, width - 1), max(v0, 0), min(v1, height - 1)
-                    _, greatest = _extremes(low, high, u0, u1, v0, v1)
-                    if _reach(greatest, far, margin) <= near:
-                        continue
-                if _is_crossed(
-                    depth, far, margin, focal, centre, rotation, u0, u1, v0, v1, near, x, y, z, half
-                ):
-                    marks[i, j, k] = FREE
+def _mark_block(seen, marks):
+    """Mark the voxels of a block that have a corner seen, unless they are marked already."""
+    for stride in (1, SIDE, SIDE * SIDE):
+        for n in range(CORNERS):
+            seen[n] |= seen[n + stride]
+    for i in range(BLOCK):
+        for j in range(BLOCK):
+            for k in range(BLOCK):
+                mark = marks[i, j, k]
+                marks[i, j, k] = mark if mark != 0 else seen[(i * SIDE + j) * SIDE + k]  # seen is FREE's 1

@@ -1,10 +1,12 @@
 """From a depth image to the marks of a scan, by projecting voxels into the image instead of following every ray."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Intrinsics
-from pipeline.metric_map import projection_kernels as kernels
+from pipeline.metric_map.projection_kernels import TILE, observe
 from pipeline.metric_map.scan import Scan, Scratch
 
 
@@ -25,41 +27,30 @@ def project(
         T_grid_camera: 4×4 pose of the camera in the grid's frame, in which voxel (0, 0, 0) starts at the origin.
         voxel_size: m.
         max_range: m of depth; a deeper return frees space up to there and ends nowhere.
-        margin: see :class:`MetricMapConfig`.
-        scratch: lends the marks, which live until the next call.
+        margin: see :class:`pipeline.metric_map.metric_map.MetricMapConfig`.
+        scratch: lends the marks.
     """
-    lower, shape = _view(intrinsics, T_grid_camera, voxel_size, max_range)
-    flat = scratch.zeros(shape)
-    marks = flat[:-1].reshape(shape)
-    rotation = np.ascontiguousarray(T_grid_camera[:3, :3])
-    camera = T_grid_camera[:3, 3] - lower * voxel_size
-    focal, centre = np.array([intrinsics.fx, intrinsics.fy]), np.array([intrinsics.cx, intrinsics.cy])
-    low, high = _empty_pyramid(depth.shape)
-    kernels.mark_returns(
-        depth, max_range, focal, centre, camera, rotation, voxel_size, shape, flat, low[0], high[0]
-    )
-    kernels.build_pyramid(low, high)
-    kernels.mark_free(
-        depth, max_range, np.array(margin), focal, centre, camera, rotation, voxel_size, marks, low, high
-    )
-    return Scan(lower, marks)
+    pose = T_grid_camera[:3].copy()
+    pose[:, 3] /= voxel_size
+    view = _view(intrinsics) * (max_range / voxel_size)
+    scan = scratch.scan_around(view @ pose[:, :3].T + pose[:, 3])
+    pose[:, 3] -= scan.lower
+    pinhole = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
+    pyramid = np.empty(_pyramid_shape(*depth.shape), np.float32)
+    observe(depth, pinhole, pose, voxel_size, max_range, *margin, scan.marks, scan.flat, pyramid)
+    return scan
 
 
-def _view(
-    intrinsics: Intrinsics, T_grid_camera: NDArray[np.float64], voxel_size: float, max_range: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First voxel and shape of the box around all that the camera can see, with a voxel to spare for rounding."""
+@lru_cache(maxsize=8)
+def _view(intrinsics: Intrinsics) -> NDArray[np.float64]:
+    """(5, 3) corners of all that the camera sees up to 1 m deep, in ``camera_optical``."""
     u = (np.array([0, intrinsics.width]) - intrinsics.cx) / intrinsics.fx
     v = (np.array([0, intrinsics.height]) - intrinsics.cy) / intrinsics.fy
-    corners = np.array([(0, 0, 0), *((a, b, 1) for a in u for b in v)]) * max_range
-    corners = corners @ T_grid_camera[:3, :3].T + T_grid_camera[:3, 3]
-    lower = np.floor(corners.min(axis=0) / voxel_size).astype(np.int64) - 1
-    upper = np.floor(corners.max(axis=0) / voxel_size).astype(np.int64) + 2
-    return lower, upper - lower
+    return np.array([(0, 0, 0), *((a, b, 1) for a in u for b in v)])
 
 
-def _empty_pyramid(shape: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Least and greatest reach, (levels, H / TILE, W / TILE); the last level has at most 3 × 3 tiles."""
-    rows, columns = (-(-side // kernels.TILE) for side in shape)
-    levels = 1 + max(0, int(np.ceil(np.log2(max(rows, columns) / 3))))
-    return np.empty((levels, rows, columns), np.float32), np.empty((levels, rows, columns), np.float32)
+@lru_cache(maxsize=8)
+def _pyramid_shape(height: int, width: int) -> tuple[int, int, int]:
+    """Levels, rows and columns of the pyramid's tiles; of the last level at most 3 × 3 are used."""
+    rows, columns = -(-height // TILE), -(-width // TILE)
+    return 1 + max(0, int(np.ceil(np.log2(max(rows, columns) / 3)))), rows, columns

@@ -1,4 +1,7 @@
-"""Exact ray traversal (Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987)."""
+"""Exact ray traversal (Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987).
+
+A point in the box of marks is measured from its corner, in voxels.
+"""
 
 import numpy as np
 from numba import njit
@@ -7,53 +10,52 @@ FREE, HIT = 1, 2
 
 
 @njit(cache=True)
-def mark_end_points(points, ends, size, marks):
-    """Mark the voxel of each point that is an end point as HIT.
+def trace_points(points, stops, ends, origin, marks):
+    """Mark the voxels of end points as HIT and those that the rays cross as FREE.
 
     Args:
-        points: (N, 3) float64, in metres from the corner of the box.
-        ends: (N,) bool.
-        marks: (nx, ny, nz) uint8; every point lies inside.
+        points: (N, 3) float64; only those that are end points need lie inside.
+        stops: (N, 3) float64, how far each ray frees space.
+        ends: (N,) bool, which points are end points.
+        origin: (3,) float64.
+        marks: (nx, ny, nz) uint8 zeros.
     """
     for n in range(points.shape[0]):
         if ends[n]:
-            i, j, k = int(points[n, 0] / size), int(points[n, 1] / size), int(points[n, 2] / size)
-            marks[i, j, k] = HIT
+            marks[int(points[n, 0]), int(points[n, 1]), int(points[n, 2])] = HIT
+    for n in range(points.shape[0]):
+        walk(origin[0], origin[1], origin[2], stops[n, 0], stops[n, 1], stops[n, 2], marks)
 
 
 @njit(cache=True)
-def mark_rays(points, origin, size, marks):
-    """Mark as FREE every voxel that is not a HIT and that the way from the origin to a point leads through.
+def walk(x, y, z, x_stop, y_stop, z_stop, marks):
+    """Mark as FREE every voxel on the way from a point to another, both included, that is not a HIT."""
+    i, i_end, i_step, i_next, i_gap = _along(x, x_stop)
+    j, j_end, j_step, j_next, j_gap = _along(y, y_stop)
+    k, k_end, k_step, k_next, k_gap = _along(z, z_stop)
+    # Counting the faces left to cross, instead of comparing parameters, ends every ray in its very voxel.
+    for _ in range(abs(i_end - i) + abs(j_end - j) + abs(k_end - k)):
+        if marks[i, j, k] != HIT:
+            marks[i, j, k] = FREE
+        if i_next <= j_next and i_next <= k_next:
+            i += i_step
+            i_next = i_next + i_gap if i != i_end else np.inf
+        elif j_next <= k_next:
+            j += j_step
+            j_next = j_next + j_gap if j != j_end else np.inf
+        else:
+            k += k_step
+            k_next = k_next + k_gap if k != k_end else np.inf
+    if marks[i, j, k] != HIT:
+        marks[i, j, k] = FREE
 
-    Args:
-        points: (N, 3) float64, where the rays stop, in metres from the corner of the box.
-        origin: (3,) float64, in the same frame.
-        marks: (nx, ny, nz) uint8; origin and points lie inside.
-    """
-    voxel, step, end = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
-    next_face, per_voxel = np.empty(3), np.empty(3)
-    for n in range(points.shape[0]):
-        left = 0
-        for axis in range(3):
-            voxel[axis], end[axis] = int(origin[axis] / size), int(points[n, axis] / size)
-            left += abs(end[axis] - voxel[axis])
-            reach = points[n, axis] - origin[axis]
-            step[axis] = 1 if reach > 0 else -1
-            next_face[axis] = per_voxel[axis] = np.inf
-            if reach != 0:
-                face = voxel[axis] + (1 if reach > 0 else 0)
-                next_face[axis] = (face * size - origin[axis]) / reach
-                per_voxel[axis] = size / abs(reach)
-        # Counting the faces left to cross, instead of comparing parameters, ends every ray in its very voxel.
-        while left > 0:
-            if marks[voxel[0], voxel[1], voxel[2]] != HIT:
-                marks[voxel[0], voxel[1], voxel[2]] = FREE
-            axis = int(np.argmin(next_face))
-            while voxel[axis] == end[axis]:
-                next_face[axis] = np.inf
-                axis = int(np.argmin(next_face))
-            voxel[axis] += step[axis]
-            next_face[axis] += per_voxel[axis]
-            left -= 1
-        if marks[voxel[0], voxel[1], voxel[2]] != HIT:
-            marks[voxel[0], voxel[1], voxel[2]] = FREE
+
+@njit(cache=True)
+def _along(begin, end):
+    """One axis of a ray: first and last voxel, step, the parameter at the next face and from face to face."""
+    first, last = int(begin), int(end)
+    if first == last:
+        return first, last, 0, np.inf, 0.0
+    step = 1 if last > first else -1
+    face = first + 1 if last > first else first
+    return first, last, step, (face - begin) / (end - begin), step / (end - begin)

@@ -1,4 +1,4 @@
-"""What one look says about the voxels around the camera, before it is weighed against what the map knows."""
+"""What one look says about the voxels around the sensor, before it is weighed against what the map knows."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
-UNSEEN, FREE, HIT = 0, 1, 2
-"""Marks of a scan; the kernels use the same numbers."""
+BLOCK = 8
+"""A scan's box begins and ends at whole multiples of this many voxels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,30 +17,43 @@ class Scan:
 
     Attributes:
         lower: (3,) int64 voxel index of the box's first voxel.
-        marks: (nx, ny, nz) uint8, ``UNSEEN``, ``FREE`` or ``HIT``.
+        marks: (nx, ny, nz) uint8: 0 unseen, 1 free, 2 hit.
+        flat: the same marks in C order, and one more that stands for "nowhere".
     """
 
     lower: NDArray[np.int64]
     marks: NDArray[np.uint8]
+    flat: NDArray[np.uint8]
+
+    @property
+    def words(self) -> NDArray[np.uint64]:
+        """(nx, ny, nz / 8) uint64, the marks eight at a time."""
+        return self.marks.view(np.uint64)
 
 
 class Scratch:
     """Memory for the marks of one scan, kept from scan to scan so that no look has to ask the system for it."""
 
     def __init__(self, max_bytes: int) -> None:
-        self._max_bytes = max_bytes
+        self._max_bytes = min(max_bytes, 2**31 - 1)  # the kernels count marks in 32 bits
         self._memory = np.zeros(0, np.uint8)
 
-    def zeros(self, shape: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """Zeroed flat uint8 marks of a box of this shape, and one more mark that stands for "nowhere".
+    def scan_around(self, points: NDArray[np.float64]) -> Scan:
+        """An empty scan around (N, 3) points in the grid's frame, in voxels, with one to spare for rounding.
+
+        It lives until the next call.
 
         Raises:
             InputError: if the box alone exceeds the map's memory bound.
         """
-        size = int(shape[0]) * int(shape[1]) * int(shape[2]) + 1
+        lower = np.floor((points.min(axis=0) - 1) / BLOCK).astype(np.int64) * BLOCK
+        upper = np.ceil((points.max(axis=0) + 1) / BLOCK).astype(np.int64) * BLOCK
+        nx, ny, nz = (upper - lower).tolist()
+        size = nx * ny * nz + 1
         if size > self._max_bytes:
             raise InputError(f"a scan of {size} voxels exceeds the map's bound of {self._max_bytes} bytes")
         if size > self._memory.size:
             self._memory = np.empty(size, np.uint8)
-        self._memory[:size] = 0
-        return self._memory[:size]
+        flat = self._memory[:size]
+        flat.fill(0)
+        return Scan(lower, flat[:-1].reshape(nx, ny, nz), flat)

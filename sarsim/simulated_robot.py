@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import transform_points
-from sarsim.arena import RescueArena
+from sarsim.arenas.arena import RescueArena
 from sarsim.camera import LabelledImage, RgbdCamera
 from sarsim.contacts import CollisionCounter
 from sarsim.lighting import Lighting, set_lighting

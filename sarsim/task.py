@@ -7,7 +7,7 @@ from dm_env import specs
 from numpy.typing import NDArray
 
 from pipeline.robot import Velocity
-from sarsim.arena import RescueArena
+from sarsim.arenas.arena import RescueArena
 from sarsim.pioneer3at import Pioneer3AT
 from sarsim.skid_steer import SkidSteer
 

@@ -19,7 +19,7 @@ from pipeline.errors import InputError
 from pipeline.explorer import Explorer, ExplorerConfig
 from pipeline.files import whole_file
 from pipeline.semantic_map.classifier import TruthClassifier
-from sarsim.arena import load_arena
+from sarsim.arenas.load import load_arena
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import write_tum
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig

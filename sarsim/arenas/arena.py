@@ -1,4 +1,4 @@
-"""Rescue arenas: the world that the robot explores."""
+"""An arena as a dm_control entity."""
 
 from pathlib import Path
 
@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
-from sarsim.assets import asset
-
-BUILT_IN = ("nist_6x4",)
 
 
 class RescueArena(composer.Arena):
@@ -31,21 +28,6 @@ class RescueArena(composer.Arena):
         rotation = np.empty(9)
         mujoco.mju_quat2Mat(rotation, quat)
         return from_rotation(rotation.reshape(3, 3), self._start.pos)
-
-
-def load_arena(name: str) -> RescueArena:
-    """The arena that a command's ``--arena`` names: a built-in one, or the path of an MJCF file.
-
-    Raises:
-        InputError: no such arena, or the file is missing, broken or without a start.
-    """
-    if name in BUILT_IN:
-        return RescueArena(asset("arenas", f"{name}.xml"))
-    if Path(name).suffix.lower() == ".xml":
-        return RescueArena(Path(name))
-    raise InputError(
-        f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, or the path of an MJCF .xml file"
-    )
 
 
 def _parse(path: Path) -> mjcf.RootElement:

@@ -1,0 +1,1 @@
+"""Rescue arenas: the worlds that the robot explores."""

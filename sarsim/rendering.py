@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from sarsim import culling
 
-SHADOW_MAP = 1024  # texels; the default of 4096 takes three times as long to light a picture
-SLICES, STACKS = (
-    48,
-    24,
-)  # of a drawn sphere or cylinder: at 0.3 m radius it stays within 1 mm of the round one
+COLOUR_QUALITY = {"offsamples": 0, "shadowsize": 1024}
+"""The default shadow map of 4096 texels takes three times as long to light a picture, and shows little of it."""
+ID_QUALITY = {"offsamples": 0, "shadowsize": 0, "numslices": 48, "numstacks": 24}
+"""Multisampling would blend ids and depths at edges (MuJoCo issue 1121). With so many faces a ball or cylinder of
+0.3 m radius stays within 1 mm of the round one, the default is off by 2 mm."""
 
 _RENDER = mujoco.mjtRndFlag
 _NOT_DRAWN = 5  # a group of geoms
@@ -39,11 +39,10 @@ class Renderer:
         self.height = height
         self._gl = _offscreen_context(width, height)
         self._gl.make_current()
-        with _without_multisampling(model, width, height):
-            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._colours = _resources(model, width, height, COLOUR_QUALITY)
+        self._ids = _resources(model, width, height, ID_QUALITY)
         # MuJoCo draws with reversed z in a float buffer: read as it is, depth keeps its precision far away.
-        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        self._ids.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 1000)
         self._option = mujoco.MjvOption()
@@ -53,9 +52,8 @@ class Renderer:
         """(H, W, 3) uint8 RGB."""
         self._update(data, camera, ids=False)
         pixels = np.empty((self.height, self.width, 3), np.uint8)
-        mujoco.mjr_render(self._rectangle, self._scene, self._context)
-        mujoco.mjr_readPixels(pixels, None, self._rectangle, self._context)
-        return np.ascontiguousarray(pixels[::-1])  # OpenGL's first row is the lowest
+        self._draw(self._colours, pixels, None)
+        return np.ascontiguousarray(pixels[::-1])
 
     def segmentation_and_depth(
         self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera
@@ -71,15 +69,15 @@ class Renderer:
         self._update(data, camera, ids=True)
         pixels = np.empty((self.height, self.width, 3), np.uint8)
         buffer = np.empty((self.height, self.width), np.float32)
-        mujoco.mjr_render(self._rectangle, self._scene, self._context)
-        mujoco.mjr_readPixels(pixels, buffer, self._rectangle, self._context)
+        self._draw(self._ids, pixels, buffer)
         geom = self._geom_ids(pixels[::-1])
         return geom, np.where(geom < 0, np.float32(0), self._metres(buffer[::-1]))
 
     def close(self) -> None:
         """Free the OpenGL context."""
         self._gl.make_current()
-        self._context.free()
+        self._colours.free()
+        self._ids.free()
         self._gl.free()
 
     def __enter__(self) -> Self:
@@ -108,6 +106,14 @@ class Renderer:
         flags[_RENDER.mjRND_SEGMENT] = flags[_RENDER.mjRND_IDCOLOR] = ids
         flags[_RENDER.mjRND_SHADOW] = flags[_RENDER.mjRND_SKYBOX] = not ids
         flags[_RENDER.mjRND_REFLECTION] = flags[_RENDER.mjRND_HAZE] = False
+
+    def _draw(
+        self, resources: mujoco.MjrContext, pixels: NDArray[np.uint8], depth: NDArray[np.float32] | None
+    ) -> None:
+        """Draw the scene, the lowest row of the picture first."""
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, resources)
+        mujoco.mjr_render(self._rectangle, self._scene, resources)
+        mujoco.mjr_readPixels(pixels, depth, self._rectangle, resources)
 
     def _geom_ids(self, pixels: NDArray[np.uint8]) -> NDArray[np.int32]:
         """(H, W) int32 geom ids from colours that count the scene's geoms from 1; 0 is the background."""
@@ -169,22 +175,18 @@ def _hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
         model.geom_group[:] = groups
 
 
-@contextmanager
-def _without_multisampling(model: mujoco.MjModel, width: int, height: int) -> Iterator[None]:
-    """Set what an MjrContext reads from the model when it is made, and put the model's own values back.
+def _resources(model: mujoco.MjModel, width: int, height: int, quality: dict[str, int]) -> mujoco.MjrContext:
+    """What one kind of picture needs in the OpenGL context: buffers, textures and meshes of a ``quality``.
 
-    Multisampling blends ids and depths at edges (MuJoCo issue 1121).
+    MuJoCo reads size and quality from the model, which gets its own values back.
     """
-    quality, size = model.vis.quality, model.vis.global_
-    mine = {"offsamples": 0, "shadowsize": SHADOW_MAP, "numslices": SLICES, "numstacks": STACKS}
-    before = {name: getattr(quality, name) for name in mine}
-    offscreen = size.offwidth, size.offheight
+    settings = [(model.vis.quality, name, value) for name, value in quality.items()]
+    settings += [(model.vis.global_, "offwidth", width), (model.vis.global_, "offheight", height)]
+    before = [getattr(owner, name) for owner, name, _ in settings]
     try:
-        for name, value in mine.items():
-            setattr(quality, name, value)
-        size.offwidth, size.offheight = width, height
-        yield
+        for owner, name, value in settings:
+            setattr(owner, name, value)
+        return mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
     finally:
-        for name, value in before.items():
-            setattr(quality, name, value)
-        size.offwidth, size.offheight = offscreen
+        for (owner, name, _), value in zip(settings, before, strict=True):
+            setattr(owner, name, value)

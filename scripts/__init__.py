@@ -1,0 +1,1 @@
+"""The commands; an installed copy has them as ``sarsim.scripts``."""

@@ -1,0 +1,49 @@
+"""Exit statuses and the one line on stderr."""
+
+import pytest
+
+from pipeline.errors import InputError
+from sarsim.scripts.cli import run
+
+
+def command(count: int, *, fail: str = "") -> None:
+    """Do something ``count`` times."""
+    if fail == "input":
+        raise InputError(f"count {count}\n  is too much")
+    if fail == "interrupt":
+        raise KeyboardInterrupt
+    print("done", count)
+
+
+def exit_status(args: list[str]) -> int | str | None:
+    with pytest.raises(SystemExit) as raised:
+        run(command, args)
+    return raised.value.code
+
+
+def test_a_command_that_works_just_returns(capsys: pytest.CaptureFixture[str]) -> None:
+    run(command, ["--count", "3"])
+    assert capsys.readouterr().out == "done 3\n"
+
+
+def test_bad_input_is_one_line_and_status_2(capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(["--count", "3", "--fail", "input"]) == 2
+    captured = capsys.readouterr()
+    assert captured.err == "error: count 3 is too much\n"
+    assert captured.out == ""
+
+
+def test_ctrl_c_is_one_line_and_status_130(capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(["--count", "3", "--fail", "interrupt"]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+@pytest.mark.parametrize("args", [[], ["--count", "many"], ["--count", "3", "--colour", "red"]])
+def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(args) == 2
+    assert "--" in capsys.readouterr().err
+
+
+def test_help_says_what_the_command_does(capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(["--help"]) == 0
+    assert "Do something" in capsys.readouterr().out

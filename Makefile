@@ -1,0 +1,33 @@
+# Everything runs in .venv, which is built once, and again when its pins change.
+PYTHON := .venv/bin/python
+SUBJECT ?= camera
+
+.PHONY: help setup episode test lint benchmark clean
+
+help: ## show this list
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
+
+setup: .venv/installed ## install the system packages that are missing, and the Python packages into .venv
+
+.venv/installed: pyproject.toml requirements.txt scripts/setup.sh
+	@scripts/setup.sh
+	@touch $@
+
+episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a report in runs/nist_6x4-0
+	$(PYTHON) scripts/run_episode.py
+	@echo "To look at it: $(PYTHON) scripts/view.py runs/nist_6x4-0"
+
+test: setup ## run every test
+	$(PYTHON) -m pytest
+
+lint: setup ## check style and types
+	$(PYTHON) -m ruff check
+	$(PYTHON) -m ruff format --check
+	$(PYTHON) -m mypy
+
+benchmark: setup ## measure against peers: make benchmark SUBJECT=camera
+	$(PYTHON) scripts/benchmark.py $(SUBJECT)
+
+clean: ## remove all that was built, .venv too; runs/ stays
+	rm -rf .venv build dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,92 @@
+"""How the viewer opens a recording: the map, the camera, the metrics and the log in place."""
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import ArrayLike, NDArray
+
+BACKGROUND = (38, 40, 44)
+
+VIEW = (1.45, 0.8)
+"""Width and depth of the ground, in m, that the viewer's eye takes in from a metre away."""
+
+_SCENE = (
+    "+ $origin/**",
+    # The pictures have views of their own; here they would hide the map.
+    "- $origin/robot/camera/depth",
+    "- $origin/robot/camera/labels",
+)
+
+
+def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0) -> rrb.Blueprint:
+    """The layout, with the eye south of and above the box from ``low`` to ``high``, (3,) m in ``map``."""
+    maps = rrb.Tabs(
+        _scene("Semantic map", low, high, hidden=["metric_map", "segments"]),
+        _scene("Metric map", low, high, hidden=["metric_map/free", "semantic_map", "segments", "arena"]),
+        _scene("Segments", low, high, hidden=["metric_map", "semantic_map", "arena"]),
+        _scene("Arena", low, high, hidden=["metric_map", "semantic_map", "segments"]),
+        active_tab=tab,
+    )
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.Horizontal(maps, _camera(), column_shares=[3.4, 1]),
+            rrb.Horizontal(*_plots(), _log(), column_shares=[1, 1, 1, 1.3]),
+            row_shares=[3.2, 1],
+        ),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+    )
+
+
+def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb.Spatial3DView:
+    return rrb.Spatial3DView(
+        origin="world",
+        name=name,
+        contents=list(_SCENE),
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=_eye(np.asarray(low, np.float64), np.asarray(high, np.float64)),
+        overrides={f"world/{entity}": [rrb.EntityBehavior(visible=False)] for entity in hidden},
+    )
+
+
+def _eye(low: NDArray[np.float64], high: NDArray[np.float64]) -> rrb.EyeControls3D:
+    """So far back that the box fills the view, looking down so steeply that its walls hide little."""
+    middle = (low + high) / 2
+    width, depth = (high - low)[:2]
+    away = np.array([0.0, -0.45, 0.9]) * max(width / VIEW[0], depth / VIEW[1])
+    return rrb.EyeControls3D(position=middle + away, look_target=middle)
+
+
+def _camera() -> rrb.Vertical:
+    camera = "world/robot/camera"
+    return rrb.Vertical(
+        rrb.Spatial2DView(origin=camera, contents=[f"{camera}/rgb", f"{camera}/victims"], name="Colour"),
+        rrb.Spatial2DView(origin=camera, contents=[f"{camera}/depth"], name="Depth"),
+        rrb.Spatial2DView(origin=camera, contents=[f"{camera}/labels"], name="Labels"),
+    )
+
+
+def _plots() -> list[rrb.TimeSeriesView]:
+    return [
+        _plot("Explored area, m²", "$origin/explored_area_m2"),
+        _plot("Tilt, degrees", "$origin/roll_deg", "$origin/pitch_deg"),
+        _plot("Time per stage, ms", "$origin/time_ms/**", "- $origin/time_ms/navigation"),
+    ]
+
+
+def _plot(name: str, *contents: str) -> rrb.TimeSeriesView:
+    whole = rr.TimeRange(start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite())
+    return rrb.TimeSeriesView(
+        origin="metrics",
+        contents=list(contents),
+        name=name,
+        axis_x=rrb.TimeAxis(view_range=whole),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
+    )
+
+
+def _log() -> rrb.TextLogView:
+    columns = rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["loglevel", "body"])
+    return rrb.TextLogView(origin="log", name="Log", columns=columns)

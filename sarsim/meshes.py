@@ -1,0 +1,229 @@
+"""The shapes of a model's geoms as triangles, for whoever draws without MuJoCo."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.transforms import from_rotation
+
+SEGMENTS = 24
+"""Sides of a drawn circle."""
+
+DRAWN_GROUPS = (0, 1, 2)
+"""Geoms of these groups are seen; collision shapes stand in others (MuJoCo's own viewer agrees)."""
+
+_PLAIN = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
+"""A geom's colour unless its MJCF gives another: then its material's counts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A coloured surface.
+
+    Attributes:
+        vertices: (N, 3) float32 m.
+        normals: (N, 3) float32 of length 1, outwards.
+        triangles: (M, 3) uint32 indices of vertices, counter-clockwise from outside.
+        colours: (N, 4) uint8 RGBA.
+    """
+
+    vertices: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    triangles: NDArray[np.uint32]
+    colours: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class _Shape:
+    """A mesh without colour, in float64."""
+
+    vertices: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+
+    def scaled(self, scale: NDArray[np.float64]) -> "_Shape":
+        normals = self.normals / scale
+        return _Shape(
+            self.vertices * scale,
+            normals / np.linalg.norm(normals, axis=1, keepdims=True),
+            self.triangles,
+        )
+
+
+def drawn_geoms(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """(ngeom,) bool, the geoms that are seen."""
+    colour = np.array([geom_colour(model, geom) for geom in range(model.ngeom)]).reshape(-1, 4)
+    return np.isin(model.geom_group, DRAWN_GROUPS) & (colour[:, 3] > 0)
+
+
+def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[NDArray[np.float64]]:
+    """4×4 poses of geoms in their bodies."""
+    rotation = np.empty(9)
+    poses = []
+    for geom in geoms:
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+        poses.append(from_rotation(rotation.reshape(3, 3), model.geom_pos[geom]))
+    return poses
+
+
+def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDArray[np.float64]]) -> Mesh:
+    """One mesh of several geoms, each moved by its 4×4 pose."""
+    vertices, normals, triangles, colours = [], [], [], []
+    count = 0
+    for geom, T in zip(geoms, poses, strict=True):
+        shape = _shape(model, geom)
+        vertices.append(shape.vertices @ T[:3, :3].T + T[:3, 3])
+        normals.append(shape.normals @ T[:3, :3].T)
+        triangles.append(shape.triangles + count)
+        colours.append(np.tile(np.uint8(geom_colour(model, geom) * 255), (len(shape.vertices), 1)))
+        count += len(shape.vertices)
+    return Mesh(
+        np.concatenate(vertices).astype(np.float32),
+        np.concatenate(normals).astype(np.float32),
+        np.concatenate(triangles).astype(np.uint32),
+        np.concatenate(colours),
+    )
+
+
+def geom_colour(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
+    """(4,) float32 RGBA in 0..1: the geom's own colour, or its material's times the mean of its texture."""
+    own, material = model.geom_rgba[geom], model.geom_matid[geom]
+    if material < 0 or not np.array_equal(own, _PLAIN):
+        return own.copy()
+    colour = model.mat_rgba[material].copy()
+    texture = model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB]
+    if texture >= 0:
+        start, channels = model.tex_adr[texture], model.tex_nchannel[texture]
+        size = model.tex_width[texture] * model.tex_height[texture] * channels
+        texels = model.tex_data[start : start + size].reshape(-1, channels)
+        colour[:3] *= texels[:, :3].mean(axis=0) / 255
+    return colour
+
+
+def _shape(model: mujoco.MjModel, geom: int) -> _Shape:
+    """A geom in its own frame."""
+    build = _BUILDERS[mujoco.mjtGeom(model.geom_type[geom])]
+    return build(model, geom)
+
+
+def _plane(model: mujoco.MjModel, geom: int) -> _Shape:
+    half = model.geom_size[geom, :2]
+    x, y = np.where(half > 0, half, 10 * model.stat.extent)  # 0 stands for endless
+    corners = np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)])
+    return _Shape(corners, np.tile([0.0, 0, 1], (4, 1)), np.array([(0, 1, 2), (0, 2, 3)]))
+
+
+def _box(model: mujoco.MjModel, geom: int) -> _Shape:
+    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], np.float64)
+    vertices, normals = [], []
+    for axis in range(3):
+        u, v, n = (np.eye(3)[(axis + k) % 3] for k in (1, 2, 0))
+        for side in (-1, 1):
+            # Seen from outside, u × v points at the viewer on one side and away on the other.
+            vertices.append(side * n + square @ [side * u, v])
+            normals.append(np.tile(side * n, (4, 1)))
+    first = np.arange(0, 24, 4)[:, None, None]
+    triangles = (first + np.array([(0, 1, 2), (0, 2, 3)])).reshape(-1, 3)
+    return _Shape(np.concatenate(vertices), np.concatenate(normals), triangles).scaled(model.geom_size[geom])
+
+
+def _sphere(model: mujoco.MjModel, geom: int) -> _Shape:
+    return _ball().scaled(np.full(3, model.geom_size[geom, 0]))
+
+
+def _ellipsoid(model: mujoco.MjModel, geom: int) -> _Shape:
+    return _ball().scaled(model.geom_size[geom])
+
+
+def _ball() -> _Shape:
+    outline = _quarters()
+    return _revolved(outline, outline)
+
+
+def _capsule(model: mujoco.MjModel, geom: int) -> _Shape:
+    radius, half = model.geom_size[geom, :2]
+    normals = _quarters()
+    caps = np.repeat([-half, half], len(normals) // 2)
+    return _revolved(normals * radius + np.stack([np.zeros_like(caps), caps], axis=1), normals)
+
+
+def _cylinder(model: mujoco.MjModel, geom: int) -> _Shape:
+    r, h = model.geom_size[geom, :2]
+    outline = np.array([(0, -h), (r, -h), (r, -h), (r, h), (r, h), (0, h)])
+    normals = np.array([(0, -1), (0, -1), (1, 0), (1, 0), (0, 1), (0, 1)], np.float64)
+    return _revolved(outline, normals)
+
+
+def _quarters() -> NDArray[np.float64]:
+    """(N, 2) two quarters of a circle, (r, z) from its south pole to the equator and from there to the north pole."""
+    south = np.linspace(-np.pi / 2, 0, SEGMENTS // 4 + 1)
+    angle = np.concatenate([south, south + np.pi / 2])
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _revolved(outline: NDArray[np.float64], normals: NDArray[np.float64]) -> _Shape:
+    """The surface that an outline of (r, z), from below to above, sweeps around the z axis."""
+    angle = np.linspace(0, 2 * np.pi, SEGMENTS, endpoint=False)
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def swept(rz: NDArray[np.float64]) -> NDArray[np.float64]:
+        xy = rz[:, None, :1] * around
+        z = np.broadcast_to(rz[:, None, 1:], (*xy.shape[:2], 1))
+        return np.concatenate([xy, z], axis=2).reshape(-1, 3)
+
+    here = np.arange(SEGMENTS)
+    beside = np.roll(here, -1)
+    strip = np.concatenate(
+        [
+            np.stack([here, beside, beside + SEGMENTS], axis=1),
+            np.stack([here, beside + SEGMENTS, here + SEGMENTS], axis=1),
+        ]
+    )
+    strips = [strip + ring * SEGMENTS for ring in range(len(outline) - 1)]
+    return _Shape(swept(outline), swept(normals), np.concatenate(strips))
+
+
+def _mesh(model: mujoco.MjModel, geom: int) -> _Shape:
+    mesh = model.geom_dataid[geom]
+    faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+    # A vertex has another normal in each face that it belongs to, so every face gets corners of its own.
+    corner = model.mesh_vertadr[mesh] + model.mesh_face[faces].ravel()
+    normal = model.mesh_normaladr[mesh] + model.mesh_facenormal[faces].ravel()
+    triangles = np.arange(len(corner)).reshape(-1, 3)
+    return _Shape(
+        model.mesh_vert[corner].astype(np.float64), model.mesh_normal[normal].astype(np.float64), triangles
+    )
+
+
+def _height_field(model: mujoco.MjModel, geom: int) -> _Shape:
+    field = model.geom_dataid[geom]
+    rows, columns = model.hfield_nrow[field], model.hfield_ncol[field]
+    x_half, y_half, top, _ = model.hfield_size[field]
+    start = model.hfield_adr[field]
+    height = model.hfield_data[start : start + rows * columns].reshape(rows, columns) * float(top)
+    x, y = np.linspace(-x_half, x_half, columns), np.linspace(-y_half, y_half, rows)
+    along_y, along_x = np.gradient(height, y, x)
+    normals = np.stack([-along_x, -along_y, np.ones_like(height)], axis=-1).reshape(-1, 3)
+    vertices = np.stack([*np.meshgrid(x, y), height], axis=-1).reshape(-1, 3)
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    across = first + columns + 1
+    triangles = np.concatenate(
+        [np.stack([first, first + 1, across], axis=1), np.stack([first, across, across - 1], axis=1)]
+    )
+    return _Shape(vertices, normals / np.linalg.norm(normals, axis=1, keepdims=True), triangles)
+
+
+_BUILDERS: dict[mujoco.mjtGeom, Callable[[mujoco.MjModel, int], _Shape]] = {
+    mujoco.mjtGeom.mjGEOM_PLANE: _plane,
+    mujoco.mjtGeom.mjGEOM_HFIELD: _height_field,
+    mujoco.mjtGeom.mjGEOM_SPHERE: _sphere,
+    mujoco.mjtGeom.mjGEOM_CAPSULE: _capsule,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: _ellipsoid,
+    mujoco.mjtGeom.mjGEOM_CYLINDER: _cylinder,
+    mujoco.mjtGeom.mjGEOM_BOX: _box,
+    mujoco.mjtGeom.mjGEOM_MESH: _mesh,
+    mujoco.mjtGeom.mjGEOM_SDF: _mesh,
+}

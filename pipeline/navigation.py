@@ -1,6 +1,6 @@
 """Navigation (thesis 4.5): drive a path of way points without tipping."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -126,8 +126,8 @@ class Navigator:
         self.legs.append(Leg(target, outcome, self._time - started))
         return outcome is Outcome.REACHED
 
-    def _turn_to(self, heading) -> Iterator[Velocity]:  # type: ignore[no-untyped-def]
-        """Commands that turn on the spot, the shorter way, the faster the wider the angle."""
+    def _turn_to(self, heading: Callable[[NDArray[np.float64]], float]) -> Iterator[Velocity]:
+        """Commands that turn on the spot, the shorter way, to the heading wanted at each pose."""
         config = self.config
         while True:
             T = self._T_map_base

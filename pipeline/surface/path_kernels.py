@@ -63,11 +63,12 @@ def may_move(i, j, a, b, ux, uy, drivable, ramp, uphill, cos_alignment):
 
 
 @njit(cache=True)
-def shortest_paths(start_i, start_j, drivable, ramp, uphill, cos_alignment, ramp_cost):
+def shortest_paths(start_i, start_j, weight, drivable, ramp, uphill, cos_alignment):
     """Dijkstra over the eight neighbours of every drivable cell.
 
-    Returns the (nx, ny) float32 cost from the start in cells (inf where no path leads) and the (nx, ny) int32
-    flat index of each cell's predecessor (-1 where there is none).
+    A move costs its length in cells times the mean ``weight`` (nx, ny) of the two cells. Returns the (nx, ny) float32
+    cost from the start (inf where no path leads) and the (nx, ny) int32 flat index of each cell's predecessor (-1
+    where there is none).
     """
     nx, ny = drivable.shape
     cost = np.full((nx, ny), np.inf, np.float32)
@@ -85,8 +86,7 @@ def shortest_paths(start_i, start_j, drivable, ramp, uphill, cos_alignment, ramp
             length = np.sqrt(di * di + dj * dj)
             if not may_move(i, j, a, b, di / length, dj / length, drivable, ramp, uphill, cos_alignment):
                 continue
-            weight = ramp_cost if ramp[a, b] or ramp[i, j] else 1.0
-            new = np.float32(c + length * weight)
+            new = np.float32(c + length * 0.5 * (weight[i, j] + weight[a, b]))
             if new < cost[a, b]:
                 cost[a, b] = new
                 parent[a, b] = flat

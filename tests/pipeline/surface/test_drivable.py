@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from pipeline.surface.drivable import drivable_surface
+from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
+
+
+def test_level_ground_is_drivable_up_to_half_a_robot_from_the_unknown():
+    surface = drivable_surface(surface_of(ground_points(flat, (0, 2), (0, 2))))
+    at = surface.grid.at
+    assert at(surface.drivable, [1.0, 1.0])
+    assert at(surface.drivable, [0.28, 1.0])
+    assert not at(surface.drivable, [0.17, 1.0])
+    assert not at(surface.drivable, [-5.0, 1.0])
+
+
+def test_it_keeps_away_from_walls_and_further_for_turning():
+    world = surface_of(ground_points(flat, (-1, 2), (-2, 2)), wall_points((1.0, -2), (1.0, 2)))
+    surface = drivable_surface(world)
+    assert not surface.grid.at(surface.drivable, [0.76, 0.0])
+    assert surface.grid.at(surface.drivable, [0.66, 0.0])
+    assert not surface.grid.at(surface.turnable, [0.66, 0.0])
+    assert surface.grid.at(surface.turnable, [0.55, 0.0])
+
+
+def test_a_ramp_is_driven_along_its_slope_only():
+    surface = drivable_surface(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    assert surface.lines_are_drivable([(-1.2, 0)], [(1.2, 0)])[0]
+    assert surface.lines_are_drivable([(-1.2, -0.1)], [(1.2, 0.1)])[0]
+    assert not surface.lines_are_drivable([(-0.3, -0.5)], [(-0.3, 0.5)])[0]
+    assert not surface.lines_are_drivable([(-1.0, -0.6)], [(0.2, 0.6)])[0]
+    np.testing.assert_allclose(surface.uphill[tuple(surface.grid.cell_of([-0.3, 0]))], (1, 0), atol=0.01)
+    np.testing.assert_allclose(surface.uphill[tuple(surface.grid.cell_of([0.3, 0]))], (-1, 0), atol=0.01)
+
+
+def test_nobody_turns_on_a_ramp_or_right_before_it():
+    surface = drivable_surface(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    assert not surface.grid.at(surface.turnable, [-0.3, 0])
+    assert not surface.grid.at(surface.turnable, [-RUN - 0.1, 0])
+    assert surface.grid.at(surface.turnable, [-RUN - 0.4, 0])
+
+
+@pytest.mark.parametrize("start", [(1.2, 0.0), (1.2, 1.2)])
+def test_the_side_of_a_deck_is_no_way_up_or_down(start):
+    surface = drivable_surface(surface_of(ground_points(ramp_and_deck, (-2, 2), (-2, 2))))
+    other_side = (start[0], 1.2 - start[1])
+    assert not surface.lines_are_drivable([start], [other_side])[0]
+    assert surface.grid.at(surface.drivable, [1.2, 0.25])
+    assert not surface.grid.at(surface.drivable, [1.2, 0.4])
+    assert not surface.grid.at(surface.drivable, [1.2, 0.8])
+
+
+def test_a_slope_beyond_twenty_degrees_is_a_hazard():
+    gentle = surface_of(ground_points(lambda x, y: x * np.tan(np.deg2rad(18)), (0, 2), (0, 2)))
+    steep = surface_of(ground_points(lambda x, y: x * np.tan(np.deg2rad(22)), (0, 2), (0, 2)))
+    gentle, steep = drivable_surface(gentle), drivable_surface(steep)
+    assert not gentle.grid.at(gentle.hazard, [1.0, 1.0])
+    assert steep.grid.at(steep.hazard, [1.0, 1.0])

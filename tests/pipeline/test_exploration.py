@@ -1,0 +1,92 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pipeline.exploration import Exploration, ExplorationConfig
+from pipeline.surface.drivable import drivable_surface
+from pipeline.surface.paths import ShortestPaths
+from pipeline.transforms import from_yaw
+from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
+
+
+def next_view(exploration, world, pose):
+    surface = drivable_surface(world)
+    return exploration.next_view(surface, world.measured, ShortestPaths(surface, pose[:2, 3]), pose)
+
+
+def closed_room():
+    corners = [(-2, -2), (2, -2), (2, 2), (-2, 2), (-2, -2)]
+    walls = [wall_points(a, b) for a, b in pairwise(corners)]
+    return surface_of(ground_points(flat, (-2, 2), (-2, 2)), *walls)
+
+
+def test_it_looks_where_the_known_ground_ends():
+    world = surface_of(ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1)))
+    for y in (-1, 1):
+        world.update(wall_points((-2, y), (2, y)))
+    view = next_view(Exploration(), world, from_yaw(0, 0, 0, 0))
+    assert view is not None
+    assert abs(view.heading) < np.deg2rad(30)
+    assert view.gain > 0.5
+
+
+def test_nothing_is_left_in_a_closed_room():
+    exploration = Exploration()
+    assert next_view(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
+    assert len(exploration.frontiers) == 0
+
+
+def test_walls_hide_what_lies_behind_them():
+    world = closed_room()
+    world.update(ground_points(flat, (4, 6), (-2, 2)))  # an island of known ground outside
+    assert next_view(Exploration(), world, from_yaw(0, 0, 0, 0)) is None
+
+
+def test_the_nearer_of_two_equal_openings_is_looked_at_first():
+    world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
+    for y in (-1, 1):
+        world.update(wall_points((-4, y), (2, y)))
+    view = next_view(Exploration(), world, from_yaw(0.5, 0, 0, 0))
+    assert view.position[0] > -1
+    assert abs(view.heading) < np.deg2rad(30)
+
+
+def test_frontiers_are_where_reachable_ground_meets_the_unknown():
+    world = surface_of(ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1)))
+    for y in (-1, 1):
+        world.update(wall_points((-2, y), (2, y)))
+    exploration = Exploration()
+    next_view(exploration, world, from_yaw(0, 0, 0, 0))
+    assert len(exploration.frontiers) == 1
+    np.testing.assert_allclose(exploration.frontiers[0], (1.7, 0, 0), atol=0.2)
+
+
+def test_ground_that_a_look_did_not_show_is_looked_for_from_elsewhere_and_then_given_up():
+    world = surface_of(ground_points(flat, (-3, 1.5), (-1, 1)))
+    for y in (-1, 1):
+        world.update(wall_points((-3, y), (1.5, y)))
+    world.update(wall_points((-3, -1), (-3, 1)))
+    exploration = Exploration(ExplorationConfig(max_misses=3))
+    pose, views = from_yaw(0, 0, 0, 0), []
+    for _ in range(30):
+        view = next_view(exploration, world, pose)  # nothing new ever comes into view
+        if view is None:
+            break
+        views.append(view.position)
+        pose = from_yaw(*view.position, 0, view.heading)
+    assert view is None
+    assert np.ptp([v[0] for v in views]) > 0.3
+
+
+def test_no_view_from_where_the_robot_cannot_stand():
+    world = surface_of(ground_points(flat, (0, 0.3), (0, 0.3)))
+    assert next_view(Exploration(), world, from_yaw(0.1, 0.1, 0, 0)) is None
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0, -3.0])
+def test_the_choice_does_not_depend_on_chance(yaw):
+    world = surface_of(ground_points(flat, (-2, 2), (-2, 2)))
+    views = [next_view(Exploration(), world, from_yaw(0, 0, 0, yaw)) for _ in range(2)]
+    assert views[0].heading == views[1].heading
+    np.testing.assert_array_equal(views[0].position, views[1].position)

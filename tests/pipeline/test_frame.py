@@ -1,0 +1,31 @@
+import numpy as np
+
+from pipeline.frame import Frame, Intrinsics
+from pipeline.transforms import from_yaw
+
+INTRINSICS = Intrinsics(width=4, height=2, fx=2.0, fy=2.0, cx=2.0, cy=1.0)
+
+
+def frame(depth) -> Frame:
+    depth = np.asarray(depth, np.float32)
+    return Frame(0.0, np.zeros((2, 4, 3), np.uint8), depth, INTRINSICS, np.eye(4), np.eye(4))
+
+
+def test_rays_go_through_pixel_centres():
+    np.testing.assert_allclose(INTRINSICS.rays[0, 0], (-0.75, -0.25, 1))
+    np.testing.assert_allclose(INTRINSICS.rays[1, 3], (0.75, 0.25, 1))
+
+
+def test_what_is_no_positive_finite_depth_is_no_return():
+    look = frame([[0, -1, np.nan, np.inf], [1, 0, 0, 2]])
+    assert look.returns.tolist() == [[False] * 4, [True, False, False, True]]
+    np.testing.assert_allclose(look.points(np.eye(4)), [(-0.75, 0.25, 1), (1.5, 0.5, 2)])
+
+
+def test_points_are_in_the_target_frame():
+    look = frame([[0, 0, 0, 0], [1, 0, 0, 0]])
+    np.testing.assert_allclose(look.points(from_yaw(10, 0, 0, 0)), [(9.25, 0.25, 1)])
+
+
+def test_an_empty_look_has_no_points():
+    assert frame(np.zeros((2, 4))).points(np.eye(4)).shape == (0, 3)

@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.navigation import NavigationConfig, Navigator, Outcome
+from pipeline.transforms import from_yaw, wrap_angle, yaw_of
+from tests.pipeline.kinematic_robot import KinematicRobot
+
+coordinates = st.floats(-3, 3)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=4), st.floats(-np.pi, np.pi))
+def test_it_reaches_its_way_points_and_its_heading(way_points, heading):
+    robot = KinematicRobot()
+    assert Navigator(robot).follow(np.array(way_points), heading)
+    assert np.linalg.norm(robot.T[:2, 3] - way_points[-1]) < 0.06
+    assert abs(wrap_angle(yaw_of(robot.T) - heading)) < np.deg2rad(3)
+
+
+@pytest.mark.parametrize(("target", "sign"), [((0, 1), 1), ((0, -1), -1), ((-1, 0.1), 1), ((-1, -0.1), -1)])
+def test_it_turns_the_shorter_way(target, sign):
+    robot = KinematicRobot()
+    Navigator(robot).follow(np.array([target]))
+    turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
+    assert np.all(np.sign(turning) == sign)
+
+
+def test_the_wider_the_angle_the_faster_the_turn():
+    robot = KinematicRobot()
+    Navigator(robot).follow(np.array([(-1, 0.001)]))
+    turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
+    assert turning[0] == NavigationConfig().max_turn_rate
+    assert np.all(np.diff(turning) <= 0)
+    assert turning[-1] < 0.2
+
+
+def test_it_drives_at_the_speed_of_the_thesis_and_slower_on_ramps():
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16) if 1 < x < 2 else 0.0)
+    speeds = []
+    navigator = Navigator(robot)
+    robot_drive = robot.drive
+
+    def spy(command):
+        speeds.append((robot.T[0, 3], command.v))
+        return robot_drive(command)
+
+    robot.drive = spy
+    assert navigator.follow(np.array([(3, 0)]))
+    assert {v for x, v in speeds if 0.1 < x < 0.9} == {0.2}
+    assert {v for x, v in speeds if 1.1 < x < 1.9} == {0.15}
+    assert max(v for _, v in speeds) == 0.2
+
+
+def test_it_follows_the_line_not_only_the_bearing():
+    robot = KinematicRobot()
+    drift = robot.drive
+    tracks = []
+
+    def crosswind(command):
+        if 0.5 < robot.T[0, 3] < 0.6:
+            robot.T[1, 3] += 0.004
+        tracks.append(robot.T[:2, 3].copy())
+        return drift(command)
+
+    robot.drive = crosswind
+    assert Navigator(robot).follow(np.array([(2.5, 0)]))
+    tracks = np.array(tracks)
+    assert np.abs(tracks[:, 1]).max() > 0.03
+    assert np.abs(tracks[tracks[:, 0] > 1.8, 1]).max() < 0.01
+
+
+def test_stuck_is_noticed_and_the_robot_backs_out():
+    robot = KinematicRobot(blocked=lambda time: 3 < time < 8)
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(2, 0), (2, 2)]))
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]
+    assert robot.commands[-2].v < 0
+    assert robot.commands[-1].v == 0
+
+
+def test_it_stops_before_it_tips():
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(30) if x > 1 else 0.0)
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(2, 0)]))
+    assert navigator.legs[-1].outcome is Outcome.TILTED
+    assert robot.T[0, 3] < 1
+
+
+def test_way_points_are_in_map_whatever_odom_is():
+    robot = KinematicRobot()
+    navigator = Navigator(robot)
+    navigator.T_map_odom = from_yaw(5, 5, 0, np.pi / 2)
+    assert navigator.follow(np.array([(5, 6)]))
+    np.testing.assert_allclose(robot.T[:2, 3], (1, 0), atol=0.06)

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from pipeline.transforms import (
+    from_rotation,
+    from_yaw,
+    inverse,
+    tilt_of,
+    transform_points,
+    wrap_angle,
+    yaw_of,
+)
+
+angles = st.floats(-3, 3)
+
+
+@given(angles, st.floats(-1.4, 1.4), angles)
+def test_roll_pitch_and_yaw_are_those_of_rep_103(roll, pitch, yaw):
+    T = from_rotation(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix(), [1, 2, 3])
+    np.testing.assert_allclose([*tilt_of(T), yaw_of(T)], [roll, pitch, yaw], atol=1e-9)
+
+
+@given(angles, angles)
+def test_the_inverse_undoes(yaw, x):
+    T = from_yaw(x, 1, 2, yaw)
+    np.testing.assert_allclose(T @ inverse(T), np.eye(4), atol=1e-12)
+
+
+def test_points_move_with_the_frame():
+    moved = transform_points(from_yaw(1, 0, 0.5, np.pi / 2), np.array([[1, 0, 0]], np.float32))
+    np.testing.assert_allclose(moved, [[1, 1, 0.5]], atol=1e-6)
+    assert moved.dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    ("angle", "expected"), [(0, 0), (np.pi, -np.pi), (4, 4 - 2 * np.pi), (-7, 2 * np.pi - 7)]
+)
+def test_angles_wrap(angle, expected):
+    assert wrap_angle(angle) == pytest.approx(expected)

@@ -1,0 +1,127 @@
+import json
+
+import networkx as nx
+import numpy as np
+import pytest
+
+from pipeline.labels import Label
+from pipeline.path_plan import plan_path
+from pipeline.semantic_map.cells import cells_of
+from pipeline.semantic_map.plane import Moments
+from pipeline.semantic_map.planes import PlanePatch
+from pipeline.semantic_map.segments import Segments
+from pipeline.surface.drivable import drivable_surface
+from pipeline.surface.paths import ShortestPaths
+from pipeline.topological_map.nodes import NodeConfig, segment_nodes
+from pipeline.topological_map.topological_map import TopologicalMap
+from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
+
+
+def patch(label: Label, points: np.ndarray, seen_from: tuple[float, float, float]) -> PlanePatch:
+    moments = Moments.of(points)
+    plane = moments.fit()[0]
+    viewer = np.array(seen_from) - moments.centroid
+    return PlanePatch(label, plane.facing(viewer), moments, points, cells_of(points)[0])
+
+
+def ramp_patches() -> list[PlanePatch]:
+    """What a robot before a ramp sees: floor, the ramp, and a deck 2.4 m long."""
+    floor = ground_points(ramp_and_deck, (-3, 0), (-1, 1))
+    slope = ground_points(ramp_and_deck, (0, RUN), (-0.6, 0.6))
+    deck = ground_points(ramp_and_deck, (RUN, RUN + 2.4), (-0.6, 0.6))
+    labels = (Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)
+    return [patch(label, p, (0, 0, 5)) for label, p in zip(labels, (floor, slope, deck), strict=True)]
+
+
+@pytest.fixture(scope="module")
+def ramp_world():
+    surface = drivable_surface(surface_of(ground_points(ramp_and_deck, (-3, RUN + 2.4), (-2, 2))))
+    segments = Segments()
+    patches = ramp_patches()
+    segments.update(patches, 0)
+    topology = TopologicalMap()
+    topology.update(patches, segments, surface, ShortestPaths(surface, (-1.5, 0)))
+    return surface, segments, patches, topology
+
+
+def test_a_large_deck_has_a_node_in_each_half():
+    segments = Segments()
+    segments.update(ramp_patches(), 0)
+    nodes = segment_nodes(segments.of(Label.STRAIGHT_RAMP)[0], NodeConfig())
+    np.testing.assert_allclose(sorted(nodes[:, 0]), [RUN + 0.6, RUN + 1.8], atol=0.05)
+    np.testing.assert_allclose(nodes[:, 1:], [[0, RISE]] * 2, atol=0.02)
+    assert len(segment_nodes(segments.of(Label.STRAIGHT_RAMP)[0], NodeConfig(large_ramp=3))) == 1
+
+
+def test_the_node_of_an_inclined_ramp_lies_before_its_bottom():
+    segments = Segments()
+    segments.update(ramp_patches(), 0)
+    nodes = segment_nodes(segments.of(Label.INCLINED_RAMP)[0], NodeConfig())
+    np.testing.assert_allclose(nodes, [[-0.45, 0, 0]], atol=0.03)
+
+
+def test_the_side_of_a_ramp_has_no_node():
+    segments = Segments()
+    side = wall_points((0, -0.6), (RUN, -0.6), height=0.15)
+    segments.update([patch(Label.INCLINED_RAMP, side, (0, -3, 1))], 0)
+    assert len(segment_nodes(next(iter(segments)), NodeConfig(min_area=0.01))) == 0
+
+
+def test_nodes_and_tree_lead_up_the_ramp(ramp_world):
+    surface, _, _, topology = ramp_world
+    labels = [node.label for node in topology.nodes.values()]
+    assert labels.count(Label.INCLINED_RAMP) == 1
+    assert labels.count(Label.STRAIGHT_RAMP) == 2
+    assert nx.is_connected(topology.graph)
+    assert topology.graph.number_of_edges() == len(topology.nodes) - 1
+    for a, b in topology.graph.edges:
+        assert surface.lines_are_drivable(topology.nodes[a].position[None], topology.nodes[b].position[None])[
+            0
+        ]
+
+
+def test_looking_again_adds_nothing(ramp_world):
+    surface, segments, patches, topology = ramp_world
+    before = {n: node.position.tolist() for n, node in topology.nodes.items()}
+    topology.update(patches, segments, surface, ShortestPaths(surface, (-1.5, 0)))
+    assert {n: node.position.tolist() for n, node in topology.nodes.items()} == before
+
+
+def test_plans_go_over_nodes_and_up_the_ramp_head_on(ramp_world):
+    surface, _, _, topology = ramp_world
+    plan = plan_path(topology, surface, ShortestPaths(surface, (2.0, 1.2)), (2.5, 0.0))
+    assert plan is not None
+    way = np.vstack([[(2.0, 1.2)], plan.way_points[:, :2]])
+    assert surface.lines_are_drivable(way[:-1], way[1:]).all()
+    assert way[:, 0].min() < -0.2
+    assert plan.way_points[-1, 2] == pytest.approx(RISE, abs=0.01)
+    assert plan.length == pytest.approx(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+
+def test_no_plan_leads_into_a_wall_or_off_the_map(ramp_world):
+    surface, _, _, topology = ramp_world
+    paths = ShortestPaths(surface, (-1.5, 0))
+    assert plan_path(topology, surface, paths, (50.0, 0.0)) is None
+    assert plan_path(topology, surface, paths, (0.3, 0.62)) is None
+
+
+def test_components_that_straight_drives_leave_apart_are_joined_around_the_wall():
+    world = surface_of(ground_points(flat, (-2, 2), (-2, 2)), wall_points((0, -2), (0, 0.6)))
+    surface = drivable_surface(world)
+    halves = [ground_points(flat, (-2, -0.3), (-2, 0)), ground_points(flat, (0.3, 2), (-2, 0))]
+    patches = [patch(Label.TERRAIN, p, (0, 0, 5)) for p in halves]
+    wall = patch(Label.WALL, wall_points((0, -2), (0, 0.6)), (-2, 0, 1))
+    segments = Segments()
+    segments.update([*patches, wall], 0)
+    topology = TopologicalMap()
+    topology.update(patches, segments, surface, ShortestPaths(surface, (-1, -1)))
+    assert len(topology.nodes) > 2
+    assert nx.is_connected(topology.graph)
+
+
+def test_the_file_holds_every_node_and_edge(ramp_world, tmp_path):
+    topology = ramp_world[3]
+    topology.save(tmp_path / "topology.json")
+    content = json.loads((tmp_path / "topology.json").read_text())
+    assert {n["id"] for n in content["nodes"]} == set(topology.nodes)
+    assert len(content["edges"]) == topology.graph.number_of_edges()

@@ -1,0 +1,50 @@
+"""Small worlds of known shape for the tests, as points that a perfect camera would have seen."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.surface.surface_map import SurfaceMap
+
+Height = Callable[[NDArray, NDArray], NDArray]
+
+RISE, RUN = 0.17, 0.59
+"""m of half a NIST ramp."""
+
+
+def ground_points(height: Height, x: tuple[float, float], y: tuple[float, float]) -> NDArray[np.float32]:
+    """(N, 3) points of a height field, 1 cm apart."""
+    xs, ys = np.meshgrid(np.arange(*x, 0.01) + 0.005, np.arange(*y, 0.01) + 0.005, indexing="ij")
+    return np.column_stack([xs.ravel(), ys.ravel(), height(xs, ys).ravel()]).astype(np.float32)
+
+
+def wall_points(a: tuple[float, float], b: tuple[float, float], height: float = 1.2) -> NDArray[np.float32]:
+    """(N, 3) points of an upright panel from a to b, 1 cm apart."""
+    length = np.hypot(b[0] - a[0], b[1] - a[1])
+    t, z = np.meshgrid(np.arange(0, length, 0.01) / length, np.arange(0.005, height, 0.01), indexing="ij")
+    xy = np.array(a) + t.ravel()[:, None] * (np.array(b) - np.array(a))
+    return np.column_stack([xy, z.ravel()]).astype(np.float32)
+
+
+def surface_of(*clouds: NDArray[np.float32]) -> SurfaceMap:
+    """The surface map of some clouds."""
+    surface = SurfaceMap()
+    surface.update(np.vstack(clouds))
+    return surface
+
+
+def flat(x: NDArray, y: NDArray) -> NDArray:
+    """Level ground at height 0."""
+    return np.zeros_like(x)
+
+
+def ridge(x: NDArray, y: NDArray) -> NDArray:
+    """A ridge of two half ramps across the x axis, its crest at x = 0."""
+    return RISE * np.clip(1 - np.abs(x) / RUN, 0, 1)
+
+
+def ramp_and_deck(x: NDArray, y: NDArray) -> NDArray:
+    """A half ramp from x = 0 up to a deck that begins at x = ``RUN``; both 1.2 m wide about y = 0, floor beside."""
+    on = np.abs(y) <= 0.6
+    return np.where(on, RISE * np.clip(x / RUN, 0, 1), 0.0)

@@ -1,20 +1,26 @@
 """What the robot's software knows, logged to Rerun step by step."""
 
-from collections.abc import Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from pipeline import drawings
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Look
+from pipeline.layout import blueprint
 from pipeline.transforms import tilt_of
+from pipeline.viewer import Viewer
 
 Level = Literal["INFO", "WARN", "ERROR"]
-Sink = rr.FileSink | rr.GrpcSink
+
+FLUSH_TIME = 30.0
+"""s, that a sink may take for what is still on its way at the end."""
 
 
 @dataclass(frozen=True)
@@ -36,23 +42,6 @@ class RecordingConfig:
     growth: float = 0.05
     motion_period: float = 0.2
     track_spacing: float = 0.05
-
-
-def new_recording(name: str, sinks: Sequence[Sink]) -> rr.RecordingStream:
-    """A recording that flows into ``sinks`` and has the timelines ``step`` and ``sim_time`` alone.
-
-    Raises:
-        InputError: a file cannot be written.
-    """
-    stream = rr.RecordingStream("sarsim")
-    try:
-        stream.set_sinks(*sinks)
-    except RuntimeError as error:
-        raise InputError(f"cannot record: {error}") from error
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
-    stream.send_recording_name(name)
-    return stream
 
 
 class Track:
@@ -79,19 +68,41 @@ class Track:
 
 
 class Recorder:
-    """Logs what the robot's software knows; whoever simulates adds what it cannot know."""
+    """Logs what the robot's software knows to a file, and to a viewer if there is one.
 
-    def __init__(self, stream: rr.RecordingStream, config: RecordingConfig | None = None):
-        """``stream``: as :func:`new_recording` makes it."""
+    Attributes:
+        stream: for whoever knows more, such as a simulator; its timelines are ``step`` and ``sim_time``.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        viewer: Viewer | None = None,
+        layout: rrb.Blueprint | None = None,
+        config: RecordingConfig | None = None,
+    ):
+        """Begin a recording that bears its folder's name.
+
+        Args:
+            path: of the file, which is written as the recording grows and can be read at any time.
+            viewer: shows it meanwhile.
+            layout: that a viewer opens it with.
+            config: how it is kept small.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
         self.config = config or RecordingConfig()
-        self._stream = stream
+        self._viewer = viewer
+        self.stream = _new_stream(path, viewer)
         self._step = 0
         self._time = 0.0
         self._track = Track(self.config.track_spacing)
         self._moved: tuple[float, float] | None = None
         self._logged_size: dict[str, int] = {}
         self._explorer: Explorer | None = None
-        stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
+        self.stream.send_blueprint(layout or blueprint())
+        self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
 
     def log_look(self, step: int, explorer: Explorer, look: Look) -> None:
         """Log what a look brought and what has become of the maps."""
@@ -102,7 +113,7 @@ class Recorder:
         self._log_camera(look)
         self._log_maps(explorer)
         self._log_clouds(explorer)
-        log = self._stream.log
+        log = self.stream.log
         log("world/path_plan", drawings.path(look.T_map_base, look.plan, look.view))
         log("world/frontiers", drawings.frontier_points(explorer.exploration.frontiers))
         log("world/trajectory", drawings.trajectory(self._track.positions, drawings.TRAJECTORY_COLOUR))
@@ -122,7 +133,7 @@ class Recorder:
     def log_message(self, level: Level, text: str) -> None:
         """Log a line for people to read."""
         self._set_time(self._time)
-        self._stream.log("log", rr.TextLog(text, level=level))
+        self.stream.log("log", rr.TextLog(text, level=level))
 
     def close(self) -> None:
         """Log the maps as they are at the end, and write what is still on its way to the sinks."""
@@ -130,20 +141,22 @@ class Recorder:
             self._set_time(self._time)
             self._logged_size.clear()
             self._log_clouds(self._explorer)
-        self._stream.flush(timeout_sec=10)
-        self._stream.disconnect()
+        # A window that was closed meanwhile takes nothing more; the file is whole all the same.
+        with suppress(RuntimeError) if self._viewer else nullcontext():
+            self.stream.flush(timeout_sec=FLUSH_TIME)
+        self.stream.disconnect()
 
     def _set_time(self, time: float, *, on_a_step: bool = True) -> None:
         """Between two looks there is no step: on that timeline the robot stands where it looked from."""
         self._time = time
-        self._stream.set_time("sim_time", duration=time)
+        self.stream.set_time("sim_time", duration=time)
         if on_a_step:
-            self._stream.set_time("step", sequence=self._step)
+            self.stream.set_time("step", sequence=self._step)
         else:
-            self._stream.disable_timeline("step")
+            self.stream.disable_timeline("step")
 
     def _log_pose(self, T_map_base: NDArray[np.float64]) -> None:
-        self._stream.log("world/robot", drawings.transform(T_map_base))
+        self.stream.log("world/robot", drawings.transform(T_map_base))
         roll, pitch = np.rad2deg(tilt_of(T_map_base))
         self._log_metric("roll_deg", roll)
         self._log_metric("pitch_deg", pitch)
@@ -157,14 +170,14 @@ class Recorder:
 
     def _log_camera(self, look: Look) -> None:
         frame, camera = look.frame, "world/robot/camera"
-        log = self._stream.log
+        log = self.stream.log
         log(camera, drawings.transform(frame.T_base_camera), drawings.pinhole(frame))
         log(f"{camera}/rgb", drawings.colour_image(frame.rgb, self.config.jpeg_quality))
         log(f"{camera}/depth", drawings.depth_image(frame.depth, self.config.depth_range))
         log(f"{camera}/labels", drawings.label_image(frame, look.labels))
 
     def _log_maps(self, explorer: Explorer) -> None:
-        log, topology = self._stream.log, explorer.topological_map
+        log, topology = self.stream.log, explorer.topological_map
         log("world/segments", drawings.segment_boxes(explorer.segments))
         log("world/topological_map/nodes", drawings.nodes(topology))
         log("world/topological_map/edges", drawings.edges(topology))
@@ -175,11 +188,11 @@ class Recorder:
         occupied, free = metric_map.occupied_centres(), metric_map.free_centres()
         growth, spacing = self.config.growth, self.config.point_spacing
         if self._has_changed("occupied", len(occupied), 0.0):
-            self._stream.log("world/metric_map/occupied", drawings.occupied_voxels(metric_map, occupied))
+            self.stream.log("world/metric_map/occupied", drawings.occupied_voxels(metric_map, occupied))
         if self._has_changed("free", len(free), growth):
-            self._stream.log("world/metric_map/free", drawings.free_voxels(metric_map, free))
+            self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map, free))
         if self._has_changed("semantic", len(semantic_map), growth):
-            self._stream.log("world/semantic_map", drawings.labelled_points(semantic_map, spacing))
+            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, spacing))
         self._log_metric("map/occupied_voxels", len(occupied))
         self._log_metric("map/free_voxels", len(free))
         self._log_metric("map/semantic_points", len(semantic_map))
@@ -203,4 +216,16 @@ class Recorder:
             self._log_metric(f"time_ms/{stage}", 1000 * seconds[-1])
 
     def _log_metric(self, name: str, value: float) -> None:
-        self._stream.log(f"metrics/{name}", rr.Scalars(float(value)))
+        self.stream.log(f"metrics/{name}", rr.Scalars(float(value)))
+
+
+def _new_stream(path: Path, viewer: Viewer | None) -> rr.RecordingStream:
+    stream = rr.RecordingStream("sarsim")
+    try:
+        stream.set_sinks(rr.FileSink(path), *([viewer.sink] if viewer else []))
+    except RuntimeError as error:
+        raise InputError(f"{path}: cannot be written ({error})") from error
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    stream.send_recording_name(path.absolute().parent.name)
+    return stream

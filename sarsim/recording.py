@@ -1,6 +1,7 @@
 """A simulated episode in Rerun: what the robot's software knows, and the world that it moves in."""
 
-from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -11,8 +12,9 @@ from pipeline import drawings
 from pipeline.explorer import Explorer, Look
 from pipeline.labels import Label
 from pipeline.layout import blueprint
-from pipeline.recording import Level, Recorder, RecordingConfig, Sink, Track, new_recording
+from pipeline.recording import Level, Recorder, RecordingConfig, Track
 from pipeline.transforms import from_rotation, inverse
+from pipeline.viewer import Viewer, ViewerKind
 from sarsim.camera import geom_labels
 from sarsim.meshes import Mesh, drawn_geoms, geom_poses, joined_mesh
 from sarsim.simulated_robot import Pose, SimulatedRobot
@@ -26,20 +28,20 @@ class EpisodeRecorder:
     def __init__(
         self,
         robot: SimulatedRobot,
-        sinks: Sequence[Sink],
-        name: str = "episode",
+        path: Path,
+        view: ViewerKind | Literal["none"] = "none",
         config: RecordingConfig | None = None,
     ):
-        """Log the arena and the robot's shape.
+        """Begin the recording with the arena and the robot's shape.
 
         Args:
             robot: in its arena.
-            sinks: where the recording flows.
-            name: of the recording in the viewer.
+            path: of the file, which is written as the recording grows and can be read at any time.
+            view: where to show it meanwhile; the address of a ``web`` page is printed.
             config: of the pipeline's part.
 
         Raises:
-            InputError: a file cannot be written.
+            InputError: the file cannot be written, or the viewer cannot be had.
         """
         self._robot = robot
         self._model: mujoco.MjModel = robot.physics.model.ptr
@@ -47,13 +49,17 @@ class EpisodeRecorder:
         base = robot.physics.bind(robot.robot.base).element_id
         self._is_robot = self._model.body_rootid == self._model.body_rootid[base]
         self._geoms = np.flatnonzero(drawn_geoms(self._model))
-        self._stream = new_recording(name, sinks)
-        self._recorder = Recorder(self._stream, config)
         self._T_map_odom = np.eye(4)
+        arena = self._arena_meshes()
+        vertices = np.concatenate([mesh.vertices for mesh in arena.values()])
+        layout = blueprint(vertices.min(axis=0), vertices.max(axis=0))
+        self.viewer = None if view == "none" else Viewer(view)
+        self._recorder = Recorder(path, self.viewer, layout, config)
+        self._stream = self._recorder.stream
         self._true_track = Track(self._recorder.config.track_spacing)
-        low, high = self._log_arena()
+        for label, mesh in arena.items():
+            self._stream.log(f"world/arena/{label.name.lower()}", _mesh3d(mesh), static=True)
         self._log_robot()
-        self._stream.send_blueprint(blueprint(low, high))
 
     def log_look(self, step: int, explorer: Explorer, look: Look) -> None:
         """Log what a look brought and what has become of the maps."""
@@ -79,23 +85,17 @@ class EpisodeRecorder:
         """Log the maps as they are at the end, and write what is still on its way to the sinks."""
         self._recorder.close()
 
-    def _log_arena(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """A mesh per label, where the geoms are now; returns the corners (3,) of the box around them."""
+    def _arena_meshes(self) -> dict[Label, Mesh]:
+        """What stands in the arena now, by label."""
         labels = geom_labels(self._model)
-        low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
         geoms = self._geoms[~self._is_robot[self._model.geom_bodyid[self._geoms]]]
+        meshes = {}
         for label in Label:
             chosen = geoms[labels[geoms] == label]
-            if not len(chosen):
-                continue
-            poses = [self._pose(self._data.geom_xmat[g], self._data.geom_xpos[g]) for g in chosen]
-            mesh = joined_mesh(self._model, chosen, poses)
-            self._stream.log(f"world/arena/{label.name.lower()}", _mesh3d(mesh), static=True)
-            low, high = (
-                np.minimum(low, mesh.vertices.min(axis=0)),
-                np.maximum(high, mesh.vertices.max(axis=0)),
-            )
-        return low, high
+            if len(chosen):
+                poses = [_pose(self._data.geom_xmat[geom], self._data.geom_xpos[geom]) for geom in chosen]
+                meshes[label] = joined_mesh(self._model, chosen, poses)
+        return meshes
 
     def _log_robot(self) -> None:
         """A mesh per body, in the body's frame."""
@@ -120,11 +120,11 @@ class EpisodeRecorder:
 
     def _T_base_body(self, body: int) -> NDArray[np.float64]:
         T_world_base = self._robot.robot.T_world_base(self._robot.physics)
-        return inverse(T_world_base) @ self._pose(self._data.xmat[body], self._data.xpos[body])
+        return inverse(T_world_base) @ _pose(self._data.xmat[body], self._data.xpos[body])
 
-    @staticmethod
-    def _pose(matrix: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
-        return from_rotation(matrix.reshape(3, 3), position)
+
+def _pose(matrix: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+    return from_rotation(matrix.reshape(3, 3), position)
 
 
 def _mesh3d(mesh: Mesh) -> rr.Mesh3D:

@@ -1,0 +1,49 @@
+import networkx as nx
+import numpy as np
+import pytest
+
+from pipeline.labels import Label
+from pipeline.surface.grid import Grid
+from pipeline.topological_map.topological_map import Node, TopologicalMap
+from sarsim.scoring.topology import score_topology
+from sarsim.scoring.true_surface import TrueSurface
+
+
+@pytest.fixture
+def two_rooms():
+    """4 × 2 m, a wall in the middle with a door of 0.6 m at its north end."""
+    grid = Grid(np.zeros(2), 0.05, (80, 40))
+    walls = np.zeros(grid.shape, np.bool_)
+    walls[40, :28] = True
+    return TrueSurface(grid, np.zeros(grid.shape), ~walls, walls)
+
+
+def topology_of(positions, edges):
+    topology = TopologicalMap()
+    topology.nodes = {n: Node(n, Label.TERRAIN, np.array([*p, 0.0])) for n, p in enumerate(positions)}
+    topology.graph = nx.Graph(edges)
+    topology.graph.add_nodes_from(topology.nodes)
+    return topology
+
+
+def test_edges_through_walls_are_counted(two_rooms):
+    positions = [(1, 0.5), (3, 0.5), (2.02, 1.7)]
+    sound = score_topology(topology_of(positions, [(0, 2), (1, 2)]), two_rooms)
+    assert (sound["edges_through_walls"], sound["components"], sound["edges"]) == (0, 1, 2)
+    crossing = score_topology(topology_of(positions, [(0, 1), (1, 2)]), two_rooms)
+    assert crossing["edges_through_walls"] == 1
+    assert score_topology(topology_of(positions, [(0, 2)]), two_rooms)["components"] == 2
+
+
+def test_coverage_is_what_nodes_see_within_two_metres(two_rooms):
+    left = score_topology(topology_of([(1, 1)], []), two_rooms)
+    assert 0.5 < left["coverage"] < 0.65
+    both = score_topology(topology_of([(1, 1), (3, 1)], []), two_rooms)
+    assert both["coverage"] > 0.99
+
+
+def test_more_nodes_than_needed_show_in_the_ratio(two_rooms):
+    few = score_topology(topology_of([(1, 1), (3, 1)], []), two_rooms)
+    many = score_topology(topology_of([(1, 1), (3, 1), (1.2, 1), (3.2, 1)], []), two_rooms)
+    assert 0.5 < few["nodes_vs_greedy"] <= 1
+    assert many["nodes_vs_greedy"] == pytest.approx(2 * few["nodes_vs_greedy"])

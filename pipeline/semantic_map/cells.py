@@ -16,8 +16,8 @@ SHIFT = 0.02
 """m, of the grid against the map's axes: floors and walls tend to stand at round numbers, on the cells' faces."""
 REACH = 2
 """Cells up to this far apart along every axis are neighbours: gaps of 0.15 m always part, gaps of 0.05 m never."""
-CORE = 12
-"""Cells in reach, itself included, inside a surface or along an edge (25 and 15); in a corner there are 9."""
+INNER = 20
+"""Cells in reach, itself included, of a cell inside a surface: 25, or 20 beside those along an edge (15)."""
 CONTACT = 12
 """Cells in reach of another set, or three quarters of all, for both to be one surface; corners meet in 9 at most."""
 FRAYED = 0.25
@@ -61,30 +61,37 @@ def in_contact(a: Cells, b: Cells) -> bool:
 def connected_pieces(cells: Cells, points: NDArray[np.intp]) -> NDArray[np.intp]:
     """(K,) number of the piece that each cell belongs to, NONE for cells that are but noise at a surface's edge.
 
-    Noise are cells with few ``points`` (K,) beside such with many. Of the others, in the manner of DBSCAN (Ester et
-    al. 1996), core cells in reach of each other are of one piece, so that surfaces whose corners touch stay two.
-    Cells that are no core go with a core cell in reach; those without one make pieces among themselves.
+    Noise are cells with few ``points`` (K,) beside such with many. Of the others, inner cells in reach of each other
+    are of one piece, and the rest goes with the nearest of them, as in DBSCAN (Ester et al. 1996) and a watershed: so
+    surfaces that touch at corners or by a thin strip stay two.
     """
     pairs = KDTree(cells).query_pairs(REACH + 0.5, p=np.inf, output_type="ndarray")
     frayed = np.zeros(len(cells), bool)
     for one, other in (pairs.T, pairs.T[::-1]):
         frayed[one[points[one] < FRAYED * points[other]]] = True
     pairs = pairs[~frayed[pairs].any(axis=1)]
-    core = np.bincount(pairs.ravel(), minlength=len(cells)) + 1 >= CORE
-    anchored = _anchors(pairs, core)
-    alone = ~core
-    alone[anchored[:, 0]] = False
-    links = np.vstack([pairs[core[pairs].all(axis=1)], anchored, pairs[alone[pairs].all(axis=1)]])
-    graph = coo_array((np.ones(len(links), np.int8), links.T), shape=(len(cells), len(cells)))
-    return np.where(frayed, NONE, connected_components(graph, directed=False)[1])
+    inner = np.bincount(pairs.ravel(), minlength=len(cells)) + 1 >= INNER
+    piece = np.where(inner, _components(pairs[inner[pairs].all(axis=1)], len(cells)), NONE)
+    _flood(piece, pairs)
+    apart = _components(pairs[(piece[pairs] == NONE).all(axis=1)], len(cells)) + len(cells)
+    return np.where(frayed, NONE, np.where(piece == NONE, apart, piece))
 
 
-def _anchors(pairs: NDArray[np.intp], core: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """(M, 2): every cell in reach of core cells but none itself, with the first of these."""
-    mixed = pairs[core[pairs].sum(axis=1) == 1]
-    mixed = np.where(core[mixed[:, :1]], mixed[:, ::-1], mixed)
-    mixed = mixed[np.lexsort(mixed.T[::-1])]
-    return mixed[np.unique(mixed[:, 0], return_index=True)[1]]
+def _components(pairs: NDArray[np.intp], size: int) -> NDArray[np.intp]:
+    graph = coo_array((np.ones(len(pairs), np.int8), pairs.T), shape=(size, size))
+    return connected_components(graph, directed=False)[1].astype(np.intp)
+
+
+def _flood(piece: NDArray[np.intp], pairs: NDArray[np.intp]) -> None:
+    """Spread pieces step by step to the cells without one, in place; of several the first wins."""
+    both_ways = np.vstack([pairs, pairs[:, ::-1]])
+    while True:
+        source, target = both_ways[(piece[both_ways] == NONE) @ [1, 2] == 2].T
+        if not len(target):
+            return
+        reached = np.full(len(piece), len(piece))
+        np.minimum.at(reached, target, piece[source])
+        piece[target] = reached[target]
 
 
 def _near_box_of(a: Cells, b: Cells) -> Cells:

@@ -33,51 +33,43 @@ def crossings(
         segments: those that block, of whatever label.
         margin: m; a line that comes this near to a surface passes through it.
         height: m, of the body that moves along the line: it reaches from the line up to so far above it.
+
+    Returns:
+        (N,) bool.
     """
     result = np.zeros(len(a), np.bool_)
+    boxes = [segment.box for segment in segments]
     for lift in np.linspace(0, height, int(np.ceil(height / CELL)) + 1):
         up = np.array([0, 0, lift])
-        for segment in segments:
-            result |= _cross(a + up, b + up, segment, margin)
-    return result
-
-
-def _cross(
-    a: NDArray[np.float64], b: NDArray[np.float64], segment: Segment, margin: float
-) -> NDArray[np.bool_]:
-    """(N,) bool, the lines through one segment."""
-    enter, leave = clip(a, b, segment.box, margin)
-    result = enter <= leave
-    inside = np.flatnonzero(result)
-    if len(inside):
-        points, line = _sample(a[inside], b[inside], enter[inside], leave[inside])
-        points -= segment.plane.distance(points)[:, None] * segment.plane.normal
-        near = segment.tree.query(points)[0] <= margin + _HALF_DIAGONAL
-        result[inside] = np.bincount(line, near, len(inside)) > 0
+        start, end = a + up, b + up
+        enter, leave = clip(start, end, boxes, margin)
+        for k in np.flatnonzero((enter <= leave).any(axis=0)):
+            lines = np.flatnonzero((enter[:, k] <= leave[:, k]) & ~result)
+            stretch = _sample(start[lines], end[lines], enter[lines, k], leave[lines, k])
+            result[lines] = _near_surface(*stretch, len(lines), segments[int(k)], margin)
     return result
 
 
 def clip(
-    a: NDArray[np.float64], b: NDArray[np.float64], box: Box, margin: float = 0.0
+    a: NDArray[np.float64], b: NDArray[np.float64], boxes: Sequence[Box], margin: float = 0.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where lines are inside a box that is ``margin`` m larger on every side.
+    """Where N lines are inside S boxes that are ``margin`` m larger on every side.
 
     Returns:
-        (N,) and (N,) the t in [0, 1] at which x = a + (b - a) t enters and leaves; enter > leave where it never does.
+        (N, S) and (N, S), the t in [0, 1] at which x = a + (b - a) t enters and leaves; enter > leave where it never
+        does.
     """
-    R, centre = box.T_map_box[:3, :3], box.T_map_box[:3, 3]
-    start, step = (a - centre) @ R, (b - a) @ R
-    half = box.extent / 2 + margin
-    with np.errstate(divide="ignore", invalid="ignore"):
+    T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
+    half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
+    start = np.einsum("nsi,sij->nsj", a[:, None] - T[:, :3, 3], T[:, :3, :3])
+    step = np.einsum("ni,sij->nsj", b - a, T[:, :3, :3])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         first, last = (-half - start) / step, (half - start) / step
     # A line along a pair of faces is between them always or never.
-    along = step == 0
-    between = np.abs(start) <= half
-    first, last = (
-        np.where(along, np.where(between, -np.inf, np.inf), np.minimum(first, last)),
-        np.where(along, np.inf, np.maximum(first, last)),
-    )
-    return np.maximum(first.max(axis=1), 0), np.minimum(last.min(axis=1), 1)
+    along, between = step == 0, np.abs(start) <= half
+    enter = np.where(along, np.where(between, -np.inf, np.inf), np.minimum(first, last))
+    leave = np.where(along, np.inf, np.maximum(first, last))
+    return np.maximum(enter.max(axis=2), 0), np.minimum(leave.min(axis=2), 1)
 
 
 def _sample(
@@ -86,6 +78,15 @@ def _sample(
     """(M, 3) points close together from where each line enters to where it leaves, and their (M,) lines."""
     counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / _SPACING).astype(int) + 1
     line = np.repeat(np.arange(len(a)), counts)
-    share = np.concatenate([np.linspace(0, 1, count) for count in counts])
+    share = np.concatenate([np.linspace(0, 1, count) for count in counts] or [np.empty(0)])
     t = enter[line] + share * (leave - enter)[line]
     return a[line] + t[:, None] * (b - a)[line], line
+
+
+def _near_surface(
+    points: NDArray[np.float64], line: NDArray[np.intp], lines: int, segment: Segment, margin: float
+) -> NDArray[np.bool_]:
+    """(lines,) bool, the lines of which some point is near a cell of the segment."""
+    on_plane = points - segment.plane.distance(points)[:, None] * segment.plane.normal
+    distance, _ = segment.tree.query(on_plane)
+    return np.bincount(line, distance <= margin + _HALF_DIAGONAL, lines) > 0

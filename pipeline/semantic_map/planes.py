@@ -39,8 +39,8 @@ class PlanesConfig:
     """pixels, the edge of the image blocks that are averaged to one surfel each."""
     min_pixels: int = 16
     """Of a surfel."""
-    max_residual: float = 0.005
-    """1/m, rms deviation of a surfel's inverse depths from those of a plane."""
+    min_step: float = 0.01
+    """1/m of inverse depth, between surfaces one before the other; a step of a structured-light camera is 0.003."""
     reach: int = 2
     """blocks, how far apart neighbouring surfels are."""
     max_step: float = 0.12
@@ -142,7 +142,7 @@ def _thin(frame: Frame, labels: NDArray[np.uint8], config: PlanesConfig) -> _Sur
     image = np.zeros(frame.depth.shape, np.uint8)
     image[frame.returns] = np.where(np.isin(labels, config.labels), labels, Label.UNLABELLED)
     points, surfel_labels, blocks, of_pixel = make_surfels(
-        frame.depth, image, frame.intrinsics.rays, config.block, config.min_pixels, config.max_residual
+        frame.depth, image, frame.intrinsics.rays, config.block, config.min_pixels, config.min_step
     )
     columns = frame.intrinsics.width // config.block + 1
     near = neighbours(blocks, columns, surfel_labels, points, config.reach, config.max_step)

@@ -1,0 +1,85 @@
+"""Looks at scenes of convex polygons, ray-cast in plain numpy."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.frame import Frame, Intrinsics
+from pipeline.labels import Label
+
+CAMERA = Intrinsics(width=640, height=480, fx=577.0, fy=577.0, cx=320.0, cy=240.0)
+RANGE = (0.5, 3.5)
+
+
+@dataclass(frozen=True)
+class Face:
+    """A convex polygon: label and (K, 3) corners."""
+
+    label: Label
+    corners: np.ndarray
+
+    @property
+    def normal(self) -> np.ndarray:
+        normal = np.cross(self.corners[1] - self.corners[0], self.corners[2] - self.corners[0])
+        return normal / np.linalg.norm(normal)
+
+
+def floor(x0, x1, y0, y1, z=0.0, label=Label.TERRAIN):
+    return Face(label, np.array([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)], float))
+
+
+def wall(a, b, z0=0.0, z1=1.2):
+    """An upright rectangle between the points a and b of the ground."""
+    (ax, ay), (bx, by) = a, b
+    return Face(Label.WALL, np.array([(ax, ay, z0), (bx, by, z0), (bx, by, z1), (ax, ay, z1)], float))
+
+
+def wedge(x, y, length, width, height):
+    """Slope, two sides and back of an inclined ramp that rises along x from (x, y ± width/2)."""
+    a, b = np.array([x, y - width / 2, 0]), np.array([x, y + width / 2, 0])
+    along = np.array([length, 0, 0])
+    c, d = a + along, b + along
+    up = np.array([0, 0, height])
+    polygons = [(a, c + up, d + up, b), (a, c, c + up), (b, d, d + up), (c, d, d + up, c + up)]
+    return [Face(Label.INCLINED_RAMP, np.array(p, float)) for p in polygons]
+
+
+def pose(x, y, z, yaw, down=0.0):
+    """A camera at (x, y, z) that looks along ``yaw``, tilted ``down`` rad."""
+    forward = np.array([np.cos(yaw) * np.cos(down), np.sin(yaw) * np.cos(down), -np.sin(down)])
+    right = np.array([np.sin(yaw), -np.cos(yaw), 0])
+    T = np.eye(4)
+    T[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    T[:3, 3] = x, y, z
+    return T
+
+
+def look(faces, T_map_camera, sigma=0.0, seed=0, reach=RANGE):
+    """The frame that a camera sees, with depth noise of ``sigma`` m; ``instance`` is the face's index."""
+    origin = T_map_camera[:3, 3]
+    rays = CAMERA.rays.reshape(-1, 3).astype(float) @ T_map_camera[:3, :3].T
+    depth = np.full(len(rays), np.inf)
+    face_of_ray = np.full(len(rays), -1, np.int32)
+    for index, face in enumerate(faces):
+        n = face.normal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = ((face.corners[0] - origin) @ n) / (rays @ n)
+            hit = (z > 0) & (z < depth)
+            points = origin + rays * z[:, None]
+            for a, b in zip(face.corners, np.roll(face.corners, -1, axis=0), strict=True):
+                hit &= (points - a) @ np.cross(n, b - a) >= 0
+        depth[hit], face_of_ray[hit] = z[hit], index
+    depth += np.random.default_rng(seed).normal(0, sigma, depth.shape) if sigma else 0
+    depth[~((depth >= reach[0]) & (depth <= reach[1]))] = 0
+    labels = np.array([face.label for face in faces] + [Label.UNLABELLED], np.uint8)[face_of_ray]
+    shape = (CAMERA.height, CAMERA.width)
+    return Frame(
+        time=0.0,
+        rgb=np.zeros((*shape, 3), np.uint8),
+        depth=depth.reshape(shape).astype(np.float32),
+        intrinsics=CAMERA,
+        T_base_camera=np.eye(4),
+        T_odom_base=T_map_camera,
+        label=labels.reshape(shape),
+        instance=face_of_ray.reshape(shape),
+    )

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import open3d as o3d
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
@@ -18,6 +17,7 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.cells import Cells, cells_of, connected_pieces
 from pipeline.semantic_map.plane import Moments, Plane
+from pipeline.semantic_map.ransac import plane_inliers
 from pipeline.semantic_map.regions_kernels import NONE, claim_nearest, grow_regions, normals
 from pipeline.semantic_map.surfels_kernels import make_surfels, neighbours, project_pixels
 from pipeline.transforms import transform_points
@@ -165,7 +165,6 @@ def _ransac_regions(
     Large regions come first and keep what lies on their planes: the surfels along the line where two walls meet
     are between both, and would pass for a narrow plane of their own.
     """
-    o3d.utility.random.seed(seed)
     result = np.full(len(region), NONE, np.int32)
     planes = np.empty((0, 4))
     regions = [members for _, members in _groups(region) if len(members) >= config.min_surfels]
@@ -174,24 +173,13 @@ def _ransac_regions(
         result[members] = claimed
         rest = members[claimed == NONE]
         while len(rest) >= config.min_surfels:
-            inlier = _ransac(surfels.points[rest], config)
+            inlier = plane_inliers(surfels.points[rest], config.max_distance, config.iterations, seed)
             if np.count_nonzero(inlier) < config.min_surfels:
                 break
             result[rest[inlier]] = len(planes)
             planes = np.vstack([planes, _fit(surfels.points[rest[inlier]])])
             rest = rest[~inlier]
     return result, planes
-
-
-def _ransac(points: NDArray[np.float32], config: PlanesConfig) -> NDArray[np.bool_]:
-    """(N,) bool, the points near the best of the sampled planes.
-
-    With probability 1 Open3D tries all samples. With less it stops early, sooner or later by the timing of its
-    threads, and the result varies with it.
-    """
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.astype(np.float64)))
-    (*normal, d), _ = cloud.segment_plane(config.max_distance, 3, config.iterations, probability=1.0)
-    return np.abs(points @ np.array(normal) + d) < config.max_distance
 
 
 def _settle(

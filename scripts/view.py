@@ -1,0 +1,54 @@
+"""Open the recording of an episode in the Rerun viewer: ``view.py PATH [--web]``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from pipeline.errors import InputError
+from pipeline.viewer import Viewer, has_display
+from sarsim.scripts.cli import run
+
+RECORDING = "episode.rrd"
+MAGIC = b"RRF2"
+"""The first bytes of every recording."""
+
+
+def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None:
+    """Open a recording, in a window if there is a display and in the browser otherwise.
+
+    The page for the browser is served to this machine alone, until Ctrl-C.
+
+    Args:
+        path: an .rrd file, or an episode's folder.
+        web: in the browser even if there is a display.
+    """
+    recording = find_recording(path)
+    viewer = Viewer("web" if web or not has_display() else "spawn", recording)
+    viewer.wait()
+
+
+def find_recording(path: Path) -> Path:
+    """The recording that ``path`` names.
+
+    Raises:
+        InputError: there is none, or the file is not one.
+    """
+    recording = path / RECORDING if path.is_dir() else path
+    try:
+        with recording.open("rb") as file:
+            magic = file.read(len(MAGIC))
+    except OSError as error:
+        raise InputError(f"{recording}: {error.strerror}") from error
+    if magic != MAGIC:
+        raise InputError(f"{recording}: not a Rerun recording")
+    return recording
+
+
+def main() -> None:
+    """Entry point."""
+    run(view)
+
+
+if __name__ == "__main__":
+    main()

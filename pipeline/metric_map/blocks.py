@@ -1,6 +1,6 @@
 """An endless 3D array of int8, kept as cubic blocks that come into being where something is written."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import product
 
 import numpy as np
@@ -18,34 +18,49 @@ Box = tuple[slice, slice, slice]
 class BlockArray:
     """A 3D array without bounds: zero wherever nothing was written.
 
-    It grows by whole blocks of ``SIDE``³ voxels, and what is there already stays where it is: finding a block is one
-    look into a table, however many there are.
+    It grows by whole blocks of SIDE³ voxels, and what is there already stays where it is. Finding a block is one look
+    into a table, however many there are.
     """
 
-    def __init__(self, max_bytes: int) -> None:
+    def __init__(self, max_bytes: int):
         self._max_bytes = max_bytes
-        self._blocks: dict[tuple[int, int, int], NDArray[np.int8]] = {}
+        self._blocks: dict[Key, NDArray[np.int8]] = {}
 
     @property
     def nbytes(self) -> int:
         """Bytes of all blocks."""
         return len(self._blocks) * SIDE**3
 
-    def __contains__(self, key: Key) -> bool:
-        return key in self._blocks
+    def __getitem__(self, key: Key) -> NDArray[np.int8]:
+        """(SIDE, SIDE, SIDE) int8, a block itself."""
+        return self._blocks[key]
 
-    def block(self, key: Key) -> NDArray[np.int8]:
-        """(SIDE, SIDE, SIDE) int8, the block itself; it comes into being if it is not there.
+    def reserve(self, keys: Iterable[Key]) -> None:
+        """Make sure that these blocks are there.
 
         Raises:
-            InputError: if it would exceed the bound on memory.
+            InputError: if they would exceed the bound on memory; then none of them comes into being.
         """
-        block = self._blocks.get(key)
-        if block is None:
-            if self.nbytes + SIDE**3 > self._max_bytes:
-                raise InputError(f"the metric map would exceed its bound of {self._max_bytes} bytes")
-            block = self._blocks[key] = np.zeros((SIDE, SIDE, SIDE), np.int8)
-        return block
+        missing = [key for key in keys if key not in self._blocks]
+        if missing and self.nbytes + len(missing) * SIDE**3 > self._max_bytes:
+            raise InputError(f"the metric map would exceed its bound of {self._max_bytes} bytes")
+        for key in missing:
+            self._blocks[key] = np.zeros((SIDE, SIDE, SIDE), np.int8)
+
+    def items(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int8]]]:
+        """The blocks in the order of their places: (3,) int64 index of the first voxel, and the block itself."""
+        for key in sorted(self._blocks):
+            yield np.array(key, np.int64) * SIDE, self._blocks[key]
+
+    def at(self, index: NDArray[np.int64]) -> NDArray[np.int8]:
+        """(N,) int8 values of (N, 3) indices."""
+        result = np.zeros(len(index), np.int8)
+        keys, which = np.unique(index // SIDE, axis=0, return_inverse=True)
+        for n, key in enumerate(map(tuple, keys.tolist())):
+            if key in self._blocks:
+                chosen = which.ravel() == n
+                result[chosen] = self._blocks[key][tuple((index[chosen] % SIDE).T)]
+        return result
 
     def read(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray[np.int8]:
         """A copy of a box, int8."""
@@ -56,16 +71,21 @@ class BlockArray:
         return result
 
     def write(self, lower: NDArray[np.int64], values: NDArray[np.int8]) -> None:
-        """Overwrite a box."""
-        for key, in_box, in_block in parts(lower, values.shape):
-            if values[in_box].any():
-                self.block(key)[in_block] = values[in_box]
+        """Overwrite a box.
+
+        Raises:
+            InputError: if the box would exceed the bound on memory; then nothing is written.
+        """
+        written = [
+            part for part in parts(lower, values.shape) if values[part[1]].any() or part[0] in self._blocks
+        ]
+        self.reserve(key for key, _, _ in written)
+        for key, in_box, in_block in written:
+            self._blocks[key][in_block] = values[in_box]
 
     def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(3,) first index and (3,) one past the last index of the box around all that is not zero."""
-        corners = [
-            corner + np.array(key) * SIDE for key, block in self._blocks.items() for corner in _extent(block)
-        ]
+        corners = [corner + first for first, block in self.items() for corner in _extent(block)]
         if not corners:
             return np.zeros(3, np.int64), np.zeros(3, np.int64)
         return np.min(corners, axis=0), np.max(corners, axis=0)
@@ -78,8 +98,7 @@ def parts(lower: NDArray[np.int64], shape: tuple[int, ...]) -> Iterator[tuple[Ke
         The block's key, where the part lies in the box and where in the block.
     """
     axes = [_parts_of_axis(first, length) for first, length in zip(lower.tolist(), shape, strict=True)]
-    for part in product(*axes):
-        (a, i, u), (b, j, v), (c, k, w) = part
+    for (a, i, u), (b, j, v), (c, k, w) in product(*axes):
         yield (a, b, c), (i, j, k), (u, v, w)
 
 

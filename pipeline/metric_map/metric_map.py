@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
-from pipeline.metric_map import files
 from pipeline.metric_map.blocks import BlockArray, parts
+from pipeline.metric_map.files import read_npz, write_npz
 from pipeline.metric_map.grid_kernels import WORD, any_mark, fold
 from pipeline.metric_map.projective_update import project
 from pipeline.metric_map.ray_traversal import trace
@@ -20,10 +20,11 @@ from pipeline.metric_map.scan import Scan, Scratch
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0
 """The thesis's three values of a voxel."""
 
-_IDENTITY = np.eye(3)
+LOG_ODDS = 0.1
+"""Log-odds per unit of the map's int8 values."""
 
 FARTHEST = 1e5
-"""m; a pose or point farther from the map's origin than this is taken for an error."""
+"""m; a pose farther from the map's origin than this is taken for an error."""
 
 
 @dataclass(frozen=True)
@@ -35,41 +36,60 @@ class MetricMapConfig:
         max_range: m; returns from farther free space up to here and end nowhere. Along the optical axis for depth
             images, from the origin for points.
         offset: (x, y, z) of a voxel's corner in ``map``, in voxels. Built surfaces tend to lie at round figures;
-            noise makes one that lies on a face between two voxel layers fill both. So z = 0 is put inside a layer,
-            and so are the multiples of half a voxel along every axis.
-        hit: what an end point adds to a voxel's log-odds. Far more than a crossing takes: one return proves a
-            surface, while rays cross a voxel with a surface in a corner of it again and again.
-        miss: what a crossing takes from a voxel's log-odds.
-        least: the lower clamp. One hit must outweigh it.
-        greatest: the upper clamp; a surface that has gone vanishes after (greatest / miss) looks.
-        margin: (a, b); a ray frees space up to a + b · depth² m before its end, which keeps noise from freeing what
-            lies just behind the surface. The noise of triangulation grows with depth².
-        max_bytes: the most memory that voxels may take.
+            noise makes one that lies on a face between two voxel layers fill both. So z = 0 is put inside a
+            layer, and so are the multiples of half a voxel along every axis.
+        hit: what an end point adds to a voxel's log-odds, in tenths. Far more than a crossing takes: one return
+            proves a surface, while rays cross a voxel with a surface in a corner of it again and again.
+        miss: what a crossing takes, in tenths.
+        least: the lower clamp, in tenths. One hit must outweigh it.
+        greatest: the upper clamp, in tenths: what has gone vanishes after greatest / miss looks.
+        margin: m before its end up to which a ray frees space, so that noise does not free what holds the surface.
+        max_bytes: the most memory that the voxels may take.
     """
 
     voxel_size: float = 0.1
     max_range: float = 3.5
     offset: tuple[float, float, float] = (-0.25, -0.25, -0.4)
-    hit: int = 40
-    miss: int = 2
-    least: int = -30
-    greatest: int = 120
-    margin: tuple[float, float] = (0.0, 0.0)
+    hit: int = 20
+    miss: int = 1
+    least: int = -15
+    greatest: int = 40
+    margin: float = 0.03
     max_bytes: int = 2**31
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work.
+
+        Raises:
+            InputError: saying which value is wrong.
+        """
+        for name in ("voxel_size", "max_range", "hit", "miss", "max_bytes"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise InputError(f"metric map: {name} must be positive, got {getattr(self, name)}")
+        if not (0 <= self.margin < np.inf and np.isfinite(self.offset).all()):
+            raise InputError(f"metric map: margin {self.margin} or offset {self.offset} is out of range")
+        if not -128 <= self.least < 0 < self.least + self.hit <= self.greatest <= 127:
+            raise InputError("metric map: -128 <= least < 0 < least + hit <= greatest <= 127 must hold")
 
 
 class MetricMap:
     """Which voxels of the ``map`` frame are free, occupied or unknown.
 
-    Inside, a voxel is an int8 log-odds value (0 = never seen). Seen from outside it is one of the thesis's three
-    values. Every look changes the voxels in view only, so its time does not depend on the size of the environment.
+    Inside, a voxel is an int8 log-odds value (0 = not known). Seen from outside it is one of the thesis's three
+    values. A look changes the voxels in view only, so its time does not depend on the size of the environment.
     """
 
-    def __init__(self, config: MetricMapConfig | None = None) -> None:
+    def __init__(self, config: MetricMapConfig | None = None):
         self.config = config or MetricMapConfig()
-        self._corner = np.array(self.config.offset) * self.config.voxel_size
+        self.corner: NDArray[np.float64] = np.array(self.config.offset) * self.config.voxel_size
+        """(3,) m in ``map``, where voxel (0, 0, 0) begins."""
         self._log_odds = BlockArray(self.config.max_bytes)
         self._scratch = Scratch(self.config.max_bytes)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the voxels' values."""
+        return self._log_odds.nbytes
 
     def integrate(
         self, depth: NDArray[np.float32], intrinsics: Intrinsics, T_map_camera: NDArray[np.float64]
@@ -82,24 +102,15 @@ class MetricMap:
             T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
 
         Raises:
-            InputError: if the intrinsics do not fit the image, the pose is not rigid or the map is full.
+            InputError: if the intrinsics do not fit the image, the pose is not rigid or the map is full; then the
+                map stays as it was.
         """
         _check_image(depth, intrinsics)
         T_grid_camera = _rigid(T_map_camera)
-        T_grid_camera[:3, 3] -= self._corner
-        config = self.config
-        depth = np.ascontiguousarray(depth, np.float32)
-        self._fold(
-            project(
-                depth,
-                intrinsics,
-                T_grid_camera,
-                config.voxel_size,
-                config.max_range,
-                config.margin,
-                self._scratch,
-            )
-        )
+        T_grid_camera[:3, 3] -= self.corner
+        depth, config = np.ascontiguousarray(depth, np.float32), self.config
+        size, reach, margin = config.voxel_size, config.max_range, config.margin
+        self._fold(project(depth, intrinsics, T_grid_camera, size, reach, margin, self._scratch))
 
     def integrate_points(self, points: ArrayLike, origin: ArrayLike) -> None:
         """Add a point cloud with the place that it was seen from.
@@ -109,65 +120,83 @@ class MetricMap:
             origin: (3,) m in ``map``.
 
         Raises:
-            InputError: if a shape is wrong, the origin is not finite or the map is full.
+            InputError: if a shape is wrong, the origin is out of range or the map is full; then the map stays as
+                it was.
         """
         cloud, start = _points(points), np.asarray(origin, np.float64)
-        if start.shape != (3,) or not np.all(np.abs(start) <= FARTHEST):
-            raise InputError(
-                "the origin of a point cloud must be three finite numbers within the map's reach"
-            )
-        cloud = cloud[np.isfinite(cloud).all(axis=1)]
-        if cloud.size:
-            config = self.config
-            cloud, start = cloud - self._corner, start - self._corner
-            self._fold(trace(cloud, start, config.voxel_size, config.max_range, config.margin, self._scratch))
+        if start.shape != (3,) or not np.abs(start).max() <= FARTHEST:
+            raise InputError(f"the origin of a point cloud must be three numbers of at most {FARTHEST:.0f} m")
+        cloud = cloud[np.isfinite(cloud).all(axis=1)] - self.corner
+        if len(cloud):
+            size, reach, margin = self.config.voxel_size, self.config.max_range, self.config.margin
+            self._fold(trace(cloud, start - self.corner, size, reach, margin, self._scratch))
 
     def voxel_index(self, points: ArrayLike) -> NDArray[np.int64]:
         """(N, 3) int64 indices of the voxels that (N, 3) points, m in ``map``, fall in."""
-        return np.floor((_points(points) - self._corner) / self.config.voxel_size).astype(np.int64)
+        return np.floor((_points(points) - self.corner) / self.config.voxel_size).astype(np.int64)
 
     def voxel_centre(self, index: NDArray[np.int64]) -> NDArray[np.float32]:
         """(N, 3) float32 centres, m in ``map``, of the voxels with (N, 3) indices."""
-        return ((index + 0.5) * self.config.voxel_size + self._corner).astype(np.float32)
+        return ((index + 0.5) * self.config.voxel_size + self.corner).astype(np.float32)
 
     def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(3,) first index and (3,) one past the last index of the box around all voxels seen so far."""
+        """(3,) first index and (3,) one past the last index of the box around all voxels known so far."""
         return self._log_odds.bounds()
 
     def log_odds(self, lower: NDArray[np.int64], upper: NDArray[np.int64]) -> NDArray[np.int8]:
-        """A copy of the voxels lower..upper (exclusive): (nx, ny, nz) int8, > 0 occupied, < 0 free, 0 unknown."""
+        """A copy of the voxels from ``lower`` up to, not including, ``upper``.
+
+        Returns:
+            (nx, ny, nz) int8 log-odds in units of LOG_ODDS: > 0 occupied, < 0 free, 0 unknown.
+        """
         return self._log_odds.read(lower, tuple((upper - lower).tolist()))
+
+    def set_log_odds(self, lower: NDArray[np.int64], values: NDArray[np.int8]) -> None:
+        """Overwrite the voxels from ``lower`` on with (nx, ny, nz) int8 log-odds.
+
+        Raises:
+            InputError: if the map is full.
+        """
+        self._log_odds.write(lower, np.clip(values, self.config.least, self.config.greatest))
 
     def state_at(self, points: ArrayLike) -> NDArray[np.float32]:
         """(N,) float32 in {0 occupied, 0.5 unknown, 1 free} at (N, 3) points, m in ``map``."""
-        index = self.voxel_index(points)
-        if not len(index):
-            return np.zeros(0, np.float32)
-        lower = index.min(axis=0)
-        i, j, k = (index - lower).T
-        return _states(self.log_odds(lower, index.max(axis=0) + 1)[i, j, k])
+        return states(self._log_odds.at(self.voxel_index(points)))
 
     def array(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """The thesis's 3D array of all that was seen so far.
+        """The thesis's 3D array of all that is known so far.
 
         Returns:
             (nx, ny, nz) float32 in {0 occupied, 0.5 unknown, 1 free}, and (3,) the corner of its first voxel, m in
             ``map``.
         """
         lower, upper = self.bounds()
-        return _states(self.log_odds(lower, upper)), lower * self.config.voxel_size + self._corner
+        return states(self.log_odds(lower, upper)), lower * self.config.voxel_size + self.corner
 
     def occupied_centres(self) -> NDArray[np.float32]:
-        """(N, 3) float32 centres of the occupied voxels, m in ``map``, sorted by index."""
-        return self._centres(OCCUPIED)
+        """(N, 3) float32 centres of the occupied voxels, m in ``map``."""
+        return self._centres([np.argwhere(block > 0) + first for first, block in self._log_odds.items()])
 
     def free_centres(self) -> NDArray[np.float32]:
-        """(N, 3) float32 centres of the free voxels, m in ``map``, sorted by index."""
-        return self._centres(FREE)
+        """(N, 3) float32 centres of the free voxels, m in ``map``."""
+        return self._centres([np.argwhere(block < 0) + first for first, block in self._log_odds.items()])
+
+    def frontier_centres(self) -> NDArray[np.float32]:
+        """(N, 3) float32 centres of the free voxels that share a face with an unknown one, m in ``map``."""
+        found = []
+        for first, block in self._log_odds.items():
+            around = self._log_odds.read(first - 1, tuple(side + 2 for side in block.shape))
+            found.append(np.argwhere((block < 0) & _beside(around == 0)) + first)
+        return self._centres(found)
 
     def save(self, path: Path | str) -> None:
-        """Write the map to an ``.npz`` file, see :func:`pipeline.metric_map.files.save_npz`."""
-        files.save_npz(path, self)
+        """Write the map to an ``.npz`` file, see :func:`pipeline.metric_map.files.write_npz`.
+
+        Raises:
+            InputError: if it cannot be written.
+        """
+        lower, upper = self.bounds()
+        write_npz(Path(path), asdict(self.config), lower, self.log_odds(lower, upper))
 
     @classmethod
     def load(cls, path: Path | str) -> MetricMap:
@@ -176,35 +205,52 @@ class MetricMap:
         Raises:
             InputError: if the file is missing, damaged or foreign.
         """
-        config, lower, log_odds = files.read_npz(path)
-        result = cls(MetricMapConfig(**config))
-        result._log_odds.write(lower, log_odds)
+        settings, lower, log_odds = read_npz(Path(path))
+        try:
+            result = cls(MetricMapConfig(**settings))
+        except TypeError as error:
+            raise InputError(f"{path}: the settings of the metric map are incomplete or wrong") from error
+        result.set_log_odds(lower, log_odds)
         return result
 
-    def _centres(self, state: float) -> NDArray[np.float32]:
-        lower, upper = self.bounds()
-        return self.voxel_centre(np.argwhere(_states(self.log_odds(lower, upper)) == state) + lower)
+    def _centres(self, indices: list[NDArray[np.int64]]) -> NDArray[np.float32]:
+        return self.voxel_centre(np.concatenate([np.zeros((0, 3), np.int64), *indices]))
 
     def _fold(self, scan: Scan) -> None:
         config, words = self.config, scan.words
+        marked = []
         for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
             part = words[i, j, k.start // WORD : k.stop // WORD]
-            if key in self._log_odds or any_mark(part):
-                log_odds = self._log_odds.block(key)[in_block]
-                fold(part, log_odds, config.hit, config.miss, config.least, config.greatest)
+            if any_mark(part):
+                marked.append((key, part, in_block))
+        self._log_odds.reserve(key for key, _, _ in marked)
+        for key, part, in_block in marked:
+            fold(part, self._log_odds[key][in_block], config.hit, config.miss, config.least, config.greatest)
 
 
-def _states(log_odds: NDArray[np.int8]) -> NDArray[np.float32]:
+def states(log_odds: NDArray[np.int8]) -> NDArray[np.float32]:
+    """The thesis's values, float32 in {0 occupied, 0.5 unknown, 1 free}, of int8 log-odds."""
     return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[np.sign(log_odds)]
 
 
+_IDENTITY = np.eye(3)
+
+
+def _beside(padded: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(nx, ny, nz) bool: is one of the six neighbours set in an array that has one more voxel all around?"""
+    inner = slice(1, -1)
+    result = padded[:-2, inner, inner] | padded[2:, inner, inner]
+    result |= padded[inner, :-2, inner] | padded[inner, 2:, inner]
+    return result | padded[inner, inner, :-2] | padded[inner, inner, 2:]
+
+
 def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
-    if depth.shape != (intrinsics.height, intrinsics.width) or not depth.size:
-        expected = (intrinsics.height, intrinsics.width)
+    expected = (intrinsics.height, intrinsics.width)
+    if depth.shape != expected or not depth.size:
         raise InputError(f"a depth image of shape {depth.shape} does not fit intrinsics for {expected}")
     if not (0 < intrinsics.fx < np.inf and 0 < intrinsics.fy < np.inf):
         raise InputError(f"focal lengths must be positive, got {intrinsics.fx} and {intrinsics.fy}")
-    if not (np.isfinite(intrinsics.cx) and np.isfinite(intrinsics.cy)):
+    if not (abs(intrinsics.cx) < np.inf and abs(intrinsics.cy) < np.inf):
         raise InputError(f"the principal point must be finite, got {intrinsics.cx} and {intrinsics.cy}")
 
 

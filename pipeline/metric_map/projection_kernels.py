@@ -34,8 +34,7 @@ class View(NamedTuple):
     far: float
     """m of depth; returns at most this deep are end points, deeper ones reach this far and end nowhere."""
     margin: float
-    margin_growth: float
-    """A ray frees space up to margin + margin_growth · depth² m before its end."""
+    """A ray frees space up to this many m of depth before its end."""
     origin: NDArray[np.float64]
     """(3,) the optical centre in the box."""
     axes: NDArray[np.float64]
@@ -45,14 +44,14 @@ class View(NamedTuple):
 
 
 @njit(cache=True)
-def observe(depth, pinhole, pose, size, far, margin, margin_growth, marks, flat, high):
+def observe(depth, pinhole, pose, size, far, margin, marks, flat, high):
     """Mark the voxels that rays end in as HIT and those that they only cross as FREE.
 
     Args:
         depth: (H, W) float32, m; what is not a positive finite number is no return.
         pinhole: (4,) float64 fx, fy, cx, cy in pixels.
         pose: (3, 4) float64: rotation, camera axes to map axes, and the optical centre in the box, in voxels.
-        size, far, margin, margin_growth: see View.
+        size, far, margin: see View.
         marks: (nx, ny, nz) uint8 zeros that hold all that the camera can see; whole blocks.
         flat: the same, with one more mark at the end that stands for "nowhere".
         high: (levels, ⌈H / TILE⌉, ⌈W / TILE⌉) float32, to be filled.
@@ -60,7 +59,7 @@ def observe(depth, pinhole, pose, size, far, margin, margin_growth, marks, flat,
     axes = np.ascontiguousarray(pose[:, :3].T) / size
     origin = pose[:, 3].copy()
     fx, fy, cx, cy = pinhole
-    view = View(fx, fy, cx, cy, far, margin, margin_growth, origin, axes, size)
+    view = View(fx, fy, cx, cy, far, margin, origin, axes, size)
     _mark_returns(depth, view, marks.shape, flat, high[0])
     _build_pyramid(high)
     _mark_near(depth, view, marks)
@@ -160,8 +159,7 @@ def _reach(d, view):
     """Depth in m up to which the ray of a pixel with depth d frees space."""
     if not 0 < d < np.inf:
         return 0.0
-    d = min(d, view.far)
-    return d - view.margin - view.margin_growth * d * d
+    return min(d, view.far) - view.margin
 
 
 @njit(cache=True)
@@ -294,12 +292,12 @@ def _see_corners(depth, view, pixel, deep, reach, seen):
     # Fetching the depths apart from comparing them lets the comparison run in vectors.
     for n in range(CORNERS):
         reach[n] = depth[np.uint32(pixel[n])]
-    far, a, b = np.float32(view.far), np.float32(view.margin), np.float32(view.margin_growth)
+    far, margin = np.float32(view.far), np.float32(view.margin)
     zero, infinity = np.float32(0), np.float32(np.inf)
     for n in range(CORNERS):
         d = reach[n]
-        e = d if d < far else far
-        seen[n] = (d > zero) & (d < infinity) & (e - a - b * e * e > deep[n])
+        stop = (d if d < far else far) - margin
+        seen[n] = (d > zero) & (d < infinity) & (stop > deep[n])
 
 
 @njit(cache=True)

@@ -16,7 +16,7 @@ def project(
     T_grid_camera: NDArray[np.float64],
     voxel_size: float,
     max_range: float,
-    margin: tuple[float, float],
+    margin: float,
     scratch: Scratch,
 ) -> Scan:
     """The voxels that the rays of a depth image end in and those that they cross.
@@ -27,7 +27,7 @@ def project(
         T_grid_camera: 4×4 pose of the camera in the grid's frame, in which voxel (0, 0, 0) starts at the origin.
         voxel_size: m.
         max_range: m of depth; a deeper return frees space up to there and ends nowhere.
-        margin: see :class:`pipeline.metric_map.metric_map.MetricMapConfig`.
+        margin: m of depth before its end up to which a ray frees space.
         scratch: lends the marks.
     """
     pose = T_grid_camera[:3].copy()
@@ -37,7 +37,7 @@ def project(
     pose[:, 3] -= scan.lower
     pinhole = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
     pyramid = np.empty(_pyramid_shape(*depth.shape), np.float32)
-    observe(depth, pinhole, pose, voxel_size, max_range, *margin, scan.marks, scan.flat, pyramid)
+    observe(depth, pinhole, pose, voxel_size, max_range, margin, scan.marks, scan.flat, pyramid)
     return scan
 
 

@@ -12,7 +12,7 @@ def trace(
     origin: NDArray[np.float64],
     voxel_size: float,
     max_range: float,
-    margin: tuple[float, float],
+    margin: float,
     scratch: Scratch,
 ) -> Scan:
     """The voxels that points fall in and those that the rays to them cross.
@@ -22,13 +22,12 @@ def trace(
         origin: (3,) float64, where the sensor stood, in the same frame.
         voxel_size: m.
         max_range: m from the origin; a farther point frees space up to there and ends nowhere.
-        margin: see :class:`pipeline.metric_map.metric_map.MetricMapConfig`.
+        margin: m before its end up to which a ray frees space.
         scratch: lends the marks.
     """
     rays = points - origin
     length = np.linalg.norm(rays, axis=1)
-    reach = np.minimum(length, max_range)
-    free = np.maximum(reach - margin[0] - margin[1] * reach**2, 0)
+    free = np.maximum(np.minimum(length, max_range) - margin, 0)
     stops = origin + rays * np.divide(free, length, out=np.zeros_like(length), where=length > 0)[:, None]
     ends = length <= max_range
     scan = scratch.scan_around(np.vstack([origin[None], stops, points[ends]]) / voxel_size)

@@ -1,0 +1,62 @@
+"""The metric map for other programs: what is occupied as PLY, and a 2D map for ROS."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.files import whole_file
+from pipeline.labels import COLOURS
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.semantic_map.ply import write_ply
+
+PGM_OCCUPIED, PGM_UNKNOWN, PGM_FREE = 0, 205, 254
+"""The grey values that ROS map_saver writes."""
+
+
+def save_ply(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None = None) -> None:
+    """Write the centres of the occupied voxels as binary PLY.
+
+    Args:
+        path: of the file.
+        metric_map: whose voxels to write.
+        labels: (N,) uint8 of ``metric_map.occupied_centres()``, which give them their colours; unlabelled if absent.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    centres = metric_map.occupied_centres()
+    labels = np.zeros(len(centres), np.uint8) if labels is None else labels
+    write_ply(path, centres, COLOURS[labels], labels)
+
+
+def save_map_server(path: Path, metric_map: MetricMap, lowest: float = 0.25, highest: float = 0.65) -> None:
+    """Write a 2D map for ROS map_server: a PGM image at ``path`` and its description beside it as YAML.
+
+    A cell is occupied if a voxel between the two heights is, else free if one of them is, else unknown. The lowest
+    height leaves out what a Pioneer 3-AT drives over, ramps included; the highest is that of the robot.
+
+    Args:
+        path: of the image, ``.pgm``.
+        metric_map: whose voxels to write.
+        lowest, highest: m in ``map``.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    lower, upper = metric_map.bounds()
+    size = metric_map.config.voxel_size
+    layers = metric_map.voxel_index([(0, 0, lowest), (0, 0, highest)])[:, 2]
+    lower[2], upper[2] = layers[0], layers[1] + 1
+    log_odds = metric_map.log_odds(lower, upper)
+    cells = np.where((log_odds > 0).any(axis=2), PGM_OCCUPIED, PGM_UNKNOWN)
+    cells[(log_odds < 0).any(axis=2) & (cells != PGM_OCCUPIED)] = PGM_FREE
+    image = cells.T[::-1].astype(np.uint8)
+    with whole_file(path) as partial:
+        partial.write_bytes(b"P5\n%d %d\n255\n" % image.shape[::-1] + image.tobytes())
+    x, y, _ = lower * size + metric_map.corner
+    with whole_file(path.with_suffix(".yaml")) as partial:
+        partial.write_text(
+            f"image: {path.name}\nmode: trinary\nresolution: {size}\norigin: [{x:.6g}, {y:.6g}, 0.0]\n"
+            "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+        )

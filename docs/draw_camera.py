@@ -19,7 +19,7 @@ ERROR = 0.04  # m, the end of the error's colour scale
 def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Near is blue, 3.5 m red, no return black."""
     picture = cv2.applyColorMap((depth / 3.5 * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
-    return picture * (depth > 0)[..., None]
+    return np.where((depth > 0)[..., None], picture, 0).astype(np.uint8)
 
 
 def error_picture(error: NDArray[np.float32], returns: NDArray[np.bool_]) -> NDArray[np.uint8]:

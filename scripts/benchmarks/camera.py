@@ -6,6 +6,7 @@ all alike.
 """
 
 import multiprocessing
+import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ import mujoco
 import numpy as np
 from rich.progress import track
 
+from pipeline.errors import InputError
 from sarsim.assets import asset
 from sarsim.camera import RgbdCamera
 from sarsim.rendering import COLOUR_QUALITY, Renderer
@@ -47,7 +49,13 @@ class Camera(Subject):
     """pixels."""
 
     def measure(self) -> Result:
-        """Medians over all frames, and how many times faster than mujoco.Renderer a frame is."""
+        """Medians over all frames, and how many times faster than mujoco.Renderer a frame is.
+
+        Raises:
+            InputError: there is nothing to draw.
+        """
+        if min(self.frames, self.width, self.height) < 1:
+            raise InputError("--frames, --width and --height: give at least 1")
         times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
         workers = {name: _start(name, self.width, self.height) for name in CONTENDERS}
         for i in track(range(WARM_UP + self.frames), "camera", transient=True):
@@ -92,6 +100,8 @@ def _start(name: str, width: int, height: int) -> Connection:
 
 
 def _serve(name: str, connection: Connection, width: int, height: int) -> None:
+    """A contender's process. It ends with the one that started it, so Ctrl-C is for that one to report."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     model = _model(width, height)
     data = mujoco.MjData(model)
     frame = CONTENDERS[name](model, data, width, height)

@@ -78,6 +78,12 @@ def test_ratios_are_medians_over_rounds() -> None:
     assert figures["renderer.part_ms"] == 40.0
 
 
+@pytest.mark.parametrize("flags", [{"frames": 0}, {"width": 0}, {"height": -1}])
+def test_a_picture_of_nothing_is_refused(flags: dict[str, int]) -> None:
+    with pytest.raises(InputError, match="at least 1"):
+        Camera(**flags).measure()
+
+
 def test_the_camera_is_measured_against_the_renderer(capsys: pytest.CaptureFixture[str]) -> None:
     figures = Camera(frames=1, width=64, height=48).measure().figures
     assert figures["frame_vs_renderer"] > 0

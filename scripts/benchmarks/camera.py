@@ -94,14 +94,16 @@ def _start(name: str, width: int, height: int) -> Connection:
     """Start a contender's process: send it a pose, receive the times of its frame; None ends it."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
+    # The new process inherits that Ctrl-C is ignored: it ends with this one, which reports it.
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     context.Process(target=_serve, args=(name, theirs, width, height), daemon=True).start()
+    signal.signal(signal.SIGINT, handler)
     theirs.close()
     return ours
 
 
 def _serve(name: str, connection: Connection, width: int, height: int) -> None:
-    """A contender's process. It ends with the one that started it, so Ctrl-C is for that one to report."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """What a contender's process does."""
     model = _model(width, height)
     data = mujoco.MjData(model)
     frame = CONTENDERS[name](model, data, width, height)

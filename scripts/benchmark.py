@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.files import whole_file
 from sarsim.scripts.benchmarks.camera import Camera
 from sarsim.scripts.benchmarks.subject import Result, Subject
-from sarsim.scripts.cli import guarded
+from sarsim.scripts.cli import guarded, parse
 
 SUBJECTS: dict[str, type[Subject]] = {"camera": Camera}
 
@@ -88,7 +88,9 @@ def main() -> None:
 
 def run() -> None:
     """Parse the command line and measure."""
-    subject: Subject = tyro.extras.subcommand_cli_from_dict(dict(SUBJECTS), description=__doc__)
+    subject: Subject = parse(
+        lambda: tyro.extras.subcommand_cli_from_dict(dict(SUBJECTS), description=__doc__)
+    )
     benchmark(subject, next(name for name, kind in SUBJECTS.items() if type(subject) is kind))
 
 

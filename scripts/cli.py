@@ -1,7 +1,12 @@
 """What all commands share: flags from typed parameters, and one line for what the user got wrong."""
 
+import functools
+import io
+import re
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr
+from typing import Any
 
 import tyro
 
@@ -17,7 +22,31 @@ def run(command: Callable[..., object], args: Sequence[str] | None = None) -> No
     Wrong flags and :class:`pipeline.errors.InputError` end the process with status 2, Ctrl-C with status 130, each
     with a message on stderr.
     """
-    guarded(lambda: tyro.cli(command, args=args))
+
+    @functools.wraps(command)
+    def bind(*args: Any, **kwargs: Any) -> functools.partial[object]:
+        return functools.partial(command, *args, **kwargs)
+
+    guarded(lambda: parse(lambda: tyro.cli(bind, args=args))())
+
+
+def parse(command_line: Callable[[], Any]) -> Any:
+    """Call one of tyro's parsers; its boxed messages about wrong flags become InputError."""
+    message = io.StringIO()
+    try:
+        with redirect_stderr(message):
+            return command_line()
+    except SystemExit as exit:
+        if exit.code != BAD_INPUT:
+            raise
+        raise InputError(unboxed(message.getvalue())) from None
+
+
+def unboxed(text: str) -> str:
+    """What a box of tyro's says above its first rule, as one line."""
+    lines = [re.sub("[╭╮╰╯│─]", " ", line).strip() for line in text.splitlines()[1:]]
+    said = "\n".join(lines).strip().split("\n\n")[0]
+    return " ".join(said.split())
 
 
 def guarded(action: Callable[[], object]) -> None:

@@ -11,17 +11,17 @@ import numpy as np
 import tyro
 from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
-from sarsim.recording import EpisodeRecorder
-from sarsim.scripts.cli import INTERRUPTED, run
-from sarsim.scripts.tables import report_table
 
 from pipeline.errors import InputError
-from pipeline.explorer import Explorer, ExplorerConfig
+from pipeline.explorer import Explorer, ExplorerConfig, Look
 from pipeline.files import whole_file
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
+from sarsim.recording import EpisodeRecorder
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import write_tum
+from sarsim.scripts.cli import INTERRUPTED, run
+from sarsim.scripts.tables import report_table
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 CLASSIFIERS = {"truth": TruthClassifier}
@@ -59,6 +59,10 @@ class Episode:
     def __init__(self, config: EpisodeConfig):
         """Raises InputError where the arena, the output folder or the viewer cannot be had."""
         self.config = config
+        if config.steps < 1 or config.seed < 0:
+            raise InputError(
+                f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed"
+            )
         arena = load_arena(config.arena)
         self.out = config.out or Path("runs") / f"{Path(config.arena).stem}-{config.seed}"
         make_folder(self.out)
@@ -91,13 +95,25 @@ class Episode:
         look = self.explorer.look()
         self.score.add(look)
         self.recorder.log_look(self.explorer.steps - 1, self.explorer, look)
+        self.recorder.log_message("INFO", self._tell(look))
         if look.plan is None:
-            self.recorder.log_message("INFO", "nothing is left that is worth a look")
             return False
         if not self.explorer.drive(look):
             leg = self.explorer.navigator.legs[-1]
             self.recorder.log_message("WARN", f"leg to {leg.target.round(2)} ended {leg.outcome.value}")
         return True
+
+    def _tell(self, look: Look) -> str:
+        """What came of a look, for the log."""
+        explored = f"{self.score.explored_fraction:.0%} explored"
+        if look.view is None or look.plan is None:
+            return f"{explored}; nothing is left that is worth a look"
+        x, y = look.view.position
+        heading, nodes = np.degrees(look.view.heading), ", ".join(map(str, look.plan.nodes))
+        way = (
+            f"{look.plan.length:.1f} m over nodes {nodes}" if nodes else f"{look.plan.length:.1f} m straight"
+        )
+        return f"{explored}; next from ({x:.2f}, {y:.2f}) towards {heading:.0f}°, {way}, for {look.view.gain:.2f} m²"
 
     def _state(self) -> str:
         return f"{self.config.arena}: {self.score.explored_fraction:.0%} explored"

@@ -34,6 +34,7 @@ def _parse(path: Path) -> mjcf.RootElement:
     """Read MJCF; a file from a stranger may hold an XML bomb, so entities are refused before MuJoCo sees them."""
     try:
         ElementTree.parse(path, forbid_dtd=True)
+        mujoco.MjModel.from_xml_path(str(path))
         return mjcf.from_path(str(path))
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error

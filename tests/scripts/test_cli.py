@@ -41,7 +41,10 @@ def test_ctrl_c_is_one_line_and_status_130(capsys: pytest.CaptureFixture[str]) -
 @pytest.mark.parametrize("args", [[], ["--count", "many"], ["--count", "3", "--colour", "red"]])
 def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_status(args) == 2
-    assert "--" in capsys.readouterr().err
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert message.startswith("error: ")
+    assert "--" in message
 
 
 def test_help_says_what_the_command_does(capsys: pytest.CaptureFixture[str]) -> None:

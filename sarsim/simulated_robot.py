@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from dm_control.rl.control import PhysicsError
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import transform_points
@@ -87,6 +89,7 @@ class SimulatedRobot:
     control_period = 2 * CONTROL_TIMESTEP
 
     def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):
+        """Set the robot down at the arena's start; InputError where it cannot stand there."""
         sensor_seed, odometry_seed = np.random.SeedSequence(seed).spawn(2)
         self.config = config
         self._sensor_rng = np.random.default_rng(sensor_seed)
@@ -103,8 +106,15 @@ class SimulatedRobot:
         self.true_look: TrueLook | None = None
         self.trajectory: list[Pose] = []
         self.on_motion: Callable[[Pose], None] = lambda pose: None
-        for _ in range(round(SETTLING_TIME / self.control_period)):
-            self.drive(Velocity())
+        self._settle()
+
+    def _settle(self) -> None:
+        try:
+            for _ in range(round(SETTLING_TIME / self.control_period)):
+                self.drive(Velocity())
+        except PhysicsError as error:
+            x, y = self._T_world_start[:2, 3]
+            raise InputError(f"the arena has no free start: nothing can stand at ({x:g}, {y:g}) m") from error
 
     @property
     def base_body(self) -> int:

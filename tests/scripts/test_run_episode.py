@@ -1,0 +1,192 @@
+"""Whole episodes, as the command runs them."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from pipeline.metric_map.metric_map import MetricMap
+from sarsim.scripts import run_episode
+from sarsim.scripts.run_episode import Episode, EpisodeConfig
+
+CHECK_REPORT = Path(__file__).parents[3] / "shared" / "check_report.py"
+
+
+@pytest.fixture(scope="module")
+def episode(tmp_path_factory) -> Path:
+    """The folder of a whole episode in the NIST arena."""
+    out = tmp_path_factory.mktemp("episode")
+    assert Episode(EpisodeConfig(out=out)).run()
+    return out
+
+
+@pytest.fixture(scope="module")
+def report(episode):
+    return json.loads((episode / "report.json").read_text())
+
+
+def test_the_arena_is_explored_without_harm(report):
+    navigation = report["navigation"]
+    assert report["exploration"]["explored_fraction"] >= 0.95
+    assert navigation["reached"] == navigation["legs"] > 0
+    assert navigation["tipped"] == navigation["stuck"] == navigation["collisions"] == 0
+    assert navigation["max_pitch_deg"] < 20
+    assert report["steps"] <= 160
+
+
+def test_the_metric_map_is_right(report):
+    metric_map = report["metric_map"]
+    assert metric_map["occupied_recall"] >= 0.95
+    assert metric_map["occupied_precision"] >= 0.97
+    assert metric_map["false_free_rate"] <= 0.01
+
+
+def test_the_topology_is_one_sound_piece(report):
+    topology = report["topological_map"]
+    assert topology["components"] == 1
+    assert topology["edges_through_walls"] == 0
+    assert topology["coverage"] >= 0.9
+
+
+def test_segments_lie_where_the_planes_are(report):
+    assert report["segments"]["angle_error_deg"]["median"] < 0.5
+    assert report["segments"]["boxes_iou"]["median"] > 0.6
+
+
+def test_true_labels_and_true_poses_make_no_error(report):
+    assert report["semantic_map"]["accuracy"] > 0.99
+    assert report["localisation"] == {"ate_rmse_m": 0, "drift_percent": 0}
+
+
+def test_every_file_reads_back(episode, report):
+    assert len(MetricMap.load(episode / "metric_map.npz").occupied_centres()) > 1000
+    cloud = o3d.t.io.read_point_cloud(str(episode / "semantic_map.ply"))
+    assert len(cloud.point.positions) == report["semantic_map"]["points"]
+    assert set(np.unique(cloud.point["label"].numpy())) == {1, 2, 3, 4, 6}
+    for name in ("trajectory_true.tum", "trajectory_estimated.tum"):
+        rows = np.loadtxt(episode / name)
+        assert rows.shape[1] == 8
+        assert np.all(np.diff(rows[:, 0]) > 0)
+    topology = json.loads((episode / "topology.json").read_text())
+    assert len(topology["nodes"]) == report["topological_map"]["nodes"]
+    assert (episode / "episode.rrd").read_bytes()[:4] == b"RRF2"
+    assert not list(episode.glob("*.part"))
+
+
+@pytest.mark.skipif(not CHECK_REPORT.exists(), reason="no list of the report's names here")
+def test_the_report_has_the_agreed_names(episode):
+    check = subprocess.run(
+        [sys.executable, CHECK_REPORT, episode / "report.json"], capture_output=True, text=True
+    )
+    assert check.stdout == ""
+
+
+def short_report(out: Path, seed: int, **changes: object) -> dict:
+    episode = Episode(EpisodeConfig(seed=seed, steps=5, out=out, **changes))
+    assert episode.run()
+    return json.loads((out / "report.json").read_text())
+
+
+def test_the_same_seed_gives_the_same_episode(tmp_path):
+    first, again, other = (
+        short_report(tmp_path / name, seed) for name, seed in (("a", 3), ("b", 3), ("c", 4))
+    )
+    for report in (first, again, other):
+        for key in ("config", "seed", "wall_time_s", "real_time_factor", "timing_ms"):
+            del report[key]
+    assert first == again
+    assert first != other
+    assert (tmp_path / "a" / "trajectory_true.tum").read_bytes() == (
+        tmp_path / "b" / "trajectory_true.tum"
+    ).read_bytes()
+
+
+def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsys):
+    steps = 0
+
+    def look_thrice(episode):
+        nonlocal steps
+        steps += 1
+        if steps > 3:
+            raise KeyboardInterrupt
+        return step(episode)
+
+    step = Episode.step
+    monkeypatch.setattr(Episode, "step", look_thrice)
+    monkeypatch.setattr(sys, "argv", ["run_episode.py", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as stop:
+        run_episode.main()
+    assert stop.value.code == 130
+    assert json.loads((tmp_path / "report.json").read_text())["steps"] == 3
+    assert (tmp_path / "episode.rrd").stat().st_size > 100_000
+    assert "Results in" in capsys.readouterr().out
+
+
+NO_FLOOR = (
+    '<mujoco><worldbody><site name="start"/><geom type="sphere" size="0.1" pos="9 9 9"/></worldbody></mujoco>'
+)
+IN_A_WALL = """<mujoco><size nuser_geom="1"/><worldbody><site name="start"/><geom type="plane" size="3 3 1" user="2"/>
+<geom type="box" size="0.5 0.5 0.5" user="1"/></worldbody></mujoco>"""
+BOMB = """<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>
+<mujoco model="&b;"><worldbody/></mujoco>"""
+BAD_LABEL = IN_A_WALL.replace('user="1"', 'user="11"').replace("0.5 0.5 0.5", "0.1 0.1 0.1")
+
+
+@pytest.mark.parametrize(
+    ("arena", "message"),
+    [
+        (None, "No such file"),
+        ("<mujoco><worldbody>", "not a readable MJCF file"),
+        (
+            "<mujoco><worldbody><geom type='box' size='-1 1 1'/></worldbody></mujoco>",
+            "not a readable MJCF file",
+        ),
+        ("<robot/>", "not a readable MJCF file"),
+        (BOMB, "not a readable MJCF file"),
+        ("<mujoco><worldbody/></mujoco>", "no free start"),
+        (NO_FLOOR, "no free start"),
+        (IN_A_WALL, "no free start"),
+        (BAD_LABEL, "no label"),
+    ],
+)
+def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypatch, capsys):
+    path = tmp_path / "arena.xml"
+    if arena is not None:
+        path.write_text(arena)
+    assert_refused(["--arena", str(path), "--out", str(tmp_path / "out")], message, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (["--arena", "atlantis"], "unknown arena 'atlantis'"),
+        (["--odometry", "stars"], "'stars'"),
+        (["--seed", "-1"], "--seed -1"),
+        (["--steps", "0"], "--steps 0"),
+        (["--steps", "many"], "--steps"),
+        (["--out", "/dev/null/x"], "/dev/null/x"),
+    ],
+)
+def test_a_bad_flag_is_one_line_and_status_2(flags, message, tmp_path, monkeypatch, capsys):
+    assert_refused(["--out", str(tmp_path), *flags], message, monkeypatch, capsys)
+
+
+def test_a_window_needs_a_display(tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert_refused(["--view", "spawn", "--out", str(tmp_path)], "display", monkeypatch, capsys)
+
+
+def assert_refused(flags, message, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["run_episode.py", *flags])
+    with pytest.raises(SystemExit) as stop:
+        run_episode.main()
+    assert stop.value.code == 2
+    error = capsys.readouterr().err
+    assert re.fullmatch(r"error: [^\n]+\n", error)
+    assert message in error

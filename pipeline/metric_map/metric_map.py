@@ -151,6 +151,10 @@ class MetricMap:
         """
         return self._log_odds.read(lower, tuple((upper - lower).tolist()))
 
+    def log_odds_at(self, index: NDArray[np.int64]) -> NDArray[np.int8]:
+        """(N,) int8 log-odds, in units of LOG_ODDS, of the voxels with (N, 3) indices."""
+        return self._log_odds.at(index)
+
     def set_log_odds(self, lower: NDArray[np.int64], values: NDArray[np.int8]) -> None:
         """Overwrite the voxels from ``lower`` on with (nx, ny, nz) int8 log-odds.
 
@@ -161,7 +165,7 @@ class MetricMap:
 
     def state_at(self, points: ArrayLike) -> NDArray[np.float32]:
         """(N,) float32 in {0 occupied, 0.5 unknown, 1 free} at (N, 3) points, m in ``map``."""
-        return states(self._log_odds.at(self.voxel_index(points)))
+        return states(self.log_odds_at(self.voxel_index(points)))
 
     def array(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """The thesis's 3D array of all that is known so far.

@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from pipeline.labels import Label
+from pipeline.robot import Velocity
+from sarsim.arenas.load import load_arena
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+
+@pytest.fixture
+def make_robot():
+    robots = []
+
+    def make(seed=0, **config):
+        robots.append(SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(**config), seed))
+        return robots[-1]
+
+    yield make
+    for robot in robots:
+        robot.close()
+
+
+def forward(robot, periods=25):
+    for _ in range(periods):
+        motion = robot.drive(Velocity(0.2, 0.1))
+    return motion
+
+
+def test_a_control_period_lasts_as_long_as_it_says(make_robot):
+    robot = make_robot()
+    begin = robot.time
+    motion = robot.drive(Velocity())
+    assert motion.time - begin == pytest.approx(robot.control_period)
+    assert motion.accelerometer[2] == pytest.approx(9.81, abs=0.05)
+
+
+def test_true_odometry_is_the_true_pose_and_wheel_odometry_is_near_it(make_robot):
+    truth, wheel = make_robot(odometry="truth"), make_robot(odometry="wheel")
+    for robot in (truth, wheel):
+        motion = forward(robot, 100)
+        error = np.linalg.norm(motion.T_odom_base[:3, 3] - robot.trajectory[-1].T_world_base[:3, 3])
+        assert (error == 0) == (robot is truth)
+        assert error < 0.1
+    start = wheel.trajectory[0]
+    np.testing.assert_allclose(start.T_odom_base[:2, 3], start.T_world_base[:2, 3], atol=1e-3)
+
+
+def test_a_frame_holds_what_the_camera_sees_and_the_truth_of_it(make_robot):
+    robot = make_robot()
+    frame = robot.sense()
+    assert frame.rgb.shape == (480, 640, 3)
+    assert frame.depth.dtype == np.float32
+    seen = frame.depth[frame.returns]
+    assert seen.min() >= 0.8 and seen.max() <= 3.5
+    assert {Label.WALL, Label.TERRAIN} <= set(np.unique(frame.label[frame.returns]))
+    floor = frame.points(frame.T_odom_base @ frame.T_base_camera)[frame.label[frame.returns] == Label.TERRAIN]
+    assert np.abs(np.median(floor[:, 2])) < 0.005
+
+
+def test_the_true_look_is_free_of_noise(make_robot):
+    robot = make_robot()
+    frame = robot.sense()
+    points = robot.true_look.points()
+    on_floor = robot.true_look.image.label[robot.true_look.image.depth > 0] == Label.TERRAIN
+    assert np.abs(points[on_floor, 2]).max() < 2e-3
+    assert not np.array_equal(frame.depth, robot.true_look.image.depth)
+
+
+def test_the_ideal_sensor_measures_the_truth(make_robot):
+    robot = make_robot(sensor="ideal")
+    np.testing.assert_array_equal(robot.sense().depth, robot.true_look.image.depth)
+
+
+def test_the_same_seed_drives_and_sees_the_same(make_robot):
+    first, again, other = make_robot(1), make_robot(1), make_robot(2)
+    frames = []
+    for robot in (first, again, other):
+        forward(robot)
+        frames.append(robot.sense())
+    np.testing.assert_array_equal(frames[0].depth, frames[1].depth)
+    np.testing.assert_array_equal(frames[0].T_odom_base, frames[1].T_odom_base)
+    assert not np.array_equal(frames[0].depth, frames[2].depth)
+
+
+def test_running_into_a_wall_is_counted_once(make_robot):
+    robot = make_robot()
+    for _ in range(round(3.5 / robot.control_period)):
+        robot.drive(Velocity(-0.2))  # the west wall is 0.3 m behind
+    assert robot.collisions.collisions in (1, 2)  # one or both rear tyres
+    assert make_robot().collisions.collisions == 0
+
+
+def test_every_motion_is_told(make_robot):
+    robot = make_robot()
+    told = []
+    robot.on_motion = told.append
+    forward(robot, 5)
+    assert told == robot.trajectory[-5:]

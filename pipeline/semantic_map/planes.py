@@ -116,10 +116,9 @@ def find_planes(
     region, planes = _ransac_regions(surfels, _grow(surfels, config), seed, config)
     region, planes = _settle(surfels, region, planes, config)
     points, plane_of_point, surfel = project_pixels(
-        frame.depth, frame.intrinsics.rays, surfels.of_pixel, surfels.near, region, planes,
+        frame.depth, frame.intrinsics.rays, T_map_camera, surfels.of_pixel, surfels.near, region, planes,
         config.stride, config.max_shift, config.noise,
     )  # fmt: skip
-    points = transform_points(T_map_camera, points)
     centres = transform_points(T_map_camera, surfels.points)
     patches = []
     for number, members in _groups(plane_of_point):

@@ -144,7 +144,7 @@ def distance(a, b):
 
 
 @njit(cache=True)
-def project_pixels(depth, rays, of_pixel, near, region, planes, stride, max_shift, noise):
+def project_pixels(depth, rays, T_target_camera, of_pixel, near, region, planes, stride, max_shift, noise):
     """Where the rays of pixels meet the planes that they belong to.
 
     The noise of a depth camera moves points along their rays; on the plane they are where they should be. A pixel
@@ -153,6 +153,7 @@ def project_pixels(depth, rays, of_pixel, near, region, planes, stride, max_shif
     Args:
         depth: (H, W) float32 m.
         rays: (H, W, 3) float32.
+        T_target_camera: 4×4 pose of the camera in the target frame.
         of_pixel: (H, W) int32, the surfel of every pixel or NONE.
         near: (N, K) int32 neighbours of every surfel, ending with NONE.
         region: (N,) int32, the plane of every surfel or NONE.
@@ -162,7 +163,7 @@ def project_pixels(depth, rays, of_pixel, near, region, planes, stride, max_shif
             axis are left out.
 
     Returns:
-        (M, 3) float32 points in the camera's frame, their (M,) int32 planes and (M,) int32 surfels.
+        (M, 3) float32 points in the target frame, their (M,) int32 planes and (M,) int32 surfels.
     """
     choices = regions_around(near, region)
     room = (depth.shape[0] // stride + 1) * (depth.shape[1] // stride + 1)
@@ -176,6 +177,7 @@ def project_pixels(depth, rays, of_pixel, near, region, planes, stride, max_shif
                 continue
             z = depth[v, u]
             least = limit = max_shift + noise * z * z
+            meeting = 0.0
             for r in choices[surfel]:
                 if r == NONE:
                     break
@@ -183,9 +185,12 @@ def project_pixels(depth, rays, of_pixel, near, region, planes, stride, max_shif
                 offset = abs(planes[r, 3] - slope * z)
                 if offset < least * abs(slope):
                     least = offset / abs(slope)
-                    points[count] = rays[v, u] * np.float32(planes[r, 3] / slope)
-                    of_point[count], surfels[count] = r, surfel
-            count += least < limit
+                    meeting, of_point[count], surfels[count] = planes[r, 3] / slope, r, surfel
+            if least < limit:
+                for row in range(3):
+                    T = T_target_camera[row]
+                    points[count, row] = dot(T, rays[v, u]) * meeting + T[3]
+                count += 1
     return points[:count], of_point[:count], surfels[:count]
 
 

@@ -67,7 +67,7 @@ def test_projected_pixels_lie_on_the_plane_where_they_were_seen(sigma: float) ->
     near = neighbours(blocks, 81, labels, points, 2, 0.12)
     region = np.zeros(len(points), np.int32)
     on_plane, plane, surfel = project_pixels(
-        frame.depth, CAMERA.rays, of_pixel, near, region, np.array([[0, 0, 1.0, 2]]), 2, 0.05, 0.0
+        frame.depth, CAMERA.rays, np.eye(4), of_pixel, near, region, np.array([[0, 0, 1.0, 2]]), 2, 0.05, 0.0
     )
     assert on_plane[:, 2] == pytest.approx(2, abs=1e-6)
     assert on_plane.min(axis=0) == pytest.approx([-1, -0.6, 2], abs=0.008)

@@ -57,8 +57,8 @@ def colour_image(rgb: NDArray[np.uint8], quality: int) -> rr.EncodedImage:
     return rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
 
 
-def depth_image(depth: NDArray[np.float32], depth_range: tuple[float, float]) -> rr.EncodedDepthImage:
-    """(H, W) float32 m as a PNG of whole millimetres, 0 = no return; ``depth_range`` m gets the colours."""
+def depth_image(depth: NDArray[np.float32], max_depth: float) -> rr.EncodedDepthImage:
+    """(H, W) float32 m as a PNG of whole millimetres, 0 = no return; the colours end at ``max_depth`` m."""
     millimetres = np.round(np.nan_to_num(depth, posinf=0, neginf=0) * 1000).clip(0, 65535).astype(np.uint16)
     # Higher levels take five times as long for a tenth of the size.
     _, data = cv2.imencode(".png", millimetres, [cv2.IMWRITE_PNG_COMPRESSION, 1])
@@ -67,7 +67,7 @@ def depth_image(depth: NDArray[np.float32], depth_range: tuple[float, float]) ->
         media_type="image/png",
         meter=0.001,
         colormap="turbo",
-        depth_range=np.array(depth_range) * 1000,
+        depth_range=(0, 1000 * max_depth),
     )
 
 

@@ -29,7 +29,7 @@ class RecordingConfig:
 
     Attributes:
         jpeg_quality: of the colour images, up to 100.
-        depth_range: m, that the colours of the depth images span.
+        max_depth: m, where the colours of the depth images end.
         point_spacing: m; the semantic map is thinned to a point per cube of this side.
         growth: clouds are logged again when they have grown by this share, and at the end.
         motion_period: s, between two logged poses of the moving robot.
@@ -37,7 +37,7 @@ class RecordingConfig:
     """
 
     jpeg_quality: int = 80
-    depth_range: tuple[float, float] = (0.8, 3.5)
+    max_depth: float = 3.5
     point_spacing: float = 0.04
     growth: float = 0.05
     motion_period: float = 0.2
@@ -173,7 +173,7 @@ class Recorder:
         log = self.stream.log
         log(camera, drawings.transform(frame.T_base_camera), drawings.pinhole(frame))
         log(f"{camera}/rgb", drawings.colour_image(frame.rgb, self.config.jpeg_quality))
-        log(f"{camera}/depth", drawings.depth_image(frame.depth, self.config.depth_range))
+        log(f"{camera}/depth", drawings.depth_image(frame.depth, self.config.max_depth))
         log(f"{camera}/labels", drawings.label_image(frame, look.labels))
 
     def _log_maps(self, explorer: Explorer) -> None:

@@ -12,6 +12,9 @@ from pipeline.transforms import from_rotation
 SEGMENTS = 24
 """Sides of a drawn circle."""
 
+CREASE = np.cos(np.deg2rad(30))
+"""Where a face and the smoothed surface differ by more, there is an edge."""
+
 DRAWN_GROUPS = (0, 1, 2)
 """Geoms of these groups are seen; collision shapes stand in others (MuJoCo's own viewer agrees)."""
 
@@ -190,12 +193,15 @@ def _mesh(model: mujoco.MjModel, geom: int) -> _Shape:
     mesh = model.geom_dataid[geom]
     faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
     # A vertex has another normal in each face that it belongs to, so every face gets corners of its own.
-    corner = model.mesh_vertadr[mesh] + model.mesh_face[faces].ravel()
-    normal = model.mesh_normaladr[mesh] + model.mesh_facenormal[faces].ravel()
-    triangles = np.arange(len(corner)).reshape(-1, 3)
-    return _Shape(
-        model.mesh_vert[corner].astype(np.float64), model.mesh_normal[normal].astype(np.float64), triangles
-    )
+    corner = model.mesh_vertadr[mesh] + model.mesh_face[faces]
+    vertices = model.mesh_vert[corner].astype(np.float64)
+    smooth = model.mesh_normal[model.mesh_normaladr[mesh] + model.mesh_facenormal[faces]]
+    flat = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])[:, None]
+    flat /= np.maximum(np.linalg.norm(flat, axis=2, keepdims=True), 1e-12)
+    # MuJoCo smooths over edges as sharp as a ramp's.
+    normals = np.where((smooth * flat).sum(axis=2, keepdims=True) > CREASE, smooth, flat)
+    triangles = np.arange(corner.size).reshape(-1, 3)
+    return _Shape(vertices.reshape(-1, 3), normals.reshape(-1, 3), triangles)
 
 
 def _height_field(model: mujoco.MjModel, geom: int) -> _Shape:

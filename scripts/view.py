@@ -1,5 +1,7 @@
 """Open the recording of an episode in the Rerun viewer: ``view.py PATH [--web]``."""
 
+import signal
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +26,8 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
         web: in the browser even if there is a display.
     """
     recording = find_recording(path)
+    # A page is to end with this process, however that ends.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     viewer = Viewer("web" if web or not has_display() else "spawn", recording)
     viewer.wait()
 

@@ -1,0 +1,82 @@
+"""Driving by keyboard, with a viewer that needs no screen in place of MuJoCo's."""
+
+from contextlib import contextmanager, nullcontext
+
+import mujoco
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sarsim import teleoperation
+from sarsim.arenas.load import load_arena
+from sarsim.task import rescue_environment
+from sarsim.teleoperation import DOWN, LEFT, RIGHT, SPACE, UP, Throttle, drive_by_keyboard
+
+
+def pressed(*keys):
+    throttle = Throttle(max_v=0.7, max_omega=2.4)
+    for key in keys:
+        throttle.press(key)
+    return pytest.approx((throttle.v, throttle.omega))
+
+
+def test_each_press_adds_a_step():
+    assert pressed(UP, UP) == (0.2, 0)
+    assert pressed(DOWN) == (-0.1, 0)
+    assert pressed(LEFT) == (0, 0.25)
+    assert pressed(RIGHT, RIGHT, RIGHT) == (0, -0.75)
+    assert pressed(UP, LEFT, DOWN, RIGHT) == (0, 0)
+
+
+def test_space_stops_and_other_keys_do_nothing():
+    assert pressed(UP, UP, LEFT, SPACE) == (0, 0)
+    assert pressed(UP, LEFT, ord("A")) == (0.1, 0.25)
+
+
+@given(st.lists(st.sampled_from([UP, DOWN, LEFT, RIGHT, SPACE])))
+def test_the_command_stays_within_the_robots_limits(keys):
+    throttle = Throttle(max_v=0.7, max_omega=2.4)
+    for key in keys:
+        throttle.press(key)
+        assert abs(throttle.v) <= 0.7
+        assert abs(throttle.omega) <= 2.4
+
+
+class Window:
+    """Stands in for the viewer's handle: up is pressed three times, and the window is closed after a second."""
+
+    def __init__(self, press):
+        self.cam = mujoco.MjvCamera()
+        self.synced = 0
+        self._press = press
+
+    def is_running(self):
+        if self.synced < 3:
+            self._press(UP)
+        return self.synced < 50
+
+    def lock(self):
+        return nullcontext()
+
+    def sync(self):
+        self.synced += 1
+
+
+def test_the_robot_follows_the_keys(monkeypatch):
+    windows = []
+
+    @contextmanager
+    def launch(model, data, key_callback, **panels):
+        windows.append(Window(key_callback))
+        yield windows[0]
+
+    monkeypatch.setattr(mujoco.viewer, "launch_passive", launch)
+    monkeypatch.setattr(teleoperation.time, "sleep", lambda seconds: None)
+    environment = rescue_environment(load_arena("nist_6x4"), seed=0)
+    drive_by_keyboard(environment)
+    robot, physics = environment.task.robot, environment.physics
+    # With 0.3 m/s² the 0.3 m/s are reached at the end of that second, after 0.15 m.
+    driven = robot.T_world_base(physics)[0, 3] - load_arena("nist_6x4").T_world_start[0, 3]
+    assert 0.08 < driven < 0.2
+    assert windows[0].cam.trackbodyid == physics.bind(robot.base).element_id
+    environment.close()

@@ -63,18 +63,20 @@ def may_move(i, j, a, b, ux, uy, drivable, ramp, uphill, cos_alignment):
 
 
 @njit(cache=True)
-def shortest_paths(start_i, start_j, weight, drivable, ramp, uphill, cos_alignment):
+def shortest_paths(starts, weight, drivable, ramp, uphill, cos_alignment):
     """Dijkstra over the eight neighbours of every drivable cell.
 
     A move costs its length in cells times the mean ``weight`` (nx, ny) of the two cells. Returns the (nx, ny) float32
-    cost from the start (inf where no path leads) and the (nx, ny) int32 flat index of each cell's predecessor (-1
-    where there is none).
+    cost from the nearest of the ``starts`` (K, 2) (inf where no path leads) and the (nx, ny) int32 flat index of each
+    cell's predecessor (-1 where there is none).
     """
     nx, ny = drivable.shape
     cost = np.full((nx, ny), np.inf, np.float32)
     parent = np.full((nx, ny), -1, np.int32)
-    cost[start_i, start_j] = 0.0
-    heap = [(np.float32(0.0), np.int32(start_i * ny + start_j))]
+    heap = [(np.float32(0.0), np.int32(starts[0, 0] * ny + starts[0, 1]))]
+    for k in range(len(starts)):
+        cost[starts[k, 0], starts[k, 1]] = 0.0
+        heapq.heappush(heap, (np.float32(0.0), np.int32(starts[k, 0] * ny + starts[k, 1])))
     while len(heap) > 0:
         c, flat = heapq.heappop(heap)
         i, j = flat // ny, flat % ny

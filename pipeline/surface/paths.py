@@ -28,24 +28,28 @@ class PathConfig:
 
 
 class ShortestPaths:
-    """All shortest paths from one point over the drivable surface.
+    """All shortest paths over the drivable surface from one point, or from the nearest of several.
 
     Attributes:
-        start: (2,) the point on the surface that stands for the wanted one, m; None where there is none near.
+        start: (2,) the point on the surface that stands for the (first) wanted one, m; None where there is none near.
         cost: (nx, ny) float32 m, ramps and narrow places counted dearer; inf where no path leads.
     """
 
     def __init__(self, surface: DrivableSurface, start: ArrayLike, config: PathConfig | None = None):
+        """``start``: (2,) or (K, 2) points, m; more columns are ignored."""
         self._config = config or PathConfig()
         self._surface = surface
-        self.start = surface.grid.nearest(surface.drivable, start, self._config.snap)
-        if self.start is None:
+        wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
+        snapped = [surface.grid.nearest(surface.drivable, xy, self._config.snap) for xy in wanted]
+        starts = [xy for xy in snapped if xy is not None]
+        self.start = snapped[0]
+        if not starts:
             self.cost = np.full(surface.drivable.shape, np.inf, np.float32)
             return
         weight = np.where(surface.turnable, 1.0, self._config.narrow_cost)
         weight[surface.ramp] = self._config.ramp_cost
         cells, self._parent = kernels.shortest_paths(
-            *surface.grid.cell_of(self.start),
+            surface.grid.cell_of(starts),
             weight,
             surface.drivable,
             surface.ramp,
@@ -64,7 +68,7 @@ class ShortestPaths:
         return float(self._surface.grid.at(self.cost, xy, outside=np.inf))
 
     def path_to(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """(N, 2) cell centres from the start to a reachable point, m."""
+        """(N, 2) cell centres from the (nearest) start to a reachable point, m."""
         flat = np.ravel_multi_index(tuple(self._surface.grid.cell_of(xy)), self.cost.shape)
         cells = []
         while flat >= 0:

@@ -182,12 +182,9 @@ class TopologicalMap:
         self, component: set[int], others: Sequence[set[int]], surface: DrivableSurface
     ) -> NDArray[np.float64]:
         """(N, 2) the bends of the shortest drivable way from one component of the tree to any other."""
-        best: tuple[float, NDArray[np.float64]] = (np.inf, np.zeros((0, 2)))
+        paths = ShortestPaths(surface, [self.nodes[n].position for n in sorted(component)])
         targets = [self.nodes[n].position for other in others for n in sorted(other)]
-        for n in sorted(component):
-            paths = ShortestPaths(surface, self.nodes[n].position)
-            costs = [paths.cost_to(t) for t in targets]
-            if min(costs) < best[0]:
-                way = simplify(surface, paths.path_to(targets[int(np.argmin(costs))]))
-                best = (min(costs), way[1:-1])
-        return best[1]
+        nearest = min(targets, key=paths.cost_to)
+        if not np.isfinite(paths.cost_to(nearest)):
+            return np.zeros((0, 2))
+        return simplify(surface, paths.path_to(nearest))[1:-1]

@@ -87,7 +87,9 @@ class EpisodeScore:
         if first is None or last is None:
             return float("nan")
         no_ramp, level = np.zeros_like(drivable), np.zeros((*drivable.shape, 2), np.float32)
-        cost, _ = shortest_paths(*grid.cell_of(first), np.ones(drivable.shape), drivable, no_ramp, level, 0.0)
+        cost, _ = shortest_paths(
+            grid.cell_of(first)[None], np.ones(drivable.shape), drivable, no_ramp, level, 0.0
+        )
         return max(float(grid.at(cost, last)) * grid.cell, grid.cell)
 
     def _path_plan(self) -> dict[str, Any]:

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
+from shapely import MultiPoint
 
 from pipeline.labels import Label
 from pipeline.semantic_map.boxes import corners
@@ -106,14 +106,11 @@ def _match(segment: Segment, faces: list[Face]) -> tuple[float, float] | None:
 def _iou(segment: Segment, face: Face) -> float:
     """Intersection over union of a segment's box and a face, both seen along the face's normal."""
     x, y = _axes(face.normal)
-    box = cv2.convexHull(_flat(corners(segment.box), x, y))[:, 0]
-    outline = cv2.convexHull(_flat(face.outline, x, y))[:, 0]
-    common, _ = cv2.intersectConvexConvex(box, outline)
-    return float(common / (cv2.contourArea(box) + cv2.contourArea(outline) - common))
-
-
-def _flat(points: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float32]:
-    return np.column_stack([points @ x, points @ y]).astype(np.float32)
+    box, outline = (
+        MultiPoint(np.column_stack([points @ x, points @ y])).convex_hull
+        for points in (corners(segment.box), face.outline)
+    )
+    return float(box.intersection(outline).area / box.union(outline).area)
 
 
 def _axes(normal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

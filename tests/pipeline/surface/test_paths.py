@@ -62,6 +62,13 @@ def test_the_deck_is_reached_over_its_ramp_only():
     assert path[:, 0].min() < -0.1
 
 
+def test_of_several_starts_the_nearest_counts(maze):
+    both = ShortestPaths(maze, [(-1.0, -1.0), (1.0, -1.0)])
+    alone = [ShortestPaths(maze, start) for start in ((-1.0, -1.0), (1.0, -1.0))]
+    np.testing.assert_allclose(both.cost, np.minimum(*(paths.cost for paths in alone)), rtol=1e-5)
+    np.testing.assert_allclose(both.path_to((0.6, -0.6))[0], (1, -1), atol=0.05)
+
+
 def test_no_start_and_no_way():
     surface = drivable_surface(surface_of(ground_points(flat, (0, 2), (0, 2))))
     nowhere = ShortestPaths(surface, (9.0, 9.0))

@@ -2,7 +2,7 @@
 # Make sarsim run on this machine: the system packages that it lacks, then .venv with the pinned Python packages.
 set -eu
 
-LIBRARIES="libegl1 libgl1 libgl1-mesa-dri libgomp1 libusb-1.0-0" # rendering without a screen; Open3D
+LIBRARIES="libegl1 libgl1 libgl1-mesa-dri libgomp1 libidn2-0 libusb-1.0-0" # rendering without a screen; Open3D
 PYTHONS="python3.11 python3 python3.12 python3.13 python3.14"    # every pinned package has a build for 3.11 to 3.14
 
 main() {
@@ -32,21 +32,14 @@ missing() {
 
 install_packages() {
     [ $# -gt 0 ] || return 0
-    command -v apt-get >/dev/null || fail "no apt-get here to install $*"
+    if [ "$(id -u)" -eq 0 ]; then as_root=; else as_root=sudo; fi
+    for tool in apt-get $as_root; do
+        command -v "$tool" >/dev/null || fail "there is no $tool to install $*"
+    done
     say "installing $* with apt-get"
-    as_root apt-get -qq -o DPkg::Lock::Timeout=300 update
-    as_root env DEBIAN_FRONTEND=noninteractive \
+    $as_root apt-get -qq -o DPkg::Lock::Timeout=300 update
+    $as_root env DEBIAN_FRONTEND=noninteractive \
         apt-get -qq -o DPkg::Lock::Timeout=300 install --yes --no-install-recommends "$@" >/dev/null
-}
-
-as_root() {
-    if [ "$(id -u)" -eq 0 ]; then
-        "$@"
-    elif command -v sudo >/dev/null; then
-        sudo "$@"
-    else
-        fail "run it as root, or install sudo, for: $*"
-    fi
 }
 
 make_venv() {
@@ -81,7 +74,7 @@ usable() {
 }
 
 install_python_packages() {
-    say "installing Python packages into .venv; the first time this takes some minutes and 4 GB"
+    say "installing Python packages into .venv; the first time this takes some minutes and 4 to 8 GB"
     # torch comes with what its build for this machine needs; of all else requirements.txt holds the last detail.
     pip install --constraint requirements.txt torch
     pip install --no-deps --requirement requirements.txt

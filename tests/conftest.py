@@ -4,7 +4,8 @@ import os
 
 from hypothesis import settings
 
-os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is first imported, which a test may do before sarsim
+# MuJoCo reads it when it is first imported, which a test may do before sarsim.
+os.environ.setdefault("MUJOCO_GL", "egl")
 
 # Compiled functions are slow the first time, and a failure must come back when the tests are run again.
 settings.register_profile("sarsim", deadline=None, derandomize=True)

@@ -1,0 +1,127 @@
+"""A wheel carries everything that a copy outside the checkout needs."""
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that a wheel, built from a copy of the checkout, is installed into."""
+    copy, wheels, target = (tmp_path_factory.mktemp(name) for name in ("copy", "wheels", "target"))
+    for name in ("pipeline", "sarsim", "scripts", "assets"):
+        shutil.copytree(ROOT / name, copy / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", PROJECT["readme"], *PROJECT["license-files"]):
+        shutil.copy(ROOT / name, copy)
+    pip("wheel", "--no-build-isolation", "--wheel-dir", wheels, copy)
+    pip("install", "--target", target, *wheels.iterdir())
+    return target
+
+
+def pip(command: str, *args: object) -> None:
+    """Run pip on this project alone."""
+    flags = ["--quiet", "--no-deps", "--no-index", "--disable-pip-version-check"]
+    subprocess.run([sys.executable, "-m", "pip", command, *flags, *map(str, args)], check=True)
+
+
+def run_installed(installed: Path, code: str) -> list[str]:
+    """Lines that ``code`` prints where only the installed copy is at hand."""
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=installed.parent,
+        env={"PYTHONPATH": str(installed), "HOME": str(installed.parent)},
+        check=True,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    return result.stdout.splitlines()
+
+
+def files(folder: Path) -> dict[Path, bytes]:
+    """Contents by relative path."""
+    return {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_wheel_holds_every_asset(installed: Path) -> None:
+    assets = files(ROOT / "assets")
+    assert Path("arenas/nist_6x4.xml") in assets
+    assert files(installed / "sarsim" / "assets") == assets
+
+
+@pytest.mark.parametrize(("folder", "inside"), [("pipeline", "pipeline"), ("scripts", "sarsim/scripts")])
+def test_wheel_holds_every_module(installed: Path, folder: str, inside: str) -> None:
+    modules = {p.relative_to(ROOT / folder) for p in (ROOT / folder).rglob("*.py")}
+    assert modules == {p.relative_to(installed / inside) for p in (installed / inside).rglob("*.py")}
+
+
+def test_wheel_holds_nothing_else_at_the_top(installed: Path) -> None:
+    names = {p.name for p in installed.iterdir() if p.suffix != ".dist-info"}
+    assert names <= {"pipeline", "sarsim", "bin"}
+
+
+def test_installed_copy_opens_its_own_models(installed: Path) -> None:
+    code = (
+        "import mujoco, pipeline, sarsim\n"
+        "from sarsim.assets import asset\n"
+        "print(pipeline.__file__, sarsim.__file__, sep='\\n')\n"
+        "for parts in [('arenas', 'nist_6x4.xml'), ('robots', 'pioneer3at', 'scene.xml')]:\n"
+        "    mujoco.MjModel.from_xml_path(str(asset(*parts)))\n"
+        "    print(asset(*parts))\n"
+    )
+    paths = run_installed(installed, code)
+    assert len(paths) == 4
+    assert all(Path(path).is_relative_to(installed) for path in paths)
+
+
+@pytest.mark.parametrize("command", sorted(PROJECT["scripts"]))
+def test_installed_command_is_there(installed: Path, command: str) -> None:
+    module, function = PROJECT["scripts"][command].split(":")
+    code = f"import {module} as m; print(callable(m.{function}), m.__file__, sep='\\n')"
+    is_callable, path = run_installed(installed, code)
+    assert is_callable == "True"
+    assert Path(path).is_relative_to(installed)
+
+
+def pins(lines: list[str]) -> dict[str, str]:
+    """Version by name, of lines like ``numpy==2.4.6``."""
+    pairs = [re.match(r"([\w.-]+)==([\w.]+)", line) for line in lines]
+    return {canonicalize_name(pair[1]): pair[2] for pair in pairs if pair}
+
+
+LOCKED = pins((ROOT / "requirements.txt").read_text().splitlines())
+
+
+def test_requirements_agree_with_the_project() -> None:
+    asked = PROJECT["dependencies"] + PROJECT["optional-dependencies"]["dev"]
+    assert len(pins(asked)) == len(asked)
+    assert pins(asked).items() <= LOCKED.items()
+
+
+def test_requirements_hold_what_they_need() -> None:
+    unmet = [f"{package}: {need}" for package in LOCKED for need in needs(package) if not is_met(need)]
+    assert not unmet
+
+
+def needs(package: str) -> list[Requirement]:
+    """What a package needs on this machine; labmaze is left out, for it has no build for every Python."""
+    found = [] if package == "labmaze" else [Requirement(line) for line in requires(package) or []]
+    return [n for n in found if n.name != "labmaze" and (not n.marker or n.marker.evaluate({"extra": ""}))]
+
+
+def is_met(need: Requirement) -> bool:
+    """Whether a fitting version is installed."""
+    try:
+        return need.specifier.contains(version(need.name), prereleases=True)
+    except PackageNotFoundError:
+        return False

@@ -2,23 +2,81 @@
 
 from pathlib import Path
 
+import mujoco
+import numpy as np
+from defusedxml import DefusedXmlException, ElementTree
+from dm_control import mjcf
+
 from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena
+from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.raf import build_raf
+from sarsim.arenas.start import find_start, start_at
 from sarsim.assets import asset
 
 BUILT_IN = ("nist_6x4",)
 
+StartPose = tuple[float, float, float]
+"""x and y in m, yaw in degrees."""
 
-def load_arena(name: str) -> RescueArena:
-    """The arena that a command's ``--arena`` names: a built-in one, or the path of an MJCF file.
+
+def load_arena(name: str, start: StartPose | None = None) -> RescueArena:
+    """The arena that a command's ``--arena`` names: a built-in one, or the path of a ``.raf`` or an MJCF file.
+
+    Args:
+        name: of the arena.
+        start: where to set the robot down; if not given, where the arena says or the best place that it has.
 
     Raises:
-        InputError: no such arena, or the file is missing, broken or without a start.
+        InputError: no such arena, the file is missing or broken, or the robot cannot stand at the start.
     """
+    path, kind = Path(name), Path(name).suffix.lower()
     if name in BUILT_IN:
-        return RescueArena(asset("arenas", f"{name}.xml"))
-    if Path(name).suffix.lower() == ".xml":
-        return RescueArena(Path(name))
+        return _from_mjcf(asset("arenas", f"{name}.xml"), start)
+    if kind == ".xml":
+        return _from_mjcf(path, start)
+    if kind == ".raf":
+        return _with_start(path, build_raf(path), start)
     raise InputError(
-        f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, or the path of an MJCF .xml file"
+        f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, or the path of a .raf or MJCF .xml file"
     )
+
+
+def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
+    model, root = _read(path)
+    if wish is not None:
+        start = start_at(*_at_rest(model), *wish)
+        site = root.find("site", "start") or root.worldbody.add("site", name="start")
+        site.pos, site.quat = start.position, (np.cos(start.yaw / 2), 0, 0, np.sin(start.yaw / 2))
+    try:
+        return RescueArena(root)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _with_start(path: Path, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:
+    """The arena that is built, with the start wished for or the best one."""
+    world = _at_rest(mujoco.MjModel.from_xml_string(builder.to_xml()))
+    try:
+        start = find_start(*world) if wish is None else start_at(*world, *wish)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    builder.set_start(start.position, start.yaw)
+    return RescueArena(mjcf.from_xml_string(builder.to_xml()))
+
+
+def _at_rest(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return model, data
+
+
+def _read(path: Path) -> tuple[mujoco.MjModel, mjcf.RootElement]:
+    """Read MJCF; a file from a stranger may hold an XML bomb, so entities are refused before MuJoCo sees them."""
+    try:
+        ElementTree.parse(path, forbid_dtd=True)
+        return mujoco.MjModel.from_xml_path(str(path)), mjcf.from_path(str(path))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except (ElementTree.ParseError, DefusedXmlException, ValueError, KeyError, AttributeError) as error:
+        raise InputError(f"{path}: not a readable MJCF file: {' '.join(str(error).split())}") from error

@@ -1,0 +1,233 @@
+"""The element library, and the builder that sets its elements down in one plain MJCF document.
+
+All that stands still belongs to the world's body, so hundreds of elements cost the physics nothing; each victim is
+a body ``victim_<id>`` of its own. The document refers to no file and opens in MuJoCo's viewer as it is.
+"""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cache
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+import mujoco
+import numpy as np
+from defusedxml import ElementTree
+from numpy.typing import ArrayLike, NDArray
+
+from sarsim.assets import asset
+
+TILE = 1.2
+"""m."""
+_LIGHTS = (
+    # name, direction, diffuse, whether it casts shadows
+    ("sun", (-0.35, 0.5, -0.8), (0.5, 0.5, 0.48), True),
+    ("fill", (0.4, -0.3, -0.8), (0.25, 0.25, 0.26), False),
+)
+
+
+class ElementLibrary:
+    """The pieces of ``assets/arenas/elements.xml``.
+
+    Attributes:
+        types: names of the elements.
+    """
+
+    def __init__(self) -> None:
+        path = asset("arenas", "elements.xml")
+        self._root = ElementTree.parse(path, forbid_dtd=True).getroot()
+        self._model = mujoco.MjModel.from_xml_path(str(path))
+        self._bodies = {body.get("name"): body for body in self._root.iterfind("worldbody/body")}
+        self.types = frozenset(self._bodies)
+
+    def header(self) -> list[Element]:
+        """Fresh copies of all but the worldbody: settings, assets, default classes."""
+        return [deepcopy(child) for child in self._root if child.tag not in ("worldbody", "statistic")]
+
+    def geoms(self, kind: str) -> list[Element]:
+        """The geoms of an element."""
+        return self._bodies[kind].findall("geom")
+
+    def mount_points(self, kind: str) -> NDArray[np.float64]:
+        """(N, 2) shifts along the element's x and z of what hangs at its mount points, m."""
+        sites = [_numbers(site, "pos", (0, 0, 0)) for site in self._bodies[kind].iterfind("site")]
+        return np.array(sites).reshape(-1, 3)[:, [0, 2]]
+
+    def footprint(self, kind: str) -> NDArray[np.float64]:
+        """(4, 2) corners of the rectangle around an element, m."""
+        model = self._model
+        geoms = np.flatnonzero(model.geom_bodyid == model.body(kind).id)
+        matrices = np.empty((len(geoms), 9))
+        for matrix, geom in zip(matrices, geoms, strict=True):
+            mujoco.mju_quat2Mat(matrix, model.geom_quat[geom])
+        R = matrices.reshape(-1, 3, 3)
+        middle = model.geom_pos[geoms] + np.einsum("nij,nj->ni", R, model.geom_aabb[geoms, :3])
+        reach = np.einsum("nij,nj->ni", np.abs(R), model.geom_aabb[geoms, 3:])
+        (x0, y0, _), (x1, y1, _) = (middle - reach).min(axis=0), (middle + reach).max(axis=0)
+        return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+
+
+@cache
+def element_library() -> ElementLibrary:
+    """The library, read once."""
+    return ElementLibrary()
+
+
+class ArenaBuilder:
+    """Makes an arena's MJCF.
+
+    Attributes:
+        root: the ``<mujoco>`` element so far; whoever brings geoms of their own may add to it.
+    """
+
+    def __init__(self, name: str):
+        self.root = Element("mujoco", model=name)
+        self.root.extend(element_library().header())
+        self._world = SubElement(self.root, "worldbody")
+        self._placed: set[tuple[object, ...]] = set()
+        self._corners: list[NDArray[np.float64]] = []
+        self._victims = 0
+
+    def add_element(self, kind: str, position: ArrayLike, yaw_deg: float) -> None:
+        """Set an element of the library down: its origin at ``position`` (3,) m, turned left by ``yaw_deg``.
+
+        A geom that lies exactly where another one does is left out: two neighbouring tiles may both have the wall
+        between them.
+        """
+        pose = _Pose(np.asarray(position, np.float64), _turn(yaw_deg))
+        geoms = element_library().geoms(kind)
+        self._corners.append(pose.points(element_library().footprint(kind)))
+        if geoms[0].get("class") == "victim":
+            self._add_victim(geoms, pose)
+            return
+        for geom in geoms:
+            moved = pose.geom(geom)
+            if (key := _identity(moved)) not in self._placed:
+                self._placed.add(key)
+                # PyMJCF takes time that grows with the square of the number of geoms without a name.
+                moved.set("name", f"{kind}_{len(self._placed)}")
+                self._world.append(moved)
+
+    def _add_victim(self, geoms: list[Element], pose: "_Pose") -> None:
+        self._victims += 1
+        name = f"victim_{self._victims}"
+        body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
+        body.extend(Element("geom", geom.attrib | {"name": f"{name}_{n}"}) for n, geom in enumerate(geoms))
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 2) lowest and highest x, y of all elements, m."""
+        corners = np.concatenate(self._corners)
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    def add_floor(self, low: ArrayLike, high: ArrayLike) -> None:
+        """Lay the floor, z = 0, between two corners (x, y)."""
+        self._add_slab("floor", "terrain", low, high, 0.0, 0.1)
+
+    def add_ceiling(self, low: ArrayLike, high: ArrayLike, height: float) -> None:
+        """Hang a ceiling between two corners (x, y), its underside at ``height``."""
+        self._add_slab("ceiling", "ceiling", low, high, height + 0.01, 0.01)
+
+    def _add_slab(
+        self, name: str, label: str, low: ArrayLike, high: ArrayLike, z: float, half_z: float
+    ) -> None:
+        middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
+        pose = {"pos": _text([*middle, z]), "size": _text([*half, half_z])}
+        SubElement(self._world, "geom", {"name": name, "class": label} | pose)
+
+    def add_surroundings(self, low: ArrayLike, high: ArrayLike, ceiling: bool = False) -> None:
+        """Add light, cameras and the model's extent for an arena between two corners (x, y).
+
+        Under a ceiling no light casts shadows: the lamps hang below it, everywhere.
+        """
+        (x, y), extent = np.add(low, high) / 2, float(np.linalg.norm(np.subtract(high, low))) / 2
+        SubElement(self.root, "statistic", center=_text((x, y, 0.3)), extent=_text([extent]))
+        for name, direction, diffuse, shadow in _LIGHTS:
+            attributes = {
+                "name": name,
+                "directional": "true",
+                "pos": _text((x, y, 6)),
+                "dir": _text(direction),
+                "diffuse": _text(diffuse),
+                "specular": "0.1 0.1 0.1",
+                "castshadow": str(shadow and not ceiling).lower(),
+            }
+            SubElement(self._world, "light", attributes)
+        away = 1.25 * extent + 1
+        above = {"name": "top", "pos": _text((x, y, 2.2 * extent + 2)), "fovy": "45"}
+        aside = {"name": "overview", "pos": _text((x, y - away, 1.4 * away)), "fovy": "50"}
+        SubElement(self._world, "camera", above)
+        SubElement(self._world, "camera", aside | {"xyaxes": "1 0 0 0 0.814 0.581"})
+
+    def set_start(self, position: ArrayLike, yaw: float) -> None:
+        """Mark where the robot is set down: ``position`` (3,) m, heading ``yaw`` rad."""
+        pose = {"pos": _text(position), "quat": _text((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
+        SubElement(self._world, "site", {"name": "start", "size": "0.02", "rgba": "0 0.6 0 0.5"} | pose)
+
+    def to_xml(self) -> str:
+        """The document as text."""
+        indent(self.root)
+        return tostring(self.root, encoding="unicode") + "\n"
+
+
+@dataclass(frozen=True, eq=False)
+class _Pose:
+    """Where an element is set down.
+
+    Attributes:
+        position: (3,) m of its origin.
+        turn: (4,) unit quaternion about z.
+    """
+
+    position: NDArray[np.float64]
+    turn: NDArray[np.float64]
+
+    def points(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 2) m in the world of points (N, 2) in the element's frame."""
+        w, _, _, z = self.turn
+        cos, sin = w * w - z * z, 2 * w * z
+        return xy @ np.array([(cos, sin), (-sin, cos)]) + self.position[:2]
+
+    def geom(self, geom: Element) -> Element:
+        """A copy of a geom of the element, in the world."""
+        x, y, z = _numbers(geom, "pos", (0, 0, 0))
+        quat = np.empty(4)
+        mujoco.mju_mulQuat(quat, self.turn, _numbers(geom, "quat", (1, 0, 0, 0)))
+        where = {
+            "pos": _text([*self.points(np.array([[x, y]]))[0], self.position[2] + z]),
+            "quat": _text(quat),
+        }
+        return Element("geom", geom.attrib | where)
+
+
+def _turn(yaw_deg: float) -> NDArray[np.float64]:
+    """Unit quaternion (w, x, y, z) about z; right angles are exact, so that tiles meet without a gap."""
+    quarter, rest = divmod(yaw_deg, 90.0)
+    if rest == 0:
+        half = np.sqrt(0.5)
+        return np.array(
+            [(1, 0, 0, 0), (half, 0, 0, half), (0, 0, 0, 1), (half, 0, 0, -half)][int(quarter) % 4]
+        )
+    yaw = np.radians(yaw_deg)
+    return np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])
+
+
+def _identity(geom: Element) -> tuple[object, ...]:
+    """The same for two geoms that fill the same space and look alike."""
+    w, x, y, z = _numbers(geom, "quat", (1, 0, 0, 0))
+    # Half a turn about z brings an upright box back to where it was, but not a mesh.
+    is_box = geom.get("mesh") is None and x == y == 0
+    yaw = round(np.degrees(2 * np.arctan2(z, w)), 2) % (180 if is_box else 360)
+    position = np.round(_numbers(geom, "pos", (0, 0, 0)), 4) + 0.0
+    shape = [geom.get(key) for key in ("class", "type", "mesh", "material", "size")]
+    return (*shape, *position.tolist(), round(x, 4), round(y, 4), yaw)
+
+
+def _numbers(element: Element, attribute: str, default: Sequence[float]) -> NDArray[np.float64]:
+    text = element.get(attribute)
+    return np.array(default if text is None else text.split(), np.float64)
+
+
+def _text(values: ArrayLike) -> str:
+    """MJCF's list of numbers, to 1 µm; so last bits that differ between machines do not show."""
+    return " ".join(f"{round(float(v), 6) + 0.0:.6f}".rstrip("0").rstrip(".") for v in np.ravel(values))

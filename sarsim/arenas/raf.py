@@ -1,0 +1,210 @@
+"""Rescue arenas from ``.raf`` files, the XML format of the hector_nist_arena_designer.
+
+A file lists elements: a type, a tile, a rotation (clockwise, in degrees), and what else its type may have. Tiles are
+1.2 m; offsets are in tiles along the world's axes. What hangs on a wall (``victim_*``, ``start_check*``, ``hazmat*``)
+is shifted by the mount point of the wall that shares its tile and rotation.
+"""
+
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from defusedxml import DefusedXmlException, ElementTree
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from sarsim.arenas.elements import TILE, ArenaBuilder, element_library
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+MAX_BYTES = 2_000_000
+MAX_ELEMENTS = 1500
+MAX_TILES = 100
+"""along x or y; 120 m."""
+MAX_GEOMS = 15_000
+FLOOR_MARGIN = 0.5
+"""m that the floor reaches past the outermost tiles: not so far that the robot could drive around a closed arena."""
+
+FAMILIES = {
+    "victim_with_box": "victim_with_box",
+    "victim_doll_": "victim_with_box",
+    "hazmat": "hazmat",
+    "start_check": "start_check",
+}
+"""Types that begin so are of one shape, that of an element of the library."""
+_HANGING = ("victim_", "start_check", "hazmat")
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class RafElement:
+    """One line of a file.
+
+    Attributes:
+        type: as written.
+        x, y: tile, offset included.
+        rotation: degrees, clockwise.
+        mount_point: index into the mount points of its wall.
+        tile: the tile and rotation as written, by which it finds its wall.
+    """
+
+    type: str
+    x: float
+    y: float
+    rotation: float
+    mount_point: int
+    tile: tuple[float, float, float]
+
+    @property
+    def kind(self) -> str | None:
+        """Name in the element library; None if it is unknown."""
+        if self.type in element_library().types:
+            return self.type
+        return next((kind for prefix, kind in FAMILIES.items() if self.type.startswith(prefix)), None)
+
+
+def read_raf(path: Path) -> list[RafElement]:
+    """The elements of a file.
+
+    Raises:
+        InputError: the file is missing or too large, is not XML of this format, or has absurd numbers in it.
+    """
+    root = _parse(path)
+    if root.tag != "elements":
+        raise InputError(f"{path}: not a .raf file: its root is <{root.tag[:40]}>, not <elements>")
+    lines = root.findall("element")
+    if not lines:
+        raise InputError(f"{path}: the arena has no elements")
+    if len(lines) > MAX_ELEMENTS:
+        raise InputError(f"{path}: {len(lines)} elements are too many, at most {MAX_ELEMENTS} are read")
+    elements = [_Line(path, number, line).element() for number, line in enumerate(lines, 1)]
+    _check_extent(path, elements)
+    return elements
+
+
+def build_raf(path: Path) -> ArenaBuilder:
+    """The arena of a file, still without a start. Elements of unknown type are left out, with a warning.
+
+    Raises:
+        InputError: the file is no good, or holds no element of a known type.
+    """
+    elements = read_raf(path)
+    unknown = sorted({e.type for e in elements if e.kind is None})
+    if unknown:
+        _log.warning("%s: left out elements of unknown type: %s", path, ", ".join(t[:40] for t in unknown))
+    known = [e for e in elements if e.kind is not None]
+    if not known:
+        raise InputError(f"{path}: none of the arena's elements is of a known type")
+    _check_geoms(path, known)
+    builder = ArenaBuilder(path.stem)
+    for element, position in _positions(known):
+        builder.add_element(str(element.kind), position, -element.rotation)
+    low, high = builder.bounds
+    builder.add_surroundings(low, high)
+    builder.add_floor(low - FLOOR_MARGIN, high + FLOOR_MARGIN)
+    return builder
+
+
+def _parse(path: Path) -> "Element":
+    """Read XML; entities are refused, a file from a stranger may hold a bomb of them."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path}: too large for a .raf file, at most {MAX_BYTES} bytes are read")
+        return ElementTree.parse(path, forbid_dtd=True).getroot()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: not readable XML: {' '.join(str(error).split())}") from error
+
+
+@dataclass(frozen=True)
+class _Line:
+    """An ``<element>`` before it is understood."""
+
+    path: Path
+    number: int
+    attributes: "Element"
+
+    def element(self) -> RafElement:
+        x, y, rotation = self._number("x"), self._number("y"), self._number("rotation")
+        return RafElement(
+            type=self._text("type"),
+            x=x + self._number("offset-x", "0"),
+            y=y + self._number("offset-y", "0"),
+            rotation=rotation,
+            mount_point=self._index("mount-point", "0"),
+            tile=(x, y, rotation % 360),
+        )
+
+    def _text(self, name: str, default: str | None = None) -> str:
+        value = self.attributes.get(name, default)
+        if value is None:
+            raise InputError(f"{self._where}: the attribute {name!r} is missing")
+        return value
+
+    def _number(self, name: str, default: str | None = None) -> float:
+        text = self._text(name, default)
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value) or abs(value) > 1e6:
+            raise InputError(f"{self._where}: {name}={text[:40]!r} is no sensible number")
+        return value
+
+    def _index(self, name: str, default: str) -> int:
+        value = self._number(name, default)
+        if value != int(value) or value < 0:
+            raise InputError(f"{self._where}: {name}={self._text(name)!r} is no index")
+        return int(value)
+
+    @property
+    def _where(self) -> str:
+        return f"{self.path}, element {self.number}"
+
+
+def _check_extent(path: Path, elements: list[RafElement]) -> None:
+    for axis in ("x", "y"):
+        tiles = [getattr(e, axis) for e in elements]
+        if max(tiles) - min(tiles) > MAX_TILES or max(map(abs, tiles)) > 10 * MAX_TILES:
+            raise InputError(
+                f"{path}: tiles from {axis}={min(tiles):g} to {max(tiles):g} are absurd,"
+                f" an arena has at most {MAX_TILES} along {axis}"
+            )
+
+
+def _check_geoms(path: Path, elements: list[RafElement]) -> None:
+    library = element_library()
+    geoms = sum(len(library.geoms(str(e.kind))) for e in set(elements))
+    if geoms > MAX_GEOMS:
+        raise InputError(f"{path}: its elements have {geoms} parts, at most {MAX_GEOMS} are built")
+
+
+def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray[np.float64]]]:
+    """Every element and its origin in m; of elements that repeat, the first one."""
+    library = element_library()
+    walls: dict[tuple[float, float, float], NDArray[np.float64]] = {}
+    for element in elements:
+        mounts = library.mount_points(str(element.kind))
+        if len(mounts):
+            walls.setdefault(element.tile, mounts)
+    for element in dict.fromkeys(elements):
+        origin = np.array([TILE * element.x, TILE * element.y, 0.0])
+        yield element, origin + _shift(element, walls.get(element.tile))
+
+
+def _shift(element: RafElement, mounts: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """(3,) m by which an element's wall shifts it."""
+    if mounts is None or not element.type.startswith(_HANGING) or element.mount_point >= len(mounts):
+        return np.zeros(3)
+    along, up = mounts[element.mount_point]
+    yaw = -np.radians(element.rotation)
+    return np.array([along * np.cos(yaw), along * np.sin(yaw), up])

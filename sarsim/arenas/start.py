@@ -1,0 +1,145 @@
+"""Where in an arena to set the robot down."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.errors import InputError
+from pipeline.labels import Label
+from pipeline.surface.grid import Grid
+from sarsim.scoring.true_surface import CELL, FreeGround, Survey
+
+HEADINGS = 16
+FAR = 3.0
+"""m; more open ground ahead makes no start better."""
+CLEAR = 0.6
+"""m; nor does more room around it."""
+HALF_WIDTH = 0.35
+"""m of free floor on both sides of the way ahead."""
+LEVEL = 0.02
+"""m that the floor around the start may rise or fall."""
+OUTSIDE_SHARE = 0.1
+"""What a cell counts in the choice of the piece to start in if it lies beside the arena."""
+_MIN_FLOOR = 200
+"""cells; a smaller patch of floor is not searched."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where ``base_link`` is set down.
+
+    Attributes:
+        position: x, y, z in m.
+        yaw: rad.
+    """
+
+    position: tuple[float, float, float]
+    yaw: float
+
+
+def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw_deg: float) -> Start:
+    """The start that a user wishes, on the lowest ground with headroom there.
+
+    Raises:
+        InputError: the robot cannot stand there.
+    """
+    survey = Survey(model, data, None)
+    low = np.array([x, y, -1.0])
+    height = survey.place(low, reach=np.inf)
+    ground = None if height is None else survey.ground_from(np.array([x, y, height]))
+    if ground is None or not ground.pieces[tuple(ground.grid.cell_of(low))]:
+        raise InputError(f"no free start: the robot cannot stand at ({x:g}, {y:g}) m")
+    return Start((x, y, float(height or 0.0)), np.radians(yaw_deg))
+
+
+def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
+    """A place on the floor in the largest piece of ground that the robot can drive around in.
+
+    It has room to turn and an open view ahead: the longest strip of free, level floor, and the most clearance.
+
+    Raises:
+        InputError: there is no free floor.
+    """
+    survey = Survey(model, data, None)
+    best: tuple[float, FreeGround, NDArray[np.bool_]] | None = None
+    for ground in _floors(survey):
+        for floor, size in _pieces(ground):
+            if best is None or size > best[0]:
+                best = (size, ground, floor)
+    if best is None:
+        raise InputError("the arena has no free start: there is no free tile of floor")
+    return _open_place(*best[1:])
+
+
+def _floors(survey: Survey) -> Iterator[FreeGround]:
+    """Pieces of ground that together reach every larger patch of floor."""
+    floor = survey.lowest(Label.TERRAIN)
+    unseen = ~np.isnan(floor)
+    while unseen.sum() > _MIN_FLOOR:
+        i, j = np.unravel_index(unseen.argmax(), unseen.shape)
+        ground = survey.ground_from(np.array([*survey.grid.centre_of((i, j)), floor[i, j]]))
+        if ground is None:
+            break
+        yield ground
+        unseen[i, j] = False
+        unseen &= np.isnan(ground.height)
+
+
+def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
+    """The floor of each piece, and how large the piece is."""
+    weight = np.where(_is_inside(ground), 1.0, OUTSIDE_SHARE)
+    for piece in range(1, int(ground.pieces.max()) + 1):
+        cells = ground.pieces == piece
+        floor = cells & (ground.label == Label.TERRAIN)
+        if floor.any():
+            yield floor, round(float(weight[cells].sum()), 3)
+
+
+def _is_inside(ground: FreeGround) -> NDArray[np.bool_]:
+    """(nx, ny) cells that have something on all four sides, along the axes."""
+    solid = ground.to_obstacle < CELL
+    sides = np.zeros(solid.shape, np.int64)
+    for axis in (0, 1):
+        sides += np.maximum.accumulate(solid, axis)
+        sides += np.flip(np.maximum.accumulate(np.flip(solid, axis), axis), axis)
+    return sides == 4
+
+
+def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
+    """The best of the cells of a floor, every fourth along x and y."""
+    inside = floor & _is_inside(ground)
+    cells = np.argwhere(inside if inside.any() else floor)
+    coarse = cells[(cells % 4 == 0).all(axis=1)]
+    cells = coarse if len(coarse) else cells
+    clearance = _clearance(ground, float(np.median(ground.height[floor])))
+    ahead = np.stack([_free_ahead(ground.grid, clearance, cells, h) for h in _headings()], axis=1)
+    room = np.minimum(clearance[tuple(cells.T)], CLEAR)
+    # Rounded, so that a last bit decides nothing.
+    score = np.round(ahead + 2 * room[:, None], 3)
+    cell, heading = np.unravel_index(score.argmax(), score.shape)
+    x, y = ground.grid.centre_of(cells[cell])
+    return Start((float(x), float(y), float(ground.height[tuple(cells[cell])])), float(_headings()[heading]))
+
+
+def _headings() -> NDArray[np.float64]:
+    return np.arange(HEADINGS) * 2 * np.pi / HEADINGS
+
+
+def _clearance(ground: FreeGround, level: float) -> NDArray[np.float64]:
+    """(nx, ny) m from each cell to the nearest that is no free, level floor."""
+    free = (np.abs(ground.height - level) <= LEVEL) & (ground.to_obstacle >= CELL)
+    return ndimage.distance_transform_edt(free) * CELL
+
+
+def _free_ahead(
+    grid: Grid, clearance: NDArray[np.float64], cells: NDArray[np.int64], heading: float
+) -> NDArray[np.float64]:
+    """(N,) m of free floor from cells (N, 2) in a direction, at most ``FAR``."""
+    distance = np.arange(1, round(FAR / CELL) + 1) * CELL
+    way = grid.centre_of(cells)[:, None] + distance[:, None] * [np.cos(heading), np.sin(heading)]
+    free = grid.at(clearance, way) >= HALF_WIDTH
+    return CELL * np.logical_and.accumulate(free, axis=1).sum(axis=1)

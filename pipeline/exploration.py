@@ -77,21 +77,6 @@ class _Miss:
     position: NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class _Targets:
-    """Ground worth a look; layers are (nx, ny).
-
-    Attributes:
-        mask: bool, unseen, perhaps drivable, and not given up.
-        blind_from: (nx, ny, 2) where the last look in vain was taken, m.
-        blind_radius: m around it from which the cell cannot be seen.
-    """
-
-    mask: NDArray[np.bool_]
-    blind_from: NDArray[np.float32]
-    blind_radius: NDArray[np.float32]
-
-
 class Exploration:
     """Chooses views by what would be seen per second of driving.
 
@@ -121,19 +106,19 @@ class Exploration:
             T_map_base: pose of the robot.
         """
         self._count_misses(surface, measured, T_map_base[:2, 3])
-        target = self._targets(surface, measured)
-        self.frontiers = _frontiers(surface, paths, target.mask)
+        ground = self._ground(surface, measured)
+        self.frontiers = _frontiers(surface, paths, ground.target)
         candidates = self._candidates(surface, paths)
-        if not len(candidates) or not target.mask.any():
+        if not len(candidates) or not ground.target.any():
             return None
-        gains = self._gains(candidates, surface, target)
+        gains = self._gains(candidates, ground)
         seconds = self._seconds(candidates, paths, T_map_base)
         worth = np.where(gains >= self.config.min_gain, gains / seconds, 0.0)
         n, m = np.unravel_index(worth.argmax(), worth.shape)
         if worth[n, m] <= 0:
             return None
         view = View(candidates[n], wrap_angle(m * 2 * np.pi / self.config.rays), float(gains[n, m]))
-        self._expected = self._in_view(view, surface, target)
+        self._expected = surface.grid.centre_of(np.argwhere(self._in_view(view, ground)))
         return view
 
     def _count_misses(
@@ -146,17 +131,25 @@ class Exploration:
             self._misses[key] = _Miss(count, position)
         self._expected = np.zeros((0, 2))
 
-    def _targets(self, surface: DrivableSurface, measured: NDArray[np.float32]) -> _Targets:
+    def _ground(self, surface: DrivableSurface, measured: NDArray[np.float32]) -> kernels.Ground:
+        """What is known of the ground; what nobody has seen and may be drivable is worth a look until given up."""
         grid = surface.grid
-        mask = np.isnan(measured) & (surface.to_hazard >= self.config.wall_margin)
+        target = np.isnan(measured) & (surface.to_hazard >= self.config.wall_margin)
         blind_from = np.zeros((*grid.shape, 2), np.float32)
         blind_radius = np.zeros(grid.shape, np.float32)
         for cell, miss in self._misses.items():
             i, j = grid.cell_of(cell)
-            mask[i, j] &= miss.count < self.config.max_misses
+            target[i, j] &= miss.count < self.config.max_misses
             blind_from[i, j] = miss.position
             blind_radius[i, j] = miss.count * self.config.blind_radius
-        return _Targets(mask, blind_from, blind_radius)
+        return kernels.Ground(grid.origin, grid.cell, surface.elevation, target, blind_from, blind_radius)
+
+    @property
+    def _sight(self) -> kernels.Sight:
+        config = self.config
+        return kernels.Sight(
+            config.camera_height, config.near, config.far, config.max_slope, config.max_unknown
+        )
 
     def _candidates(self, surface: DrivableSurface, paths: ShortestPaths) -> NDArray[np.float64]:
         """(N, 2) points to look from: here, and a coarse grid of places where the robot can turn."""
@@ -167,26 +160,16 @@ class Exploration:
         here = np.zeros((0, 2)) if paths.start is None else paths.start[None]
         return np.concatenate([here, surface.grid.centre_of(np.argwhere(standable & coarse))])
 
-    def _gains(
-        self, candidates: NDArray[np.float64], surface: DrivableSurface, target: _Targets
-    ) -> NDArray[np.float64]:
-        config = self.config
-        return kernels.view_gains(
-            candidates,
-            config.rays,
-            round(config.field_of_view / (2 * np.pi) * config.rays),
-            config.camera_height,
-            config.near,
-            config.far,
-            config.max_slope,
-            config.max_unknown,
-            surface.grid.origin,
-            surface.grid.cell,
-            surface.elevation,
-            target.mask,
-            target.blind_from,
-            target.blind_radius,
-        )
+    def _gains(self, candidates: NDArray[np.float64], ground: kernels.Ground) -> NDArray[np.float64]:
+        """(N, rays) m² that each view should show."""
+        rays_in_view = round(self.config.field_of_view / (2 * np.pi) * self.config.rays)
+        return kernels.view_gains(candidates, self.config.rays, rays_in_view, self._sight, ground)
+
+    def _in_view(self, view: View, ground: kernels.Ground) -> NDArray[np.bool_]:
+        """(nx, ny) the target cells that the view should show."""
+        half = self.config.field_of_view / 2
+        bearings = np.arange(view.heading - half, view.heading + half, np.deg2rad(0.5))
+        return kernels.cells_in_view(*view.position, bearings, self._sight, ground)
 
     def _seconds(
         self, candidates: NDArray[np.float64], paths: ShortestPaths, T_map_base: NDArray[np.float64]
@@ -201,32 +184,6 @@ class Exploration:
         first = np.where(moves, np.arctan2(way[:, 1], way[:, 0]), yaw_of(T_map_base))
         turn = np.abs(_wrap(first - yaw_of(T_map_base)))[:, None] + np.abs(_wrap(bearing - first[:, None]))
         return config.look_time + distance[:, None] / config.speed + turn / config.turn_rate
-
-    def _in_view(self, view: View, surface: DrivableSurface, target: _Targets) -> NDArray[np.float64]:
-        """(N, 2) centres of the target cells that the view should show."""
-        config, grid = self.config, surface.grid
-        seen = np.zeros(int(config.far / grid.cell) + 2, np.int64)
-        cells: set[int] = set()
-        half = config.field_of_view / 2
-        for bearing in np.arange(view.heading - half, view.heading + half, np.deg2rad(0.5)):
-            _, count = kernels.cast_ray(
-                *view.position,
-                bearing,
-                config.camera_height,
-                config.near,
-                config.far,
-                config.max_slope,
-                config.max_unknown,
-                grid.origin,
-                grid.cell,
-                surface.elevation,
-                target.mask,
-                target.blind_from,
-                target.blind_radius,
-                seen,
-            )
-            cells.update(seen[:count].tolist())
-        return grid.centre_of(np.stack(np.unravel_index(sorted(cells), grid.shape), axis=-1))
 
 
 def _wrap(angle: NDArray) -> NDArray:

@@ -1,65 +1,78 @@
 """Compiled ray casting for the exploration."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+
+class Sight(NamedTuple):
+    """How the camera sees the ground: see :class:`pipeline.exploration.ExplorationConfig`."""
+
+    camera_height: float
+    near: float
+    far: float
+    max_slope: float
+    max_unknown: float
+
+
+class Ground(NamedTuple):
+    """What is known of the ground, and what is worth a look; layers are (nx, ny) on one grid.
+
+    Attributes:
+        origin: (2,) corner of cell [0, 0], m.
+        cell: side of a cell, m.
+        elevation: float32 m, NaN where unknown.
+        target: bool, unseen ground that counts.
+        blind_from: (nx, ny, 2) float32, from where the last look for a cell was in vain, m.
+        blind_radius: float32, from how far around it the cell does not count, m.
+    """
+
+    origin: NDArray[np.float64]
+    cell: float
+    elevation: NDArray[np.float32]
+    target: NDArray[np.bool_]
+    blind_from: NDArray[np.float32]
+    blind_radius: NDArray[np.float32]
 
 
 @njit(cache=True)
-def cast_ray(
-    x,
-    y,
-    bearing,
-    camera_height,
-    near,
-    far,
-    max_slope,
-    max_unknown,
-    origin,
-    cell,
-    elevation,
-    target,
-    blind_from,
-    blind_radius,
-    seen,
-):
+def cast_ray(x, y, bearing, sight, ground, seen):
     """What a ray of the camera at (x, y) is expected to show for the first time.
 
-    The ray runs over the known ground; a cell is hidden where something before it rises higher in the view.
-    Unknown ground is believed to go on at the last known height. Where earlier looks proved that belief wrong, a
-    cell does not count: from within ``blind_radius`` (nx, ny) of ``blind_from`` (nx, ny, 2), m.
+    The ray runs over the known ground; a cell is hidden where something before it rises higher in the view. Unknown
+    ground is believed to go on at the last known height.
 
-    Returns the summed radii of the target cells in view (times the step and the angle between rays that is their
+    Returns the summed distances of the target cells in view (times the step and the angle between rays that is their
     area) and their number; their flat indices go to ``seen``.
     """
-    nx, ny = elevation.shape
-    ground = elevation[int((x - origin[0]) / cell), int((y - origin[1]) / cell)]
-    camera = ground + camera_height
+    nx, ny = ground.elevation.shape
+    origin, cell = ground.origin, ground.cell
+    level = ground.elevation[int((x - origin[0]) / cell), int((y - origin[1]) / cell)]
+    camera = level + sight.camera_height
     horizon = -np.inf
     unknown = 0.0
     total, count = 0.0, 0
     dx, dy = np.cos(bearing), np.sin(bearing)
     r = 0.35
-    while r < far and unknown < max_unknown:
+    while r < sight.far and unknown < sight.max_unknown:
         r += cell
         i = int(np.floor((x + r * dx - origin[0]) / cell))
         j = int(np.floor((y + r * dy - origin[1]) / cell))
         if not (0 <= i < nx and 0 <= j < ny):
             break
-        h = elevation[i, j]
-        if np.isnan(h):
+        if np.isnan(ground.elevation[i, j]):
             unknown += cell
         else:
-            ground = h
-        slope = (ground - camera) / r
-        if slope > max_slope:
+            level = ground.elevation[i, j]
+        slope = (level - camera) / r
+        if slope > sight.max_slope:
             break
         if slope < horizon - 0.01:
             continue
         horizon = max(horizon, slope)
-        if r >= near and target[i, j]:
-            ex, ey = x - blind_from[i, j, 0], y - blind_from[i, j, 1]
-            if ex * ex + ey * ey < blind_radius[i, j] ** 2:
-                continue
+        if r >= sight.near and ground.target[i, j] and not is_blind(x, y, i, j, ground):
             total += r
             seen[count] = i * ny + j
             count += 1
@@ -67,49 +80,37 @@ def cast_ray(
 
 
 @njit(cache=True)
-def view_gains(
-    views,
-    rays,
-    rays_in_view,
-    camera_height,
-    near,
-    far,
-    max_slope,
-    max_unknown,
-    origin,
-    cell,
-    elevation,
-    target,
-    blind_from,
-    blind_radius,
-):
+def is_blind(x, y, i, j, ground):
+    """Whether earlier looks proved that cell (i, j) cannot be seen from (x, y)."""
+    ex, ey = x - ground.blind_from[i, j, 0], y - ground.blind_from[i, j, 1]
+    return ex * ex + ey * ey < ground.blind_radius[i, j] ** 2
+
+
+@njit(cache=True)
+def view_gains(views, rays, rays_in_view, sight, ground):
     """(N, rays) m² of target area expected in view from each of (N, 2) points, looking along ray m of the circle."""
     gains = np.zeros((len(views), rays))
-    seen = np.zeros(int(far / cell) + 2, np.int64)
+    seen = np.zeros(int(sight.far / ground.cell) + 2, np.int64)
+    area = np.zeros(rays)
     step = 2 * np.pi / rays
+    half = rays_in_view // 2
     for n in range(len(views)):
-        area = np.zeros(rays)
         for m in range(rays):
-            total, _ = cast_ray(
-                views[n, 0],
-                views[n, 1],
-                m * step,
-                camera_height,
-                near,
-                far,
-                max_slope,
-                max_unknown,
-                origin,
-                cell,
-                elevation,
-                target,
-                blind_from,
-                blind_radius,
-                seen,
-            )
-            area[m] = total * cell * step
-        half = rays_in_view // 2
+            total, _ = cast_ray(views[n, 0], views[n, 1], m * step, sight, ground, seen)
+            area[m] = total * ground.cell * step
         for m in range(rays):
             for k in range(-half, half + 1):
                 gains[n, m] += area[(m + k) % rays]
     return gains
+
+
+@njit(cache=True)
+def cells_in_view(x, y, bearings, sight, ground):
+    """(nx, ny) bool, the target cells that rays along ``bearings`` from (x, y) are expected to show."""
+    result = np.zeros(ground.target.size, np.bool_)
+    seen = np.zeros(int(sight.far / ground.cell) + 2, np.int64)
+    for bearing in bearings:
+        _, count = cast_ray(x, y, bearing, sight, ground, seen)
+        for n in range(count):
+            result[seen[n]] = True
+    return result.reshape(ground.target.shape)

@@ -70,11 +70,12 @@ class DrivableSurface:
             np.ascontiguousarray(np.asarray(ends, np.float64)[..., :2]),
             self.grid.origin,
             self.grid.cell,
-            self.drivable,
-            self.ramp,
-            self.uphill,
-            float(np.cos(self.ramp_alignment)),
+            self.rules(self.ramp_alignment),
         )
+
+    def rules(self, ramp_alignment: float) -> path_kernels.Rules:
+        """Where the robot may go if ramps must be met within ``ramp_alignment`` rad of their slope."""
+        return path_kernels.Rules(self.drivable, self.ramp, self.uphill, float(np.cos(ramp_alignment)))
 
 
 def drivable_surface(surface: SurfaceMap, config: DrivableConfig | None = None) -> DrivableSurface:

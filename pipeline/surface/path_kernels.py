@@ -1,21 +1,52 @@
 """Compiled searches over the drivable surface."""
 
 import heapq
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 _NEIGHBOURS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
 
 
-@njit(cache=True)
-def is_aligned(dx, dy, uphill, cos_alignment):
-    """Whether the unit direction (dx, dy) runs straight up or down a slope."""
-    return abs(dx * uphill[0] + dy * uphill[1]) >= cos_alignment
+class Rules(NamedTuple):
+    """Where the robot may go; layers are (nx, ny).
+
+    Attributes:
+        drivable: bool, it may pass.
+        ramp: bool, it must move along the slope there.
+        uphill: (nx, ny, 2) float32 unit vectors up the slopes.
+        cos_alignment: least cosine between its way and a slope.
+    """
+
+    drivable: NDArray[np.bool_]
+    ramp: NDArray[np.bool_]
+    uphill: NDArray[np.float32]
+    cos_alignment: float
+
+
+def free_rules(drivable: NDArray[np.bool_]) -> Rules:
+    """Rules that know no ramps."""
+    return Rules(drivable, np.zeros_like(drivable), np.zeros((*drivable.shape, 2), np.float32), 0.0)
 
 
 @njit(cache=True)
-def line_is_drivable(ax, ay, bx, by, origin, cell, drivable, ramp, uphill, cos_alignment):
+def is_aligned(dx, dy, i, j, rules):
+    """Whether the unit direction (dx, dy) is allowed in cell (i, j): anywhere off ramps, along the slope on them."""
+    if not rules.ramp[i, j]:
+        return True
+    return abs(dx * rules.uphill[i, j, 0] + dy * rules.uphill[i, j, 1]) >= rules.cos_alignment
+
+
+@njit(cache=True)
+def is_drivable(i, j, rules):
+    """Whether (i, j) is a cell of the grid and drivable."""
+    return 0 <= i < rules.drivable.shape[0] and 0 <= j < rules.drivable.shape[1] and rules.drivable[i, j]
+
+
+@njit(cache=True)
+def line_is_drivable(ax, ay, bx, by, origin, cell, rules):
     """Whether every cell on the straight line is drivable, and ramps are met head-on."""
     dx, dy = bx - ax, by - ay
     length = np.sqrt(dx * dx + dy * dy)
@@ -23,54 +54,33 @@ def line_is_drivable(ax, ay, bx, by, origin, cell, drivable, ramp, uphill, cos_a
     for s in range(steps + 1):
         i = int(np.floor((ax + dx * s / steps - origin[0]) / cell))
         j = int(np.floor((ay + dy * s / steps - origin[1]) / cell))
-        if not (0 <= i < drivable.shape[0] and 0 <= j < drivable.shape[1]) or not drivable[i, j]:
+        if not is_drivable(i, j, rules):
             return False
         # Within one cell the direction means nothing.
-        directed = ramp[i, j] and length > cell
-        if directed and not is_aligned(dx / length, dy / length, uphill[i, j], cos_alignment):
+        if length > cell and not is_aligned(dx / length, dy / length, i, j, rules):
             return False
     return True
 
 
 @njit(cache=True)
-def lines_are_drivable(starts, ends, origin, cell, drivable, ramp, uphill, cos_alignment):
+def lines_are_drivable(starts, ends, origin, cell, rules):
     """(N,) bool of :func:`line_is_drivable` for lines between points (N, 2)."""
     result = np.empty(len(starts), np.bool_)
     for n in range(len(starts)):
-        result[n] = line_is_drivable(
-            starts[n, 0],
-            starts[n, 1],
-            ends[n, 0],
-            ends[n, 1],
-            origin,
-            cell,
-            drivable,
-            ramp,
-            uphill,
-            cos_alignment,
-        )
+        a, b = starts[n], ends[n]
+        result[n] = line_is_drivable(a[0], a[1], b[0], b[1], origin, cell, rules)
     return result
 
 
 @njit(cache=True)
-def may_move(i, j, a, b, ux, uy, drivable, ramp, uphill, cos_alignment):
-    """Whether the robot may pass from cell (i, j) to its neighbour (a, b) in unit direction (ux, uy)."""
-    if not (0 <= a < drivable.shape[0] and 0 <= b < drivable.shape[1]) or not drivable[a, b]:
-        return False
-    if ramp[a, b] and not is_aligned(ux, uy, uphill[a, b], cos_alignment):
-        return False
-    return not ramp[i, j] or is_aligned(ux, uy, uphill[i, j], cos_alignment)
-
-
-@njit(cache=True)
-def shortest_paths(starts, weight, drivable, ramp, uphill, cos_alignment):
+def shortest_paths(starts, weight, rules):
     """Dijkstra over the eight neighbours of every drivable cell.
 
     A move costs its length in cells times the mean ``weight`` (nx, ny) of the two cells. Returns the (nx, ny) float32
     cost from the nearest of the ``starts`` (K, 2) (inf where no path leads) and the (nx, ny) int32 flat index of each
     cell's predecessor (-1 where there is none).
     """
-    nx, ny = drivable.shape
+    nx, ny = rules.drivable.shape
     cost = np.full((nx, ny), np.inf, np.float32)
     parent = np.full((nx, ny), -1, np.int32)
     heap = [(np.float32(0.0), np.int32(starts[0, 0] * ny + starts[0, 1]))]
@@ -86,7 +96,12 @@ def shortest_paths(starts, weight, drivable, ramp, uphill, cos_alignment):
             di, dj = _NEIGHBOURS[n]
             a, b = i + di, j + dj
             length = np.sqrt(di * di + dj * dj)
-            if not may_move(i, j, a, b, di / length, dj / length, drivable, ramp, uphill, cos_alignment):
+            ux, uy = di / length, dj / length
+            if not (
+                is_drivable(a, b, rules)
+                and is_aligned(ux, uy, a, b, rules)
+                and is_aligned(ux, uy, i, j, rules)
+            ):
                 continue
             new = np.float32(c + length * 0.5 * (weight[i, j] + weight[a, b]))
             if new < cost[a, b]:

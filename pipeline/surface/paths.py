@@ -49,12 +49,7 @@ class ShortestPaths:
         weight = np.where(surface.turnable, 1.0, self._config.narrow_cost)
         weight[surface.ramp] = self._config.ramp_cost
         cells, self._parent = kernels.shortest_paths(
-            surface.grid.cell_of(starts),
-            weight,
-            surface.drivable,
-            surface.ramp,
-            surface.uphill,
-            float(np.cos(self._config.ramp_alignment)),
+            surface.grid.cell_of(starts), weight, surface.rules(self._config.ramp_alignment)
         )
         self.cost = cells * np.float32(surface.grid.cell)
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer, Look
 from pipeline.navigation import Outcome
-from pipeline.surface.path_kernels import shortest_paths
+from pipeline.surface.path_kernels import free_rules, shortest_paths
 from sarsim.scoring.faces import score_segments, true_faces
 from sarsim.scoring.semantics import SemanticScore
 from sarsim.scoring.topology import score_topology
@@ -86,10 +86,7 @@ class EpisodeScore:
         first, last = grid.nearest(drivable, start, 0.3), grid.nearest(drivable, goal, 0.3)
         if first is None or last is None:
             return float("nan")
-        no_ramp, level = np.zeros_like(drivable), np.zeros((*drivable.shape, 2), np.float32)
-        cost, _ = shortest_paths(
-            grid.cell_of(first)[None], np.ones(drivable.shape), drivable, no_ramp, level, 0.0
-        )
+        cost, _ = shortest_paths(grid.cell_of(first)[None], np.ones(drivable.shape), free_rules(drivable))
         return max(float(grid.at(cost, last)) * grid.cell, grid.cell)
 
     def _path_plan(self) -> dict[str, Any]:

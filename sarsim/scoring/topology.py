@@ -6,7 +6,7 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.surface.path_kernels import lines_are_drivable
+from pipeline.surface.path_kernels import free_rules, lines_are_drivable
 from pipeline.topological_map.topological_map import TopologicalMap
 from sarsim.scoring.true_surface import TrueSurface
 
@@ -38,10 +38,8 @@ def _in_sight(
     truth: TrueSurface, starts: NDArray[np.float64], ends: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
     """(N,) whether no wall stands between points (N, 2)."""
-    open_ground = np.ascontiguousarray(~truth.walls)
-    no_ramp, level = np.zeros_like(truth.walls), np.zeros((*truth.walls.shape, 2), np.float32)
     grid = truth.grid
-    return lines_are_drivable(starts, ends, grid.origin, grid.cell, open_ground, no_ramp, level, 0.0)
+    return lines_are_drivable(starts, ends, grid.origin, grid.cell, free_rules(~truth.walls))
 
 
 def _covered_by(

@@ -26,9 +26,14 @@ import numpy as np
 from dm_control import mjcf
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation
 from sarsim.camera import geom_labels
+from sarsim.people import CHIN, Figure, people
+from sarsim.victim_body import UPPER_BODY, Outfit, person_mjcf
+from sarsim.victim_cover import Cover, box, joined, rubble, seat, wall_with_hole
+from sarsim.victim_mjcf import numbers
 
 Posture = Literal["lying", "prone", "side", "sitting", "slumped", "seated", "bust"]
 """On the back, face down, on a side, against a wall upright or fallen to a side, on a block; head and shoulders."""
@@ -39,6 +44,16 @@ Placement = Literal["open", "rubble", "box", "hole"]
 POSTURES: tuple[Posture, ...] = get_args(Posture)
 PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
 PREFIX = "victim_"
+NEED_WALL = ("sitting", "slumped", "seated")
+SUITABLE: dict[Placement, tuple[Posture, ...]] = {
+    "open": POSTURES,
+    "rubble": ("lying", "prone", "side"),
+    "box": ("bust", "sitting"),
+    "hole": ("side", "sitting", "seated"),
+}
+"""The postures that a placement may have; without a choice, those of them that need no wall."""
+STATURE = {"man": (1.65, 1.88), "woman": (1.55, 1.75), "stout": (1.62, 1.82), "child": (1.0, 1.4)}
+"""m, by build."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,31 +133,36 @@ def make_victim(
     rng: np.random.Generator,
     posture: Posture | None = None,
     placement: Placement = "open",
+    stature: float | None = None,
 ) -> VictimModel:
     """A person of random build, size and clothes; the same generator state gives the same one.
 
     Args:
         id: unique in the arena; letters, digits and underscores.
         rng: drawn from.
-        posture: a random one of those that suit the placement if not given.
+        posture: one that needs no wall, at random, if not given.
         placement: what it is in or under.
+        stature: m that the person would measure standing; suits the build if not given.
 
     Raises:
         InputError: a posture that the placement cannot have.
     """
-    posture = posture or "lying"
-    body = Element("body", name=f"{PREFIX}{id}")
-    colour = numbers((*rng.uniform(0.1, 0.9, 3), 1))
-    for n, (kind, pos, size) in enumerate(
-        [("capsule", (0, 0, 0.13), (0.13, 0.3)), ("sphere", (0.6, 0, 0.1), (0.1,))]
-    ):
-        quat = numbers((1, 0, 1, 0))
-        SubElement(
-            body, "geom", name=f"{PREFIX}{id}_{n}", type=kind, pos=numbers(pos), quat=quat,
-            size=numbers(size), rgba=colour, user=str(int(Label.VICTIM)),
-        )  # fmt: skip
-    box = np.array([(-0.43, -0.13, 0), (0.7, 0.13, 0.26)])
-    return VictimModel(id, posture, placement, False, (), (body,), box, box[:, :2], 0.26)
+    choice = [p for p in SUITABLE[placement] if posture in (p, None) and (posture or p not in NEED_WALL)]
+    if not choice:
+        raise InputError(f"victim {id}: nobody is {posture} in placement {placement!r}")
+    posture = choice[rng.integers(len(choice))]
+    figure, build = _figure(posture, placement, stature, rng)
+    outfit = Outfit.random(build, rng)
+    name = f"{PREFIX}{id}"
+    assets, geoms = person_mjcf(name, figure, outfit)
+    person = figure.places(outfit.hair_style)
+    cover = _cover(f"cover_{id}", posture, placement, figure, person, rng)
+    bodies = [_body(name, geoms)] + ([_body(f"cover_{id}", cover.geoms)] if cover.geoms else [])
+    everything = np.concatenate([person, cover.points])
+    return VictimModel(
+        id, posture, placement, posture in NEED_WALL and placement != "box", tuple(assets), tuple(bodies),
+        box=_extremes(person), footprint=_extremes(everything)[:, :2], height=float(everything[:, 2].max()),
+    )  # fmt: skip
 
 
 def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Victim]:
@@ -158,9 +178,55 @@ def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Victim]:
     return victims
 
 
-def numbers(values: Sequence[float] | NDArray[np.float64]) -> str:
-    """MJCF's list of numbers, to 0.1 mm and 0.0001 of everything else."""
-    return " ".join(f"{value:.4f}".rstrip("0").rstrip(".") for value in np.ravel(values))
+def _figure(
+    posture: Posture, placement: Placement, stature: float | None, rng: np.random.Generator
+) -> tuple[Figure, str]:
+    """A person of the library, set down in the victim's own frame, and its build."""
+    library = people()
+    kept = "sitting" if posture == "bust" else posture  # a bust is the upper half of someone who sits upright
+    pose = int(rng.choice(np.flatnonzero(library.postures == kept)))
+    build = str(library.builds[pose])
+    figure = library.figure(pose, stature or rng.uniform(*STATURE[build]))
+    if posture == "bust":
+        figure = figure.only(UPPER_BODY)
+        low, high = figure.extremes
+        return figure.moved(0, -np.array([*(low + high)[:2] / 2, low[2]])), build
+    if placement == "hole" and posture not in NEED_WALL:
+        forward = figure.turn @ [0, 0, 1]
+        figure = figure.moved(-np.arctan2(forward[1], forward[0]), np.zeros(3))
+        low, high = figure.extremes
+        return figure.moved(0, -np.array([*(low + high)[:2] / 2, 0])), build
+    return figure, build
+
+
+def _cover(
+    name: str,
+    posture: Posture,
+    placement: Placement,
+    figure: Figure,
+    person: NDArray[np.float64],
+    rng: np.random.Generator,
+) -> Cover:
+    """What the person is in, under or on."""
+    covers = [seat(name, people().block * figure.scale)] if posture == "seated" else []
+    if placement == "rubble":
+        covers.append(rubble(name, person, rng))
+    elif placement == "box":
+        covers.append(box(name, person))
+    elif placement == "hole":
+        covers.append(wall_with_hole(name, person, figure.on_head(CHIN)[0]))
+    return joined(covers)
+
+
+def _body(name: str, geoms: list[Element]) -> Element:
+    body = Element("body", name=name)
+    body.extend(geoms)
+    return body
+
+
+def _extremes(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2, 3) lowest and highest corner of places."""
+    return np.stack([places.min(axis=0), places.max(axis=0)])
 
 
 def _box(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float64]:

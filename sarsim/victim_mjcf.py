@@ -1,0 +1,30 @@
+"""Numbers, geoms and rotations as MJCF writes them."""
+
+from collections.abc import Iterable
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+
+
+def numbers(values: float | Iterable[float] | NDArray[np.floating], decimals: int = 4) -> str:
+    """A number, or a list of them."""
+    return " ".join(f"{value:.{decimals}f}".rstrip("0").rstrip(".") for value in np.ravel(np.asarray(values, np.float64)))
+
+
+def geom(
+    name: str, label: Label, **attributes: str | int | Iterable[float] | NDArray[np.floating]
+) -> Element:
+    """A geom that carries a label; attributes are words or numbers."""
+    words = {key: value if isinstance(value, str) else numbers(value) for key, value in attributes.items()}
+    return Element("geom", {"name": name, "user": str(int(label)), **words})
+
+
+def quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(4,) w x y z of a (3, 3) rotation."""
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, rotation.ravel())
+    return quat

@@ -1,8 +1,10 @@
 """What the robot's software knows, logged to Rerun step by step."""
 
+import subprocess
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from subprocess import DEVNULL
 from typing import Literal
 
 import numpy as np
@@ -15,7 +17,7 @@ from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Look
 from pipeline.layout import blueprint
 from pipeline.transforms import tilt_of
-from pipeline.viewer import Viewer
+from pipeline.viewer import Viewer, executable
 
 Level = Literal["INFO", "WARN", "ERROR"]
 
@@ -93,7 +95,7 @@ class Recorder:
             InputError: the file cannot be written.
         """
         self.config = config or RecordingConfig()
-        self._viewer = viewer
+        self._path, self._viewer = path, viewer
         self.stream = _new_stream(path, viewer)
         self._step = 0
         self._time = 0.0
@@ -145,6 +147,7 @@ class Recorder:
         with suppress(RuntimeError) if self._viewer else nullcontext():
             self.stream.flush(timeout_sec=FLUSH_TIME)
         self.stream.disconnect()
+        _compact(self._path)
 
     def _set_time(self, time: float, *, on_a_step: bool = True) -> None:
         """Between two looks there is no step: on that timeline the robot stands where it looked from."""
@@ -217,6 +220,18 @@ class Recorder:
 
     def _log_metric(self, name: str, value: float) -> None:
         self.stream.log(f"metrics/{name}", rr.Scalars(float(value)))
+
+
+def _compact(path: Path) -> None:
+    """Join the many small chunks that a recording is written in: a browser loads it ten times as fast."""
+    compacted = path.with_name(path.name + ".partial")
+    command: list[str | Path] = [executable(), "rrd", "optimize", path, "-o", compacted]
+    # Out of reach of Ctrl-C, which may be what ended the recording.
+    done = subprocess.run(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
+    if done.returncode == 0:
+        compacted.replace(path)
+    else:
+        compacted.unlink(missing_ok=True)
 
 
 def _new_stream(path: Path, viewer: Viewer | None) -> rr.RecordingStream:

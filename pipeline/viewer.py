@@ -77,7 +77,7 @@ class Viewer:
             flags += ["--hide-welcome-screen"]
         # In a session of its own, Ctrl-C in the terminal does not reach it.
         process = subprocess.Popen(
-            [_executable(), *flags, *recordings],
+            [executable(), *flags, *recordings],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -104,7 +104,7 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _executable() -> Path:
+def executable() -> Path:
     """The viewer that came with the Python package, of the same version."""
     return Path(str(files("rerun_cli") / "rerun"))
 

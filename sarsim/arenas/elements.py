@@ -146,7 +146,8 @@ class ArenaBuilder:
             attributes = {
                 "name": name,
                 "directional": "true",
-                "pos": _text((x, y, 6)),
+                # From further off, the shadows of a directional light get stripes.
+                "pos": _text(np.array([x, y, 0.3]) - extent * np.array(direction)),
                 "dir": _text(direction),
                 "diffuse": _text(diffuse),
                 "specular": "0.1 0.1 0.1",
@@ -159,8 +160,15 @@ class ArenaBuilder:
         SubElement(self._world, "camera", above)
         SubElement(self._world, "camera", aside | {"xyaxes": "1 0 0 0 0.814 0.581"})
 
+    @property
+    def has_start(self) -> bool:
+        """Whether it is marked where the robot is set down."""
+        return self._world.find("site[@name='start']") is not None
+
     def set_start(self, position: ArrayLike, yaw: float) -> None:
-        """Mark where the robot is set down: ``position`` (3,) m, heading ``yaw`` rad."""
+        """Mark where the robot is set down, and nowhere else: ``position`` (3,) m, heading ``yaw`` rad."""
+        for site in self._world.findall("site[@name='start']"):
+            self._world.remove(site)
         pose = {"pos": _text(position), "quat": _text((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
         SubElement(self._world, "site", {"name": "start", "size": "0.02", "rgba": "0 0.6 0 0.5"} | pose)
 

@@ -11,21 +11,28 @@ from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.raf import build_raf
+from sarsim.arenas.random_arena import RandomArenaConfig, build_random
 from sarsim.arenas.start import find_start, start_at
 from sarsim.assets import asset
 
 BUILT_IN = ("nist_6x4",)
+RANDOM = "random:"
+MAX_DIGITS = 18
+"""of a seed."""
 
 StartPose = tuple[float, float, float]
 """x and y in m, yaw in degrees."""
 
 
-def load_arena(name: str, start: StartPose | None = None) -> RescueArena:
-    """The arena that a command's ``--arena`` names: a built-in one, or the path of a ``.raf`` or an MJCF file.
+def load_arena(
+    name: str, start: StartPose | None = None, random: RandomArenaConfig | None = None
+) -> RescueArena:
+    """The arena that a command's ``--arena`` names.
 
     Args:
-        name: of the arena.
+        name: a built-in arena, ``random:SEED``, or the path of a ``.raf`` or an MJCF file.
         start: where to set the robot down; if not given, where the arena says or the best place that it has.
+        random: what a random arena is like.
 
     Raises:
         InputError: no such arena, the file is missing or broken, or the robot cannot stand at the start.
@@ -33,13 +40,25 @@ def load_arena(name: str, start: StartPose | None = None) -> RescueArena:
     path, kind = Path(name), Path(name).suffix.lower()
     if name in BUILT_IN:
         return _from_mjcf(asset("arenas", f"{name}.xml"), start)
+    if name.startswith(RANDOM):
+        return _from_builder(name, build_random(_seed(name), random), start)
     if kind == ".xml":
         return _from_mjcf(path, start)
     if kind == ".raf":
-        return _with_start(path, build_raf(path), start)
+        return _from_builder(name, build_raf(path), start)
     raise InputError(
-        f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, or the path of a .raf or MJCF .xml file"
+        f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a .raf or MJCF"
+        " .xml file"
     )
+
+
+def _seed(name: str) -> int:
+    text = name.removeprefix(RANDOM)
+    if not text.isdecimal() or len(text) > MAX_DIGITS:
+        raise InputError(
+            f"unknown arena {name!r}: the seed must be a whole number of at most {MAX_DIGITS} digits"
+        )
+    return int(text)
 
 
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
@@ -54,14 +73,15 @@ def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
         raise InputError(f"{path}: {error}") from error
 
 
-def _with_start(path: Path, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:
-    """The arena that is built, with the start wished for or the best one."""
-    world = _at_rest(mujoco.MjModel.from_xml_string(builder.to_xml()))
-    try:
-        start = find_start(*world) if wish is None else start_at(*world, *wish)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    builder.set_start(start.position, start.yaw)
+def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:
+    """The arena that is built, with the start wished for, its own, or the best one."""
+    if wish is not None or not builder.has_start:
+        world = _at_rest(mujoco.MjModel.from_xml_string(builder.to_xml()))
+        try:
+            start = find_start(*world) if wish is None else start_at(*world, *wish)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from error
+        builder.set_start(start.position, start.yaw)
     return RescueArena(mjcf.from_xml_string(builder.to_xml()))
 
 

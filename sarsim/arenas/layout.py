@@ -1,0 +1,184 @@
+"""The plan of a random arena on tiles: walls, heights and what stands where. Whole numbers only."""
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+Tile = tuple[int, int]
+"""Column and row."""
+Side = int
+"""0 to 3: east, north, west, south, the directions +x, +y, -x, -y."""
+Edge = tuple[Tile, Side]
+"""Between a tile and its neighbour; of the two names of an edge the one with side east or north."""
+
+STEP: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
+SIDES: tuple[Side, ...] = (0, 1, 2, 3)
+YAW = (270, 0, 90, 180)
+"""Degrees that turn an element's +y, where its wall stands, to each side."""
+
+
+def opposite(side: Side) -> Side:
+    """The side across a tile."""
+    return (side + 2) % 4
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What a tile's ground is.
+
+    Attributes:
+        kind: floor, a deck, a ramp, a ridge (up and down again), or something that the robot cannot drive on.
+        level: cm of a deck, of a ramp's upper end, or of a ridge.
+        uphill: of a ramp; of a ridge one of the two sides over which the robot drives.
+    """
+
+    kind: Literal["floor", "deck", "ramp", "ridge", "blocked"] = "floor"
+    level: int = 0
+    uphill: Side = 0
+
+    def level_at(self, side: Side) -> int | None:
+        """cm of the ground where the robot leaves the tile over a side; None if it cannot."""
+        if self.kind in ("floor", "deck"):
+            return self.level
+        if self.kind == "blocked" or side % 2 != self.uphill % 2:
+            return None
+        return self.level if self.kind == "ramp" and side == self.uphill else 0
+
+
+FLOOR = Ground()
+BLOCKED = Ground("blocked")
+
+
+@dataclass(frozen=True)
+class Item:
+    """An element of the library on a tile.
+
+    Attributes:
+        tile: on which it stands.
+        kind: in the library.
+        yaw: degrees that it is turned to the left.
+        shift: cm along x and y from the tile's middle.
+    """
+
+    tile: Tile
+    kind: str
+    yaw: int = 0
+    shift: tuple[int, int] = (0, 0)
+
+
+class Layout:
+    """A grid of tiles, with walls between some of them and around all.
+
+    Attributes:
+        columns, rows: number of tiles along x and y.
+        walls: edges inside the arena that have a wall.
+        reserved: tiles that must stay as they are.
+    """
+
+    def __init__(self, columns: int, rows: int):
+        self.columns, self.rows = columns, rows
+        self.walls: set[Edge] = set()
+        self.reserved: set[Tile] = set()
+        self._ground: dict[Tile, Ground] = {}
+
+    def tiles(self) -> list[Tile]:
+        """All tiles, row by row."""
+        return [(i, j) for j in range(self.rows) for i in range(self.columns)]
+
+    def inner_edges(self) -> list[Edge]:
+        """All edges between two tiles."""
+        return [(t, s) for t in self.tiles() for s in (0, 1) if self.neighbour(t, s) is not None]
+
+    def neighbour(self, tile: Tile, side: Side) -> Tile | None:
+        """The tile on a side; None outside the arena."""
+        i, j = self.next(tile, side)
+        return (i, j) if 0 <= i < self.columns and 0 <= j < self.rows else None
+
+    def edge(self, tile: Tile, side: Side) -> Edge:
+        """The one name of the edge on a side of a tile."""
+        other = self.neighbour(tile, side)
+        return (other, opposite(side)) if side >= 2 and other is not None else (tile, side)
+
+    def has_wall(self, tile: Tile, side: Side) -> bool:
+        """Whether a wall stands there; around the arena always."""
+        return self.neighbour(tile, side) is None or self.edge(tile, side) in self.walls
+
+    def ground(self, tile: Tile) -> Ground:
+        """What a tile's ground is."""
+        return self._ground.get(tile, FLOOR)
+
+    def is_free(self, tile: Tile) -> bool:
+        """Whether the tile is floor that nothing needs."""
+        return self.ground(tile) == FLOOR and tile not in self.reserved
+
+    def passable(self, tile: Tile, side: Side) -> bool:
+        """Whether the robot can drive over this side to the next tile."""
+        other = self.neighbour(tile, side)
+        if other is None or self.has_wall(tile, side):
+            return False
+        level = self.ground(tile).level_at(side)
+        return level is not None and level == self.ground(other).level_at(opposite(side))
+
+    def exits(self, tile: Tile) -> list[Side]:
+        """Sides over which the robot can leave."""
+        return [side for side in SIDES if self.passable(tile, side)]
+
+    def is_connected(self) -> bool:
+        """Whether the robot can drive from every tile that is not blocked to every other one."""
+        open_tiles = [t for t in self.tiles() if self.ground(t) != BLOCKED]
+        return not open_tiles or len(self._reach(open_tiles[0])) == len(open_tiles)
+
+    def _reach(self, start: Tile) -> set[Tile]:
+        seen, queue = {start}, deque([start])
+        while queue:
+            tile = queue.popleft()
+            for side in self.exits(tile):
+                other = self.neighbour(tile, side)
+                if other is not None and other not in seen:
+                    seen.add(other)
+                    queue.append(other)
+        return seen
+
+    def next(self, tile: Tile, side: Side) -> Tile:
+        """The tile on a side, inside the arena or not."""
+        return tile[0] + STEP[side][0], tile[1] + STEP[side][1]
+
+    def run(self, tile: Tile, side: Side, length: int) -> list[Tile]:
+        """So many tiles from one on in a direction, fewer at the arena's end."""
+        tiles = [tile]
+        while len(tiles) < length and (after := self.neighbour(tiles[-1], side)) is not None:
+            tiles.append(after)
+        return tiles
+
+    def lay(self, grounds: Iterable[tuple[Tile, Ground]], opened: Iterable[Edge] = ()) -> bool:
+        """Change the ground of tiles and open walls, unless that cuts the arena in two; whether it was done."""
+        before = (dict(self._ground), set(self.walls))
+        self._ground.update(grounds)
+        self.walls.difference_update(opened)
+        if self.is_connected():
+            return True
+        self._ground, self.walls = before
+        return False
+
+    def block(self, tiles: list[Tile]) -> bool:
+        """Take free tiles from the robot, if it can do without them and still comes to look at them."""
+        if not all(self.is_free(t) for t in tiles) or not self.views(tiles):
+            return False
+        return self.lay((t, BLOCKED) for t in tiles)
+
+    def views(self, tiles: list[Tile]) -> list[Edge]:
+        """Sides of tiles, as (tile, side), over which the robot may look in from open floor."""
+        return [
+            (tile, side)
+            for tile in tiles
+            for side in SIDES
+            if (other := self.neighbour(tile, side)) is not None
+            and other not in tiles
+            and not self.has_wall(tile, side)
+            and self.ground(other) == FLOOR
+        ]
+
+    def walls_of(self, tile: Tile) -> list[Side]:
+        """The sides of a tile that have a wall."""
+        return [side for side in SIDES if self.has_wall(tile, side)]

@@ -1,0 +1,145 @@
+"""Random rescue arenas of NIST-like tiles: the same seed gives the same arena on any machine.
+
+The plan is made of whole numbers (:mod:`sarsim.arenas.layout`) and keeps its promises by construction: the start is
+free, the robot can drive to every open tile, and each victim lies next to one. A finished arena is nevertheless
+surveyed on its true geometry; one that breaks a promise after all is drawn again from the next numbers.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from pipeline.errors import InputError
+from sarsim.arenas.dice import Dice
+from sarsim.arenas.elements import TILE, ArenaBuilder
+from sarsim.arenas.layout import Item, Layout, Side, Tile
+from sarsim.arenas.promises import broken_promises
+from sarsim.arenas.random_clutter import place_obstacles, scatter_clutter
+from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, make_maze, wall_items
+from sarsim.arenas.random_victims import PlacedVictim, place_victim
+
+CEILING = 2.4
+"""m, its height; all walls reach up to it."""
+FLOOR_MARGIN = 0.1
+"""m of floor beyond the outer walls."""
+ATTEMPTS = 30
+_BOUNDS = {
+    "columns": (3, 20),
+    "rows": (3, 20),
+    "wall_density": (0, 1),
+    "ramps": (0, 1),
+    "clutter": (0, 1),
+    "victims": (0, 100),
+    "difficulty": (0, 3),
+}
+
+
+@dataclass(frozen=True)
+class RandomArenaConfig:
+    """What a random arena is like.
+
+    Attributes:
+        columns, rows: tiles of 1.2 m along x and y, 3 to 20.
+        wall_density: share of the inner walls of a perfect maze that stand; 0 is a hall.
+        ramps: share of the tiles that are ramps and decks, from difficulty 1 on.
+        clutter: share of the tiles that something takes: a diagonal wall, from difficulty 2 on a barrel or
+            crossing ramps, from 3 on a step field. From 2 on as many tiles have a block or a pipe beside a wall.
+        victims: number of them.
+        difficulty: 0 flat; 1 with decks and ridges of ramps; 2 with crossing ramps, clutter, holes in walls and
+            victims half hidden; 3 with continuous ramp fields and step fields. If not given, the remainder of
+            the seed on division by 4.
+        ceiling: 2.4 m high, all walls up to it.
+    """
+
+    columns: int = 6
+    rows: int = 5
+    wall_density: float = 0.5
+    ramps: float = 0.25
+    clutter: float = 0.15
+    victims: int = 3
+    difficulty: int | None = None
+    ceiling: bool = False
+
+
+def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
+    """The arena of a seed, start included.
+
+    Raises:
+        InputError: the configuration is out of bounds, or too much was to fit into too few tiles.
+    """
+    config = config or RandomArenaConfig()
+    _check(seed, config)
+    difficulty = seed % 4 if config.difficulty is None else config.difficulty
+    for attempt in range(ATTEMPTS):
+        plan = _draw(Dice(np.random.default_rng([seed, attempt])), config, difficulty)
+        builder = None if plan is None else _build(f"random_{seed}", plan, config)
+        if builder is not None and not _broken(builder):
+            return builder
+    raise InputError(
+        f"random arena {seed}: {config.victims} victims and all the rest do not fit into"
+        f" {config.columns} x {config.rows} tiles"
+    )
+
+
+def _check(seed: int, config: RandomArenaConfig) -> None:
+    if seed < 0:
+        raise InputError(f"random arena: the seed {seed} is negative")
+    for name, (low, high) in _BOUNDS.items():
+        value = getattr(config, name)
+        if value is not None and not low <= value <= high:
+            raise InputError(f"random arena: {name} is {value:g}, must be {low} to {high}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """Where everything goes."""
+
+    items: list[Item]
+    victims: list[PlacedVictim]
+    start: tuple[Tile, Side]
+
+
+def _draw(dice: Dice, config: RandomArenaConfig, difficulty: int) -> _Plan | None:
+    """Draw a plan; None if the victims do not fit."""
+    layout = Layout(config.columns, config.rows)
+    make_maze(layout, dice, config.wall_density)
+    if difficulty >= 1:
+        lay_ramps(layout, dice, config.ramps, fields=difficulty >= 3)
+    start = choose_start(layout, dice)
+    victims = []
+    for number in range(1, config.victims + 1):
+        if (victim := place_victim(layout, dice, str(number), hidden=difficulty >= 2)) is None:
+            return None
+        victims.append(victim)
+    items = place_obstacles(layout, dice, config.clutter, difficulty)
+    if difficulty >= 2:
+        items += scatter_clutter(layout, dice, config.clutter)
+    items += ground_items(layout) + wall_items(layout, dice, holes=difficulty >= 2, tall=config.ceiling)
+    return _Plan(items, victims, start)
+
+
+def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
+    """Set everything down; the middle of the arena is the origin."""
+    builder = ArenaBuilder(name)
+    corner = -np.array([config.columns, config.rows]) * TILE / 2
+    for item in plan.items:
+        xy = corner + (np.array(item.tile) + 0.5) * TILE + np.array(item.shift) / 100
+        builder.add_element(item.kind, [*xy, 0.0], item.yaw)
+    low, high = builder.bounds
+    builder.add_surroundings(low, high, config.ceiling)
+    builder.add_floor(low - FLOOR_MARGIN, high + FLOOR_MARGIN)
+    if config.ceiling:
+        builder.add_ceiling(low, high, CEILING)
+    for victim in plan.victims:
+        victim.model.add_to(builder.root, victim.position + np.append(corner, 0.0), victim.yaw)
+    tile, side = plan.start
+    builder.set_start([*(corner + (np.array(tile) + 0.5) * TILE), 0.0], side * np.pi / 2)
+    return builder
+
+
+def _broken(builder: ArenaBuilder) -> list[str]:
+    model = mujoco.MjModel.from_xml_string(builder.to_xml())
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return broken_promises(model, data)

@@ -1,0 +1,54 @@
+"""Draws what stands in the way in a random arena."""
+
+from sarsim.arenas.dice import Dice
+from sarsim.arenas.layout import SIDES, STEP, YAW, Item, Layout, Side, Tile, opposite
+
+DIAGONALS = ("wall_diag_120", "corner_diag_120")
+OBSTACLES: dict[int, tuple[str, ...]] = {
+    0: DIAGONALS,
+    1: DIAGONALS,
+    2: (*DIAGONALS, "barrel", "elevated_ramps", "elevated_ramps"),
+    3: (*DIAGONALS, "barrel", "elevated_ramps", "stepfield_red_diagonal", "stepfield_red_diagonal"),
+}
+"""What may take a tile, by difficulty."""
+BESIDE_WALLS = (("wooden_block", 53), ("pvc_pipe", 56))
+"""What lies along walls, and how far from the tile's middle, cm: a metre of the lane stays free."""
+
+
+def place_obstacles(layout: Layout, dice: Dice, share: float, difficulty: int) -> list[Item]:
+    """Things that take a whole tile each, until they have their share or no more tile can be spared."""
+    wanted = round(share * len(layout.tiles()))
+    items: list[Item] = []
+    for tile in dice.shuffled(layout.tiles()):
+        side = dice.pick(SIDES)
+        fitting = [
+            k for k in dice.shuffled(OBSTACLES[difficulty]) if _leaves_no_pocket(layout, tile, k, side)
+        ]
+        if len(items) < wanted and fitting and layout.block([tile]):
+            items.append(Item(tile, fitting[0], YAW[side]))
+    return items
+
+
+def _leaves_no_pocket(layout: Layout, tile: Tile, kind: str, side: Side) -> bool:
+    """Whether the floor beside a diagonal wall is open to a neighbouring tile."""
+    open_sides = {s for _, s in layout.views([tile])}
+    if kind == "wall_diag_120":
+        halves = ({1, 2}, {0, 3}) if side % 2 else ({0, 1}, {2, 3})
+        return all(open_sides & half for half in halves)
+    return kind != "corner_diag_120" or opposite(side) in open_sides
+
+
+def scatter_clutter(layout: Layout, dice: Dice, share: float) -> list[Item]:
+    """Blocks and pipes along the walls of a share of the tiles."""
+    tiles = [t for t in layout.tiles() if layout.is_free(t) and layout.walls_of(t)]
+    wanted = round(share * len(layout.tiles()))
+    return [
+        _beside_wall(dice, tile, dice.pick(layout.walls_of(tile))) for tile in dice.shuffled(tiles)[:wanted]
+    ]
+
+
+def _beside_wall(dice: Dice, tile: Tile, side: Side) -> Item:
+    kind, out = dice.pick(BESIDE_WALLS)
+    along = dice.number(-35, 35)
+    (fx, fy), (lx, ly) = STEP[side], STEP[(side + 1) % 4]
+    return Item(tile, kind, 90 * side, (out * fx + along * lx, out * fy + along * ly))

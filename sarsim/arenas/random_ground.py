@@ -1,0 +1,141 @@
+"""Draws the ground of a random arena: a maze, and ramps and decks in it."""
+
+from sarsim.arenas.dice import Dice
+from sarsim.arenas.layout import FLOOR, SIDES, STEP, YAW, Ground, Item, Layout, Side, Tile, opposite
+
+LEVELS = (17, 25, 34)
+"""cm, heights of decks and of the ramps up to them; 25 stands for 25.5."""
+RIDGE = 17
+FENCED = 0.5
+"""Share of the sides over which the robot would fall that get a wall."""
+HOLED = 0.15
+"""Share of the inner walls with holes, where there are any."""
+TALL = 0.25
+"""Share of the other walls that are twice as high."""
+MAX_WAY = 4
+"""tiles; a longer open way before the start makes it no better."""
+
+
+def make_maze(layout: Layout, dice: Dice, density: float) -> None:
+    """A perfect maze by depth-first search, of whose walls only a share is left standing."""
+    layout.walls.update(layout.inner_edges())
+    path = [dice.pick(layout.tiles())]
+    seen = set(path)
+    while path:
+        ways = [s for s in SIDES if (t := layout.neighbour(path[-1], s)) is not None and t not in seen]
+        if not ways:
+            path.pop()
+            continue
+        side = dice.pick(ways)
+        layout.walls.discard(layout.edge(path[-1], side))
+        path.append(layout.next(path[-1], side))
+        seen.add(path[-1])
+    for edge in sorted(layout.walls):
+        if not dice.chance(density):
+            layout.walls.discard(edge)
+
+
+def lay_ramps(layout: Layout, dice: Dice, share: float, fields: bool) -> None:
+    """Lay runs of ramps and decks until they have their share of the tiles, or nothing fits any more.
+
+    ``fields``: also continuous ones, ridge after ridge.
+    """
+    left = round(share * len(layout.tiles()))
+    for _ in range(20 * len(layout.tiles())):
+        if left <= 0:
+            break
+        left -= _lay_run(layout, dice, dice.pick(layout.tiles()), dice.pick(SIDES), left, fields)
+
+
+def _lay_run(layout: Layout, dice: Dice, first: Tile, side: Side, most: int, fields: bool) -> int:
+    """Try to lay one run straight on from the floor tile ``first``; how many tiles it took."""
+    grounds, ends_on_deck = _draw_run(dice, side, fields)
+    beyond = 0 if ends_on_deck else 1
+    tiles = layout.run(first, side, 1 + len(grounds) + beyond)
+    inner, ends = tiles[1 : 1 + len(grounds)], [first, *tiles[1 + len(grounds) :]]
+    fits = len(inner) == len(grounds) <= most and len(ends) == 1 + beyond
+    if not fits or not all(map(layout.is_free, inner)) or any(layout.ground(t) != FLOOR for t in ends):
+        return 0
+    opened = [layout.edge(tile, side) for tile in tiles[:-1]]
+    if not layout.lay(zip(inner, grounds, strict=True), opened):
+        return 0
+    layout.reserved.update(tiles)
+    _fence(layout, dice, inner)
+    return len(inner)
+
+
+def _draw_run(dice: Dice, side: Side, fields: bool) -> tuple[list[Ground], bool]:
+    """Grounds in a direction, and whether they end on a deck."""
+    kind = dice.pick(["ridge", "over", "over", "up"] + ["field", "field"] * fields)
+    level = dice.pick(LEVELS)
+    up, down = Ground("ramp", level, side), Ground("ramp", level, opposite(side))
+    decks = [Ground("deck", level)] * dice.number(1, 2)
+    ridges = [Ground("ridge", RIDGE, side)] * dice.number(2, 4)
+    runs = {"ridge": ridges[:1], "field": ridges, "over": [up, *decks, down], "up": [up, *decks]}
+    return runs[kind], kind == "up"
+
+
+def _fence(layout: Layout, dice: Dice, tiles: list[Tile]) -> None:
+    for tile in tiles:
+        for side in SIDES:
+            falls = not layout.has_wall(tile, side) and not layout.passable(tile, side)
+            if falls and dice.chance(FENCED):
+                layout.walls.add(layout.edge(tile, side))
+
+
+def choose_start(layout: Layout, dice: Dice) -> tuple[Tile, Side]:
+    """A floor tile and a heading with as long an open way ahead as there is; its first tiles are kept free."""
+    places = [(t, s) for t in layout.tiles() if layout.ground(t) == FLOOR for s in SIDES]
+    start = max(dice.shuffled(places), key=lambda place: len(_way(layout, *place)))
+    layout.reserved.update(_way(layout, *start)[:2])
+    return start
+
+
+def _way(layout: Layout, tile: Tile, side: Side) -> list[Tile]:
+    """Tiles of floor in a row."""
+    way = [tile]
+    while len(way) < MAX_WAY and layout.passable(way[-1], side):
+        after = layout.next(way[-1], side)
+        if layout.ground(after) != FLOOR:
+            break
+        way.append(after)
+    return way
+
+
+def ground_items(layout: Layout) -> list[Item]:
+    """Ramps and decks."""
+    items = []
+    for tile in layout.tiles():
+        ground = layout.ground(tile)
+        if ground.kind == "deck":
+            items.append(Item(tile, f"deck_{ground.level}"))
+        elif ground.kind == "ramp":
+            items.append(Item(tile, f"ramp_{ground.level}", YAW[opposite(ground.uphill)]))
+        elif ground.kind == "ridge":
+            items += [_half_ridge(tile, ground.uphill), _half_ridge(tile, opposite(ground.uphill))]
+    return items
+
+
+def _half_ridge(tile: Tile, uphill: Side) -> Item:
+    """The ramp whose upper end would be on the tile's side, drawn back to the tile's middle."""
+    dx, dy = STEP[uphill]
+    return Item(tile, f"ramp_{RIDGE}", YAW[opposite(uphill)], (-60 * dx, -60 * dy))
+
+
+def wall_items(layout: Layout, dice: Dice, holes: bool, tall: bool) -> list[Item]:
+    """All walls. ``holes``: some have holes; ``tall``: all reach up to the ceiling."""
+    items = []
+    for tile in layout.tiles():
+        for side in SIDES:
+            if layout.has_wall(tile, side) and layout.edge(tile, side) == (tile, side):
+                inner = layout.neighbour(tile, side) is not None
+                items.append(Item(tile, _draw_wall(dice, holes and inner, tall), YAW[side]))
+    return items
+
+
+def _draw_wall(dice: Dice, holes: bool, tall: bool) -> str:
+    if tall:
+        return "tall_wall"
+    if holes and dice.chance(HOLED):
+        return dice.pick(["wall_holes1", "small_wall_triple_holes"])
+    return "tall_wall" if dice.chance(TALL) else "small_wall"

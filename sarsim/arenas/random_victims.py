@@ -1,0 +1,116 @@
+"""Draws the victims of a random arena, and finds room for them beside the robot's ways."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sarsim.arenas.dice import Dice
+from sarsim.arenas.elements import TILE
+from sarsim.arenas.layout import SIDES, STEP, Layout, Side, Tile, opposite
+from sarsim.victims import Placement, Posture, VictimModel, make_victim
+
+ROOM = 0.04
+"""m between a victim and the edges of its tiles."""
+DRAWS = 10
+"""people drawn until one fits."""
+POSTURES: dict[Placement, tuple[Posture, ...]] = {
+    "open": ("lying", "prone", "side", "sitting", "sitting", "slumped", "seated"),
+    "rubble": ("lying", "prone", "side"),
+    "box": ("bust", "sitting"),
+    "hole": ("side", "sitting", "seated"),
+}
+PLACEMENTS: dict[bool, tuple[Placement, ...]] = {
+    False: ("open",),
+    True: ("open", "open", "rubble", "box", "hole"),
+}
+"""By whether victims may be half hidden."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedVictim:
+    """A victim and where it is set down.
+
+    Attributes:
+        model: the victim.
+        position: of its origin, m; the corner of tile (0, 0) is the origin.
+        yaw: rad.
+    """
+
+    model: VictimModel
+    position: NDArray[np.float64]
+    yaw: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Spot:
+    """A rectangle of tiles without walls in it, and the side that the victim there faces."""
+
+    tiles: list[Tile]
+    facing: Side
+
+    @property
+    def back(self) -> Tile:
+        """The hindmost of its tiles, as the victim faces."""
+        return min(self.tiles, key=lambda tile: int(np.dot(tile, STEP[self.facing])))
+
+    @property
+    def room(self) -> NDArray[np.float64]:
+        """(2,) m along the way that the victim faces and across."""
+        count = np.ptp(self.tiles, axis=0) + 1
+        return count[[0, 1] if self.facing % 2 == 0 else [1, 0]] * TILE
+
+
+def place_victim(layout: Layout, dice: Dice, name: str, hidden: bool) -> PlacedVictim | None:
+    """Draw people until one fits somewhere and takes those tiles; None if none does.
+
+    ``hidden``: some are half under rubble, in a box or behind a hole.
+    """
+    for _ in range(DRAWS):
+        placement = dice.pick(PLACEMENTS[hidden])
+        model = make_victim(name, dice.rng, dice.pick(POSTURES[placement]), placement)
+        for spot in dice.shuffled(_spots(layout)):
+            if _fits(layout, model, spot) and layout.block(spot.tiles):
+                layout.reserved.update(layout.next(*view) for view in layout.views(spot.tiles))
+                return PlacedVictim(model, _position(model, spot), spot.facing * np.pi / 2)
+    return None
+
+
+def _spots(layout: Layout) -> list[_Spot]:
+    """Free rectangles of up to two by two tiles."""
+    sizes = [(w, h) for w in (1, 2) for h in (1, 2)]
+    rectangles = [
+        [(i + a, j + b) for a in range(w) for b in range(h)] for i, j in layout.tiles() for w, h in sizes
+    ]
+    free = [tiles for tiles in rectangles if all(map(layout.is_free, tiles)) and _is_open(layout, tiles)]
+    return [_Spot(tiles, side) for tiles in free for side in SIDES]
+
+
+def _is_open(layout: Layout, tiles: list[Tile]) -> bool:
+    """Whether no wall stands between the tiles of a rectangle, and all of it is in the arena."""
+    inside = all(0 <= i < layout.columns and 0 <= j < layout.rows for i, j in tiles)
+    return inside and all(layout.passable(t, s) for t in tiles for s in SIDES if layout.next(t, s) in tiles)
+
+
+def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
+    """Whether there is room; a wall to lean on, if it needs one; and for those in a box a view from before."""
+    # A panel with a hole may fill its tile from wall to wall.
+    margin = 0.0 if victim.placement == "hole" else ROOM
+    if (victim.footprint[1] - victim.footprint[0] > spot.room - 2 * margin + 1e-6).any():
+        return False
+    views = layout.views(spot.tiles)
+    looks_out = any((tile, spot.facing) in views for tile in spot.tiles)
+    leans = spot.room[1] == TILE and layout.has_wall(spot.back, opposite(spot.facing))
+    return (looks_out or victim.placement not in ("box", "hole")) and (leans or not victim.needs_wall)
+
+
+def _position(victim: VictimModel, spot: _Spot) -> NDArray[np.float64]:
+    """(3,) m of the victim's origin: at the foot of its wall, or so that its footprint is in the middle."""
+    forward, left = np.array(STEP[spot.facing]), np.array(STEP[(spot.facing + 1) % 4])
+    if victim.needs_wall:
+        # The panel's half thickness and a millimetre.
+        xy = (np.array(spot.back) + 0.5) * TILE - (TILE / 2 - 0.006) * forward
+    else:
+        ahead, aside = victim.footprint.mean(axis=0)
+        xy = (np.mean(spot.tiles, axis=0) + 0.5) * TILE - ahead * forward - aside * left
+    return np.array([*xy, 0.0])

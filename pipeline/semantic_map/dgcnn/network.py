@@ -1,0 +1,89 @@
+"""DGCNN for semantic segmentation, as published: one column of points in, the logits of every point out."""
+
+import torch
+from torch import Tensor, nn
+
+SLOPE = 0.2
+"""Of LeakyReLU below 0."""
+GRAPH_CHANNELS = 3
+"""The first neighbour graph is built on that many channels, the last ones: the normalized x, y, z."""
+
+
+class EdgeConv(nn.Module):
+    """EdgeConv: the largest response of a small network over the edges from a point to its neighbours."""
+
+    def __init__(self, channels: int, *widths: int) -> None:
+        """The network's layers are ``widths`` wide; an edge has twice as many channels as a point."""
+        super().__init__()
+        pairs = zip((2 * channels, *widths), widths, strict=False)
+        self.layers = nn.ModuleList(_layer(nn.Conv2d, *pair) for pair in pairs)
+
+    def forward(self, x: Tensor, neighbours: Tensor) -> Tensor:
+        """(B, C, N) features and (B, N, k) neighbours to (B, C', N) features."""
+        edges = edge_features(x, neighbours)
+        for layer in self.layers:
+            edges = layer(edges)
+        return edges.amax(dim=-1)
+
+
+class Dgcnn(nn.Module):
+    """The segmentation network: three EdgeConvs, a global feature, and three layers on what each point now knows.
+
+    Attributes:
+        k: neighbours of a point; itself is one of them.
+    """
+
+    def __init__(self, channels: int = 6, classes: int = 6, k: int = 20) -> None:
+        """Random weights; ``channels`` of a point are x, y, z and more, the last three normalized x, y, z."""
+        super().__init__()
+        self.channels, self.classes, self.k = channels, classes, k
+        self.edge_conv1 = EdgeConv(channels, 64, 64)
+        self.edge_conv2 = EdgeConv(64, 64, 64)
+        self.edge_conv3 = EdgeConv(64, 64)
+        self.embedding = _layer(nn.Conv1d, 192, 1024)
+        self.head1 = _layer(nn.Conv1d, 1024 + 192, 512)
+        self.head2 = _layer(nn.Conv1d, 512, 256)
+        self.dropout = nn.Dropout(0.5)
+        self.classifier = nn.Conv1d(256, classes, kernel_size=1, bias=False)
+
+    @property
+    def edge_convs(self) -> tuple[EdgeConv, EdgeConv, EdgeConv]:
+        """The three of them in order."""
+        return self.edge_conv1, self.edge_conv2, self.edge_conv3
+
+    def forward(self, points: Tensor) -> Tensor:
+        """(B, channels, N) float32 points, N ≥ k, to (B, classes, N) logits."""
+        x1 = self.edge_conv1(points, nearest(points[:, -GRAPH_CHANNELS:], self.k))
+        x2 = self.edge_conv2(x1, nearest(x1, self.k))
+        x3 = self.edge_conv3(x2, nearest(x2, self.k))
+        local = torch.cat((x1, x2, x3), dim=1)
+        everything = self.embedding(local).amax(dim=-1, keepdim=True)
+        x = torch.cat((everything.expand(-1, -1, local.shape[-1]), local), dim=1)
+        x = self.dropout(self.head2(self.head1(x)))
+        return self.classifier(x)
+
+
+def nearest(x: Tensor, k: int) -> Tensor:
+    """(B, N, k) int64: the k points nearest to every point of (B, C, N), itself among them, in no certain order."""
+    product = x.transpose(1, 2) @ x
+    square = (x * x).sum(dim=1)
+    closeness = 2 * product - square[:, None, :] - square[:, :, None]
+    return closeness.topk(k, dim=-1, sorted=False).indices
+
+
+def edge_features(x: Tensor, neighbours: Tensor) -> Tensor:
+    """(B, 2C, N, k): x_j − x_i and x_i for every point i and its neighbours j."""
+    batch, channels, count = x.shape
+    k = neighbours.shape[-1]
+    flat = neighbours.reshape(batch, 1, count * k).expand(-1, channels, -1)
+    x_j = x.gather(2, flat).reshape(batch, channels, count, k)
+    x_i = x[..., None].expand_as(x_j)
+    return torch.cat((x_j - x_i, x_i), dim=1)
+
+
+def _layer(convolution: type[nn.Conv1d] | type[nn.Conv2d], inputs: int, outputs: int) -> nn.Sequential:
+    """The same linear map for every point or edge, batch norm, LeakyReLU."""
+    norm = nn.BatchNorm1d if convolution is nn.Conv1d else nn.BatchNorm2d
+    return nn.Sequential(
+        convolution(inputs, outputs, kernel_size=1, bias=False), norm(outputs), nn.LeakyReLU(SLOPE)
+    )

@@ -28,7 +28,7 @@ MAX_TILES = 100
 """along x or y; 120 m."""
 MAX_GEOMS = 15_000
 FLOOR_MARGIN = 0.5
-"""m that the floor reaches past the outermost tiles: not so far that the robot could drive around a closed arena."""
+"""m that the floor reaches past the outermost tiles."""
 
 FAMILIES = {
     "victim_with_box": "victim_with_box",
@@ -107,7 +107,9 @@ def build_raf(path: Path) -> ArenaBuilder:
         builder.add_element(str(element.kind), position, -element.rotation)
     low, high = builder.bounds
     builder.add_surroundings(low, high)
-    builder.add_floor(low - FLOOR_MARGIN, high + FLOOR_MARGIN)
+    tiles = TILE * np.array([(e.x, e.y) for e in known])
+    reach = TILE / 2 + FLOOR_MARGIN
+    builder.add_floor(np.minimum(low, tiles.min(axis=0) - reach), np.maximum(high, tiles.max(axis=0) + reach))
     return builder
 
 

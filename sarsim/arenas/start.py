@@ -22,10 +22,10 @@ HALF_WIDTH = 0.35
 """m of free floor on both sides of the way ahead."""
 LEVEL = 0.02
 """m that the floor around the start may rise or fall."""
-OUTSIDE_SHARE = 0.1
+OUTSIDE_SHARE = 0.02
 """What a cell counts in the choice of the piece to start in if it lies beside the arena."""
-_MIN_FLOOR = 200
-"""cells; a smaller patch of floor is not searched."""
+MIN_AREA = 0.25
+"""m² in which the robot's middle may be; a tile between four walls has 0.35."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def _floors(survey: Survey) -> Iterator[FreeGround]:
     """Pieces of ground that together reach every larger patch of floor."""
     floor = survey.lowest(Label.TERRAIN)
     unseen = ~np.isnan(floor)
-    while unseen.sum() > _MIN_FLOOR:
+    while unseen.sum() * CELL**2 > MIN_AREA:
         i, j = np.unravel_index(unseen.argmax(), unseen.shape)
         ground = survey.ground_from(np.array([*survey.grid.centre_of((i, j)), floor[i, j]]))
         if ground is None:
@@ -95,7 +95,7 @@ def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
     for piece in range(1, int(ground.pieces.max()) + 1):
         cells = ground.pieces == piece
         floor = cells & (ground.label == Label.TERRAIN)
-        if floor.any():
+        if floor.any() and cells.sum() * CELL**2 > MIN_AREA:
             yield floor, round(float(weight[cells].sum()), 3)
 
 

@@ -1,0 +1,269 @@
+"""Heights and labels under vertical rays against the format's description, and files that are no good."""
+
+import logging
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from tests.sarsim.arenas.raf_geometry import ELEMENTS, LOOSE, MOUNTS, TILE, WALL, steady, top_of
+
+from pipeline.errors import InputError
+from sarsim.arenas.load import load_arena
+from sarsim.arenas.raf import build_raf
+from sarsim.camera import geom_labels
+from sarsim.victims import victims_of
+
+SHARED = Path(__file__).parents[4] / "shared" / "arenas" / "raf"
+FILES = sorted(SHARED.glob("*.raf"))
+HIGH = 10.0
+
+
+def write(path, *elements):
+    path = path / "arena.raf"
+    path.write_text("<elements>" + "".join(f"<element {e}/>" for e in elements) + "</elements>")
+    return path
+
+
+def compile_raf(path):
+    model = mujoco.MjModel.from_xml_string(build_raf(path).to_xml())
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def look_down(model, data, x, y):
+    """Heights and labels that vertical rays from above meet."""
+    labels, geom = geom_labels(model), np.zeros(1, np.int32)
+    height, label = [], []
+    for point in zip(x, y, strict=True):
+        distance = mujoco.mj_ray(
+            model, data, np.array([*point, HIGH]), np.array([0, 0, -1.0]), None, 1, -1, geom, None
+        )
+        height.append(HIGH - distance)
+        label.append(labels[geom[0]] if geom[0] >= 0 else 0)
+    return np.array(height), np.array(label)
+
+
+def compare(path, elements, x, y):
+    known = steady(elements, x, y)
+    height, label = look_down(*compile_raf(path), x[known], y[known])
+    expected_height, expected_label = top_of(elements, x[known], y[known])
+    assert_allclose(height, expected_height, atol=0.002)
+    assert_array_equal(label, expected_label)
+    return known.mean()
+
+
+@pytest.mark.parametrize("kind", sorted(ELEMENTS))
+def test_an_element_has_the_shape_and_label_of_its_type(kind, tmp_path):
+    tile_x, tile_y, rotation, shift_x, shift_y = 3, -2, 90, 0.25, -0.5
+    path = write(
+        tmp_path,
+        f'type="{kind}" x="{tile_x}" y="{tile_y}" rotation="{rotation}" offset-x="{shift_x}" offset-y="{shift_y}"',
+    )
+    centre = np.array([tile_x + shift_x, tile_y + shift_y]) * TILE
+    steps = np.linspace(-0.683, 0.683, 41)
+    u, v = (g.ravel() for g in np.meshgrid(steps, steps))
+    # A panel is 1 cm thick: points along its middle are needed too.
+    along = np.linspace(-0.571, 0.567, 31)
+    u = np.concatenate([u, along, along, along, np.zeros(5)])
+    v = np.concatenate([v, np.full(31, 0.6), along, np.abs(along), np.linspace(-0.01, 0.01, 5)])
+    # Rotated by 90° clockwise, the element's +y points along the world's +x.
+    elements = [(kind, *centre, rotation, (0.0, 0.0))]
+    assert compare(path, elements, centre[0] + v, centre[1] - u) > 0.5
+    assert (top_of(elements, centre[0] + v, centre[1] - u)[0] > 0).sum() > 5
+
+
+@pytest.mark.parametrize("rotation", [0, 30, 180, 270, -90])
+def test_rotations_are_clockwise(rotation, tmp_path):
+    path = write(tmp_path, f'type="half_ramp" x="0" y="0" rotation="{rotation}"')
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(-0.8, 0.8, (2, 400))
+    assert compare(path, [("half_ramp", 0, 0, rotation, (0, 0))], x, y) > 0.8
+
+
+@pytest.mark.parametrize("wall", sorted(MOUNTS))
+@pytest.mark.parametrize("point", [0, 1, 2])
+def test_what_hangs_on_a_wall_hangs_at_its_mount_point(wall, point, tmp_path):
+    hung = f'type="victim_with_box1" x="1" y="2" rotation="180" mount-point="{point}"'
+    path = write(tmp_path, hung, f'type="{wall}" x="1" y="2" rotation="180"')
+    mx, my = MOUNTS[wall][point]
+    # Turned round, the wall is at the tile's south side and the element's x runs along the world's -x.
+    (victim,) = victims_of(*compile_raf(path))
+    assert_allclose(victim.centre, (1.2 - (mx - 0.6), 2.4 - 0.47, my), atol=0.002)
+
+
+def test_without_a_number_it_hangs_at_the_first_mount_point_and_on_a_plain_wall_at_none(tmp_path):
+    hung = 'type="victim_with_box1" x="0" y="0" rotation="0"'
+    for wall, expected in (("wall_holes1", (-0.3, 0.47, 0.9)), ("small_wall", (0, 0.47, 0))):
+        path = write(tmp_path, f'type="{wall}" x="0" y="0" rotation="0"', hung)
+        (victim,) = victims_of(*compile_raf(path))
+        assert_allclose(victim.centre, expected, atol=0.002)
+    elsewhere = write(tmp_path, 'type="wall_holes1" x="0" y="0" rotation="90"', hung)
+    (victim,) = victims_of(*compile_raf(elsewhere))
+    assert_allclose(victim.centre, (0, 0.47, 0), atol=0.002)
+
+
+def test_a_step_field_has_posts_of_5_to_40_cm_the_highest_along_the_diagonal(tmp_path):
+    model, data = compile_raf(write(tmp_path, 'type="stepfield_red_diagonal" x="0" y="0" rotation="0"'))
+    middles = (np.arange(11) - 5) * 1.18 / 11
+    x, y = (g.ravel() for g in np.meshgrid(middles, middles))
+    height, label = look_down(model, data, x, y)
+    assert (label == 7).all()
+    assert height.min() == pytest.approx(0.05) and height.max() == pytest.approx(0.4)
+    assert_allclose(height[x == y], 0.4, atol=1e-6)
+
+
+def test_holes_let_a_ray_through_and_the_panel_around_them_does_not(tmp_path):
+    model, data = compile_raf(write(tmp_path, 'type="wall_holes1" x="0" y="0" rotation="0"'))
+    labels, geom = geom_labels(model), np.zeros(1, np.int32)
+
+    def hits_wall(x, z):
+        ray = np.array([x, 0, z]), np.array([0, 1.0, 0])
+        distance = mujoco.mj_ray(model, data, *ray, None, 1, -1, geom, None)
+        return 0 <= distance < 1 and labels[geom[0]] == WALL
+
+    for x, z in ((-0.29, 0.90), (0.29, 0.59), (-0.28, 0.31)):
+        for angle in np.arange(12) * np.pi / 6:
+            for radius, expected in ((0.0, False), (0.072, False), (0.079, True)):
+                assert hits_wall(x + radius * np.cos(angle), z + radius * np.sin(angle)) == expected
+
+
+def test_signs_and_props_are_clutter_of_up_to_40_cm(tmp_path):
+    for kind in (
+        "hazmat",
+        "hazmat_poison",
+        "start_check",
+        "start_check_board",
+        "spectator_120",
+        "fire_extinguisher",
+    ):
+        model, _ = compile_raf(write(tmp_path, f'type="{kind}" x="0" y="0" rotation="0"'))
+        others = np.arange(model.ngeom) != model.geom("floor").id
+        assert set(geom_labels(model)[others]) == {7}
+        assert model.geom_aabb[others, 3:].max() <= 0.2 + 1e-6
+
+
+def test_elements_on_the_same_place_count_once(tmp_path):
+    once = compile_raf(write(tmp_path, 'type="small_wall" x="0" y="0" rotation="0"'))[0].ngeom
+    # The wall north of a tile is the wall south of the next one.
+    twice = ['type="small_wall" x="0" y="0" rotation="0"'] * 2 + [
+        'type="small_wall" x="0" y="1" rotation="180"'
+    ]
+    assert compile_raf(write(tmp_path, *twice))[0].ngeom == once
+
+
+def test_unknown_types_are_named_and_the_rest_loads(tmp_path, caplog):
+    path = write(
+        tmp_path, 'type="small_wall" x="0" y="0" rotation="0"', 'type="sand_pit" x="1" y="0" rotation="0"'
+    )
+    with caplog.at_level(logging.WARNING):
+        model, _ = compile_raf(path)
+    assert model.ngeom == 2
+    assert "sand_pit" in caplog.text
+
+
+@pytest.mark.skipif(not FILES, reason="no arenas at hand")
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_an_arena_that_was_used_is_as_its_file_says(path):
+    elements, bounds = read_plainly(path)
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(*bounds, (1000, 2)).T
+    loose = [e for e in elements if e[0].startswith(LOOSE)]
+    near_loose = (
+        np.any([np.hypot(x - e[1], y - e[2]) < 0.9 for e in loose], axis=0) if loose else np.zeros(1000, bool)
+    )
+    rest = [e for e in elements if not e[0].startswith(LOOSE)]
+    assert compare(path, rest, x[~near_loose], y[~near_loose]) > 0.9
+
+
+def read_plainly(path):
+    """The elements of a file with their mount points, and the corners around them."""
+    lines = [e.attrib for e in ET.parse(path).getroot()]
+    walls = {(e["x"], e["y"], e["rotation"]): MOUNTS[e["type"]] for e in lines if e["type"] in MOUNTS}
+    elements = []
+    for e in lines:
+        x, y = (TILE * (float(e[k]) + float(e.get(f"offset-{k}", 0))) for k in "xy")
+        mounts = (
+            walls.get((e["x"], e["y"], e["rotation"]))
+            if e["type"].startswith(("victim_", "start_check", "hazmat"))
+            else None
+        )
+        mx, my = mounts[int(e.get("mount-point", 0))] if mounts else (0.6, 0.0)
+        elements.append((e["type"], x, y, float(e["rotation"]), (mx - 0.6, my)))
+    xy = np.array([e[1:3] for e in elements])
+    return elements, (xy.min(axis=0) - 0.4, xy.max(axis=0) + 0.4)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<elements><element", "not readable XML"),
+        (
+            '<!DOCTYPE a [<!ENTITY b "c">]><elements><element type="&b;" x="0" y="0" rotation="0"/></elements>',
+            "not readable",
+        ),
+        ('<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hosts">]><elements>&b;</elements>', "not readable"),
+        ("<robot/>", "not <elements>"),
+        ("<elements/>", "no elements"),
+        (
+            '<elements><element type="small_wall" x="0" rotation="0"/></elements>',
+            "element 1: the attribute 'y' is missing",
+        ),
+        ('<elements><element x="0" y="0" rotation="0"/></elements>', "'type' is missing"),
+        ('<elements><element type="small_wall" x="one" y="0" rotation="0"/></elements>', "x='one'"),
+        ('<elements><element type="small_wall" x="nan" y="0" rotation="0"/></elements>', "x='nan'"),
+        ('<elements><element type="small_wall" x="1e9" y="0" rotation="0"/></elements>', "x='1e9'"),
+        ('<elements><element type="small_wall" x="0" y="0" rotation="inf"/></elements>', "rotation='inf'"),
+        (
+            '<elements><element type="small_wall" x="0" y="0" rotation="0" mount-point="-1"/></elements>',
+            "mount-point",
+        ),
+        (
+            '<elements><element type="victim_1" x="0" y="0" rotation="0" offset-x="5000"/></elements>',
+            "absurd",
+        ),
+        ('<elements><element type="a" x="0" y="0" rotation="0"/></elements>', "none of the arena's elements"),
+        (
+            "<elements>" + '<element type="small_wall" x="0" y="0" rotation="0"/>' * 5000 + "</elements>",
+            "too many",
+        ),
+    ],
+    ids=lambda value: value[:24],
+)
+def test_a_bad_file_is_refused_in_one_line(text, message, tmp_path):
+    path = tmp_path / "bad.raf"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as error:
+        load_arena(str(path))
+    assert "\n" not in str(error.value)
+    assert "bad.raf" in str(error.value)
+
+
+def test_a_bomb_of_entities_is_refused(tmp_path):
+    entities = "".join(f'<!ENTITY e{n} "{f"&e{n - 1};" * 10 if n else "boom"}">' for n in range(12))
+    path = tmp_path / "bomb.raf"
+    path.write_text(
+        f"<!DOCTYPE a [{entities}]><elements><element type='&e11;' x='0' y='0' rotation='0'/></elements>"
+    )
+    with pytest.raises(InputError):
+        load_arena(str(path))
+
+
+def test_missing_and_huge_files_are_refused(tmp_path):
+    with pytest.raises(InputError, match="No such file"):
+        load_arena(str(tmp_path / "none.raf"))
+    huge = tmp_path / "huge.raf"
+    huge.write_bytes(b" " * 3_000_000)
+    with pytest.raises(InputError, match="too large"):
+        load_arena(str(huge))
+
+
+def test_an_arena_all_of_whose_tiles_are_taken_has_no_start(tmp_path):
+    stepfields = [
+        f'type="stepfield_red_diagonal" x="{i}" y="{j}" rotation="0"' for i in range(2) for j in range(2)
+    ]
+    with pytest.raises(InputError, match=r"arena\.raf: the arena has no free start"):
+        load_arena(str(write(tmp_path, *stepfields)))

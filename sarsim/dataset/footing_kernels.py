@@ -1,0 +1,173 @@
+"""Compiled loops over the ground under the robot's wheels."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+_UPRIGHT = 1e-4
+"""z of a normal below which a face counts as upright; a mesh's vertices are float32."""
+_ITERATIONS = 20
+_SETTLED = 1e-6
+"""m that the wheels may still be off the ground."""
+_SAMPLES = 20
+"""Places before and behind the axle where a tyre may touch."""
+_REACH = 0.75
+"""Of the radius: slopes of 48° and steps of 4 cm touch a tyre within it."""
+
+
+class Ground(NamedTuple):
+    """Convex bodies and the cells over which they lie.
+
+    Attributes:
+        planes: (M, 4) (n, d), n·p ≤ d inside.
+        first: (N + 1,) where the planes of each body begin.
+        start, count: (nx, ny) the part of ``bodies`` that lies over each cell.
+        bodies: (K,) indices of bodies.
+        origin: (2,) m, corner of cell [0, 0].
+        cell: m.
+    """
+
+    planes: NDArray[np.float64]
+    first: NDArray[np.int64]
+    start: NDArray[np.int64]
+    count: NDArray[np.int64]
+    bodies: NDArray[np.int64]
+    origin: NDArray[np.float64]
+    cell: float
+
+
+@njit(cache=True)
+def count_bodies(windows, count):
+    """Add to ``count`` (nx, ny) how many bodies lie over each cell; windows are (N, 4) cells i0, i1, j0, j1."""
+    for n in range(len(windows)):
+        count[windows[n, 0] : windows[n, 1], windows[n, 2] : windows[n, 3]] += 1
+
+
+@njit(cache=True)
+def list_bodies(windows, end, bodies):
+    """Write the bodies over each cell to ``bodies`` (K,) from ``end`` (nx, ny) on, which moves on by their number."""
+    for n in range(len(windows)):
+        for i in range(windows[n, 0], windows[n, 1]):
+            for j in range(windows[n, 2], windows[n, 3]):
+                bodies[end[i, j]] = n
+                end[i, j] += 1
+
+
+@njit(cache=True)
+def ground_height(ground, x, y, below):
+    """Height in m of the highest place at (x, y) that is not above ``below``; -inf if there is none."""
+    i = int(np.floor((x - ground.origin[0]) / ground.cell))
+    j = int(np.floor((y - ground.origin[1]) / ground.cell))
+    highest = -np.inf
+    if not (0 <= i < ground.start.shape[0] and 0 <= j < ground.start.shape[1]):
+        return highest
+    for k in range(ground.start[i, j], ground.start[i, j] + ground.count[i, j]):
+        n = ground.bodies[k]
+        top = _top(ground.planes[ground.first[n] : ground.first[n + 1]], x, y)
+        if highest < top <= below:
+            highest = top
+    return highest
+
+
+@njit(cache=True)
+def _top(planes, x, y):
+    """Height of the highest point of a convex body on a vertical line; -inf where the line misses it."""
+    low, high = -np.inf, np.inf
+    for k in range(planes.shape[0]):
+        nz = planes[k, 2]
+        rest = planes[k, 3] - planes[k, 0] * x - planes[k, 1] * y
+        if abs(nz) < _UPRIGHT:
+            if rest < 0:
+                return -np.inf
+        elif nz > 0:
+            high = min(high, rest / nz)
+        else:
+            low = max(low, rest / nz)
+    return high if low <= high else -np.inf
+
+
+@njit(cache=True)
+def axle_height(ground, x, y, c, s, radius, below):
+    """Height in m of the centre of a wheel over (x, y) that rolls along (c, s); -inf where nothing bears it."""
+    highest = -np.inf
+    for k in range(-_SAMPLES, _SAMPLES + 1):
+        along = radius * _REACH * k / _SAMPLES
+        touched = ground_height(ground, x + c * along, y + s * along, below)
+        highest = max(highest, touched + np.sqrt(radius * radius - along * along))
+    return highest
+
+
+@njit(cache=True)
+def attitude(yaw, climb, rise):
+    """(3, 3) rotation of a body that looks along ``yaw`` on a plane of slope ``climb`` forwards and ``rise`` leftwards."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    x = np.array([c, s, climb]) / np.sqrt(1 + climb * climb)
+    z = np.array([-climb * c + rise * s, -climb * s - rise * c, 1.0])
+    z /= np.sqrt(climb * climb + rise * rise + 1)
+    y = np.array([z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]])
+    R = np.empty((3, 3))
+    R[:, 0], R[:, 1], R[:, 2] = x, y, z
+    return R
+
+
+@njit(cache=True)
+def stand(ground, x, y, yaw, below, axles, radius, centre_of_mass):
+    """Where four wheels on a rigid body come to rest: on three of them, the three around the centre of mass.
+
+    Args:
+        ground: see :class:`Ground`.
+        x, y, yaw: of the body, m and rad.
+        below: m; what is higher than that is no ground.
+        axles: (4, 3) m in the body, front left, front right, rear left, rear right.
+        radius: of the wheels, m.
+        centre_of_mass: (3,) m in the body.
+
+    Returns:
+        (z, climb, rise): height of the body's origin in m and its slopes forwards and to the left; NaN where a wheel
+        stands on nothing.
+    """
+    z, climb, rise = below, 0.0, 0.0
+    half_length, half_width = axles[0, 0], axles[0, 1]
+    gap = np.empty(4)
+    for _ in range(_ITERATIONS):
+        R = attitude(yaw, climb, rise)
+        for w in range(4):
+            centre = R @ axles[w]
+            bearing = axle_height(ground, x + centre[0], y + centre[1], np.cos(yaw), np.sin(yaw), radius, below)
+            gap[w] = bearing - z - centre[2]
+        if not np.isfinite(gap).all():
+            return np.nan, np.nan, np.nan
+        _lift(gap, axles, centre_of_mass[0] - centre_of_mass[2] * climb, centre_of_mass[1] - centre_of_mass[2] * rise)
+        z += gap.mean()
+        climb += (gap[0] + gap[1] - gap[2] - gap[3]) / (4 * half_length)
+        rise += (gap[0] + gap[2] - gap[1] - gap[3]) / (4 * half_width)
+        if np.abs(gap).max() < _SETTLED:
+            break
+    return z, climb, rise
+
+
+@njit(cache=True)
+def _lift(gap, axles, forward, left):
+    """Let the wheel hang that is off the ground when the weight rests at (forward, left) of the body."""
+    twist = gap[0] + gap[3] - gap[1] - gap[2]
+    # The two wheels of the higher diagonal touch; the weight lies on one side of it.
+    high = axles[0] if twist > 0 else axles[1]
+    weight_is_left = high[0] * left - high[1] * forward > 0
+    if twist > 0:
+        hanging, across = (1, 2) if weight_is_left else (2, 1)
+        gap[hanging] = gap[0] + gap[3] - gap[across]
+    else:
+        hanging, across = (3, 0) if weight_is_left else (0, 3)
+        gap[hanging] = gap[1] + gap[2] - gap[across]
+
+
+@njit(cache=True)
+def is_clear(ground, x, y, z, R, below, underside):
+    """Whether points (N, 3) m of the body's underside are above the ground."""
+    for n in range(len(underside)):
+        p = R @ underside[n]
+        if ground_height(ground, x + p[0], y + p[1], below) > z + p[2]:
+            return False
+    return True

@@ -23,6 +23,8 @@ NECK = np.array([0, 0.63, 0.01])
 """m at rest; what a child's larger head grows from."""
 CHIN = np.array([[0, 0.6, 0.03]])
 """m at rest; between head and chest."""
+AGAINST_WALL = ("sitting", "slumped", "seated")
+"""The postures in which a wall at x = 0 holds the person up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +116,11 @@ class Figure:
             offset=R @ self.offset + shift,
         )
 
+    def centred(self) -> "Figure":
+        """The person with its middle above the origin and its lowest place on the floor."""
+        low, high = self.extremes
+        return self.moved(0, -np.array([*(low + high)[:2] / 2, low[2]]))
+
 
 class People:
     """The library.
@@ -147,8 +154,14 @@ class People:
         )
         for style in arrays["hair_styles"]:
             vertices = figure.on_head(arrays[f"{style}_hair_vertices"] * UNIT)
-            figure.hair[str(style)] = Shape(vertices, arrays[f"{style}_hair_faces"].astype(np.int64))
+            faces = arrays[f"{style}_hair_faces"].astype(np.int64)
+            figure.hair[str(style)] = Shape(self._pressed(vertices, pose), faces)
         return figure
+
+    def _pressed(self, places: NDArray[np.float64], pose: int) -> NDArray[np.float64]:
+        """Places that are pressed flat where they would be in the floor or in the wall at x = 0."""
+        wall = 0 if self.postures[pose] in AGAINST_WALL else -np.inf
+        return np.maximum(places, [wall, -np.inf, 0])
 
 
 @cache

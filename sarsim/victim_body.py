@@ -40,6 +40,10 @@ BOTTOMS = (
     (0.22, 0.27, 0.18), (0.70, 0.64, 0.52), (0.35, 0.13, 0.15),
 )  # fmt: skip
 SHOES = ((0.08, 0.07, 0.07), (0.30, 0.19, 0.11), (0.85, 0.85, 0.85), (0.60, 0.12, 0.12), (0.18, 0.24, 0.42))
+SPACING = {"stripes": 0.11, "bands": 0.24}
+"""m from one stripe or band to the next of its colour."""
+CHECK, CLOTH = 0.11, 0.4
+"""m that a texture of checks, or of plain cloth, covers."""
 REFLECTIVE = (0.92, 0.95, 0.35)
 EYE, IRIS = (0.93, 0.92, 0.90), (0.12, 0.09, 0.07)
 LIPS = np.array((0.85, 0.55, 0.52))
@@ -115,12 +119,9 @@ def person_mjcf(name: str, figure: Figure, outfit: Outfit) -> tuple[list[Element
     normals = vertex_normals(figure.body)
     for part in figure.parts:
         material = outfit.material(part)
-        mesh, uv = (
-            f"{name}_{part}",
-            _texture_places(figure.rest, outfit.top_pattern if material == "top" else "plain"),
-        )
-        chosen = figure.faces_of(part)
-        assets.append(_mesh(mesh, Shape(figure.body.vertices, chosen), normals, uv))
+        mesh, pattern = f"{name}_{part}", outfit.top_pattern if material == "top" else "plain"
+        shape = Shape(figure.body.vertices, figure.faces_of(part))
+        assets.append(_mesh(mesh, shape, normals, _texture_places(figure.rest, part, pattern)))
         geoms.append(geom(mesh, Label.VICTIM, type="mesh", mesh=mesh, material=f"{name}_{material}"))
     if outfit.hair_style != "bald":
         hair = figure.hair[outfit.hair_style]
@@ -175,16 +176,13 @@ def _pattern(outfit: Outfit) -> dict[str, str]:
     return {"builtin": "checker", "rgb1": numbers(top), "rgb2": numbers(other)}
 
 
-def _texture_places(rest: NDArray[np.float64], pattern: str) -> NDArray[np.float64]:
-    """(N, 2) texture coordinates: along the limb or the trunk, and across."""
-    is_arm = (np.abs(rest[:, 0]) > 0.2) & (rest[:, 1] > 0.3)
-    along = np.where(is_arm, np.abs(rest[:, 0]), rest[:, 1])
-    across = np.where(is_arm, rest[:, 2], rest[:, 0])
-    if pattern == "stripes":
-        return np.stack([np.full_like(along, 0.25), along / 0.11], axis=1)
-    if pattern == "bands":
-        return np.stack([np.full_like(along, 0.5), along / 0.24], axis=1)
-    return np.stack([across, along], axis=1) / (0.11 if pattern == "checks" else 0.4)
+def _texture_places(rest: NDArray[np.float64], part: str, pattern: str) -> NDArray[np.float64]:
+    """(N, 2) texture coordinates of a part: across, and along the limb or the trunk."""
+    is_arm = "sleeve" in part or "arm" in part
+    along, across = (np.abs(rest[:, 0]), rest[:, 2]) if is_arm else (rest[:, 1], rest[:, 0])
+    if pattern in SPACING:
+        return np.stack([np.full_like(along, 0.25), along / SPACING[pattern]], axis=1)
+    return np.stack([across, along], axis=1) / (CHECK if pattern == "checks" else CLOTH)
 
 
 def _mesh(

@@ -12,7 +12,9 @@ from pipeline.labels import Label
 
 def numbers(values: float | Iterable[float] | NDArray[np.floating], decimals: int = 4) -> str:
     """A number, or a list of them."""
-    return " ".join(f"{value:.{decimals}f}".rstrip("0").rstrip(".") for value in np.ravel(np.asarray(values, np.float64)))
+    return " ".join(
+        f"{value:.{decimals}f}".rstrip("0").rstrip(".") for value in np.ravel(np.asarray(values, np.float64))
+    )
 
 
 def geom(

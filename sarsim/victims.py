@@ -16,7 +16,7 @@ origin is at the foot of the wall against which it leans, the wall is the plane 
 side, facing +x. A person in a box or behind a hole faces +x too.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 from xml.etree.ElementTree import Element, SubElement
@@ -30,7 +30,7 @@ from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation
 from sarsim.camera import geom_labels
-from sarsim.people import CHIN, Figure, people
+from sarsim.people import AGAINST_WALL, CHIN, Figure, people
 from sarsim.victim_body import UPPER_BODY, Outfit, person_mjcf
 from sarsim.victim_cover import Cover, box, joined, rubble, seat, wall_with_hole
 from sarsim.victim_mjcf import numbers
@@ -44,7 +44,6 @@ Placement = Literal["open", "rubble", "box", "hole"]
 POSTURES: tuple[Posture, ...] = get_args(Posture)
 PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
 PREFIX = "victim_"
-NEED_WALL = ("sitting", "slumped", "seated")
 SUITABLE: dict[Placement, tuple[Posture, ...]] = {
     "open": POSTURES,
     "rubble": ("lying", "prone", "side"),
@@ -134,6 +133,7 @@ def make_victim(
     posture: Posture | None = None,
     placement: Placement = "open",
     stature: float | None = None,
+    room: tuple[float, float] = (np.inf, np.inf),
 ) -> VictimModel:
     """A person of random build, size and clothes; the same generator state gives the same one.
 
@@ -143,15 +143,20 @@ def make_victim(
         posture: one that needs no wall, at random, if not given.
         placement: what it is in or under.
         stature: m that the person would measure standing; suits the build if not given.
+        room: m along x and y that the person must not exceed.
 
     Raises:
-        InputError: a posture that the placement cannot have.
+        InputError: a posture that the placement cannot have, or nobody so fits into the room.
     """
-    choice = [p for p in SUITABLE[placement] if posture in (p, None) and (posture or p not in NEED_WALL)]
+    choice = [p for p in SUITABLE[placement] if posture in (p, None) and (posture or p not in AGAINST_WALL)]
     if not choice:
         raise InputError(f"victim {id}: nobody is {posture} in placement {placement!r}")
     posture = choice[rng.integers(len(choice))]
-    figure, build = _figure(posture, placement, stature, rng)
+    figures = _figures(posture, placement, stature, rng)
+    fitting = ((f, b) for f, b in figures if np.all(np.subtract(*f.extremes[::-1])[:2] <= room))
+    figure, build = next(fitting, (None, ""))
+    if figure is None:
+        raise InputError(f"victim {id}: nobody {posture} fits into {room[0]:g} × {room[1]:g} m")
     outfit = Outfit.random(build, rng)
     name = f"{PREFIX}{id}"
     assets, geoms = person_mjcf(name, figure, outfit)
@@ -160,7 +165,7 @@ def make_victim(
     bodies = [_body(name, geoms)] + ([_body(f"cover_{id}", cover.geoms)] if cover.geoms else [])
     everything = np.concatenate([person, cover.points])
     return VictimModel(
-        id, posture, placement, posture in NEED_WALL and placement != "box", tuple(assets), tuple(bodies),
+        id, posture, placement, posture in AGAINST_WALL and placement != "box", tuple(assets), tuple(bodies),
         box=_extremes(person), footprint=_extremes(everything)[:, :2], height=float(everything[:, 2].max()),
     )  # fmt: skip
 
@@ -178,25 +183,21 @@ def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Victim]:
     return victims
 
 
-def _figure(
+def _figures(
     posture: Posture, placement: Placement, stature: float | None, rng: np.random.Generator
-) -> tuple[Figure, str]:
-    """A person of the library, set down in the victim's own frame, and its build."""
+) -> Iterator[tuple[Figure, str]]:
+    """The people of the library in a posture, in random order, of random stature, and their builds."""
     library = people()
     kept = "sitting" if posture == "bust" else posture  # a bust is the upper half of someone who sits upright
-    pose = int(rng.choice(np.flatnonzero(library.postures == kept)))
-    build = str(library.builds[pose])
-    figure = library.figure(pose, stature or rng.uniform(*STATURE[build]))
-    if posture == "bust":
-        figure = figure.only(UPPER_BODY)
-        low, high = figure.extremes
-        return figure.moved(0, -np.array([*(low + high)[:2] / 2, low[2]])), build
-    if placement == "hole" and posture not in NEED_WALL:
-        forward = figure.turn @ [0, 0, 1]
-        figure = figure.moved(-np.arctan2(forward[1], forward[0]), np.zeros(3))
-        low, high = figure.extremes
-        return figure.moved(0, -np.array([*(low + high)[:2] / 2, 0])), build
-    return figure, build
+    for pose in rng.permutation(np.flatnonzero(library.postures == kept)):
+        build = str(library.builds[pose])
+        figure = library.figure(int(pose), stature or rng.uniform(*STATURE[build]))
+        if posture == "bust":
+            figure = figure.only(UPPER_BODY).centred()
+        elif placement == "hole" and posture not in AGAINST_WALL:
+            forward = figure.turn @ [0, 0, 1]
+            figure = figure.moved(-np.arctan2(forward[1], forward[0]), np.zeros(3)).centred()
+        yield figure, build
 
 
 def _cover(

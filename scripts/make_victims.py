@@ -2,6 +2,7 @@
 
 from itertools import islice
 from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, indent
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,20 +24,22 @@ from sarsim.scripts.victims.surface import (
     person,
     scaled_head,
 )
+from sarsim.victims import make_victim
 
 COUNTS = {
-    "lying": {"man": 3, "woman": 3, "stout": 1, "child": 2},
+    "lying": {"man": 4, "woman": 2, "stout": 1, "child": 2},
+    "straight": {"woman": 2},
     "prone": {"man": 2, "woman": 2, "stout": 1, "child": 2},
     "side": {"man": 2, "woman": 2, "child": 1},
-    "sitting": {"man": 2, "woman": 2, "stout": 1, "child": 2},
+    "sitting": {"man": 3, "woman": 3, "stout": 1, "child": 3},
     "slumped": {"man": 2, "woman": 2, "stout": 1, "child": 1},
-    "seated": {"man": 2, "woman": 1, "stout": 1, "child": 1},
+    "seated": {"man": 1, "woman": 1, "stout": 1, "child": 1},
 }
-"""Poses of each posture and build."""
+"""Poses of each recipe and build."""
 HAIR = {"short": 300, "long": 400}
 """Triangles of each style."""
 TRIANGLES = 3600
-TRIES = 80
+TRIES = 150
 SUNK = 0.004
 """m that the lowest point lies below the floor, as flesh does."""
 
@@ -54,14 +57,14 @@ def make_victims(seed: int = 0, out: Path = LIBRARY) -> None:
     people = bodies()
     rng = np.random.default_rng(seed)
     poses, postures, builds = [], [], []
-    for posture, counts in COUNTS.items():
+    for recipe, counts in COUNTS.items():
         for build, count in counts.items():
-            ragdoll = Ragdoll(person(build), RECIPES[posture])
+            ragdoll = Ragdoll(person(build), RECIPES[recipe])
             falls = (ragdoll.bone_poses for _ in range(TRIES) if ragdoll.fall(rng))
             found = list(islice(falls, count))
-            print(f"{posture} {build}: {len(found)} of {count}")
-            poses += [set_down(people, build, pose, RECIPES[posture]) for pose in found]
-            postures += [posture] * len(found)
+            print(f"{recipe} {build}: {len(found)} of {count}")
+            poses += [set_down(people, build, pose, RECIPES[recipe]) for pose in found]
+            postures += ["lying" if recipe == "straight" else recipe] * len(found)
             builds += [build] * len(found)
     people["poses"], people["postures"], people["builds"] = (
         np.array(poses, np.float32),
@@ -71,6 +74,7 @@ def make_victims(seed: int = 0, out: Path = LIBRARY) -> None:
     with whole_file(out) as path, path.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **people)
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB")
+    write_arena_victims(asset("arenas", "nist_6x4_victims.xml"))
 
 
 def bodies() -> dict[str, NDArray]:
@@ -132,6 +136,18 @@ def _whole(metres: Points) -> NDArray[np.int16]:
 
 def _bone(people: dict[str, NDArray], name: str) -> int:
     return list(people["bones"]).index(name)
+
+
+def write_arena_victims(out: Path) -> None:
+    """Write what ``nist_6x4`` includes: a child along the north wall, a woman in a corner."""
+    root = Element("mujocoinclude")
+    lying = make_victim("lying", np.random.default_rng(1), "lying", stature=1.1, room=(1.3, 0.5))
+    lying.add_to(root, (-0.4, 1.995 - lying.footprint[1, 1], 0), np.pi)
+    sitting = make_victim("sitting", np.random.default_rng(2), "sitting", stature=1.45, room=(0.66, 0.67))
+    sitting.add_to(root, (2.995 - sitting.footprint[1, 1], -2, 0), np.pi / 2)
+    indent(root)
+    with whole_file(out) as path:
+        ElementTree(root).write(path)
 
 
 if __name__ == "__main__":

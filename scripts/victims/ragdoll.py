@@ -30,13 +30,15 @@ class Recipe:
         turn: about the person's own x, y, z before the fall: most likely angles, degrees.
         spread: of these angles, degrees.
         height: of the root above the floor, m.
-        hips, knees: flexion as lowest and highest angle, degrees.
+        hips, knees, elbows: flexion as lowest and highest angle, degrees.
+        closed: how far the legs, 40° apart at rest, each turn inwards, degrees.
         arms: how far the arms hang down (90) or go up (−90) and how far forward, as lowest and highest angle.
         drawn_up: share of the knees' flexion that the hips flex in addition, so that the feet stay on the floor.
         strength: of the spine and the hips in holding the posture while falling.
         rest_strength: of the same afterwards.
         wall: how far in front of a wall at x < 0 the fall begins, m; 0 if there is none.
         block: whether the fall ends on a block before the wall.
+        width: that the joints may spread over, m.
         chest_up, chest_forward: lowest and highest height of the chest's own up and forward directions at rest.
     """
 
@@ -49,6 +51,9 @@ class Recipe:
     drawn_up: float
     strength: float
     rest_strength: float
+    elbows: tuple[float, float] = (5, 70)
+    closed: tuple[float, float] = (6, 20)
+    width: float = np.inf
     wall: float = 0
     block: bool = False
     chest_up: tuple[float, float] = (-1, 1)
@@ -56,13 +61,15 @@ class Recipe:
 
 
 RECIPES = {
-    "lying": Recipe((-90, 0, 0), (8, 10, 8), 0.3, (0, 40), (5, 60), ((-60, 80), (-10, 40)), 0, 1, 1,
+    "lying": Recipe((-90, 0, 0), (8, 10, 8), 0.3, (0, 40), (5, 60), ((35, 105), (-5, 30)), 0, 1, 1,
                     chest_up=(-0.4, 0.4), chest_forward=(0.8, 1)),
+    "straight": Recipe((-90, 0, 0), (2, 3, 2), 0.05, (0, 12), (0, 15), ((77, 82), (-3, 6)), 0, 2, 2, elbows=(0, 8), closed=(18, 21), width=0.82,
+                       chest_up=(-0.4, 0.4), chest_forward=(0.8, 1)),
     "prone": Recipe((90, 0, 0), (8, 10, 8), 0.3, (0, 30), (5, 50), ((-80, 70), (-10, 40)), 0, 1, 1,
                     chest_up=(-0.4, 0.4), chest_forward=(-1, -0.8)),
     "side": Recipe((0, 0, 90), (8, 10, 5), 0.3, (40, 80), (50, 100), ((20, 80), (40, 90)), 0, 3, 2,
                    chest_up=(-0.45, 0.45), chest_forward=(-0.6, 0.6)),
-    "sitting": Recipe((-12, 0, 0), (3, 8, 3), 0.2, (72, 86), (5, 90), ((65, 90), (0, 45)), 0.5, 40, 40, wall=0.27,
+    "sitting": Recipe((-12, 0, 0), (3, 8, 3), 0.2, (74, 86), (15, 120), ((65, 90), (0, 45)), 0.5, 40, 40, wall=0.27,
                       chest_up=(0.85, 1), chest_forward=(-0.5, 0.5)),
     "slumped": Recipe((-12, 0, 10), (3, 20, 8), 0.2, (70, 86), (5, 60), ((65, 90), (0, 45)), 0.5, 20, 3, wall=0.27,
                       chest_up=(0.3, 0.85), chest_forward=(-0.8, 0.8)),
@@ -104,6 +111,7 @@ class Ragdoll:
         return bool(
             np.abs(physics.data.qvel).max() < 0.3
             and physics.data.contact.dist.min(initial=0) > -0.015
+            and np.ptp(self.bone_poses[:, 1]) < recipe.width
             and recipe.chest_up[0] <= up <= recipe.chest_up[1]
             and recipe.chest_forward[0] <= forward <= recipe.chest_forward[1]
         )
@@ -143,8 +151,8 @@ class Ragdoll:
         for side, sign in (("l", 1), ("r", -1)):
             hip, knee = np.radians(rng.uniform(*recipe.hips)), np.radians(rng.uniform(*recipe.knees))
             angles[f"{side}femurrx"], angles[f"{side}tibiarx"] = -hip - recipe.drawn_up * knee, knee
-            angles[f"{side}femurrz"] = -sign * np.radians(rng.uniform(2, 20))
-            angles[f"{side}radiusrx"] = np.radians(rng.uniform(5, 70))
+            angles[f"{side}femurrz"] = -sign * np.radians(rng.uniform(*recipe.closed))
+            angles[f"{side}radiusrx"] = np.radians(rng.uniform(*recipe.elbows))
             angles[f"{side}fingersrx"] = np.radians(rng.uniform(10, 45))
             angles[f"{side}wristry"] = sign * np.radians(rng.uniform(40, 140))
             down, forward = (np.radians(rng.uniform(*span)) for span in recipe.arms)
@@ -160,7 +168,7 @@ class Ragdoll:
         trunk = any(part in name for part in ("back", "thorax", "neck", "head"))
         if trunk:
             return 12.0 * strength
-        return 6.0 * strength if "femur" in name else 1.5 if "tibia" in name else 0.8
+        return 6.0 * strength if "femur" in name else 2.5 if "humerus" in name else 1.5
 
     def _run(self, seconds: float) -> None:
         for _ in range(round(seconds / TIMESTEP)):

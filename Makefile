@@ -15,7 +15,6 @@ setup: .venv/installed ## install the system packages that are missing, and the 
 
 episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a report in runs/nist_6x4-0
 	$(PYTHON) scripts/run_episode.py
-	@echo "To look at it: $(PYTHON) scripts/view.py runs/nist_6x4-0"
 
 test: setup ## run every test
 	$(PYTHON) -m pytest

@@ -3,10 +3,12 @@
 import functools
 import io
 import re
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr
-from typing import Any
+from types import FrameType
+from typing import Any, Self
 
 import tyro
 
@@ -57,6 +59,29 @@ def guarded(action: Callable[[], object]) -> None:
         _exit(f"error: {error}", BAD_INPUT)
     except KeyboardInterrupt:
         _exit("interrupted", INTERRUPTED)
+
+
+class Interruptible:
+    """Holds Ctrl-C back while a step is under way, so that what it changes stays of one piece; a second one does not.
+
+    Attributes:
+        interrupted: whether Ctrl-C was pressed since ``with``.
+    """
+
+    def __init__(self) -> None:
+        self.interrupted = False
+
+    def __enter__(self) -> Self:
+        self._before = signal.signal(signal.SIGINT, self._note)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        signal.signal(signal.SIGINT, self._before)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.interrupted:
+            raise KeyboardInterrupt
+        self.interrupted = True
 
 
 def _exit(message: str, status: int) -> None:

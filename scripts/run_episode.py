@@ -1,6 +1,8 @@
 """Run an episode: the robot explores an arena, builds its maps and leaves a recording and a report."""
 
 import json
+import os
+import sys
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +22,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.recording import EpisodeRecorder
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import write_tum
-from sarsim.scripts.cli import INTERRUPTED, run
+from sarsim.scripts.cli import INTERRUPTED, Interruptible, run
 from sarsim.scripts.tables import report_table
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -75,20 +77,16 @@ class Episode:
         self._wall_start, self._sim_start = perf_counter(), self.robot.time
 
     def run(self) -> bool:
-        """Look and drive until nothing is left to look at; False if interrupted. Results are written in any case."""
-        with Progress(
-            *Progress.get_default_columns(), TimeElapsedColumn(), console=Console(stderr=True)
-        ) as progress:
+        """Look and drive until nothing is left to look at, and write the results; False if Ctrl-C ended it."""
+        columns = (*Progress.get_default_columns(), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True)) as progress, Interruptible() as control:
             bar = progress.add_task(self.config.arena, total=self.config.steps)
             try:
-                while self.explorer.steps < self.config.steps and self.step():
+                while self.explorer.steps < self.config.steps and not control.interrupted and self.step():
                     progress.update(bar, completed=self.explorer.steps, description=self._state())
-                return True
-            except KeyboardInterrupt:
-                self.recorder.log_message("WARN", "interrupted")
-                return False
             finally:
                 self._finish()
+        return not control.interrupted
 
     def step(self) -> bool:
         """One look, and the drive to the next; False when there is no next."""
@@ -181,9 +179,13 @@ def run_episode(config: Annotated[EpisodeConfig, tyro.conf.arg(name="")]) -> Non
     console = Console()
     if episode.explorer.steps:
         console.print(report_table(episode.report))
+    viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
     console.print(
-        f"Results in {episode.out}; look at the recording with: python scripts/view.py {episode.out}"
+        f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}", soft_wrap=True
     )
+    if finished and episode.recorder.viewer and episode.recorder.viewer.page:
+        console.print("Ctrl-C ends the page")
+        episode.recorder.viewer.wait()
     if not finished:
         raise SystemExit(INTERRUPTED)
 

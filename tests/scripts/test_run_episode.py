@@ -2,6 +2,7 @@
 
 import json
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -109,15 +110,15 @@ def test_the_same_seed_gives_the_same_episode(tmp_path):
 def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsys):
     steps = 0
 
-    def look_thrice(episode):
+    def interrupted_step(episode):
         nonlocal steps
         steps += 1
-        if steps > 3:
-            raise KeyboardInterrupt
+        if steps == 3:
+            signal.raise_signal(signal.SIGINT)  # while the third step is under way
         return step(episode)
 
     step = Episode.step
-    monkeypatch.setattr(Episode, "step", look_thrice)
+    monkeypatch.setattr(Episode, "step", interrupted_step)
     monkeypatch.setattr(sys, "argv", ["run_episode.py", "--out", str(tmp_path)])
     with pytest.raises(SystemExit) as stop:
         run_episode.main()

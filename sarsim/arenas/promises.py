@@ -22,12 +22,15 @@ VIEW_SPACING = 4
 """cells between the places from which victims are looked for."""
 
 
-def broken_promises(model: mujoco.MjModel, data: mujoco.MjData) -> list[str]:
-    """What an arena with a site ``start`` fails to keep; empty if all is well.
+def broken_promises(mjcf: str) -> list[str]:
+    """What the MJCF of an arena with a site ``start`` fails to keep; empty if all is well.
 
     There is a free start; all ground on which a P3-AT can be is one part, joined for driving; a camera at the height
     of the P3-AT's sees every victim from it.
     """
+    model = mujoco.MjModel.from_xml_string(mjcf)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
     survey = Survey(model, data, None)
     start = data.site("start").xpos
     ground = survey.ground_from(start)
@@ -41,23 +44,14 @@ def broken_promises(model: mujoco.MjModel, data: mujoco.MjData) -> list[str]:
 
 
 def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> list[float]:
-    """m² of each other piece of ground."""
-    sizes = np.bincount(ground.pieces.ravel())[1:].astype(np.float64)
-    sizes[piece - 1] = 0
-    for label in (Label.TERRAIN, Label.STRAIGHT_RAMP):
-        sizes = np.append(sizes, np.count_nonzero(_unreached(survey, ground, label)))
-    return [float(area) for area in sizes * CELL**2 if area > SPECK]
-
-
-def _unreached(survey: Survey, ground: FreeGround, label: Label) -> NDArray[np.bool_]:
-    """(nx, ny) cells with a free place of a label that no way over the ground leads to at all."""
-    height = survey.lowest(label)
-    other = ~np.isnan(height) & np.isnan(ground.height)
-    i, j = np.nonzero(other)
-    if len(i):
-        apart = survey.ground_from(np.array([*ground.grid.centre_of((i[0], j[0])), height[i[0], j[0]]]))
-        return other & (apart.pieces > 0) if apart is not None else np.zeros_like(other)
-    return other
+    """m² of each piece of ground but the one in which the robot starts."""
+    sizes = np.bincount(ground.pieces.ravel())
+    others = np.delete(sizes, [0, piece]).tolist()
+    for label in (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP):
+        for apart in survey.grounds(label, SPECK):
+            if not np.array_equal(apart.height, ground.height, equal_nan=True):
+                others += np.bincount(apart.pieces.ravel())[1:].tolist()
+    return [area for cells in others if (area := cells * CELL**2) > SPECK]
 
 
 def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> NDArray[np.float64]:

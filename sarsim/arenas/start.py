@@ -66,27 +66,13 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
     """
     survey = Survey(model, data, None)
     best: tuple[float, FreeGround, NDArray[np.bool_]] | None = None
-    for ground in _floors(survey):
+    for ground in survey.grounds(Label.TERRAIN, MIN_AREA):
         for floor, size in _pieces(ground):
             if best is None or size > best[0]:
                 best = (size, ground, floor)
     if best is None:
         raise InputError("the arena has no free start: there is no free tile of floor")
     return _open_place(*best[1:])
-
-
-def _floors(survey: Survey) -> Iterator[FreeGround]:
-    """Pieces of ground that together reach every larger patch of floor."""
-    floor = survey.lowest(Label.TERRAIN)
-    unseen = ~np.isnan(floor)
-    while unseen.sum() * CELL**2 > MIN_AREA:
-        i, j = np.unravel_index(unseen.argmax(), unseen.shape)
-        ground = survey.ground_from(np.array([*survey.grid.centre_of((i, j)), floor[i, j]]))
-        if ground is None:
-            break
-        yield ground
-        unseen[i, j] = False
-        unseen &= np.isnan(ground.height)
 
 
 def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:

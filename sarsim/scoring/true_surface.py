@@ -1,5 +1,6 @@
 """The ground as it is: where a Pioneer 3-AT may truly stand and be driven to."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mujoco
@@ -79,7 +80,19 @@ class Survey:
         body = self._place(start, reach)
         return None if body is None else float(self._columns.top[body])
 
-    def lowest(self, label: Label) -> NDArray[np.float64]:
+    def grounds(self, label: Label, min_area: float) -> Iterator[FreeGround]:
+        """All ground that is joined to a place of a label, but for patches below ``min_area`` m²."""
+        height = self._lowest(label)
+        unseen = ~np.isnan(height)
+        while unseen.sum() * CELL**2 > min_area:
+            i, j = np.unravel_index(unseen.argmax(), unseen.shape)
+            unseen[i, j] = False
+            ground = self.ground_from(np.array([*self.grid.centre_of((i, j)), height[i, j]]))
+            if ground is not None:
+                yield ground
+                unseen &= np.isnan(ground.height)
+
+    def _lowest(self, label: Label) -> NDArray[np.float64]:
         """(nx, ny) m of the lowest place of a label with headroom in each cell; NaN where there is none."""
         c, height = self._columns, np.full(self.grid.shape, np.nan)
         chosen = self._bodies.label == label

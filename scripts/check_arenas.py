@@ -1,0 +1,50 @@
+"""Check the promises of random arenas on their true geometry: ``check_arenas.py --seeds 200``."""
+
+import sys
+from time import perf_counter
+
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from sarsim.arenas.promises import broken_promises
+from sarsim.arenas.random_arena import RandomArenaConfig, build_random
+from sarsim.scripts.cli import run
+
+_DEFAULT = RandomArenaConfig()
+
+
+def check_arenas(seeds: int = 200, first: int = 0, random: RandomArenaConfig = _DEFAULT) -> None:
+    """Build arenas, survey each anew and print what they break; the exit status is 1 if one breaks a promise.
+
+    Args:
+        seeds: number of arenas.
+        first: seed.
+        random: what they are like.
+    """
+    table, seconds, bad = Table("seed", "broken promises"), [], 0
+    for seed in track(range(first, first + seeds), console=Console(stderr=True)):
+        before = perf_counter()
+        builder = build_random(seed, random)
+        seconds.append(perf_counter() - before)
+        if broken := broken_promises(builder.to_xml()):
+            bad += 1
+            table.add_row(str(seed), "; ".join(broken))
+    console = Console()
+    if bad:
+        console.print(table)
+    mean, slowest = sum(seconds) / len(seconds), max(seconds)
+    console.print(
+        f"{seeds} arenas, {bad} break a promise; built in {mean:.2f} s each, {slowest:.2f} s at most"
+    )
+    if bad:
+        sys.exit(1)
+
+
+def main() -> None:
+    """Entry point."""
+    run(check_arenas)
+
+
+if __name__ == "__main__":
+    main()

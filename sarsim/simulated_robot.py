@@ -12,8 +12,10 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import transform_points
+from sarsim.air import Air
 from sarsim.arenas.arena import RescueArena
 from sarsim.camera import LabelledImage, RgbdCamera
+from sarsim.conditions import Conditions
 from sarsim.contacts import CollisionCounter
 from sarsim.lighting import Lighting, set_lighting
 from sarsim.odometry import WheelOdometry
@@ -34,11 +36,13 @@ class SimulationConfig:
         odometry: the true pose, or dead reckoning by wheels and gyro.
         sensor: the Xtion with its noise, or its range alone.
         lighting: of the arena; in the dark the robot's lamp is on.
+        dust: in the air, from 0 to 1; it swallows depth returns, makes false ones and veils colours.
     """
 
     odometry: Literal["truth", "wheel"] = "truth"
     sensor: Literal["xtion", "ideal"] = "xtion"
     lighting: Literal["normal", "dim", "dark"] = "normal"
+    dust: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +96,14 @@ class SimulatedRobot:
         """Set the robot down at the arena's start; InputError where it cannot stand there."""
         sensor_seed, odometry_seed = np.random.SeedSequence(seed).spawn(2)
         self.config = config
+        lighting = Lighting[config.lighting]
+        self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
         self._sensor_rng = np.random.default_rng(sensor_seed)
         self._environment = rescue_environment(arena, seed)
         self._environment.reset()
         self.robot = self._environment.task.robot
         self.physics = self._environment.physics
-        set_lighting(self.physics, self.robot, Lighting[config.lighting])
+        set_lighting(self.physics, self.robot, lighting)
         self.renderer = Renderer(self.physics.model.ptr)
         self._camera = RgbdCamera(self.renderer, self.robot.camera.full_identifier)
         self._odometry = WheelOdometry(np.random.default_rng(odometry_seed))
@@ -129,7 +135,7 @@ class SimulatedRobot:
     def sense(self) -> Frame:
         """Take one look, standing."""
         truth = self._camera.look(self.physics.data.ptr)
-        image = SENSORS[self.config.sensor].apply(truth, self._sensor_rng)
+        image = self._conditions.sense(truth, self._sensor_rng)
         clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)
         pose = self.trajectory[-1]
         self.true_look = TrueLook(pose.T_world_base, clipped)

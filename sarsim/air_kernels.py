@@ -1,0 +1,47 @@
+"""The pixel loop of dust in a depth image."""
+
+import numpy as np
+from numba import njit, uint64
+from numpy.typing import NDArray
+
+
+@njit(cache=True)
+def thin(
+    depth: NDArray[np.float32],
+    distance: NDArray[np.float32],
+    stretch: NDArray[np.float32],
+    bits: NDArray[np.uint64],
+    extinction: float,
+    speck_rate: float,
+    min_range: float,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Take returns away and put specks of dust before them.
+
+    Args:
+        depth: (H, W) measured; 0 = no return.
+        distance: (H, W) true distance along the ray; 0 where there is nothing.
+        stretch: (H, W) distance over depth.
+        bits: (H, W) random: 16 for the loss, 16 for whether there is a speck, 32 for where.
+        extinction: 1/m.
+        speck_rate: chance of a speck in a ray without end.
+        min_range: nearer depths do not return.
+
+    Returns:
+        (H, W) float32 depth, and (H, W) bool where it is a speck's.
+    """
+    thinned = depth.copy()
+    specks = np.zeros(depth.shape, np.bool_)
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            reach = distance[v, u] if distance[v, u] > 0 else np.inf
+            passing = np.exp(-2 * extinction * reach)  # to the surface and back
+            loss = (bits[v, u] & uint64(0xFFFF)) / 65536
+            chance = ((bits[v, u] >> uint64(16)) & uint64(0xFFFF)) / 65536
+            if chance < speck_rate * (1 - passing):
+                place = (bits[v, u] >> uint64(32)) / 4294967296
+                nearer = -np.log(1 - place * (1 - passing)) / (2 * extinction) / stretch[v, u]
+                specks[v, u] = nearer >= min_range
+                thinned[v, u] = nearer if specks[v, u] else 0
+            elif loss >= passing:
+                thinned[v, u] = 0
+    return thinned, specks

@@ -173,7 +173,12 @@ class ArenaBuilder:
         SubElement(self._world, "site", {"name": "start", "size": "0.02", "rgba": "0 0.6 0 0.5"} | pose)
 
     def to_xml(self) -> str:
-        """The document as text."""
+        """The document as text, without the meshes that nothing uses."""
+        asset_element = self.root.find("asset")
+        used = {geom.get("mesh") for geom in self.root.iter("geom")}
+        for mesh in self.root.findall("asset/mesh") if asset_element is not None else []:
+            if mesh.get("name") not in used:
+                asset_element.remove(mesh)
         indent(self.root)
         return tostring(self.root, encoding="unicode") + "\n"
 

@@ -15,7 +15,7 @@ from sarsim.arenas.random_arena import RandomArenaConfig, build_random
 from sarsim.arenas.start import find_start, start_at
 from sarsim.assets import asset
 
-BUILT_IN = ("nist_6x4",)
+BUILT_IN = ("nist_6x4", "esogu_52x15")
 RANDOM = "random:"
 MAX_DIGITS = 18
 """of a seed."""

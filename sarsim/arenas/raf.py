@@ -106,10 +106,11 @@ def build_raf(path: Path) -> ArenaBuilder:
     for element, position in _positions(known):
         builder.add_element(str(element.kind), position, -element.rotation)
     low, high = builder.bounds
-    builder.add_surroundings(low, high)
     tiles = TILE * np.array([(e.x, e.y) for e in known])
-    reach = TILE / 2 + FLOOR_MARGIN
-    builder.add_floor(np.minimum(low, tiles.min(axis=0) - reach), np.maximum(high, tiles.max(axis=0) + reach))
+    low = np.minimum(low, tiles.min(axis=0) - TILE / 2) - FLOOR_MARGIN
+    high = np.maximum(high, tiles.max(axis=0) + TILE / 2) + FLOOR_MARGIN
+    builder.add_floor(low, high)
+    builder.add_surroundings(low, high)
     return builder
 
 

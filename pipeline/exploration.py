@@ -29,9 +29,10 @@ class ExplorationConfig:
         spacing: of the points from which views are considered, m.
         wall_margin: unknown ground nearer to a hazard cannot be driven on and is not worth a look, m.
         min_gain: a view that promises less is not worth the drive, m².
-        blind_radius: ground that a look should have shown and did not is not looked for again from nearer than
-            this to where that look was taken, m; twice as far after a second miss, and so on.
-        max_misses: ground that so many looks should have shown and did not is given up.
+        blind_radius: ground that a look should have shown and did not is not looked for from as near to where that
+            look was taken, m.
+        hope: with each such miss it counts for so much less.
+        max_misses: after so many it is given up.
         speed: expected, m/s.
         turn_rate: expected, rad/s.
         look_time: that a look costs whatever the way, s.
@@ -47,8 +48,9 @@ class ExplorationConfig:
     spacing: float = 0.25
     wall_margin: float = 0.25
     min_gain: float = 0.03
-    blind_radius: float = 0.6
-    max_misses: int = 4
+    blind_radius: float = 0.35
+    hope: float = 0.6
+    max_misses: int = 6
     speed: float = 0.2
     turn_rate: float = 0.5
     look_time: float = 2.0
@@ -135,14 +137,17 @@ class Exploration:
         """What is known of the ground; what nobody has seen and may be drivable is worth a look until given up."""
         grid = surface.grid
         target = np.isnan(measured) & (surface.to_hazard >= self.config.wall_margin)
-        blind_from = np.zeros((*grid.shape, 2), np.float32)
-        blind_radius = np.zeros(grid.shape, np.float32)
+        hope = np.ones(grid.shape, np.float32)
+        missed_from = np.full((*grid.shape, 2), np.inf, np.float32)
         for cell, miss in self._misses.items():
             i, j = grid.cell_of(cell)
             target[i, j] &= miss.count < self.config.max_misses
-            blind_from[i, j] = miss.position
-            blind_radius[i, j] = miss.count * self.config.blind_radius
-        return kernels.Ground(grid.origin, grid.cell, surface.elevation, target, blind_from, blind_radius)
+            hope[i, j] = self.config.hope**miss.count
+            missed_from[i, j] = miss.position
+        blind_radius = self.config.blind_radius
+        return kernels.Ground(
+            grid.origin, grid.cell, surface.elevation, target, hope, missed_from, blind_radius
+        )
 
     @property
     def _sight(self) -> kernels.Sight:

@@ -25,16 +25,18 @@ class Ground(NamedTuple):
         cell: side of a cell, m.
         elevation: float32 m, NaN where unknown.
         target: bool, unseen ground that counts.
-        blind_from: (nx, ny, 2) float32, from where the last look for a cell was in vain, m.
-        blind_radius: float32, from how far around it the cell does not count, m.
+        hope: float32, how likely a look shows a target at all: it counts for so much.
+        missed_from: (nx, ny, 2) float32, from where the last look for a target was in vain, m.
+        blind_radius: around it the target does not count, m.
     """
 
     origin: NDArray[np.float64]
     cell: float
     elevation: NDArray[np.float32]
     target: NDArray[np.bool_]
-    blind_from: NDArray[np.float32]
-    blind_radius: NDArray[np.float32]
+    hope: NDArray[np.float32]
+    missed_from: NDArray[np.float32]
+    blind_radius: float
 
 
 @njit(cache=True)
@@ -44,8 +46,8 @@ def cast_ray(x, y, bearing, sight, ground, seen):
     The ray runs over the known ground; a cell is hidden where something before it rises higher in the view. Unknown
     ground is believed to go on at the last known height.
 
-    Returns the summed distances of the target cells in view (times the step and the angle between rays that is their
-    area) and their number; their flat indices go to ``seen``.
+    Returns the summed distances of the target cells in view, weighed by hope, and their number; times the step and the
+    angle between rays the sum is an area. Their flat indices go to ``seen``.
     """
     nx, ny = ground.elevation.shape
     origin, cell = ground.origin, ground.cell
@@ -73,7 +75,7 @@ def cast_ray(x, y, bearing, sight, ground, seen):
             continue
         horizon = max(horizon, slope)
         if r >= sight.near and ground.target[i, j] and not is_blind(x, y, i, j, ground):
-            total += r
+            total += r * ground.hope[i, j]
             seen[count] = i * ny + j
             count += 1
     return total, count
@@ -81,9 +83,9 @@ def cast_ray(x, y, bearing, sight, ground, seen):
 
 @njit(cache=True)
 def is_blind(x, y, i, j, ground):
-    """Whether earlier looks proved that cell (i, j) cannot be seen from (x, y)."""
-    ex, ey = x - ground.blind_from[i, j, 0], y - ground.blind_from[i, j, 1]
-    return ex * ex + ey * ey < ground.blind_radius[i, j] ** 2
+    """Whether an earlier look from near (x, y) did not show cell (i, j)."""
+    ex, ey = x - ground.missed_from[i, j, 0], y - ground.missed_from[i, j, 1]
+    return ex * ex + ey * ey < ground.blind_radius**2
 
 
 @njit(cache=True)

@@ -12,7 +12,13 @@ from sarsim.victim_mjcf import geom, quaternion
 PANEL = 0.02
 """m thickness of boards and panels."""
 MAX_SLOPE = np.radians(28)
-"""How steeply a board of the rubble leans, if there is room."""
+"""How steeply a board of the rubble leans."""
+WALL, HOLE = 1.2, (0.28, 0.24)
+"""m: the least size of a wall panel, and half sizes of its hole."""
+GAP, RIM = 0.03, 0.05
+"""m between a person and what surrounds it, and between a hole and the panel's edge."""
+MAX_DEPTH = 0.6
+"""m; what of a person is further out sticks out of the box."""
 WOOD = (0.62, 0.48, 0.33)
 CONCRETE = (0.55, 0.54, 0.52)
 
@@ -41,19 +47,22 @@ def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> 
     cover = Cover([], np.empty((0, 3)))
     low, high = person.min(axis=0), person.max(axis=0)
     for n in range(rng.integers(3, 5)):
-        middle = np.array([low[0] + (high[0] - low[0]) * rng.uniform(0.08, 0.5), (low[1] + high[1]) / 2])
-        yaw = rng.choice([-1, 1]) * np.pi / 2 + rng.uniform(-0.5, 0.5)
-        board = _board(f"{name}_board_{n}", middle, yaw, rng, np.concatenate([person, cover.points]))
-        cover = _joined(cover, board)
+        for _ in range(10):
+            middle = np.array([low[0] + (high[0] - low[0]) * rng.uniform(0.08, 0.5), (low[1] + high[1]) / 2])
+            yaw = rng.choice([-1, 1]) * np.pi / 2 + rng.uniform(-0.5, 0.5)
+            board = _board(f"{name}_board_{n}", middle, yaw, rng, np.concatenate([person, cover.points]))
+            if board is not None:
+                cover = joined([cover, board])
+                break
     for n in range(rng.integers(3, 6)):
-        cover = _joined(cover, _block(f"{name}_block_{n}", person, cover.points, rng))
+        cover = joined([cover, _block(f"{name}_block_{n}", person, cover.points, rng)])
     return cover
 
 
 def box(name: str, person: NDArray[np.float64]) -> Cover:
     """A box around a person that is open towards +x; legs may stick out of it."""
-    low, high = person.min(axis=0) - 0.03, person.max(axis=0) + 0.03
-    high[0], low[2] = min(high[0], low[0] + 0.6), PANEL / 2
+    low, high = person.min(axis=0) - GAP, person.max(axis=0) + GAP
+    high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL / 2
     middle, half = (low + high) / 2, (high - low) / 2
     cover = Cover([], np.empty((0, 3)))
     for side, axis, sign in (
@@ -66,21 +75,22 @@ def box(name: str, person: NDArray[np.float64]) -> Cover:
         centre, size = middle.copy(), half.copy()
         centre[axis] += sign * (half[axis] + PANEL / 2)
         size[axis] = PANEL / 2
-        cover = _joined(cover, _block_of(f"{name}_{side}", Label.CLUTTER, centre, size, np.eye(3), WOOD))
+        cover = joined([cover, _block_of(f"{name}_{side}", Label.CLUTTER, centre, size, np.eye(3), WOOD)])
     return cover
 
 
 def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.float64]) -> Cover:
-    """A wall panel 1.2 m high before a person and as wide, with a hole before head and chest."""
-    left, right = max(0.6, person[:, 1].max() + 0.05), min(-0.6, person[:, 1].min() - 0.05)
-    x = person[:, 0].max() + 0.03 + PANEL
-    wide, high = 0.28, 0.24  # half sizes
-    y = float(np.clip(chin[1], right + wide + 0.05, left - wide - 0.05))
-    z = float(np.clip(chin[2], high, 1.2 - high - 0.05))
+    """A wall panel before a person, 1.2 m high and wide or wider,, with a hole before head and chest."""
+    left = max(WALL / 2, person[:, 1].max() + RIM)
+    right = min(-WALL / 2, person[:, 1].min() - RIM)
+    x = person[:, 0].max() + GAP + PANEL
+    wide, high = HOLE
+    y = float(np.clip(chin[1], right + wide + RIM, left - wide - RIM))
+    z = float(np.clip(chin[2], high, WALL - high - RIM))
     pieces = {
-        "left": ((y + wide, left), (0, 1.2)),
-        "right": ((right, y - wide), (0, 1.2)),
-        "above": ((y - wide, y + wide), (z + high, 1.2)),
+        "left": ((y + wide, left), (0, WALL)),
+        "right": ((right, y - wide), (0, WALL)),
+        "above": ((y - wide, y + wide), (z + high, WALL)),
         "below": ((y - wide, y + wide), (0, z - high)),
     }
     cover = Cover([], np.empty((0, 3)))
@@ -88,7 +98,7 @@ def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.floa
         if up[1] - up[0] > 0.01:
             centre = np.array([x, sum(across) / 2, sum(up) / 2])
             size = np.array([PANEL, (across[1] - across[0]) / 2, (up[1] - up[0]) / 2])
-            cover = _joined(cover, _block_of(f"{name}_{piece}", Label.WALL, centre, size, np.eye(3), WOOD))
+            cover = joined([cover, _block_of(f"{name}_{piece}", Label.WALL, centre, size, np.eye(3), WOOD)])
     return cover
 
 
@@ -105,14 +115,13 @@ def joined(covers: list[Cover]) -> Cover:
     )
 
 
-def _joined(first: Cover, second: Cover) -> Cover:
-    return joined([first, second])
-
-
 def _board(
     name: str, middle: NDArray[np.float64], yaw: float, rng: np.random.Generator, under: NDArray[np.float64]
-) -> Cover:
-    """A board over ``middle`` with one end on the floor that rests on the highest of the places ``under`` it."""
+) -> Cover | None:
+    """A board over ``middle`` with one end on the floor that rests on the highest of the places ``under`` it.
+
+    None if it would lean too steeply.
+    """
     length, width = rng.uniform(0.8, 1.2), rng.uniform(0.12, 0.26)
     along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
     t = (under[:, :2] - middle) @ across
@@ -126,6 +135,8 @@ def _board(
         )
         if slope < MAX_SLOPE:
             break
+    else:
+        return None
     x = np.array([*(along * np.cos(slope)), np.sin(slope)])
     rotation = np.stack([x, [*across, 0], np.cross(x, [*across, 0])], axis=1)
     foot = np.array([*(middle - along * reach), 0])

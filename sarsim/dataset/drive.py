@@ -1,6 +1,7 @@
 """Drives through an arena: where the robot is, leaning as the ground under its wheels makes it, at each look."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import cast
 
 import numpy as np
@@ -131,7 +132,7 @@ class Drive:
         """(K, 3) x, y, yaw a period apart: to another place, and a turn there."""
         path = self._path(visited)
         parts, yaw = [self._at[None]], float(self._at[2])
-        for a, b in zip(path[:-1], path[1:], strict=True):
+        for a, b in pairwise(path):
             heading = float(np.arctan2(*(b - a)[::-1]))
             parts += [self._turn(a, yaw, heading), self._straight(a, b, heading)]
             yaw = heading
@@ -180,10 +181,11 @@ class DeadReckoning:
         self._T_world_odom = np.eye(4)
 
     def update(self, T_world_base: NDArray[np.float64]) -> NDArray[np.float64]:
-        """4×4 pose that the robot believes to have in the world after a move; it knows the first one's place and yaw."""
+        """4×4 pose in the world that the robot believes to have after a move; where it begins it knows."""
         R, gyro = T_world_base[:3, :3], np.zeros(3)
         if self._last is None:
-            self._T_world_odom = from_yaw(*T_world_base[:3, 3], yaw_of(T_world_base))
+            x, y, z = T_world_base[:3, 3]
+            self._T_world_odom = from_yaw(x, y, z, yaw_of(T_world_base))
         else:
             move = inverse(self._last) @ T_world_base
             self._angle += move[0, 3] / self._odometry.config.wheel_radius

@@ -23,7 +23,7 @@ class Ground(NamedTuple):
     Attributes:
         planes: (M, 4) (n, d), n·p ≤ d inside.
         first: (N + 1,) where the planes of each body begin.
-        start, count: (nx, ny) the part of ``bodies`` that lies over each cell.
+        start, number: (nx, ny) the part of ``bodies`` that lies over each cell.
         bodies: (K,) indices of bodies.
         origin: (2,) m, corner of cell [0, 0].
         cell: m.
@@ -32,7 +32,7 @@ class Ground(NamedTuple):
     planes: NDArray[np.float64]
     first: NDArray[np.int64]
     start: NDArray[np.int64]
-    count: NDArray[np.int64]
+    number: NDArray[np.int64]
     bodies: NDArray[np.int64]
     origin: NDArray[np.float64]
     cell: float
@@ -63,7 +63,7 @@ def ground_height(ground, x, y, below):
     highest = -np.inf
     if not (0 <= i < ground.start.shape[0] and 0 <= j < ground.start.shape[1]):
         return highest
-    for k in range(ground.start[i, j], ground.start[i, j] + ground.count[i, j]):
+    for k in range(ground.start[i, j], ground.start[i, j] + ground.number[i, j]):
         n = ground.bodies[k]
         top = _top(ground.planes[ground.first[n] : ground.first[n + 1]], x, y)
         if highest < top <= below:
@@ -101,7 +101,7 @@ def axle_height(ground, x, y, c, s, radius, below):
 
 @njit(cache=True)
 def attitude(yaw, climb, rise):
-    """(3, 3) rotation of a body that looks along ``yaw`` on a plane of slope ``climb`` forwards and ``rise`` leftwards."""
+    """(3, 3) rotation of a body that looks along ``yaw`` on slopes of ``climb`` forwards and ``rise`` leftwards."""
     c, s = np.cos(yaw), np.sin(yaw)
     x = np.array([c, s, climb]) / np.sqrt(1 + climb * climb)
     z = np.array([-climb * c + rise * s, -climb * s - rise * c, 1.0])
@@ -135,11 +135,18 @@ def stand(ground, x, y, yaw, below, axles, radius, centre_of_mass):
         R = attitude(yaw, climb, rise)
         for w in range(4):
             centre = R @ axles[w]
-            bearing = axle_height(ground, x + centre[0], y + centre[1], np.cos(yaw), np.sin(yaw), radius, below)
+            bearing = axle_height(
+                ground, x + centre[0], y + centre[1], np.cos(yaw), np.sin(yaw), radius, below
+            )
             gap[w] = bearing - z - centre[2]
         if not np.isfinite(gap).all():
             return np.nan, np.nan, np.nan
-        _lift(gap, axles, centre_of_mass[0] - centre_of_mass[2] * climb, centre_of_mass[1] - centre_of_mass[2] * rise)
+        _lift(
+            gap,
+            axles,
+            centre_of_mass[0] - centre_of_mass[2] * climb,
+            centre_of_mass[1] - centre_of_mass[2] * rise,
+        )
         z += gap.mean()
         climb += (gap[0] + gap[1] - gap[2] - gap[3]) / (4 * half_length)
         rise += (gap[0] + gap[2] - gap[1] - gap[3]) / (4 * half_width)

@@ -80,7 +80,8 @@ class SensorRange:
     def draw(self, rng: np.random.Generator) -> Xtion:
         """One of these sensors."""
         noisy = Xtion(
-            lateral_sigma=round(rng.uniform(*self.lateral_sigma), 3), dropout=round(rng.uniform(*self.dropout), 4)
+            lateral_sigma=round(rng.uniform(*self.lateral_sigma), 3),
+            dropout=round(rng.uniform(*self.dropout), 4),
         )
         return Xtion.ideal() if rng.random() < self.ideal else noisy
 
@@ -133,4 +134,3 @@ class SceneRecipe:
     def as_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
         return asdict(self) | {"lighting": self.lighting.name}
-

@@ -33,7 +33,7 @@ _ATTEMPTS = 10
 
 def render_scene(
     recipe: Recipe, index: int, path: Path, on_frame: Callable[[], object] = lambda: None
-) -> NDArray[np.int64]:
+) -> tuple[SceneRecipe, NDArray[np.int64]]:
     """Write scene ``index`` of a dataset to a file; the bytes depend on the recipe and the index alone.
 
     Args:
@@ -43,7 +43,7 @@ def render_scene(
         on_frame: called after every frame.
 
     Returns:
-        (8,) depth returns by label.
+        What the scene is made of, and (8,) depth returns by label.
 
     Raises:
         InputError: the arena cannot be had, or the robot cannot drive in it.
@@ -57,7 +57,7 @@ def render_scene(
             for i, station in enumerate(stations):
                 writer.write(i, world.look(station, noise))
                 on_frame()
-        return writer.label_points
+    return scene, writer.label_points
 
 
 def draw_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, RescueArena]:

@@ -1,5 +1,6 @@
 """One scene of a dataset as an HDF5 file; docs/dataset.md describes the format."""
 
+import io
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,12 +24,14 @@ MILLIMETRE = np.float32(0.001)
 NO_BOX = -1
 
 _IMAGES = {
-    "rgb": ((3,), np.uint8, {"compression": "lzf"}),
-    "depth": ((), np.uint16, {"compression": "lzf", "shuffle": True}),
-    "label": ((), np.uint8, {"compression": "lzf"}),
-    "instance": ((), np.int16, {"compression": "lzf", "shuffle": True}),
+    "rgb": ((3,), np.uint8),
+    "depth": ((), np.uint16),
+    "label": ((), np.uint8),
+    "instance": ((), np.int16),
 }
-"""By name: what a pixel is, its type, and the filters that are fast and small enough for it."""
+"""By name: what a pixel is, and its type."""
+_FILTERS = {"compression": "gzip", "compression_opts": 1}
+"""HDF5's other fast filter, LZF, makes other bytes of the same data each time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +91,65 @@ class SceneFrame:
     victim_area: NDArray[np.int32]
 
 
+class FileSink(io.RawIOBase):
+    """A file for HDF5 to write to, which keeps what went wrong.
+
+    Where a disk is full, HDF5 itself drops data without a word when it empties its cache.
+    """
+
+    def __init__(self, path: Path):
+        self._file = path.open("w+b", buffering=0)
+        self._error: OSError | None = None
+
+    def check(self) -> None:
+        """Raise the first error of a write."""
+        if self._error is not None:
+            raise self._error
+
+    def write(self, data: Any) -> int:
+        """All of it, or none after an error."""
+        view = memoryview(data).cast("B")
+        written = 0
+        try:
+            while self._error is None and written < len(view):
+                written += self._file.write(view[written:])
+        except OSError as error:
+            self._error = error
+        return len(view)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        """Cut off or extend with zeros."""
+        try:
+            return self._file.truncate(size)
+        except OSError as error:
+            self._error = self._error or error
+            return 0
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """As of a file."""
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """As of a file."""
+        return self._file.tell()
+
+    def readinto(self, buffer: Any) -> int:
+        """As of a file."""
+        return self._file.readinto(buffer) or 0
+
+    def close(self) -> None:
+        """As of a file."""
+        self._file.close()
+        super().close()
+
+
 class SceneWriter:
     """Writes a scene's file, frame by frame; the same frames make the same bytes."""
 
     def __init__(self, path: Path, frames: int, content: SceneContent):
-        self._file = h5py.File(path, "w", libver="v110")
+        """OSError here or later where the file cannot be written."""
+        self._sink = FileSink(path)
+        self._file = h5py.File(self._sink, "w", libver="v110")
         self._label_points = np.zeros(len(Label), np.int64)
         self._millimetres = np.empty((content.intrinsics.height, content.intrinsics.width), np.uint16)
         self._file.attrs["format"] = FORMAT
@@ -100,12 +157,13 @@ class SceneWriter:
         self._file.attrs["settings"] = json.dumps(content.settings)
         k = content.intrinsics
         self._dataset("intrinsics", np.array([k.fx, k.fy, k.cx, k.cy]))
-        self._dataset("mjcf", np.frombuffer(content.mjcf.encode(), np.uint8), compression="gzip")
+        self._dataset("mjcf", np.frombuffer(content.mjcf.encode(), np.uint8), **_FILTERS)
         self._geoms(content)
         self._victims(content, frames)
-        for name, (pixel, dtype, filters) in _IMAGES.items():
+        for name, (pixel, dtype) in _IMAGES.items():
             shape = (k.height, k.width, *pixel)
-            self._empty(name, (frames, *shape), dtype, chunks=(1, *shape), **filters)
+            shuffle = np.dtype(dtype).itemsize > 1
+            self._empty(name, (frames, *shape), dtype, chunks=(1, *shape), shuffle=shuffle, **_FILTERS)
         for name in ("pose_true", "pose_odom", "T_base_camera"):
             self._empty(name, (frames, 4, 4), np.float64)
         self._empty("time", (frames,), np.float64)
@@ -117,6 +175,7 @@ class SceneWriter:
 
     def write(self, index: int, frame: SceneFrame) -> None:
         """Add one frame."""
+        self._sink.check()
         file = self._file
         file["rgb"][index] = frame.rgb
         image_kernels.to_millimetres(frame.depth, frame.label, self._millimetres, self._label_points)
@@ -132,6 +191,8 @@ class SceneWriter:
     def close(self) -> None:
         """Write what is left; nothing more can be added."""
         self._file.close()
+        self._sink.close()
+        self._sink.check()
 
     def __enter__(self) -> Self:
         return self
@@ -204,7 +265,7 @@ class Scene:
         self.intrinsics = Intrinsics(width, height, fx, fy, cx, cy)
         self.pose_true, self.pose_odom = file["pose_true"][:], file["pose_odom"][:]
         self.T_base_camera, self.time = file["T_base_camera"][:], file["time"][:]
-        for name, (pixel, _, _) in _IMAGES.items():
+        for name, (pixel, _) in _IMAGES.items():
             if file[name].shape != (frames, height, width, *pixel):
                 raise InputError(f"{self.path}: broken: {name} has the shape {file[name].shape}")
 

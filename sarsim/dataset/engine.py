@@ -1,0 +1,59 @@
+"""What an engine is: something that makes the scenes of a dataset, each as if it were alone."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from sarsim.dataset.folder_lock import FolderLock
+from sarsim.dataset.manifest import SceneEntry
+from sarsim.dataset.recipe import Recipe
+
+ATTEMPTS = 3
+"""How often a scene is begun whose workers die."""
+
+
+@dataclass(frozen=True)
+class FrameDone:
+    """A frame of a scene is made."""
+
+    index: int
+    """of the scene."""
+
+
+@dataclass(frozen=True)
+class SceneDone:
+    """A scene's file is whole."""
+
+    entry: SceneEntry
+
+
+@dataclass(frozen=True)
+class SceneLost:
+    """A worker died over a scene, which begins again."""
+
+    index: int
+    """of the scene."""
+
+
+Event = FrameDone | SceneDone | SceneLost
+
+
+class Engine(Protocol):
+    """Makes scenes."""
+
+    def render(
+        self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock
+    ) -> Iterator[Event]:
+        """Make scenes, in any order, and put their files into a dataset's folder; closing the iterator stops it all.
+
+        Args:
+            recipe: of the dataset.
+            indices: of the scenes.
+            folder: of the dataset.
+            lock: to be held by every process that writes there.
+
+        Raises:
+            InputError: a scene cannot be made or written.
+        """
+        ...

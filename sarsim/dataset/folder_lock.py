@@ -1,0 +1,57 @@
+"""One generator at a time in a folder."""
+
+import fcntl
+import os
+import time
+from collections.abc import Callable
+from multiprocessing import reduction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from pipeline.errors import InputError
+
+PATIENCE = 10.0
+"""s to wait for the workers of a generator that was killed; they end by themselves."""
+
+
+class FolderLock:
+    """Held by this process and by every process that it is sent to, until the last of them has ended."""
+
+    def __init__(self, descriptor: int):
+        self._descriptor = descriptor
+
+    @classmethod
+    def take(cls, folder: Path) -> Self:
+        """Wait until nobody else holds it.
+
+        Raises:
+            InputError: somebody does and goes on doing so.
+        """
+        descriptor = os.open(folder, os.O_RDONLY)
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return cls(descriptor)
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    os.close(descriptor)
+                    raise InputError(f"{folder}: another process is generating here") from None
+                time.sleep(0.05)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._descriptor)
+
+    def __reduce__(self) -> tuple[Callable[..., "FolderLock"], tuple[Any]]:
+        # A duplicate of the descriptor is the same lock.
+        return _received, (reduction.DupFd(self._descriptor),)
+
+
+def _received(duplicate: Any) -> FolderLock:
+    return FolderLock(duplicate.detach())

@@ -1,0 +1,91 @@
+"""Makes a dataset, or what is still missing of it."""
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from pipeline.errors import InputError
+from sarsim.dataset.engine import Engine, FrameDone, SceneDone, SceneLost
+from sarsim.dataset.folder_lock import FolderLock
+from sarsim.dataset.manifest import FILE, SCENES, Manifest, sha256_of
+from sarsim.dataset.recipe import Recipe
+
+_log = logging.getLogger(__name__)
+
+
+def generate(
+    recipe: Recipe,
+    scenes: int,
+    folder: Path,
+    engine: Engine,
+    on_frames: Callable[[int], object] = lambda count: None,
+) -> Manifest:
+    """Make the first ``scenes`` scenes of a recipe; those that are already whole are kept.
+
+    Args:
+        recipe: decides every byte of the scenes.
+        scenes: how many the folder shall hold at least.
+        folder: gets dataset.json and the scenes' files.
+        engine: makes the scenes.
+        on_frames: called with the number of frames that are made, often.
+
+    Returns:
+        What the folder holds now.
+
+    Raises:
+        InputError: the recipe cannot be followed, the folder cannot be written, or it holds something else.
+    """
+    with _folder(folder) as lock:
+        manifest = _begun(recipe, folder)
+        manifest.write(folder)
+        made = dict.fromkeys(manifest.scenes, recipe.frames)
+        on_frames(sum(made.values()))
+        for event in engine.render(recipe, [k for k in range(scenes) if k not in made], folder, lock):
+            if isinstance(event, FrameDone):
+                made[event.index] = made.get(event.index, 0) + 1
+            elif isinstance(event, SceneLost):
+                _log.warning("scene %d: its worker died; it begins again", event.index)
+                made[event.index] = 0
+            elif isinstance(event, SceneDone):
+                manifest.scenes[event.entry.index] = event.entry
+                manifest.write(folder)
+            on_frames(sum(made.values()))
+        return manifest
+
+
+@contextmanager
+def _folder(folder: Path) -> Iterator[FolderLock]:
+    """Have the folder to oneself, and leave no half-written files in it."""
+    try:
+        (folder / SCENES).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: {error.strerror or error}") from error
+    with FolderLock.take(folder) as lock:
+        try:
+            yield lock
+        finally:
+            for partial in (folder / SCENES).glob("*.part"):
+                with suppress(OSError):
+                    partial.unlink()
+
+
+def _begun(recipe: Recipe, folder: Path) -> Manifest:
+    """The dataset as far as it is whole.
+
+    Raises:
+        InputError: the folder holds another dataset, or something else.
+    """
+    new = Manifest.new(recipe)
+    if not (folder / FILE).exists():
+        if strangers := sorted(p.name for p in folder.iterdir() if p.name != SCENES):
+            raise InputError(f"{folder}: not empty and no dataset: it holds {strangers[0]}")
+        return new
+    manifest = Manifest.read(folder)
+    manifest.check_same(new, folder)
+    for index, entry in list(manifest.scenes.items()):
+        path = folder / entry.file
+        if not path.is_file() or sha256_of(path) != entry.sha256:
+            _log.warning("%s: missing or changed; it is made again", path)
+            del manifest.scenes[index]
+    return manifest

@@ -1,0 +1,167 @@
+"""Workers on this machine, each a process with an OpenGL context of its own."""
+
+import multiprocessing
+import os
+import signal
+import threading
+import traceback
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+
+from pipeline.errors import InputError
+from sarsim.dataset.engine import ATTEMPTS, Event, FrameDone, SceneDone, SceneLost
+from sarsim.dataset.folder_lock import FolderLock
+from sarsim.dataset.recipe import Recipe
+from sarsim.dataset.scene_job import ONE_THREAD, make_scene
+
+
+class LocalEngine:
+    """Makes scenes in worker processes; one that dies is replaced."""
+
+    def __init__(self, workers: int):
+        self._count = workers
+
+    def render(
+        self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock
+    ) -> Iterator[Event]:
+        """See :class:`sarsim.dataset.engine.Engine`."""
+        todo, deaths = deque(indices), Counter[int]()
+        workers: list[Worker] = []
+        try:
+            while todo or workers:
+                while todo and len(workers) < self._count:
+                    workers.append(Worker(recipe, folder, lock))
+                    workers[-1].begin(todo.popleft())
+                for worker in wait_for(workers):
+                    event = worker.event()
+                    if isinstance(event, SceneLost):
+                        deaths[event.index] += 1
+                        _check(deaths[event.index], worker)
+                        todo.appendleft(event.index)
+                    if isinstance(event, SceneDone) and todo:
+                        worker.begin(todo.popleft())
+                    elif not isinstance(event, FrameDone):
+                        worker.end()
+                        workers.remove(worker)
+                    yield event
+        finally:
+            for worker in workers:
+                worker.end()
+
+
+class Worker:
+    """A process that makes one scene after the other.
+
+    Attributes:
+        index: of the scene that it makes.
+    """
+
+    def __init__(self, recipe: Recipe, folder: Path, lock: FolderLock):
+        """Start it."""
+        context = multiprocessing.get_context("spawn")
+        self.index = -1
+        self.connection, theirs = context.Pipe()
+        their_lifeline, self._lifeline = context.Pipe(duplex=False)
+        self._process = context.Process(
+            target=_serve, args=(theirs, their_lifeline, lock, recipe, folder), daemon=True
+        )
+        with _environment(ONE_THREAD), _ignored_interrupts():
+            self._process.start()
+        theirs.close()
+        their_lifeline.close()
+
+    def begin(self, index: int) -> None:
+        """Let it make a scene."""
+        self.index = index
+        with suppress(OSError):  # the next event tells that it is dead
+            self.connection.send(index)
+
+    def event(self) -> Event:
+        """What it has to tell.
+
+        Raises:
+            InputError: the scene cannot be made or written.
+        """
+        try:
+            message = self.connection.recv()
+        except (EOFError, OSError):
+            return SceneLost(self.index)
+        if isinstance(message, Exception):
+            raise message
+        return message
+
+    def end(self) -> int | None:
+        """Stop it; return its exit code, negative for a signal."""
+        self._process.join(0.1)
+        self._process.kill()
+        self._process.join()
+        self.connection.close()
+        self._lifeline.close()
+        return self._process.exitcode
+
+
+def wait_for(workers: Sequence[Worker]) -> list[Worker]:
+    """Those that have something to tell, of which there is at least one."""
+    ready = wait([worker.connection for worker in workers])
+    return [worker for worker in workers if worker.connection in ready]
+
+
+def _check(deaths: int, worker: Worker) -> None:
+    if deaths >= ATTEMPTS:
+        raise InputError(
+            f"scene {worker.index}: {deaths} workers died over it, the last one with exit code {worker.end()}"
+        )
+
+
+def _serve(
+    connection: Connection, lifeline: Connection, lock: FolderLock, recipe: Recipe, folder: Path
+) -> None:
+    """What a worker process does; ``lock`` is held as long as it lives."""
+    threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
+    while True:
+        index = connection.recv()
+        try:
+            entry = make_scene(recipe, index, folder, lambda: connection.send(FrameDone(index)))  # noqa: B023
+            connection.send(SceneDone(entry))
+        except InputError as error:
+            connection.send(error)
+        except Exception:
+            connection.send(RuntimeError(f"scene {index}: {traceback.format_exc()}"))
+
+
+def _end_with_parent(lifeline: Connection) -> None:
+    """The other end closes when the parent dies, however it does."""
+    with suppress(EOFError, OSError):
+        lifeline.recv()
+    os._exit(1)
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    """Set variables that a process started meanwhile inherits."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _ignored_interrupts() -> Iterator[None]:
+    """A process started meanwhile leaves Ctrl-C to this one."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)

@@ -1,0 +1,148 @@
+"""``dataset.json``: what a dataset holds, and the checksums by which its files are known to be whole."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Self
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from pipeline.labels import COLOURS, Label
+from sarsim.dataset.recipe import Recipe
+
+FILE = "dataset.json"
+SCENES = "scenes"
+FORMAT = "sarsim-dataset"
+VERSION = 1
+SPLITS = ("train", "val", "test")
+_HELD_OUT = {4: "val", 9: "test"}
+"""By the last digit of a scene's index, so that a dataset may grow without a scene changing sides."""
+
+
+@dataclass(frozen=True)
+class SceneEntry:
+    """One scene of a dataset.
+
+    Attributes:
+        index: of the scene.
+        file: its path in the dataset's folder.
+        split: train, val or test.
+        sha256: of the file.
+        frames: looks.
+        arena: name or path.
+        lighting: normal, dim or dark.
+        points: depth returns by the name of their label.
+    """
+
+    index: int
+    file: str
+    split: str
+    sha256: str
+    frames: int
+    arena: str
+    lighting: str
+    points: dict[str, int]
+
+
+@dataclass
+class Manifest:
+    """What is in ``dataset.json``.
+
+    Attributes:
+        recipe: what decides every byte of the scenes, as JSON has it.
+        scenes: that are whole, by index.
+        generator: program and version that made them.
+    """
+
+    recipe: dict[str, Any]
+    scenes: dict[int, SceneEntry]
+    generator: str
+
+    @classmethod
+    def new(cls, recipe: Recipe) -> Self:
+        """Of a dataset that has no scenes yet."""
+        return cls(json.loads(json.dumps(asdict(recipe))), {}, f"sarsim {version('sarsim')}")
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Of a dataset's folder.
+
+        Raises:
+            InputError: it holds no dataset of this version.
+        """
+        path = folder / FILE
+        try:
+            content = json.loads(path.read_text())
+        except FileNotFoundError as error:
+            raise InputError(f"{folder}: not a dataset, it has no {FILE}") from error
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}") from error
+        except ValueError as error:
+            raise InputError(f"{path}: broken: not JSON") from error
+        if not isinstance(content, dict) or content.get("format") != FORMAT:
+            raise InputError(f"{path}: not the {FILE} of a dataset")
+        if content.get("version") != VERSION:
+            raise InputError(
+                f"{path}: format version {content.get('version')}; this program reads version {VERSION}"
+            )
+        try:
+            entries = [SceneEntry(**entry) for entry in content["scenes"]]
+            return cls(content["recipe"], {entry.index: entry for entry in entries}, content["generator"])
+        except (KeyError, TypeError) as error:
+            raise InputError(f"{path}: broken: {error}") from error
+
+    def write(self, folder: Path) -> None:
+        """Replace the file.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        content = {
+            "format": FORMAT,
+            "version": VERSION,
+            "generator": self.generator,
+            "recipe": self.recipe,
+            "sensor": {"name": "ASUS Xtion PRO LIVE", "depth_unit_m": 0.001},
+            "labels": [
+                {"id": int(label), "name": label.name.lower(), "colour": COLOURS[label].tolist()}
+                for label in Label
+            ],
+            "scenes": [asdict(self.scenes[index]) for index in sorted(self.scenes)],
+        }
+        with whole_file(folder / FILE) as partial:
+            partial.write_text(json.dumps(content, indent=1) + "\n")
+
+    def check_same(self, other: "Manifest", folder: Path) -> None:
+        """Raises InputError if the other one's scenes would not be the same."""
+        if self.generator != other.generator:
+            raise InputError(
+                f"{folder}: made by {self.generator}, this is {other.generator}: choose another folder"
+            )
+        for name in other.recipe:
+            if self.recipe.get(name) != other.recipe[name]:
+                raise InputError(
+                    f"{folder}: holds a dataset with {name} {_short(self.recipe.get(name))}, not"
+                    f" {_short(other.recipe[name])}: choose another folder"
+                )
+
+
+def scene_path(index: int) -> str:
+    """Path of a scene's file in the dataset's folder."""
+    return f"{SCENES}/{index:05d}.h5"
+
+
+def split_of(index: int) -> str:
+    """train, val or test: eight, one and one of ten scenes."""
+    return _HELD_OUT.get(index % 10, "train")
+
+
+def sha256_of(path: Path) -> str:
+    """Of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _short(value: Any) -> str:
+    return json.dumps(value).replace('"', "")[:200]

@@ -50,9 +50,9 @@ class MetricMapConfig:
     voxel_size: float = 0.1
     max_range: float = 3.5
     offset: tuple[float, float, float] = (-0.25, -0.25, -0.4)
-    hit: int = 20
+    hit: int = 10
     miss: int = 1
-    least: int = -15
+    least: int = -9
     greatest: int = 40
     margin: float = 0.03
     max_bytes: int = 2**31

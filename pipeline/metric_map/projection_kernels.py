@@ -9,13 +9,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pipeline.metric_map.ray_kernels import HIT, walk
+from pipeline.metric_map.ray_kernels import FREE, HIT, walk
 
 BLOCK = 8
 """Voxels along a side of the blocks that are decided together."""
 SIDE = BLOCK + 1
 """Voxel corners along a side of a block."""
 CORNERS = SIDE**3
+SEEN, HIDDEN = np.uint8(1), np.uint8(2)
 TILE = 8
 """Pixels along a side of the tiles of the depth pyramid's finest level."""
 NEAR = 5.0
@@ -164,7 +165,7 @@ def _reach(d, view):
 
 @njit(cache=True)
 def _mark_near(depth, view, marks):
-    """Follow a few rays right before the camera, and those of the picture's corners all the way."""
+    """Follow a few rays right before the camera."""
     height, width = depth.shape
     x, y, z = view.origin
     ax = view.axes
@@ -174,9 +175,7 @@ def _mark_near(depth, view, marks):
         for j in range(NEAR_COLUMNS):
             u = j * (width - 1) // (NEAR_COLUMNS - 1)
             a = (u + 0.5 - view.cx) / view.fx
-            reach = _reach(depth[v, u], view)
-            if 0 < i < NEAR_ROWS - 1 or 0 < j < NEAR_COLUMNS - 1:
-                reach = min(reach, NEAR * view.size)
+            reach = min(_reach(depth[v, u], view), NEAR * view.size)
             if reach > 0:
                 x_stop = x + reach * (ax[0, 0] * a + ax[1, 0] * b + ax[2, 0])
                 y_stop = y + reach * (ax[0, 1] * a + ax[1, 1] * b + ax[2, 1])
@@ -186,11 +185,12 @@ def _mark_near(depth, view, marks):
 
 @njit(cache=True)
 def _mark_free(depth, view, marks, high):
-    """Mark as FREE every voxel that is not a HIT and of which the camera sees a corner before the returns.
+    """Mark as FREE every voxel that is not a HIT, of which the camera sees a corner, and has no corner hidden.
 
-    Where free space ends at a plane (a surface, the edge of the picture or of a shadow), it takes up a part of a
-    voxel only if it holds one of the voxel's corners. So the corners, each shared by eight voxels, decide as well
-    as all the rays through a voxel would.
+    Where free space ends at a plane (a surface, the edge of the picture), it takes up a part of a voxel only if it
+    holds one of the voxel's corners. So the corners, each shared by eight voxels, decide as well as all the rays
+    through a voxel would. A voxel that lies partly in the shadow of something before it stays as it is: rays pass
+    through it, but what gave the shadow may hide a surface in the rest, a ramp's far side behind its top.
     """
     metric = view.axes * (view.size * view.size)  # m per voxel along each camera axis
     offsets = _corner_offsets(metric)
@@ -268,10 +268,10 @@ def _deepest(high, u0, u1, v0, v1):
 
 @njit(cache=True, error_model="numpy")
 def _project_corners(r0, d0, w0, offsets, shape, view, pixel, deep):
-    """Fill the flat pixel and the depth of a block's corners; a corner out of the picture is infinitely deep."""
+    """Fill the flat pixel and the depth of a block's corners; out of the picture the depth is NaN."""
     fx, fy, cx, cy = np.float32(view.fx), np.float32(view.fy), np.float32(view.cx), np.float32(view.cy)
     r0, d0, w0 = np.float32(r0), np.float32(d0), np.float32(w0)
-    zero, one, infinity = np.float32(0), np.float32(1), np.float32(np.inf)
+    zero, one, nowhere = np.float32(0), np.float32(1), np.float32(np.nan)
     right, bottom, row = np.float32(shape[1]), np.float32(shape[0]), np.int32(shape[1])
     rs, ds, ws = offsets[0], offsets[1], offsets[2]
     for n in range(CORNERS):
@@ -283,31 +283,35 @@ def _project_corners(r0, d0, w0, offsets, shape, view, pixel, deep):
         u = u if inside else zero
         v = v if inside else zero
         pixel[n] = np.int32(np.int32(np.int32(v) * row) + np.int32(u))
-        deep[n] = w if inside else infinity
+        deep[n] = w if inside else nowhere
 
 
 @njit(cache=True)
 def _see_corners(depth, view, pixel, deep, reach, seen):
-    """Fill ``seen``: does the ray through a corner's pixel reach the corner?"""
+    """Fill ``seen`` with SEEN for corners that their pixel's ray reaches, HIDDEN if it ends a voxel's side before."""
     # Fetching the depths apart from comparing them lets the comparison run in vectors.
     for n in range(CORNERS):
         reach[n] = depth[np.uint32(pixel[n])]
-    far, margin = np.float32(view.far), np.float32(view.margin)
+    far, margin, size = np.float32(view.far), np.float32(view.margin), np.float32(view.size)
     zero, infinity = np.float32(0), np.float32(np.inf)
     for n in range(CORNERS):
         d = reach[n]
-        stop = (d if d < far else far) - margin
-        seen[n] = (d > zero) & (d < infinity) & (stop > deep[n])
+        returns = (d > zero) & (d < infinity)
+        d = d if d < far else far
+        # Comparisons with NaN fail: a corner out of the picture is neither.
+        is_seen = np.uint8(returns & (d - margin > deep[n]))
+        is_hidden = np.uint8(returns & (d + size < deep[n]))
+        seen[n] = is_seen * SEEN + is_hidden * HIDDEN
 
 
 @njit(cache=True)
 def _mark_block(seen, marks):
-    """Mark the voxels of a block that have a corner seen, unless they are marked already."""
+    """Mark the voxels of a block that have a corner seen and none hidden, unless they are marked already."""
     for stride in (1, SIDE, SIDE * SIDE):
         for n in range(CORNERS):
             seen[n] |= seen[n + stride]
     for i in range(BLOCK):
         for j in range(BLOCK):
             for k in range(BLOCK):
-                mark = marks[i, j, k]
-                marks[i, j, k] = mark if mark != 0 else seen[(i * SIDE + j) * SIDE + k]  # seen is FREE's 1
+                is_free = seen[(i * SIDE + j) * SIDE + k] == SEEN
+                marks[i, j, k] = FREE if is_free & (marks[i, j, k] == 0) else marks[i, j, k]

@@ -1,0 +1,255 @@
+"""The metric map against exact rays and against OctoMap, on the same recorded frames.
+
+All of them use one thread; its processor time is what counts, so that other work on the machine does not.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import track
+
+from pipeline.errors import InputError
+from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
+from sarsim.arenas.load import BUILT_IN
+from sarsim.scoring.voxels import VoxelScore
+from sarsim.scripts.benchmarks.recorded_frames import Recording, record
+from sarsim.scripts.benchmarks.subject import Result, Subject
+
+SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
+SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
+"""m; environments whose frame times are compared."""
+TILE = 8
+"""Frames that fill each 6 m × 4 m of an environment before anything is timed."""
+WARM_UP = 5
+"""Frames that are not counted."""
+ACCURACY_ARENAS = ("nist_6x4", "esogu_52x15")
+
+
+@dataclass(frozen=True)
+class MetricMapBenchmark(Subject):
+    """The metric map against exact rays and OctoMap."""
+
+    frames: int = 160
+    """How many frames of an episode."""
+    seed: int = 0
+    """Of the episode."""
+    slow: bool = True
+    """Also measure OctoMap without ``discretize``, which takes a tenth of a second per frame."""
+
+    def measure(self) -> Result:
+        """Times, memory, accuracy, and times over the size of the environment."""
+        recording = record("nist_6x4", self.seed, self.frames)
+        figures = _speed(recording, self.slow)
+        sizes = _sizes(recording)
+        figures["large_over_small"] = sizes[-1]["over_small"]
+        figures |= _accuracy(recording)
+        if "esogu_52x15" in BUILT_IN:
+            esogu = _accuracy(record("esogu_52x15", self.seed, self.frames))
+            figures |= {f"esogu_52x15.{name}": value for name, value in esogu.items()}
+        return Result(figures, {"sizes": sizes})
+
+
+def _speed(recording: Recording, slow: bool) -> dict[str, float]:
+    """Milliseconds a frame and bytes of each contender, and the ratios."""
+    contenders: dict[str, Callable[[], Contender]] = {
+        "ours": lambda: Projective(0.1),
+        "ours_5cm": lambda: Projective(0.05),
+        "rays": lambda: Rays(0.1),
+        "octomap_discretized": lambda: OctoMap(0.1, discretize=True),
+        "octomap_discretized_5cm": lambda: OctoMap(0.05, discretize=True),
+    }
+    if slow:
+        contenders["octomap"] = lambda: OctoMap(0.1, discretize=False)
+    times, figures = {}, {}
+    for name, make in contenders.items():
+        contender = make()
+        times[name] = _frame_times(contender, recording, recording.xtion, name)
+        figures[f"{name}.frame_ms"] = 1e3 * float(np.median(times[name]))
+        figures[f"{name}.bytes"] = float(contender.nbytes)
+    for name in times:
+        if name.startswith("octomap"):
+            ours = times["ours_5cm" if name.endswith("5cm") else "ours"]
+            figures[f"frame_vs_{name}"] = float(np.median(times[name]) / np.median(ours))
+    figures["reading.frame_ms"] = 1e3 * float(np.median([_timed(depth.max) for depth in recording.xtion]))
+    return figures
+
+
+def _frame_times(
+    contender: "Contender", recording: Recording, depth: NDArray[np.float32], name: str
+) -> NDArray[np.float64]:
+    """Seconds of each frame; the first ones, shown twice, let numba compile or load its kernels."""
+    for n in range(WARM_UP):
+        contender.prepare(recording, depth, n)()
+    return np.array(
+        [
+            _timed(contender.prepare(recording, depth, n))
+            for n in track(range(len(depth)), name, transient=True)
+        ]
+    )
+
+
+def _timed(action: Callable[[], object]) -> float:
+    start = time.thread_time()
+    action()
+    return time.thread_time() - start
+
+
+def _sizes(recording: Recording) -> list[dict[str, Any]]:
+    """Frame times in the middle of environments of several sizes that have been mapped whole before."""
+    maps = [_mapped_environment(recording, size) for size in SIZES]
+    times = np.array([_timed_in_all(maps, recording, n) for n in range(len(recording.xtion))])
+    median = np.median(times, axis=0)
+    ratio = np.median(times / times[:, :1], axis=0)
+    return [
+        {"size_m": size, "frame_ms": 1e3 * float(ms), "over_small": float(over), "bytes": metric_map.nbytes}
+        for size, metric_map, ms, over in zip(SIZES, maps, median, ratio, strict=True)
+    ]
+
+
+def _timed_in_all(maps: list[MetricMap], recording: Recording, n: int) -> list[float]:
+    """Seconds of one frame in each map, in turn, so that whatever else the machine does falls on all alike."""
+    frame = recording.xtion[n], recording.intrinsics, recording.T_map_camera[n]
+    maps[0].integrate(*frame)
+    return [_timed(partial(metric_map.integrate, *frame)) for metric_map in maps]
+
+
+def _mapped_environment(recording: Recording, size: tuple[float, float]) -> MetricMap:
+    """A map of the 6 m × 4 m arena, again and again beside itself."""
+    metric_map = MetricMap()
+    chosen = np.linspace(0, len(recording.xtion) - 1, TILE).astype(int)
+    columns, rows = (int(np.ceil(length / tile)) for length, tile in zip(size, SMALL, strict=True))
+    for i in track(range(columns), f"filling {size[0]:g} m × {size[1]:g} m", transient=True):
+        for j in range(rows):
+            for n in chosen:
+                T = recording.T_map_camera[n].copy()
+                T[:2, 3] += (i - columns // 2) * SMALL[0], (j - rows // 2) * SMALL[1]
+                metric_map.integrate(recording.xtion[n], recording.intrinsics, T)
+    return metric_map
+
+
+def _accuracy(recording: Recording) -> dict[str, float]:
+    """DESIGN's four figures of each map and sensor, and how far the map and exact rays agree."""
+    scored = MetricMap()
+    score = VoxelScore(scored)
+    for n in track(range(len(recording.ideal)), "following noise-free rays", transient=True):
+        score.add(recording.points(recording.ideal, n).astype(np.float32), recording.T_map_camera[n, :3, 3])
+    figures: dict[str, float] = {}
+    for sensor, depth in (("ideal", recording.ideal), ("xtion", recording.xtion)):
+        maps = {}
+        for name, contender in (
+            ("ours", Projective(0.1)),
+            ("rays", Rays(0.1)),
+            ("octomap", OctoMap(0.1, True)),
+        ):
+            for n in track(range(len(depth)), f"{name}, {sensor}", transient=True):
+                contender.prepare(recording, depth, n)()
+            maps[name] = contender.metric_map()
+            _copy(maps[name], scored)
+            figures |= {f"{name}.{sensor}.{key}": value for key, value in score.report().items()}
+        figures[f"agreement_with_rays.{sensor}"] = agreement(maps["ours"], maps["rays"])
+    return figures
+
+
+def _copy(source: MetricMap, target: MetricMap) -> None:
+    """Make the voxels of the target those of the source."""
+    corners = np.array([*source.bounds(), *target.bounds()])
+    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    target.set_log_odds(lower, source.log_odds(lower, upper))
+
+
+def agreement(first: MetricMap, second: MetricMap) -> float:
+    """Share of the voxels known to either map that have the same state in both."""
+    corners = np.array([*first.bounds(), *second.bounds()])
+    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    a, b = np.sign(first.log_odds(lower, upper)), np.sign(second.log_odds(lower, upper))
+    known = (a != 0) | (b != 0)
+    return float((a == b)[known].mean())
+
+
+class Contender:
+    """A way to map."""
+
+    def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
+        """What adds frame ``n`` to the map; everything before is not timed."""
+        raise NotImplementedError
+
+    def metric_map(self) -> MetricMap:
+        """The states of its voxels on the grid of the metric map."""
+        raise NotImplementedError
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of its voxels."""
+        raise NotImplementedError
+
+
+class Projective(Contender):
+    """The metric map from depth images."""
+
+    def __init__(self, voxel_size: float):
+        self._map = MetricMap(MetricMapConfig(voxel_size=voxel_size))
+
+    def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
+        """Hand over the depth image."""
+        return lambda: self._map.integrate(depth[n], recording.intrinsics, recording.T_map_camera[n])
+
+    def metric_map(self) -> MetricMap:
+        """The map itself."""
+        return self._map
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of its voxels."""
+        return self._map.nbytes
+
+
+class Rays(Projective):
+    """The metric map from points, by following every ray."""
+
+    def __init__(self, voxel_size: float):
+        # The range that the images are clipped to is a depth; the rays to it are longer.
+        self._map = MetricMap(MetricMapConfig(voxel_size=voxel_size, max_range=10))
+
+    def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
+        """Hand over the points."""
+        points = recording.points(depth, n)
+        return lambda: self._map.integrate_points(points, recording.T_map_camera[n, :3, 3])
+
+
+class OctoMap(Contender):
+    """OctoMap at its defaults, on a grid laid out like the metric map's."""
+
+    def __init__(self, voxel_size: float, discretize: bool):
+        try:
+            import pyoctomap  # type: ignore[import-untyped]
+        except ImportError as error:
+            raise InputError("benchmark metric-map needs pyoctomap: pip install 'sarsim[dev]'") from error
+        self._tree = pyoctomap.OcTree(voxel_size)
+        self._discretize = discretize
+        self._like = MetricMap(MetricMapConfig(voxel_size=voxel_size))
+
+    def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
+        """Hand over the points, which it takes as a contiguous array."""
+        points = np.ascontiguousarray(recording.points(depth, n) - self._like.corner)
+        origin = recording.T_map_camera[n, :3, 3] - self._like.corner
+        return lambda: self._tree.insertPointCloud(points, origin, -1.0, False, self._discretize)
+
+    def metric_map(self) -> MetricMap:
+        """Its leaves, each as large as it is."""
+        size = self._like.config.voxel_size
+        for leaf in self._tree.begin_leafs():
+            side = round(leaf.getSize() / size)
+            lower = np.rint(np.array(leaf.getCoordinate()) / size - side / 2).astype(np.int64)
+            value = 1 if self._tree.isNodeOccupied(leaf) else -1
+            self._like.set_log_odds(lower, np.full((side, side, side), value, np.int8))
+        return self._like
+
+    @property
+    def nbytes(self) -> int:
+        """What it says of itself."""
+        return self._tree.memoryUsage()

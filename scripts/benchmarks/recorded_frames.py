@@ -1,0 +1,85 @@
+"""Frames of an episode, kept to be shown to one mapper after the other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import Progress
+
+from pipeline.explorer import Explorer
+from pipeline.frame import Intrinsics
+from pipeline.semantic_map.classifier import TruthClassifier
+from sarsim.arenas.load import load_arena
+from sarsim.simulated_robot import Pose, SimulatedRobot, SimulationConfig
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """N frames of an episode.
+
+    Attributes:
+        intrinsics: of all depth images.
+        ideal: (N, H, W) float32 noise-free depth in m, clipped to the sensor's range.
+        xtion: (N, H, W) float32 depth with the Xtion's noise.
+        T_map_camera: (N, 4, 4) true poses of ``camera_optical``.
+    """
+
+    intrinsics: Intrinsics
+    ideal: NDArray[np.float32]
+    xtion: NDArray[np.float32]
+    T_map_camera: NDArray[np.float64]
+
+    def points(self, depth: NDArray[np.float32], n: int) -> NDArray[np.float64]:
+        """(M, 3) the returns of frame ``n`` of a sensor's ``depth``, m in ``map``."""
+        T = self.T_map_camera[n]
+        returns = depth[n] > 0
+        rays = self.intrinsics.rays[returns].astype(np.float64)
+        return rays * depth[n][returns, None] @ T[:3, :3].T + T[:3, 3]
+
+
+def record(arena: str, seed: int, frames: int) -> Recording:
+    """Let the robot explore until nothing is left to look at, and keep frames evenly spaced over the whole way.
+
+    Raises:
+        InputError: the arena cannot be had.
+    """
+    robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
+    explorer = Explorer(robot, TruthClassifier(), seed=seed)
+    album = _Album(robot, frames)
+    robot.on_motion = album.take
+    with Progress(transient=True) as progress:
+        bar = progress.add_task(f"recording in {arena}", total=None)
+        look = explorer.look()
+        while look.plan is not None:
+            explorer.drive(look)
+            progress.update(bar, advance=1)
+            look = explorer.look()
+    robot.close()
+    ideal, xtion, poses = (np.array(column) for column in zip(*album.chosen(), strict=True))
+    return Recording(look.frame.intrinsics, ideal, xtion, poses)
+
+
+class _Album:
+    """Frames at a constant period, which doubles whenever they have become too many."""
+
+    def __init__(self, robot: SimulatedRobot, wanted: int):
+        self._robot, self._wanted = robot, wanted
+        self._period, self._next = 1.0, robot.time
+        self._frames: list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]] = []
+
+    def take(self, pose: Pose) -> None:
+        """Take a frame if it is time to."""
+        if pose.time < self._next:
+            return
+        self._next += self._period
+        depth, truth = self._robot.sense().depth, self._robot.true_look
+        assert truth is not None
+        self._frames.append((truth.image.depth, depth, truth.image.T_world_camera))
+        if len(self._frames) == 2 * self._wanted:
+            del self._frames[1::2]
+            self._period *= 2
+
+    def chosen(self) -> list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]]:
+        """As many frames as wanted, if there are."""
+        places = np.linspace(0, len(self._frames) - 1, min(self._wanted, len(self._frames)))
+        return [self._frames[n] for n in np.rint(places).astype(int)]

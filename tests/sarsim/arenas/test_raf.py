@@ -8,13 +8,13 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from tests.sarsim.arenas.raf_geometry import ELEMENTS, LOOSE, MOUNTS, TILE, WALL, steady, top_of
 
 from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.raf import build_raf
 from sarsim.camera import geom_labels
 from sarsim.victims import victims_of
+from tests.sarsim.arenas.raf_geometry import ELEMENTS, LOOSE, MOUNTS, TILE, WALL, steady, top_of
 
 SHARED = Path(__file__).parents[4] / "shared" / "arenas" / "raf"
 FILES = sorted(SHARED.glob("*.raf"))

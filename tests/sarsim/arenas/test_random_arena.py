@@ -1,0 +1,153 @@
+"""Random arenas: the same again, what they promise, and that a broken promise is noticed."""
+
+import hashlib
+import re
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.labels import Label
+from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.load import load_arena
+from sarsim.arenas.promises import broken_promises
+from sarsim.arenas.random_arena import RandomArenaConfig, build_random
+from sarsim.camera import geom_labels
+from sarsim.scoring.true_surface import true_surface
+from sarsim.victims import make_victim, victims_of
+
+SEEDS = range(8)
+WITHOUT_VICTIMS = {
+    0: "dd80a7ea6cebdca8",
+    1: "3235c6d96712d367",
+    2: "aebeaa3c8618cfae",
+    3: "1051eed2377ab951",
+}
+"""Digests of where everything stands."""
+
+
+def compiled(xml):
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+@pytest.fixture(scope="module")
+def arenas():
+    return {seed: build_random(seed).to_xml() for seed in SEEDS}
+
+
+def test_the_same_seed_gives_the_same_arena(arenas):
+    for seed in SEEDS:
+        assert build_random(seed).to_xml() == arenas[seed]
+    assert len(set(arenas.values())) == len(SEEDS)
+
+
+@pytest.mark.parametrize("seed", sorted(WITHOUT_VICTIMS))
+def test_the_plan_of_a_seed_stays_the_same_on_every_machine(seed):
+    root = build_random(seed, RandomArenaConfig(victims=0)).root
+    poses = [[g.get(k) for k in ("name", "pos", "quat")] for g in root.iterfind("worldbody/geom")]
+    assert hashlib.sha256(repr(poses).encode()).hexdigest()[:16] == WITHOUT_VICTIMS[seed]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_every_promise_is_kept(seed, arenas):
+    assert broken_promises(arenas[seed]) == []
+    model, data = compiled(arenas[seed])
+    assert len(victims_of(model, data)) == 3
+    surface = true_surface(model, data, None, data.site("start").xpos)
+    assert surface.drivable.sum() * 0.05**2 > 10
+
+
+def test_difficulties_bring_what_they_say():
+    labels = {}
+    for difficulty in range(4):
+        config = RandomArenaConfig(columns=9, rows=8, difficulty=difficulty)
+        xml = build_random(5, config).to_xml()
+        labels[difficulty] = set(geom_labels(compiled(xml)[0]).tolist())
+        assert ("posts_0" in xml) == (difficulty == 3)
+        assert ("holes" in xml) == (difficulty >= 2)
+    flat = {Label.WALL, Label.TERRAIN, Label.VICTIM}
+    assert labels[0] <= flat | {Label.CLUTTER}  # a block that someone sits on
+    assert {Label.INCLINED_RAMP, Label.STRAIGHT_RAMP} <= labels[1]
+    assert labels[2] == labels[3] == flat | {Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.CLUTTER}
+
+
+def test_parameters_say_how_large_how_full_and_whether_there_is_a_ceiling():
+    config = RandomArenaConfig(columns=4, rows=7, wall_density=0, ramps=0, clutter=0, victims=1, ceiling=True)
+    model, data = compiled(build_random(1, config).to_xml())
+    labels = geom_labels(model)
+    walls = labels == Label.WALL
+    assert walls.sum() == 2 * (4 + 7)
+    np.testing.assert_allclose(np.abs(data.geom_xpos[walls, :2]).max(axis=0), (2.4, 4.2), atol=1e-6)
+    assert (labels == Label.CEILING).sum() == 1
+    assert not np.isin(labels, (Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)).any()
+    assert len(victims_of(model, data)) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"columns": 2}, "columns is 2"),
+        ({"rows": 1000}, "rows is 1000"),
+        ({"wall_density": 1.5}, "wall_density is 1.5"),
+        ({"difficulty": 4}, "difficulty is 4"),
+        ({"columns": 3, "rows": 3, "victims": 40}, "do not fit"),
+    ],
+)
+def test_absurd_parameters_are_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        build_random(0, RandomArenaConfig(**change))
+
+
+@pytest.mark.parametrize("name", ["random:", "random:x", "random:-1", "random:1e3", "random:" + "9" * 30])
+def test_a_seed_is_a_whole_number(name):
+    with pytest.raises(InputError, match="random"):
+        load_arena(name)
+
+
+def room(*walls):
+    """Three tiles in a row between walls, and walls of one's own: (tile, degrees)."""
+    builder = ArenaBuilder("room")
+    for tile in range(3):
+        for yaw in (0, 180):
+            builder.add_element("small_wall", (1.2 * tile, 0, 0), yaw)
+    for tile, yaw in ((0, 90), (2, 270), *walls):
+        builder.add_element("small_wall", (1.2 * tile, 0, 0), yaw)
+    builder.add_floor((-0.7, -0.7), (3.1, 0.7))
+    builder.add_surroundings((-0.6, -0.6), (3.0, 0.6))
+    builder.set_start((0, 0, 0), 0)
+    return builder
+
+
+def sitting_at_the_end(builder):
+    make_victim("1", np.random.default_rng(1), "bust").add_to(builder.root, (2.6, 0, 0), np.pi)
+    return builder
+
+
+def test_a_sound_room_breaks_no_promise():
+    assert broken_promises(sitting_at_the_end(room()).to_xml()) == []
+
+
+def test_a_wall_that_cuts_ground_off_is_noticed():
+    (broken,) = broken_promises(room((2, 90)).to_xml())
+    assert re.match(r"0\.\d\d m² of ground are cut off", broken)
+
+
+def test_a_victim_behind_a_wall_is_noticed():
+    builder = sitting_at_the_end(room((2, 90)))
+    assert "victim 1 is hidden" in broken_promises(builder.to_xml())
+
+
+def test_a_start_in_a_wall_is_noticed():
+    builder = room()
+    builder.set_start((0.6, 0.6, 0), 0)
+    assert broken_promises(builder.to_xml()) == ["the start is not free"]
+
+
+def test_mjcf_without_references_to_files_is_written(arenas):
+    root = ElementTree.fromstring(arenas[3])
+    assert not [e for e in root.iter() if e.get("file")]

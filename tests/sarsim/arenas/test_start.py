@@ -1,0 +1,72 @@
+"""Where the robot is set down."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.transforms import yaw_of
+from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.load import load_arena
+from sarsim.arenas.start import find_start, start_at
+
+
+def compiled(builder):
+    model = mujoco.MjModel.from_xml_string(builder.to_xml())
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return model, data
+
+
+def corridor(length, *extra):
+    """Tiles in a row along x between walls, and elements of one's own: (kind, x tile, degrees)."""
+    builder = ArenaBuilder("corridor")
+    for tile in range(length):
+        for yaw in (0, 180):
+            builder.add_element("small_wall", (1.2 * tile, 0, 0), yaw)
+    for kind, tile, yaw in (("small_wall", 0, 90), ("small_wall", length - 1, 270), *extra):
+        builder.add_element(kind, (1.2 * tile, 0, 0), yaw)
+    low, high = builder.bounds
+    builder.add_floor(low - 1.0, high + 1.0)
+    builder.add_surroundings(low, high)
+    return builder
+
+
+def test_it_is_inside_the_arena_with_the_longest_way_ahead():
+    start = find_start(*compiled(corridor(4)))
+    x, y, z = start.position
+    assert abs(y) < 0.11 and z == 0
+    assert (x < 1.0 and start.yaw == 0) or (x > 2.6 and start.yaw == pytest.approx(np.pi))
+
+
+def test_it_is_in_the_larger_of_two_parts():
+    start = find_start(*compiled(corridor(5, ("small_wall", 1, 270))))
+    assert start.position[0] > 1.8
+
+
+def test_it_is_on_the_floor_and_not_on_a_deck():
+    builder = corridor(6, ("ramp_17", 2, 90), ("deck_17", 3, 0), ("deck_17", 4, 0), ("deck_17", 5, 0))
+    start = find_start(*compiled(builder))
+    assert start.position[2] == 0 and start.position[0] < 2.4
+
+
+def test_a_wished_start_stands_on_the_ground_that_is_there():
+    world = compiled(corridor(6, ("ramp_17", 2, 90), ("deck_17", 3, 0), ("deck_17", 4, 0)))
+    assert start_at(*world, 4.2, 0.0, 90.0).position == (4.2, 0.0, pytest.approx(0.17))
+    assert start_at(*world, 0.0, 0.0, 90.0).yaw == pytest.approx(np.pi / 2)
+    table = compiled(corridor(4, ("elevated_floor_120", 2, 0)))
+    assert start_at(*table, 2.4, 0.0, 0.0).position[2] == 0
+
+
+@pytest.mark.parametrize("xy", [(0.0, 0.6), (0.0, 0.45), (50.0, 0.0)])
+def test_a_wish_that_cannot_be_is_refused(xy):
+    with pytest.raises(InputError, match="no free start"):
+        start_at(*compiled(corridor(3)), *xy, 0.0)
+
+
+@pytest.mark.parametrize("name", ["nist_6x4", "random:4"])
+def test_any_arena_takes_a_start(name):
+    x, y = load_arena(name).T_world_start[:2, 3]
+    T = load_arena(name, (x, y, 30.0)).T_world_start
+    np.testing.assert_allclose(T[:2, 3], (x, y))
+    assert yaw_of(T) == pytest.approx(np.radians(30))

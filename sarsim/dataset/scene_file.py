@@ -1,6 +1,5 @@
 """One scene of a dataset as an HDF5 file; docs/dataset.md describes the format."""
 
-import io
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
 from sarsim.dataset import image_kernels
+from sarsim.dataset.hdf5 import FAST, NewFile, open_file
 
 FORMAT = "sarsim-scene"
 VERSION = 1
@@ -30,8 +30,6 @@ _IMAGES = {
     "instance": ((), np.int16),
 }
 """By name: what a pixel is, and its type."""
-_FILTERS = {"compression": "gzip", "compression_opts": 1}
-"""HDF5's other fast filter, LZF, makes other bytes of the same data each time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,65 +89,13 @@ class SceneFrame:
     victim_area: NDArray[np.int32]
 
 
-class FileSink(io.RawIOBase):
-    """A file for HDF5 to write to, which keeps what went wrong.
-
-    Where a disk is full, HDF5 itself drops data without a word when it empties its cache.
-    """
-
-    def __init__(self, path: Path):
-        self._file = path.open("w+b", buffering=0)
-        self._error: OSError | None = None
-
-    def check(self) -> None:
-        """Raise the first error of a write."""
-        if self._error is not None:
-            raise self._error
-
-    def write(self, data: Any) -> int:
-        """All of it, or none after an error."""
-        view = memoryview(data).cast("B")
-        written = 0
-        try:
-            while self._error is None and written < len(view):
-                written += self._file.write(view[written:])
-        except OSError as error:
-            self._error = error
-        return len(view)
-
-    def truncate(self, size: int | None = None, /) -> int:
-        """Cut off or extend with zeros."""
-        try:
-            return self._file.truncate(size)
-        except OSError as error:
-            self._error = self._error or error
-            return 0
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        """As of a file."""
-        return self._file.seek(offset, whence)
-
-    def tell(self) -> int:
-        """As of a file."""
-        return self._file.tell()
-
-    def readinto(self, buffer: Any) -> int:
-        """As of a file."""
-        return self._file.readinto(buffer) or 0
-
-    def close(self) -> None:
-        """As of a file."""
-        self._file.close()
-        super().close()
-
-
 class SceneWriter:
     """Writes a scene's file, frame by frame; the same frames make the same bytes."""
 
     def __init__(self, path: Path, frames: int, content: SceneContent):
         """OSError here or later where the file cannot be written."""
-        self._sink = FileSink(path)
-        self._file = h5py.File(self._sink, "w", libver="v110")
+        self._new = NewFile(path)
+        self._file = self._new.file
         self._label_points = np.zeros(len(Label), np.int64)
         self._millimetres = np.empty((content.intrinsics.height, content.intrinsics.width), np.uint16)
         self._file.attrs["format"] = FORMAT
@@ -157,13 +103,13 @@ class SceneWriter:
         self._file.attrs["settings"] = json.dumps(content.settings)
         k = content.intrinsics
         self._dataset("intrinsics", np.array([k.fx, k.fy, k.cx, k.cy]))
-        self._dataset("mjcf", np.frombuffer(content.mjcf.encode(), np.uint8), **_FILTERS)
+        self._dataset("mjcf", np.frombuffer(content.mjcf.encode(), np.uint8), **FAST)
         self._geoms(content)
         self._victims(content, frames)
         for name, (pixel, dtype) in _IMAGES.items():
             shape = (k.height, k.width, *pixel)
             shuffle = np.dtype(dtype).itemsize > 1
-            self._empty(name, (frames, *shape), dtype, chunks=(1, *shape), shuffle=shuffle, **_FILTERS)
+            self._empty(name, (frames, *shape), dtype, chunks=(1, *shape), shuffle=shuffle, **FAST)
         for name in ("pose_true", "pose_odom", "T_base_camera"):
             self._empty(name, (frames, 4, 4), np.float64)
         self._empty("time", (frames,), np.float64)
@@ -175,7 +121,7 @@ class SceneWriter:
 
     def write(self, index: int, frame: SceneFrame) -> None:
         """Add one frame."""
-        self._sink.check()
+        self._new.check()
         file = self._file
         file["rgb"][index] = frame.rgb
         image_kernels.to_millimetres(frame.depth, frame.label, self._millimetres, self._label_points)
@@ -190,9 +136,7 @@ class SceneWriter:
 
     def close(self) -> None:
         """Write what is left; nothing more can be added."""
-        self._file.close()
-        self._sink.close()
-        self._sink.check()
+        self._new.close()
 
     def __enter__(self) -> Self:
         return self
@@ -247,7 +191,7 @@ class Scene:
             InputError: it is missing, broken, or no scene of this version.
         """
         self.path = path
-        self._file = _open(path)
+        self._file = open_file(path)
         try:
             self._read_head()
         except (KeyError, ValueError, OSError, RuntimeError) as error:
@@ -344,15 +288,6 @@ class Scene:
             return self._file[name][index]
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self.path}: broken: {name} of frame {index} cannot be read") from error
-
-
-def _open(path: Path) -> h5py.File:
-    try:
-        return h5py.File(path, "r")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: not a readable HDF5 file") from error
 
 
 def _check_version(path: Path, file: h5py.File) -> None:

@@ -1,0 +1,76 @@
+"""Blocks of points as HDF5, as S3DIS is prepared for PointNet (Qi et al., CVPR 2017) and DGCNN."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sarsim.dataset.exports.clouds import Cloud
+from sarsim.dataset.exports.export import Export
+from sarsim.dataset.exports.s3dis import AREAS, room
+from sarsim.dataset.hdf5 import NewFile
+from sarsim.dataset.manifest import SceneEntry
+from sarsim.dataset.scene_file import Scene
+
+LIST = "room_filelist.txt"
+FILES = "all_files.txt"
+
+
+@dataclass(frozen=True)
+class Blocks(Export):
+    """HDF5 files of blocks: 1 m × 1 m in xy, 4096 points, x y z and normalized x y z."""
+
+    size: float = 1.0
+    """m, sides of a block in xy."""
+    points: int = 4096
+    """of a block; drawn without repetition where there are so many."""
+    min_points: int = 100
+    """blocks with fewer are left out."""
+    seed: int = 0
+    """of the draw."""
+
+    def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
+        """One file a scene; each look is a room of its own, as the robot sees it."""
+        rng = np.random.default_rng([self.seed, entry.index])
+        blocks, rooms = [], []
+        for index in range(len(scene)):
+            new = list(self.of_cloud(Cloud.of_frame(scene, index), rng))
+            blocks += new
+            rooms += [f"{AREAS[entry.split]}_{room(entry)}_look_{index}"] * len(new)
+        name = f"ply_data_all_{entry.index}.h5"
+        self._write(folder / name, blocks)
+        for list_name, lines in ((FILES, [name]), (LIST, rooms)):
+            with (folder / list_name).open("a") as file:
+                file.writelines(f"{line}\n" for line in lines)
+
+    def of_cloud(
+        self, cloud: Cloud, rng: np.random.Generator
+    ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.uint8]]]:
+        """(points, 6) x and y from the block's middle, z from the lowest point, and x y z over the cloud's extent.
+
+        With them (points,) labels.
+        """
+        if not len(cloud.points):
+            return
+        xyz = cloud.points - cloud.points.min(axis=0)
+        extent = np.maximum(xyz.max(axis=0), 1e-6)
+        cells = np.floor(xyz[:, :2] / self.size).astype(np.int64)
+        for cell in np.unique(cells, axis=0):
+            inside = np.flatnonzero((cells == cell).all(axis=1))
+            if len(inside) < self.min_points:
+                continue
+            chosen = rng.choice(inside, self.points, replace=len(inside) < self.points)
+            local = xyz[chosen].copy()
+            local[:, :2] -= (cell + 0.5) * self.size
+            block = np.concatenate([local, xyz[chosen] / extent], axis=1)
+            yield block.astype(np.float32), cloud.label[chosen]
+
+    def _write(self, path: Path, blocks: list[tuple[NDArray[np.float32], NDArray[np.uint8]]]) -> None:
+        data = np.array([block for block, _ in blocks], np.float32).reshape(-1, self.points, 6)
+        label = np.array([labels for _, labels in blocks], np.uint8).reshape(-1, self.points)
+        with NewFile(path) as new:
+            for name, values in (("data", data), ("label", label)):
+                filters = {"compression": "gzip"} if len(values) else {}
+                new.file.create_dataset(name, data=values, track_times=False, **filters)

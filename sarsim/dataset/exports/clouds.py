@@ -1,0 +1,66 @@
+"""Labelled point clouds of a scene."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sarsim.dataset.scene_file import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points in the world.
+
+    Attributes:
+        points: (N, 3) float32 m.
+        rgb: (N, 3) uint8.
+        label: (N,) uint8.
+        instance: (N,) int32 geom ids.
+    """
+
+    points: NDArray[np.float32]
+    rgb: NDArray[np.uint8]
+    label: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+
+    @classmethod
+    def of_frame(cls, scene: Scene, index: int) -> Self:
+        """All returns of a look, at the true pose."""
+        frame = scene.frame(index)
+        assert frame.label is not None and frame.instance is not None
+        seen = frame.returns
+        return cls(
+            frame.points(scene.T_world_camera(index)),
+            frame.rgb[seen],
+            frame.label[seen],
+            frame.instance[seen],
+        )
+
+    @classmethod
+    def of_scene(cls, scene: Scene, voxel: float) -> Self:
+        """The first return in every cube with sides of ``voxel`` m."""
+        parts = [cls.of_frame(scene, index).thinned(voxel) for index in range(len(scene))]
+        whole = cls(
+            *(np.concatenate(columns) for columns in zip(*(part.columns for part in parts), strict=True))
+        )
+        return whole.thinned(voxel)
+
+    @property
+    def columns(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Points, colours, labels and instances."""
+        return self.points, self.rgb, self.label, self.instance
+
+    def thinned(self, voxel: float) -> Self:
+        """The first point in every cube."""
+        cubes = np.floor(self.points.astype(np.float64) / voxel).astype(np.int64)
+        cubes -= cubes.min(axis=0, initial=0)
+        size = cubes.max(axis=0, initial=0) + 1
+        keys = (cubes[:, 0] * size[1] + cubes[:, 1]) * size[2] + cubes[:, 2]
+        _, first = np.unique(keys, return_index=True)
+        return self.of(np.sort(first))
+
+    def of(self, chosen: NDArray) -> Self:
+        """Some of the points, by index or mask."""
+        return type(self)(*(column[chosen] for column in self.columns))

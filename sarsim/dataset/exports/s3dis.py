@@ -1,0 +1,59 @@
+"""Folders as of S3DIS (Armeni et al., "3D Semantic Parsing of Large-Scale Indoor Spaces", CVPR 2016)."""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+from sarsim.dataset.exports.clouds import Cloud
+from sarsim.dataset.exports.export import Export
+from sarsim.dataset.manifest import SceneEntry
+from sarsim.dataset.scene_file import Scene
+
+AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_5"}
+"""Published loaders hold out area 5."""
+
+
+@dataclass(frozen=True)
+class S3dis(Export):
+    """Area_N/room/room.txt and Annotations/<label>_<n>.txt, lines of x y z r g b."""
+
+    voxel: float = 0.02
+    """m; of the returns of a scene one is kept in each cube of this size."""
+
+    def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
+        """A room for each scene, a file for each geom or victim that is seen in it."""
+        name = room(entry)
+        annotations = folder / AREAS[entry.split] / name / "Annotations"
+        annotations.mkdir(parents=True)
+        cloud = Cloud.of_scene(scene, self.voxel)
+        write_lines(annotations.parent / f"{name}.txt", cloud)
+        things, numbers = objects(scene, cloud), Counter[str]()
+        for thing in np.unique(things):
+            part = cloud.of(things == thing)
+            label = Label(part.label[0]).name.lower()
+            numbers[label] += 1
+            write_lines(annotations / f"{label}_{numbers[label]}.txt", part)
+
+
+def room(entry: SceneEntry) -> str:
+    """Name of a scene as a room."""
+    return f"arena_{entry.index}"
+
+
+def objects(scene: Scene, cloud: Cloud) -> NDArray[np.int64]:
+    """(N,) a number for each geom, and one for all geoms of a victim."""
+    victim = scene.content.geom_victim[cloud.instance].astype(np.int64)
+    return np.where(victim >= 0, len(scene.content.geom_name) + victim, cloud.instance)
+
+
+def write_lines(path: Path, cloud: Cloud) -> None:
+    """x y z in m, r g b from 0 to 255."""
+    lines = [
+        f"{x:.3f} {y:.3f} {z:.3f} {r} {g} {b}\n"
+        for (x, y, z), (r, g, b) in zip(cloud.points.tolist(), cloud.rgb.tolist(), strict=True)
+    ]
+    path.write_text("".join(lines))

@@ -1,0 +1,46 @@
+"""Boxes of victims as YOLO trains on them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from sarsim.dataset.exports.export import Export
+from sarsim.dataset.exports.images import write_image
+from sarsim.dataset.folder import Dataset
+from sarsim.dataset.manifest import SPLITS, SceneEntry
+from sarsim.dataset.scene_file import Scene
+
+
+@dataclass(frozen=True)
+class Yolo(Export):
+    """images/<split>/*.jpg, labels/<split>/*.txt with lines of class x y width height, and data.yaml."""
+
+    min_area: int = 100
+    """pixels; of a victim that shows fewer there is no box."""
+    quality: int = 95
+    """of the JPEG files, up to 100."""
+
+    def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
+        """An image and a text for each look."""
+        images, labels = folder / "images" / entry.split, folder / "labels" / entry.split
+        for place in (images, labels):
+            place.mkdir(parents=True, exist_ok=True)
+        size = np.array([scene.intrinsics.width, scene.intrinsics.height], np.float64)
+        for index, frame in enumerate(scene):
+            name = f"{entry.index:05d}_{index:05d}"
+            write_image(images / f"{name}.jpg", frame.rgb, cv2.IMWRITE_JPEG_QUALITY, self.quality)
+            boxes = scene.victim_pixels[index][scene.victim_area[index] >= self.min_area]
+            middle, extent = (boxes[:, :2] + boxes[:, 2:]) / 2 / size, (boxes[:, 2:] - boxes[:, :2]) / size
+            lines = [
+                f"0 {x:.6f} {y:.6f} {w:.6f} {h:.6f}\n"
+                for (x, y), (w, h) in zip(middle.tolist(), extent.tolist(), strict=True)
+            ]
+            (labels / f"{name}.txt").write_text("".join(lines))
+
+    def finish(self, folder: Path, dataset: Dataset) -> None:
+        """Name the splits that have images and the one class."""
+        present = {entry.split for entry in dataset.entries}
+        lines = [f"{split}: images/{split}" for split in SPLITS if split in present]
+        (folder / "data.yaml").write_text("\n".join([*lines, "names:", "  0: victim"]) + "\n")

@@ -1,0 +1,32 @@
+"""A dataset's folder, to read."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from sarsim.dataset.manifest import Manifest, SceneEntry
+from sarsim.dataset.scene_file import Scene
+
+
+class Dataset:
+    """Reads a dataset, scene by scene.
+
+    Attributes:
+        folder: where it lies.
+        entries: what ``dataset.json`` says of its scenes, by index.
+    """
+
+    def __init__(self, folder: Path):
+        """Raises InputError where there is no dataset."""
+        self.folder = folder
+        manifest = Manifest.read(folder)
+        self.recipe = manifest.recipe
+        self.entries = [manifest.scenes[index] for index in sorted(manifest.scenes)]
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __iter__(self) -> Iterator[tuple[SceneEntry, Scene]]:
+        """Every scene, open until the next one; InputError where its file is missing or broken."""
+        for entry in self.entries:
+            with Scene(self.folder / entry.file) as scene:
+                yield entry, scene

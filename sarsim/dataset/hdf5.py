@@ -1,0 +1,110 @@
+"""HDF5 files that are written whole or fail aloud, and read with one line for what is wrong."""
+
+import io
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+
+from pipeline.errors import InputError
+
+FAST = {"compression": "gzip", "compression_opts": 1}
+"""HDF5's other fast filter, LZF, makes other bytes of the same data each time."""
+
+
+class NewFile:
+    """A file to write; the same writes make the same bytes.
+
+    Attributes:
+        file: h5py's; create datasets with ``track_times=False``.
+    """
+
+    def __init__(self, path: Path):
+        """OSError here or later where the file cannot be written."""
+        self._sink = FileSink(path)
+        self.file = h5py.File(self._sink, "w", libver="v110")
+
+    def check(self) -> None:
+        """Raise what has gone wrong so far."""
+        self._sink.check()
+
+    def close(self) -> None:
+        """Write what is left."""
+        self.file.close()
+        self._sink.close()
+        self._sink.check()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class FileSink(io.RawIOBase):
+    """A file for HDF5 to write to, which keeps what went wrong.
+
+    Where a disk is full, HDF5 itself drops data without a word when it empties its cache.
+    """
+
+    def __init__(self, path: Path):
+        self._file = path.open("w+b", buffering=0)
+        self._error: OSError | None = None
+
+    def check(self) -> None:
+        """Raise the first error of a write."""
+        if self._error is not None:
+            raise self._error
+
+    def write(self, data: Any) -> int:
+        """All of it, or nothing any more after an error."""
+        view = memoryview(data).cast("B")
+        written = 0
+        try:
+            while self._error is None and written < len(view):
+                written += self._file.write(view[written:])
+        except OSError as error:
+            self._error = error
+        return len(view)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        """Cut off or extend with zeros."""
+        try:
+            return self._file.truncate(size)
+        except OSError as error:
+            self._error = self._error or error
+            return 0
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """As of a file."""
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """As of a file."""
+        return self._file.tell()
+
+    def readinto(self, buffer: Any) -> int:
+        """As of a file."""
+        return self._file.readinto(buffer) or 0
+
+    def close(self) -> None:
+        """As of a file."""
+        self._file.close()
+        super().close()
+
+
+def open_file(path: Path) -> h5py.File:
+    """A file to read.
+
+    Raises:
+        InputError: it is missing or no HDF5 file.
+    """
+    try:
+        return h5py.File(path, "r")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except OSError as error:
+        raise InputError(f"{path}: not a readable HDF5 file") from error

@@ -1,0 +1,1 @@
+"""What ``scripts/make_esogu.py`` makes the ESOGU laboratory floor of."""

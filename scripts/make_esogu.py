@@ -55,7 +55,6 @@ def laboratory_floor() -> ArenaBuilder:
     for room, places in plan.FURNITURE.items():
         _add_furniture(_world(builder), room, places)
     _add_course(builder)
-    _drop_unused_meshes(builder.root)
     builder.set_start((*plan.START, 0.0), 0.0)
     return builder
 
@@ -145,15 +144,6 @@ def _add_course(builder: ArenaBuilder) -> None:
             builder.add_element("ramp_17", (x + dx, y + dy, 0), yaw - 90)
         else:
             builder.add_element(kind, (x, y, 0), yaw)
-
-
-def _drop_unused_meshes(root: Element) -> None:
-    used = {geom.get("mesh") for geom in root.iter("geom")}
-    assets = root.find("asset")
-    assert assets is not None
-    for mesh in assets.findall("mesh"):
-        if mesh.get("name") not in used:
-            assets.remove(mesh)
 
 
 def main() -> None:

@@ -21,7 +21,7 @@ FRAME = 0.03
 PANEL = 2.4
 """m, no piece of wall is longer, so that a camera's picture leaves out what it does not show, and a lamp on the
 robot, whose light is computed at corners, has corners to shine on."""
-SILL, LINTEL = 0.9, 2.3
+SILL, LINTEL = 0.95, 2.3
 """m, lower and upper edge of the windows."""
 COLUMN = 0.4
 """m, its sides."""

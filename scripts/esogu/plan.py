@@ -30,7 +30,7 @@ NORTH_ROOMS = (
     Room("meeting room", -3.0, 3.0, (1.8,), (-1,), (-1.5, 1.5)),
     Room("office 3", 3.0, 7.0, (4.4,), (1,), (5.0,)),
     Room("office 4", 7.0, 11.0, (9.6,), (-1,), (9.0,)),
-    Room("store", 11.0, 17.0, (15.2,), (0,), (14.0,)),
+    Room("store", 11.0, 17.0, (15.2,), (0,), ()),
     Room("signals laboratory", 17.0, 25.9, (18.3, 24.3), (0, -1), (18.5, 21.5, 24.5)),
 )  # fmt: skip
 COLUMNS = tuple((x, y) for x in (-19.5, -13.0, -6.5, 0.0, 6.5, 13.0, 19.5) for y in (-4.0, -0.66, 2.06))
@@ -50,7 +50,7 @@ def _row(
 FURNITURE: dict[str, list[Place]] = {
     "corridor": [
         *_row("lockers", (-22.0, -0.6), (-20.8, -0.6), 2, NORTH),
-        ("notice_board", -15.9, 2.0, SOUTH),
+        ("notice_board", -16.1, 2.0, SOUTH),
         ("seat_row", -11.2, -0.6, NORTH),
         ("extinguisher", -12.0, 2.0, SOUTH),
         ("notice_board", -2.0, -0.6, NORTH),
@@ -58,7 +58,7 @@ FURNITURE: dict[str, list[Place]] = {
         ("bin", -0.5, 2.0, SOUTH),
         ("extinguisher", 3.2, -0.6, NORTH),
         ("notice_board", 8.0, 2.0, SOUTH),
-        *_row("lockers", (17.6, -0.6), (18.8, -0.6), 2, NORTH),
+        *_row("lockers", (17.4, -0.6), (18.6, -0.6), 2, NORTH),
         ("extinguisher", 21.0, 2.0, SOUTH),
         ("seat_row", 21.8, -0.6, NORTH),
         ("plant", 25.8, 1.6, WEST),
@@ -116,12 +116,12 @@ FURNITURE: dict[str, list[Place]] = {
         ("switchboard", 25.8, -2.5, WEST),
         ("switchboard", 25.8, -5.6, WEST),
         ("rack", 14.18, -6.6, EAST),
-        *_row("radiator", (16.0, -7.3), (21.0, -7.3), 3, NORTH),
+        *_row("radiator", (16.0, -7.3), (21.0, -7.3), 2, NORTH),
         ("stool", 16.3, -3.4, NORTH),
         ("stool", 21.0, -5.0, SOUTH),
         ("stool", 23.4, -3.3, NORTH),
         ("cabinet", 20.6, -0.72, SOUTH),
-        ("table", 19.3, -7.25, NORTH),
+        ("table", 19.0, -7.15, NORTH),
     ],
     "entrance hall": [
         ("counter", -20.7, 5.0, WEST),
@@ -144,7 +144,6 @@ FURNITURE: dict[str, list[Place]] = {
         ("chair", -13.25, 4.6, EAST),
         ("shelf", -12.06, 6.3, WEST),
         ("cabinet", -15.94, 6.6, EAST),
-        ("radiator", -14.0, 7.3, SOUTH),
     ],
     "computer room": [
         *_row("computer_desk", (-10.8, 7.3), (-5.0, 7.3), 5, SOUTH),
@@ -187,12 +186,12 @@ FURNITURE: dict[str, list[Place]] = {
         ("cartons", 16.94, 3.2, WEST),
     ],
     "signals laboratory": [
-        *_row("bench", (19.0, 7.3), (22.6, 7.3), 3, SOUTH),
+        *_row("bench", (19.0, 7.17), (22.6, 7.17), 3, SOUTH),
         *_row("plain_bench", (20.4, 4.6), (22.2, 4.6), 2, NORTH),
         *_row("bench", (20.4, 4.6), (22.2, 4.6), 2, SOUTH),
         ("stool", 20.2, 5.5, NORTH),
         ("stool", 22.3, 3.75, SOUTH),
-        ("rack", 25.8, 6.9, WEST),
+        ("rack", 25.8, 6.8, WEST),
         ("cabinet", 25.8, 4.8, WEST),
         ("cabinet", 25.8, 3.9, WEST),
         ("whiteboard", 17.06, 4.6, EAST),
@@ -239,7 +238,7 @@ VICTIMS = (
     VictimPlan("prone", "open", -22.4, -5.4, 10.0),  # electronics, between two rows of benches
     VictimPlan("sitting", "open", -9.4, -7.3, NORTH),  # circuits, below the window
     VictimPlan("side", "open", -4.4, 5.6, 80.0),  # computer room
-    VictimPlan("slumped", "open", -14.2, 7.3, SOUTH),  # office 2, against the radiator's wall
+    VictimPlan("slumped", "open", -14.2, 7.3, SOUTH),  # office 2, below the window
     VictimPlan("lying", "open", -3.4, -5.2, 160.0),  # machines, before the machines
     VictimPlan("side", "hole", 13.3, -6.2, WEST),  # robotics, behind the course
     VictimPlan("lying", "rubble", 13.0, 4.9, 30.0),  # store, half buried

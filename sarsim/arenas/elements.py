@@ -156,7 +156,7 @@ class ArenaBuilder:
             SubElement(self._world, "light", attributes)
         away = 1.25 * extent + 1
         above = {"name": "top", "pos": _text((x, y, 2.2 * extent + 2)), "fovy": "45"}
-        aside = {"name": "overview", "pos": _text((x, y - away, 1.4 * away)), "fovy": "50"}
+        aside = {"name": "overview", "pos": _text((x, y - away, 1.4 * away)), "fovy": "37"}
         SubElement(self._world, "camera", above)
         SubElement(self._world, "camera", aside | {"xyaxes": "1 0 0 0 0.814 0.581"})
 
@@ -174,11 +174,11 @@ class ArenaBuilder:
 
     def to_xml(self) -> str:
         """The document as text, without the meshes that nothing uses."""
-        asset_element = self.root.find("asset")
         used = {geom.get("mesh") for geom in self.root.iter("geom")}
-        for mesh in self.root.findall("asset/mesh") if asset_element is not None else []:
-            if mesh.get("name") not in used:
-                asset_element.remove(mesh)
+        for assets in self.root.findall("asset"):
+            for mesh in assets.findall("mesh"):
+                if mesh.get("name") not in used:
+                    assets.remove(mesh)
         indent(self.root)
         return tostring(self.root, encoding="unicode") + "\n"
 

@@ -1,5 +1,7 @@
 """From the name of an arena to the arena."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import mujoco
@@ -63,26 +65,31 @@ def _seed(name: str) -> int:
 
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
     model, root = _read(path)
-    if wish is not None:
-        start = start_at(*_at_rest(model), *wish)
-        site = root.find("site", "start") or root.worldbody.add("site", name="start")
-        site.pos, site.quat = start.position, (np.cos(start.yaw / 2), 0, 0, np.sin(start.yaw / 2))
-    try:
+    with _naming(str(path)):
+        if wish is not None:
+            start = start_at(*_at_rest(model), *wish)
+            site = root.find("site", "start") or root.worldbody.add("site", name="start")
+            site.pos, site.quat = start.position, (np.cos(start.yaw / 2), 0, 0, np.sin(start.yaw / 2))
         return RescueArena(root)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:
     """The arena that is built, with the start wished for, its own, or the best one."""
     if wish is not None or not builder.has_start:
         world = _at_rest(mujoco.MjModel.from_xml_string(builder.to_xml()))
-        try:
+        with _naming(name):
             start = find_start(*world) if wish is None else start_at(*world, *wish)
-        except InputError as error:
-            raise InputError(f"{name}: {error}") from error
         builder.set_start(start.position, start.yaw)
     return RescueArena(mjcf.from_xml_string(builder.to_xml()))
+
+
+@contextmanager
+def _naming(name: str) -> Iterator[None]:
+    """Say of which arena an error speaks."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
 
 
 def _at_rest(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:

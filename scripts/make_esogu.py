@@ -24,6 +24,8 @@ FLOOR_GRID = 0.8
 """m; the robot's lamp shines on the corners of such squares."""
 QUADS = "2"
 """in a row on each face of a box; most of a picture's time goes into their corners."""
+CEILING_GROUP = "2"
+"""MuJoCo's viewer hides it on the key 2."""
 LIGHTS = (
     # name, direction, diffuse: what comes from the lamps, from the windows, and back from the floor
     ("lamps", (-0.25, 0.4, -0.88), (0.52, 0.52, 0.5)),
@@ -31,8 +33,8 @@ LIGHTS = (
     ("floor_bounce", (0.2, 0.3, 0.93), (0.3, 0.3, 0.29)),
 )
 CAMERAS = (
-    ("top", {"pos": "0 0 49", "fovy": "45"}),
-    ("overview", {"pos": "0 -30 34", "xyaxes": "1 0 0 0 0.75 0.66", "fovy": "45"}),
+    ("top", {"pos": "0 0 52", "fovy": "45"}),
+    ("overview", {"pos": "0 -38 43", "xyaxes": "1 0 0 0 0.75 0.66", "fovy": "45"}),
 )
 TARGET = asset("arenas", "esogu_52x15.xml")
 VICTIMS = "esogu_52x15_victims.xml"
@@ -84,7 +86,7 @@ def _add_materials(root: Element) -> None:
         SubElement(assets, "texture", texture | flat)
         tiled = {"texture": texture["name"], "texuniform": "true", "texrepeat": TILES_PER_METRE}
         SubElement(assets, "material", {"name": texture["name"], "specular": "0.1"} | tiled)
-    SubElement(assets, "material", {"name": "lamp", "rgba": "1 1 0.97 1", "emission": "0.7"})
+    SubElement(assets, "material", {"name": "lamp", "rgba": "1 1 0.97 1"})
     for name, rgb in COLOURS.items():
         SubElement(assets, "material", {"name": name, "rgba": numbers((*rgb, 1)), "specular": "0.1"})
 
@@ -123,6 +125,8 @@ def _add_building(world: Element) -> None:
     for name, parts in shell.items():
         world.append(Comment(f" {name} "))
         _append(world, name, parts)
+    for geom in world.iterfind("geom[@class='ceiling']"):
+        geom.set("group", CEILING_GROUP)
 
 
 def _add_furniture(world: Element, room: str, places: list[plan.Place]) -> None:

@@ -40,7 +40,8 @@ class RayEngine:
     ) -> Iterator[Event]:
         """See :class:`sarsim.dataset.engine.Engine`; here one process alone writes into the folder."""
         task = self._ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_make)
-        todo, running = list(indices), []
+        todo = list(indices)
+        running: list[Any] = []
         try:
             while todo or running:
                 while todo and len(running) < self._count:

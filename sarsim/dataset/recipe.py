@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from sarsim.air import Air
 from sarsim.arenas.random_arena import RandomArenaConfig
+from sarsim.conditions import Conditions
 from sarsim.dataset.drive import DriveConfig
 from sarsim.lighting import Lighting
 from sarsim.xtion import Xtion
@@ -87,6 +89,24 @@ class SensorRange:
 
 
 @dataclass(frozen=True)
+class DustRange:
+    """How much dust is in the air.
+
+    Attributes:
+        clear: share of the scenes without any.
+        dust: concentration in the others, from 0 to 1, drawn evenly between these values.
+    """
+
+    clear: float = 0.6
+    dust: tuple[float, float] = (0.02, 0.4)
+
+    def draw(self, rng: np.random.Generator) -> Air:
+        """The air of a scene."""
+        dusty = Air(dust=round(rng.uniform(*self.dust), 3))
+        return Air() if rng.random() < self.clear else dusty
+
+
+@dataclass(frozen=True)
 class Recipe:
     """What decides every byte of a dataset's scenes.
 
@@ -99,6 +119,7 @@ class Recipe:
         random: what those are like.
         lighting: how often each.
         sensor: its errors.
+        air: dust in it.
         drive: how the robot drives, and when it looks.
     """
 
@@ -110,6 +131,7 @@ class Recipe:
     random: ArenaRange = field(default_factory=ArenaRange)
     lighting: LightingShares = field(default_factory=LightingShares)
     sensor: SensorRange = field(default_factory=SensorRange)
+    air: DustRange = field(default_factory=DustRange)
     drive: DriveConfig = field(default_factory=DriveConfig)
 
 
@@ -121,16 +143,22 @@ class SceneRecipe:
         index: of the scene.
         arena: name or path.
         random: what a random arena is like.
-        lighting: of the arena.
-        sensor: its errors.
+        conditions: of light, air and sensors.
     """
 
     index: int
     arena: str
     random: RandomArenaConfig | None
-    lighting: Lighting
-    sensor: Xtion
+    conditions: Conditions
 
     def as_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
-        return asdict(self) | {"lighting": self.lighting.name}
+        conditions = self.conditions
+        return {
+            "index": self.index,
+            "arena": self.arena,
+            "random": None if self.random is None else asdict(self.random),
+            "lighting": conditions.lighting.name,
+            "dust": conditions.air.dust,
+            "sensor": asdict(conditions.depth_sensor),
+        }

@@ -14,6 +14,7 @@ from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.load import load_arena
 from sarsim.camera import RgbdCamera, geom_labels
+from sarsim.conditions import Conditions
 from sarsim.dataset import image_kernels
 from sarsim.dataset.drive import Drive, Station
 from sarsim.dataset.footing import Footing
@@ -68,13 +69,13 @@ def draw_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, RescueArena]:
     """
     rng = _rng(recipe, index, _SETTINGS)
     name = recipe.arenas[index % len(recipe.arenas)]
-    lighting, sensor = recipe.lighting.draw(rng), recipe.sensor.draw(rng)
+    conditions = Conditions(recipe.sensor.draw(rng), recipe.lighting.draw(rng), recipe.air.draw(rng))
     if name != RANDOM:
-        return SceneRecipe(index, name, None, lighting, sensor), load_arena(name)
+        return SceneRecipe(index, name, None, conditions), load_arena(name)
     for attempt in range(_ATTEMPTS):
         config, name = recipe.random.draw(rng), f"random:{rng.integers(1 << 31)}"
         try:
-            return SceneRecipe(index, name, config, lighting, sensor), load_arena(name, random=config)
+            return SceneRecipe(index, name, config, conditions), load_arena(name, random=config)
         except InputError:
             # What is drawn may be too much for the tiles that are drawn.
             if attempt == _ATTEMPTS - 1:
@@ -104,7 +105,7 @@ class World:
         self._robot = Pioneer3AT()
         arena.add_free_entity(self._robot)
         self._physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
-        set_lighting(self._physics, self._robot, scene.lighting)
+        set_lighting(self._physics, self._robot, scene.conditions.lighting)
         self.model: mujoco.MjModel = self._physics.model.ptr
         self.data: mujoco.MjData = self._physics.data.ptr
         self._renderer = Renderer(self.model, width, height)
@@ -123,10 +124,10 @@ class World:
         return Drive(surface, footing, self._T_world_start, recipe.drive, rng)
 
     def look(self, station: Station, rng: np.random.Generator) -> SceneFrame:
-        """What the robot sees from a station; ``rng`` draws the sensor's errors."""
+        """What the robot sees from a station; ``rng`` draws the errors of its sensors."""
         self._move(station.T_world_base)
         true = self.camera.look(self.data)
-        seen = self._scene.sensor.apply(true, rng)
+        seen = self._scene.conditions.sense(true, rng)
         boxes, areas = self._victims_in(true.instance)
         return SceneFrame(
             time=station.time,

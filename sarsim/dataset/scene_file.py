@@ -1,6 +1,7 @@
 """One scene of a dataset as an HDF5 file; docs/dataset.md describes the format."""
 
 import json
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -123,7 +124,7 @@ class SceneWriter:
         """Add one frame."""
         self._new.check()
         file = self._file
-        file["rgb"][index] = frame.rgb
+        file["rgb"].id.write_direct_chunk((index, 0, 0, 0), _squeezed(frame.rgb))
         image_kernels.to_millimetres(frame.depth, frame.label, self._millimetres, self._label_points)
         file["depth"][index] = self._millimetres
         file["label"][index] = frame.label
@@ -165,6 +166,12 @@ class SceneWriter:
 
     def _empty(self, name: str, shape: tuple[int, ...], dtype: Any, **filters: Any) -> None:
         self._file.create_dataset(name, shape, dtype, track_times=False, **filters)
+
+
+def _squeezed(rgb: NDArray[np.uint8]) -> bytes:
+    """What HDF5's gzip filter reads: noise does not repeat itself, so it is Huffman coded alone, 3 times as fast."""
+    coder = zlib.compressobj(1, strategy=zlib.Z_HUFFMAN_ONLY)
+    return coder.compress(rgb.data) + coder.flush()
 
 
 def _fixed(names: list[str]) -> NDArray[np.bytes_]:

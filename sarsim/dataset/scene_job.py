@@ -37,6 +37,6 @@ def make_scene(
         sha256=digest,
         frames=recipe.frames,
         arena=scene.arena,
-        lighting=scene.lighting.name,
+        lighting=scene.conditions.lighting.name,
         points={label.name.lower(): int(points[label]) for label in Label},
     )

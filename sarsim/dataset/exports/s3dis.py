@@ -45,8 +45,9 @@ def room(entry: SceneEntry) -> str:
 
 
 def objects(scene: Scene, cloud: Cloud) -> NDArray[np.int64]:
-    """(N,) a number for each geom, and one for all geoms of a victim."""
-    victim = scene.content.geom_victim[cloud.instance].astype(np.int64)
+    """(N,) a number for each geom, and one for all geoms of a victim; -1 for specks of dust."""
+    # The last element is what -1, no geom, stands for.
+    victim = np.append(scene.content.geom_victim, -1).astype(np.int64)[cloud.instance]
     return np.where(victim >= 0, len(scene.content.geom_name) + victim, cloud.instance)
 
 

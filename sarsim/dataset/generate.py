@@ -10,6 +10,7 @@ from sarsim.dataset.engine import Engine, FrameDone, SceneDone, SceneLost
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.manifest import FILE, SCENES, Manifest, sha256_of
 from sarsim.dataset.recipe import Recipe
+from sarsim.dataset.summary import write_summary
 
 _log = logging.getLogger(__name__)
 
@@ -26,7 +27,7 @@ def generate(
     Args:
         recipe: decides every byte of the scenes.
         scenes: how many the folder shall hold at least.
-        folder: gets dataset.json and the scenes' files.
+        folder: gets dataset.json, the scenes' files and index.html.
         engine: makes the scenes.
         on_frames: called with the number of frames that are made, often.
 
@@ -51,6 +52,7 @@ def generate(
                 manifest.scenes[event.entry.index] = event.entry
                 manifest.write(folder)
             on_frames(sum(made.values()))
+        write_summary(folder)
         return manifest
 
 

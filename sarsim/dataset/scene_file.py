@@ -239,9 +239,17 @@ class Scene:
             intrinsics=self.intrinsics,
             T_base_camera=self.T_base_camera[index],
             T_odom_base=self.pose_odom[index],
-            label=self._image("label", index),
+            label=self.label(index),
             instance=self._image("instance", index).astype(np.int32),
         )
+
+    def label(self, index: int) -> NDArray[np.uint8]:
+        """(H, W) labels of a frame.
+
+        Raises:
+            InputError: the file is broken there.
+        """
+        return self._image("label", index)
 
     def T_world_camera(self, index: int) -> NDArray[np.float64]:
         """4×4 true pose of ``camera_optical`` in a frame."""

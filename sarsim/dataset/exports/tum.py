@@ -31,7 +31,10 @@ class Tum(Export):
         lists: dict[str, list[str]] = {"rgb": [], "depth": [], "groundtruth": []}
         for index, frame in enumerate(scene):
             stamp = f"{frame.time:.6f}"
-            images: dict[str, NDArray] = {"rgb": frame.rgb, "depth": np.rint(frame.depth * UNITS).astype(np.uint16)}
+            images: dict[str, NDArray] = {
+                "rgb": frame.rgb,
+                "depth": np.rint(frame.depth * UNITS).astype(np.uint16),
+            }
             for kind, image in images.items():
                 write_image(sequence / kind / f"{stamp}.png", image, cv2.IMWRITE_PNG_COMPRESSION, 1)
                 lists[kind].append(f"{stamp} {kind}/{stamp}.png")

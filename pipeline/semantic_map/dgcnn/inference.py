@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import leaky_relu
 
+from pipeline.errors import InputError
 from pipeline.semantic_map.dgcnn import inference_kernels as kernels
 from pipeline.semantic_map.dgcnn.network import GRAPH_CHANNELS, SLOPE, Dgcnn, EdgeConv
 from pipeline.semantic_map.dgcnn.threads import RowThreads
@@ -34,7 +35,15 @@ class FastDgcnn:
     """
 
     def __init__(self, network: Dgcnn, threads: int | None = None) -> None:
-        """Take over the weights; ``threads`` is the number of processors if not given."""
+        """Take over the weights; ``threads`` is the number of processors if not given.
+
+        Raises:
+            InputError: k is too large.
+        """
+        if network.k > kernels.BOUNDS:
+            raise InputError(
+                f"DGCNN with k = {network.k}: at most {kernels.BOUNDS} neighbours can be selected"
+            )
         self.channels, self.classes, self.k = network.channels, network.classes, network.k
         self._threads = RowThreads(threads or os.cpu_count() or 1)
         self._conv1, self._conv2, self._conv3 = (_Layer.all_of(conv) for conv in network.edge_convs)
@@ -43,13 +52,26 @@ class FastDgcnn:
         self._classifier = network.classifier.weight.detach()[..., 0]
 
     def __call__(self, points: Features) -> Features:
-        """(N, channels) float32 points, N ≥ k, to (N, classes) float32 logits."""
+        """(N, channels) float32 points to (N, classes) float32 logits.
+
+        Raises:
+            InputError: another number of channels, fewer than k points, or points that are not finite.
+        """
+        self._check(points)
         with torch.inference_mode():
             x = torch.from_numpy(np.ascontiguousarray(points))
             x1 = self._edge_conv(x[:, -GRAPH_CHANNELS:], self._edges_of_differences(x), self._conv1[1])
             x2 = self._edge_conv(x1, self._edges_of_sums(x1), self._conv2[1])
             x3 = self._last_edge_conv(x2)
             return self._segment(torch.cat((x1, x2, x3), dim=1)).numpy()
+
+    def _check(self, points: Features) -> None:
+        if points.ndim != 2 or points.shape[1] != self.channels or len(points) < self.k:
+            raise InputError(
+                f"DGCNN: a block of points {points.shape} is not (at least {self.k}, {self.channels})"
+            )
+        if not np.isfinite(points).all():
+            raise InputError("DGCNN: a block holds points that are not finite")
 
     def _neighbours(self, x: Tensor) -> Callable[[slice], NDArray[np.int32]]:
         """A function that finds the neighbours of some of the points, by their distances from all."""

@@ -36,11 +36,11 @@ def load_weights(path: Path) -> tuple[Dgcnn, dict[str, str]]:
     return network.eval(), metadata
 
 
-def save_weights(path: Path, network: Dgcnn, **metadata: str) -> None:
+def save_weights(path: Path, network: Dgcnn, metadata: dict[str, str] | None = None) -> None:
     """Write the weights, with ``metadata`` about them. InputError if that is impossible."""
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in published_names(network).items()}
     with whole_file(path) as file:
-        save_file(tensors, file, {"network": _NETWORK, "k": str(network.k)} | metadata)
+        save_file(tensors, file, {"network": _NETWORK, "k": str(network.k)} | (metadata or {}))
 
 
 def published_names(network: Dgcnn) -> dict[str, Tensor]:

@@ -36,8 +36,8 @@ class Lighting(Enum):
     """Daylight, the emergency lights of a building, or nothing but the robot's lamp."""
 
     normal = Light(1, 1, 0)
-    dim = Light(0.05, 0.2, 0)
-    dark = Light(0, 0, 0.5)
+    dim = Light(0.03, 0.2, 0)
+    dark = Light(0, 0, 0.35)
 
 
 BEAM_EXPONENT = 10

@@ -145,9 +145,8 @@ class People:
         rest = arrays["vertices"][build] * UNIT
         turns, offsets = bone_motions(arrays["rest"], arrays["poses"][pose])
         head = list(arrays["bones"]).index("head")
-        body = Shape(
-            scale * skinned(rest, arrays["weights"], turns, offsets), arrays["faces"].astype(np.int64)
-        )
+        moved = scale * skinned(rest, arrays["weights"], turns, offsets)
+        body = Shape(self._pressed(moved, pose), arrays["faces"].astype(np.int64))
         parts = tuple(str(part) for part in arrays["parts"])
         figure = Figure(
             body, rest, arrays["face_parts"], parts, {}, turns[head], scale * offsets[head], head_scale, scale

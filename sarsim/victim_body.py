@@ -213,8 +213,12 @@ def _face(name: str, figure: Figure) -> list[Element]:
             (f"{side}_brow", "hair", (sign * 0.036, 0.766, 0.107), (0.021, 0.0055, 0.006)),
         ]
     quat, scale = quaternion(figure.turn), figure.scale * figure.head_scale
-    return [
-        geom(f"{name}_{what}", Label.VICTIM, type="ellipsoid", pos=figure.on_head(np.array([place]))[0], quat=quat,
-             size=scale * np.array(radii), material=f"{name}_{material}", contype=0, conaffinity=0)
-        for what, material, place, radii in features
-    ]  # fmt: skip
+    geoms = []
+    for what, material, place, radii in features:
+        centre, size = figure.on_head(np.array([place]))[0], scale * np.array(radii)
+        if centre[2] > size.max():  # else the face is pressed to the floor
+            geoms.append(
+                geom(f"{name}_{what}", Label.VICTIM, type="ellipsoid", pos=centre, quat=quat, size=size,
+                     material=f"{name}_{material}", contype=0, conaffinity=0)
+            )  # fmt: skip
+    return geoms

@@ -33,7 +33,7 @@ COUNTS = {
     "side": {"man": 2, "woman": 2, "child": 1},
     "sitting": {"man": 3, "woman": 3, "stout": 1, "child": 3},
     "slumped": {"man": 2, "woman": 2, "stout": 1, "child": 1},
-    "seated": {"man": 1, "woman": 1, "stout": 1, "child": 1},
+    "seated": {"man": 1, "woman": 1, "child": 1},
 }
 """Poses of each recipe and build."""
 HAIR = {"short": 300, "long": 400}
@@ -105,20 +105,21 @@ def set_down(
     people: dict[str, NDArray], build: str, pose: NDArray[np.float64], recipe: Recipe
 ) -> NDArray[np.float64]:
     """The pose in the victim's own frame: head towards +x and the middle at the origin, or the back to x = 0."""
+    if recipe.block:
+        return pose  # wall and block stand where they shall
     if not recipe.wall:
         towards_head = pose[_bone(people, "head"), :2] - pose[_bone(people, "root"), :2]
-        pose = _moved(
-            pose, Rotation.from_euler("z", -np.arctan2(towards_head[1], towards_head[0])), np.zeros(3)
-        )
+        yaw = -np.arctan2(towards_head[1], towards_head[0])
+        pose = _moved(pose, Rotation.from_euler("z", yaw), np.zeros(3))
     turns, offsets = bone_motions(people["rest"], pose)
     vertices = people["vertices"][list(HEAD_SCALE).index(build)] * UNIT
     vertices = skinned(vertices, people["weights"], turns, offsets)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    middle = (low + high) / 2
-    shift = -np.array([low[0] + SUNK if recipe.wall else middle[0], middle[1], low[2] + SUNK])
-    if recipe.block:
-        shift[:2] = 0  # the block stays where it is
-    return _moved(pose, Rotation.identity(), shift)
+    place = (low + high) / 2
+    if recipe.wall:
+        place[0] = low[0] + SUNK
+    place[2] = low[2] + SUNK
+    return _moved(pose, Rotation.identity(), -place)
 
 
 def _moved(pose: NDArray[np.float64], turn: Rotation, shift: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -63,8 +63,8 @@ class Recipe:
 RECIPES = {
     "lying": Recipe((-90, 0, 0), (8, 10, 8), 0.3, (0, 40), (5, 60), ((35, 105), (-5, 30)), 0, 1, 1,
                     chest_up=(-0.4, 0.4), chest_forward=(0.8, 1)),
-    "straight": Recipe((-90, 0, 0), (2, 3, 2), 0.05, (0, 12), (0, 15), ((77, 82), (-3, 6)), 0, 2, 2, elbows=(0, 8), closed=(18, 21), width=0.82,
-                       chest_up=(-0.4, 0.4), chest_forward=(0.8, 1)),
+    "straight": Recipe((-90, 0, 0), (2, 3, 2), 0.05, (0, 12), (0, 15), ((77, 82), (-3, 6)), 0, 2, 2,
+                       elbows=(0, 8), closed=(18, 21), width=0.82, chest_up=(-0.4, 0.4), chest_forward=(0.8, 1)),
     "prone": Recipe((90, 0, 0), (8, 10, 8), 0.3, (0, 30), (5, 50), ((-80, 70), (-10, 40)), 0, 1, 1,
                     chest_up=(-0.4, 0.4), chest_forward=(-1, -0.8)),
     "side": Recipe((0, 0, 90), (8, 10, 5), 0.3, (40, 80), (50, 100), ((20, 80), (40, 90)), 0, 3, 2,
@@ -106,6 +106,8 @@ class Ragdoll:
         self._run(FALL)
         self._relax()
         self._run(REST)
+        if recipe.block and not self._is_on_block():
+            return False
         chest = physics.bind(self._root.find("body", "thorax")).xmat.reshape(3, 3)
         up, forward = chest[2, 1], chest[2, 2]
         return bool(
@@ -115,6 +117,10 @@ class Ragdoll:
             and recipe.chest_up[0] <= up <= recipe.chest_up[1]
             and recipe.chest_forward[0] <= forward <= recipe.chest_forward[1]
         )
+
+    def _is_on_block(self) -> bool:
+        x, _, z = self.physics.data.qpos[:3]
+        return bool(x < 1.5 * BLOCK[0] and z > 2 * BLOCK[2])
 
     def _pose(self, rng: np.random.Generator) -> None:
         recipe, qpos = self._recipe, self.physics.data.qpos

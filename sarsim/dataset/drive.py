@@ -15,7 +15,7 @@ from pipeline.surface.paths import ShortestPaths, simplify
 from pipeline.surface.surface_map import SurfaceMap
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from sarsim.dataset.footing import Footing
-from sarsim.odometry import WheelOdometry
+from sarsim.odometry import OdometryConfig, WheelOdometry
 from sarsim.scoring.true_surface import TrueSurface
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
@@ -143,7 +143,8 @@ class Drive:
         """(K, 2) corners of the way to the candidate that is farthest from the places visited."""
         here = self._at[:2]
         paths = ShortestPaths(self._roads, here)
-        cells = np.argwhere(paths.reachable)
+        # On a ramp no robot turns, so it does not end there.
+        cells = np.argwhere(paths.reachable & self._roads.turnable)
         if paths.start is None or not len(cells):
             return here[None]
         places = self._roads.grid.centre_of(cells[self._rng.integers(len(cells), size=CANDIDATES)])
@@ -172,9 +173,9 @@ class Drive:
 class DeadReckoning:
     """The wheel odometry of a robot that is moved from pose to pose."""
 
-    def __init__(self, rng: np.random.Generator, period: float):
+    def __init__(self, rng: np.random.Generator, period: float, config: OdometryConfig | None = None):
         """``rng`` draws its errors; ``period`` s from pose to pose."""
-        self._odometry = WheelOdometry(rng)
+        self._odometry = WheelOdometry(rng, config)
         self._period = period
         self._angle = 0.0
         self._last: NDArray[np.float64] | None = None

@@ -1,0 +1,62 @@
+"""Small datasets to test with."""
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.frame import Intrinsics
+from sarsim.dataset.recipe import Recipe
+from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
+
+RECIPE = Recipe(seed=3, frames=3, width=64, height=48, arenas=("nist_6x4",))
+"""Makes a scene in some tenths of a second."""
+
+
+def content(victims: int = 2) -> SceneContent:
+    """A scene of four geoms, the last two of which are the first victim's."""
+    return SceneContent(
+        settings={"arena": "toy", "lighting": "dim", "dust": 0.0},
+        mjcf="<mujoco model='tøy'/>",
+        intrinsics=Intrinsics(8, 6, 7.0, 7.5, 4.25, 3.0),
+        geom_name=["floor", "wall", "arm", "leg"],
+        geom_label=np.array([2, 1, 6, 6], np.uint8),
+        geom_victim=np.array([-1, -1, 0, 0] if victims else [-1] * 4, np.int16),
+        victim_id=[f"v{k}" for k in range(victims)],
+        victim_pose=np.array([np.eye(4) * (k + 1) for k in range(victims)]).reshape(-1, 4, 4),
+        victim_box=np.arange(6.0 * victims).reshape(-1, 2, 3),
+    )
+
+
+def frame(index: int, victims: int = 2) -> SceneFrame:
+    """Some look."""
+    rng = np.random.default_rng(index)
+    depth = rng.uniform(0.8, 3.5, (6, 8)).astype(np.float32)
+    depth[0, :index] = 0
+    instance = rng.integers(0, 4, (6, 8)).astype(np.int32)
+    pose = np.eye(4)
+    pose[:3, 3] = index, 2, 0.5
+    odom = pose.copy()
+    odom[0, 3] += 0.1
+    boxes = np.full((victims, 4), NO_BOX, np.int32)
+    area = np.zeros(victims, np.int32)
+    if victims:
+        boxes[0], area[0] = (1, 2, 5, 6), 120
+    return SceneFrame(
+        time=0.2 * index,
+        rgb=rng.integers(0, 256, (6, 8, 3), dtype=np.uint8),
+        depth=depth,
+        label=content().geom_label[instance],
+        instance=instance,
+        pose_true=pose,
+        pose_odom=odom,
+        T_base_camera=np.array([[0, 0, 1, 0.2], [-1, 0, 0, 0], [0, -1, 0, 0.6], [0, 0, 0, 1]], np.float64),
+        victim_pixels=boxes,
+        victim_area=area,
+    )
+
+
+def write_scene(path: Path, frames: int = 3, victims: int = 2) -> None:
+    """A scene's file."""
+    with SceneWriter(path, frames, content(victims)) as writer:
+        for index in range(frames):
+            writer.write(index, frame(index, victims))

@@ -1,0 +1,122 @@
+"""Drives through the NIST arena."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.transforms import from_yaw, inverse, tilt_of
+from sarsim.arenas.load import load_arena
+from sarsim.dataset.drive import DeadReckoning, Drive, DriveConfig, Station
+from sarsim.dataset.footing import Footing
+from sarsim.odometry import OdometryConfig
+from sarsim.scoring.true_surface import TrueSurface, true_surface
+
+COUNT = 120
+
+
+class Nist:
+    """The arena without a robot."""
+
+    def __init__(self) -> None:
+        arena = load_arena("nist_6x4")
+        model = mujoco.MjModel.from_xml_string(arena.mjcf_model.to_xml_string())
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        self.start = arena.T_world_start
+        self.surface: TrueSurface = true_surface(model, data, None, self.start[:3, 3])
+        self.footing = Footing(model, data, None, self.surface.grid)
+
+    def stations(self, seed: int, count: int = COUNT, **config: float) -> list[Station]:
+        """A drive from the start."""
+        rng = np.random.default_rng(seed)
+        return Drive(self.surface, self.footing, self.start, DriveConfig(**config), rng).stations(count)
+
+
+@pytest.fixture(scope="module")
+def nist() -> Nist:
+    return Nist()
+
+
+@pytest.fixture(scope="module")
+def stations(nist: Nist) -> list[Station]:
+    return nist.stations(seed=3)
+
+
+def poses(stations: list[Station]) -> np.ndarray:
+    return np.array([station.T_world_base for station in stations])
+
+
+def test_it_begins_at_the_start_and_looks_as_often_as_asked(nist: Nist, stations: list[Station]) -> None:
+    assert len(stations) == COUNT
+    np.testing.assert_allclose(stations[0].T_world_base[:2, 3], nist.start[:2, 3], atol=1e-9)
+    times = [station.time for station in stations]
+    assert times[0] == 0 and (np.diff(times) > 0).all()
+
+
+def test_every_place_is_drivable(nist: Nist, stations: list[Station]) -> None:
+    near = nist.surface.grid.at(nist.surface.drivable, poses(stations)[:, :2, 3])
+    # Between the middles of two drivable cells a place may fall into the corner of a third one.
+    assert near.mean() > 0.95
+
+
+def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(stations: list[Station]) -> None:
+    T = poses(stations)
+    height, pitch = T[:, 2, 3], np.degrees([tilt_of(pose)[1] for pose in T])
+    assert height.max() > 0.16  # on a deck
+    assert pitch.min() < -14 and pitch.max() > 14  # up and down
+    assert np.abs(pitch).max() < 18
+    assert np.abs(pitch[np.abs(height) < 0.003]).max() < 1.5
+    rolls = np.degrees([tilt_of(pose)[0] for pose in T])
+    assert np.abs(rolls).max() < 7.5  # head-on within 23°
+
+
+def test_looks_are_apart_as_configured(nist: Nist) -> None:
+    config = DriveConfig(tilt_vibration=0, height_vibration=0)
+    T = poses(nist.stations(seed=1, tilt_vibration=0, height_vibration=0))
+    moved = np.linalg.norm(np.diff(T[:, :2, 3], axis=0), axis=1)
+    between = inverse(T[0])[None] @ T  # headings relative to the first
+    yaw = np.unwrap(np.arctan2(between[:, 1, 0], between[:, 0, 0]))
+    far, turned = moved >= config.look_distance - 1e-9, np.abs(np.diff(yaw)) >= config.look_turn - 1e-6
+    assert (far | turned).all()
+    assert moved.max() < config.look_distance + 2 * config.speed * config.period
+
+
+def test_it_visits_most_of_the_arena(nist: Nist, stations: list[Station]) -> None:
+    cells = nist.surface.grid.centre_of(np.argwhere(nist.surface.drivable))
+    nearest = np.linalg.norm(cells[:, None] - poses(stations)[:, :2, 3], axis=2).min(axis=1)
+    assert (nearest < 1.0).mean() > 0.8
+
+
+def test_odometry_drifts_a_little_and_more_and_more(stations: list[Station]) -> None:
+    error = [np.linalg.norm(s.T_odom_base[:2, 3] - s.T_world_base[:2, 3]) for s in stations]
+    assert error[0] < 1e-9
+    driven = np.linalg.norm(np.diff(poses(stations)[:, :2, 3], axis=0), axis=1).sum()
+    assert 0.001 * driven < max(error) < 0.1 * driven
+
+
+def test_perfect_dead_reckoning_finds_back(nist: Nist) -> None:
+    reckoning = DeadReckoning(np.random.default_rng(0), 0.1, OdometryConfig.ideal())
+    for k in [0, *range(41), 40]:  # a quarter of a circle of 2 m, from rest to rest
+        angle = np.pi / 2 * k / 40
+        T = from_yaw(2 * np.sin(angle), 2 - 2 * np.cos(angle), 0.0, angle)
+        believed = reckoning.update(T)
+    np.testing.assert_allclose(believed, T, atol=0.05)
+    np.testing.assert_allclose(believed[:3, :3], T[:3, :3], atol=1e-9)
+
+
+def test_the_same_seed_makes_the_same_drive(nist: Nist) -> None:
+    first, again, other = (poses(nist.stations(seed, 20)) for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+
+
+def test_a_longer_drive_begins_like_a_shorter_one(nist: Nist) -> None:
+    np.testing.assert_array_equal(poses(nist.stations(5, 30))[:20], poses(nist.stations(5, 20)))
+
+
+def test_a_robot_that_cannot_stand_is_an_input_error(nist: Nist) -> None:
+    nowhere = from_yaw(-2.9, -1.9, 3.0, 0.0)
+    drive = Drive(nist.surface, nist.footing, nowhere, DriveConfig(), np.random.default_rng(0))
+    with pytest.raises(InputError, match=r"neither turn nor drive at \(-2.90, -1.90\) m"):
+        drive.stations(3)

@@ -1,0 +1,166 @@
+"""A scene's file: round trip, its bytes, and what is no such file."""
+
+import errno
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from sarsim.dataset import hdf5
+from sarsim.dataset.scene_file import Scene, SceneWriter
+from tests.sarsim.dataset.small import content, frame, write_scene
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.h5"
+    write_scene(path)
+    return path
+
+
+def test_what_was_written_is_read(file: Path) -> None:
+    with Scene(file) as scene:
+        assert len(scene) == len(list(scene)) == 3
+        for index, read in enumerate(scene):
+            written = frame(index)
+            np.testing.assert_array_equal(read.rgb, written.rgb)
+            np.testing.assert_allclose(read.depth, written.depth, atol=5.01e-4)
+            assert ((read.depth == 0) == (written.depth == 0)).all()
+            np.testing.assert_array_equal(read.label, written.label)
+            np.testing.assert_array_equal(read.instance, written.instance)
+            np.testing.assert_array_equal(read.T_base_camera, written.T_base_camera)
+            np.testing.assert_array_equal(read.T_odom_base, written.pose_odom)
+            np.testing.assert_array_equal(scene.pose_true[index], written.pose_true)
+            np.testing.assert_array_equal(scene.victim_pixels[index], written.victim_pixels)
+            np.testing.assert_array_equal(scene.victim_area[index], written.victim_area)
+            assert read.time == written.time
+        assert scene.intrinsics == content().intrinsics
+        assert scene.settings == content().settings
+
+
+def test_what_surrounds_the_frames_is_read(file: Path) -> None:
+    with Scene(file) as scene:
+        read, written = scene.content, content()
+    for name in ("mjcf", "geom_name", "victim_id", "settings", "intrinsics"):
+        assert getattr(read, name) == getattr(written, name)
+    for name in ("geom_label", "geom_victim", "victim_pose", "victim_box"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(written, name))
+
+
+def test_a_scene_without_victims(tmp_path: Path) -> None:
+    write_scene(tmp_path / "scene.h5", victims=0)
+    with Scene(tmp_path / "scene.h5") as scene:
+        assert scene.content.victim_id == []
+        assert scene.victim_pixels.shape == (3, 0, 4)
+
+
+def test_returns_are_counted_by_label(tmp_path: Path) -> None:
+    with SceneWriter(tmp_path / "scene.h5", 2, content()) as writer:
+        for index in range(2):
+            writer.write(index, frame(index))
+    frames = [frame(0), frame(1)]
+    for label in range(8):
+        expected = sum(((f.label == label) & (f.depth > 0)).sum() for f in frames)
+        assert writer.label_points[label] == expected
+
+
+def test_the_same_frames_make_the_same_bytes(file: Path, tmp_path: Path) -> None:
+    write_scene(tmp_path / "again.h5")
+    assert (tmp_path / "again.h5").read_bytes() == file.read_bytes()
+
+
+def test_an_image_is_a_chunk_that_any_hdf5_reads(file: Path) -> None:
+    with h5py.File(file) as plain:
+        for name in ("rgb", "depth", "label", "instance"):
+            assert plain[name].chunks == (1, *plain[name].shape[1:])
+            assert plain[name].compression == "gzip"
+        assert plain["depth"].dtype == np.uint16
+        assert plain["mjcf"][:].tobytes().decode() == content().mjcf
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nowhere.h5: no such file"):
+        Scene(tmp_path / "nowhere.h5")
+
+
+def test_another_kind_of_file(tmp_path: Path) -> None:
+    (tmp_path / "text.h5").write_text("not HDF5")
+    with pytest.raises(InputError, match=r"text.h5: not a readable HDF5 file"):
+        Scene(tmp_path / "text.h5")
+    with h5py.File(tmp_path / "other.h5", "w") as other:
+        other["rgb"] = [1, 2]
+    with pytest.raises(InputError, match=r"other.h5: not a scene of a dataset"):
+        Scene(tmp_path / "other.h5")
+
+
+def test_another_version(file: Path) -> None:
+    with h5py.File(file, "r+") as scene:
+        scene.attrs["version"] = 7
+    with pytest.raises(InputError, match=r"format version 7; this program reads version 1"):
+        Scene(file)
+
+
+@pytest.mark.parametrize("name", ["depth", "pose_true", "intrinsics"])
+def test_a_part_is_missing(file: Path, name: str) -> None:
+    with h5py.File(file, "r+") as scene:
+        del scene[name]
+    with pytest.raises(InputError, match=r"scene.h5: broken"):
+        Scene(file)
+
+
+def test_images_that_do_not_fit_each_other(file: Path) -> None:
+    with h5py.File(file, "r+") as scene:
+        del scene["depth"]
+        scene["depth"] = np.zeros((3, 6, 7), np.uint16)
+    with pytest.raises(InputError, match=r"broken: depth has the shape \(3, 6, 7\)"):
+        Scene(file)
+
+
+def test_a_file_that_was_cut_off(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    with pytest.raises(InputError, match=r"scene.h5"):
+        list(Scene(file))
+
+
+def test_a_flipped_bit_in_an_image(file: Path) -> None:
+    with h5py.File(file) as scene:
+        info = scene["depth"].id.get_chunk_info(1)
+    data = bytearray(file.read_bytes())
+    data[info.byte_offset + info.size // 2] ^= 0x55
+    file.write_bytes(data)
+    with Scene(file) as scene:
+        scene.frame(0)
+        with pytest.raises(InputError, match="broken: depth of frame 1 cannot be read"):
+            scene.frame(1)
+
+
+def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    limit = 5000
+
+    class FullDisk(hdf5.FileSink):
+        def __init__(self, path: Path):
+            super().__init__(path)
+            self._file = Limited(self._file)
+
+    class Limited:
+        def __init__(self, file):
+            self._inner = file
+
+        def __getattr__(self, name):
+            return getattr(self._inner, name)
+
+        def write(self, data):
+            if self._inner.tell() + len(data) > limit:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return self._inner.write(data)
+
+    monkeypatch.setattr(hdf5, "FileSink", FullDisk)
+    with (
+        pytest.raises(InputError, match=r"scene.h5: cannot be written: No space left on device"),
+        whole_file(tmp_path / "scene.h5") as partial,
+    ):
+        write_scene(partial)
+    assert list(tmp_path.iterdir()) == []

@@ -23,7 +23,7 @@ class ExplorationConfig:
         camera_height: of the camera above the ground, m.
         near, far: distances from the robot at which the camera sees the ground, m.
         field_of_view: of the camera along the horizon, less a margin, rad.
-        max_slope: of the upper edge of the view.
+        min_slope, max_slope: of the lower and the upper edge of the view.
         max_unknown: a ray is believed to see no further than this into unknown ground, m.
         rays: directions around a view.
         spacing: of the points from which views are considered, m.
@@ -42,6 +42,7 @@ class ExplorationConfig:
     near: float = 1.1
     far: float = 3.2
     field_of_view: float = np.deg2rad(54)
+    min_slope: float = -0.68
     max_slope: float = 0.15
     max_unknown: float = 1.0
     rays: int = 180
@@ -63,11 +64,13 @@ class View:
     Attributes:
         position: (2,) m in ``map``.
         heading: rad.
+        turn: whether the robot turns to the heading when it is there; on a ramp it looks along its way.
         gain: m² of ground expected to be seen for the first time.
     """
 
     position: NDArray[np.float64]
     heading: float
+    turn: bool
     gain: float
 
 
@@ -110,16 +113,17 @@ class Exploration:
         self._count_misses(surface, measured, T_map_base[:2, 3])
         ground = self._ground(surface, measured)
         self.frontiers = _frontiers(surface, paths, ground.target)
-        candidates = self._candidates(surface, paths)
+        candidates, arrival = self._candidates(surface, paths, yaw_of(T_map_base))
         if not len(candidates) or not ground.target.any():
             return None
         gains = self._gains(candidates, ground)
         seconds = self._seconds(candidates, paths, T_map_base)
-        worth = np.where(gains >= self.config.min_gain, gains / seconds, 0.0)
+        worth = np.where(self._possible(arrival) & (gains >= self.config.min_gain), gains / seconds, 0.0)
         n, m = np.unravel_index(worth.argmax(), worth.shape)
         if worth[n, m] <= 0:
             return None
-        view = View(candidates[n], wrap_angle(m * 2 * np.pi / self.config.rays), float(gains[n, m]))
+        heading = wrap_angle(m * 2 * np.pi / self.config.rays)
+        view = View(candidates[n], heading, bool(np.isnan(arrival[n])), float(gains[n, m]))
         self._expected = surface.grid.centre_of(np.argwhere(self._in_view(view, ground)))
         return view
 
@@ -146,24 +150,52 @@ class Exploration:
             missed_from[i, j] = miss.position
         blind_radius = self.config.blind_radius
         return kernels.Ground(
-            grid.origin, grid.cell, surface.elevation, target, hope, missed_from, blind_radius
+            grid.origin,
+            grid.cell,
+            surface.elevation,
+            surface.gradient,
+            target,
+            hope,
+            missed_from,
+            blind_radius,
         )
 
     @property
     def _sight(self) -> kernels.Sight:
         config = self.config
         return kernels.Sight(
-            config.camera_height, config.near, config.far, config.max_slope, config.max_unknown
+            config.camera_height,
+            config.near,
+            config.far,
+            config.min_slope,
+            config.max_slope,
+            config.max_unknown,
         )
 
-    def _candidates(self, surface: DrivableSurface, paths: ShortestPaths) -> NDArray[np.float64]:
-        """(N, 2) points to look from: here, and a coarse grid of places where the robot can turn."""
+    def _candidates(
+        self, surface: DrivableSurface, paths: ShortestPaths, yaw: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Places to look from: here, and a coarse grid of the others.
+
+        Returns:
+            (N, 2) positions, and (N,) the heading at which the robot arrives where it cannot turn, NaN elsewhere.
+        """
+        if paths.start is None:
+            return np.zeros((0, 2)), np.zeros(0)
         stride = max(1, round(self.config.spacing / surface.grid.cell))
-        standable = surface.turnable & paths.reachable
-        coarse = np.zeros_like(standable)
-        coarse[::stride, ::stride] = True
-        here = np.zeros((0, 2)) if paths.start is None else paths.start[None]
-        return np.concatenate([here, surface.grid.centre_of(np.argwhere(standable & coarse))])
+        lattice = np.zeros_like(surface.turnable)
+        lattice[::stride, ::stride] = True
+        lattice &= paths.reachable & (paths.cost > 0) & (surface.turnable | surface.ramp)
+        places = surface.grid.centre_of(np.argwhere(lattice))
+        arrival = np.where(surface.ramp[lattice], paths.arrival_at(places), np.nan)
+        here = yaw if surface.grid.at(surface.ramp, paths.start) else np.nan
+        return np.vstack([paths.start, places]), np.append(here, arrival)
+
+    def _possible(self, arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N, rays) the directions in which the robot can look from each place."""
+        bearing = np.arange(self.config.rays) * 2 * np.pi / self.config.rays
+        nearest = np.abs(_wrap(bearing - arrival[:, None])) <= np.pi / self.config.rays
+        return np.isnan(arrival)[:, None] | nearest
 
     def _gains(self, candidates: NDArray[np.float64], ground: kernels.Ground) -> NDArray[np.float64]:
         """(N, rays) m² that each view should show."""

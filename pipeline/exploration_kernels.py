@@ -6,6 +6,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+RAMP = 0.14
+"""Slope above which ground that rises is a ramp."""
+FORGET = 0.6
+"""1/m, how fast level ground after a ramp takes away the expectation that it falls again."""
+
 
 class Sight(NamedTuple):
     """How the camera sees the ground: see :class:`pipeline.exploration.ExplorationConfig`."""
@@ -13,6 +18,7 @@ class Sight(NamedTuple):
     camera_height: float
     near: float
     far: float
+    min_slope: float
     max_slope: float
     max_unknown: float
 
@@ -24,6 +30,7 @@ class Ground(NamedTuple):
         origin: (2,) corner of cell [0, 0], m.
         cell: side of a cell, m.
         elevation: float32 m, NaN where unknown.
+        gradient: (nx, ny, 2) float32 slope along x and y.
         target: bool, unseen ground that counts.
         hope: float32, how likely a look shows a target at all: it counts for so much.
         missed_from: (nx, ny, 2) float32, from where the last look for a target was in vain, m.
@@ -33,6 +40,7 @@ class Ground(NamedTuple):
     origin: NDArray[np.float64]
     cell: float
     elevation: NDArray[np.float32]
+    gradient: NDArray[np.float32]
     target: NDArray[np.bool_]
     hope: NDArray[np.float32]
     missed_from: NDArray[np.float32]
@@ -44,19 +52,22 @@ def cast_ray(x, y, bearing, sight, ground, seen):
     """What a ray of the camera at (x, y) is expected to show for the first time.
 
     The ray runs over the known ground; a cell is hidden where something before it rises higher in the view. Unknown
-    ground is believed to go on at the last known height.
+    ground is believed to go on at the last known height, but behind the crest of a ramp to fall as it rose.
 
-    Returns the summed distances of the target cells in view, weighed by hope, and their number; times the step and the
-    angle between rays the sum is an area. Their flat indices go to ``seen``.
+    Returns the summed distances of the target cells in view, weighed by hope, and their number; times the step and
+    the angle between rays the sum is an area. Their flat indices go to ``seen``.
     """
     nx, ny = ground.elevation.shape
     origin, cell = ground.origin, ground.cell
-    level = ground.elevation[int((x - origin[0]) / cell), int((y - origin[1]) / cell)]
+    i, j = int((x - origin[0]) / cell), int((y - origin[1]) / cell)
+    level = ground.elevation[i, j]
     camera = level + sight.camera_height
-    horizon = -np.inf
-    unknown = 0.0
-    total, count = 0.0, 0
     dx, dy = np.cos(bearing), np.sin(bearing)
+    # On a slope the robot looks up or down along it.
+    tilt = ground.gradient[i, j, 0] * dx + ground.gradient[i, j, 1] * dy
+    horizon = tilt + sight.min_slope
+    unknown, fall = 0.0, 0.0
+    total, count = 0.0, 0
     r = 0.35
     while r < sight.far and unknown < sight.max_unknown:
         r += cell
@@ -64,16 +75,21 @@ def cast_ray(x, y, bearing, sight, ground, seen):
         j = int(np.floor((y + r * dy - origin[1]) / cell))
         if not (0 <= i < nx and 0 <= j < ny):
             break
-        if np.isnan(ground.elevation[i, j]):
-            unknown += cell
+        is_unknown = np.isnan(ground.elevation[i, j])
+        if is_unknown:
+            level -= fall * cell
         else:
             level = ground.elevation[i, j]
+            rise = ground.gradient[i, j, 0] * dx + ground.gradient[i, j, 1] * dy
+            fall = max(rise if rise > RAMP else 0.0, fall - FORGET * cell)
         slope = (level - camera) / r
-        if slope > sight.max_slope:
+        if slope > tilt + sight.max_slope:
             break
         if slope < horizon - 0.01:
             continue
         horizon = max(horizon, slope)
+        if is_unknown:
+            unknown += cell
         if r >= sight.near and ground.target[i, j] and not is_blind(x, y, i, j, ground):
             total += r * ground.hope[i, j]
             seen[count] = i * ny + j

@@ -128,7 +128,8 @@ class Explorer:
             return False
         self.navigator.T_map_odom = self.localisation.T_map_odom
         with self.stopwatch("navigation"):
-            return self.navigator.follow(look.plan.way_points, look.view.heading)
+            heading = look.view.heading if look.view.turn else None
+            return self.navigator.follow(look.plan.way_points, heading)
 
     def _update_surface(
         self, points: NDArray[np.float32], T_map_base: NDArray[np.float64]

@@ -113,18 +113,26 @@ class Navigator:
 
     def _drive_leg(self, target: NDArray[np.float64]) -> bool:
         """Turn towards the way point, then drive straight to it."""
-        begin = self._drive(Velocity())
-        start = begin[:2, 3].copy()
+        T = self._drive(Velocity())
         started = self._time
         outcome = Outcome.REACHED
-        if np.linalg.norm(target - start) > self.config.position_tolerance:
-            outcome = self._finish(self._turn_to(lambda T: _bearing(T[:2, 3], target)))
-            if outcome is Outcome.REACHED:
-                outcome = self._finish(self._straight_to(start, target))
+        if np.linalg.norm(target - T[:2, 3]) > self.config.position_tolerance:
+            outcome = self._finish(self._approach(T, target))
         if outcome is not Outcome.REACHED:
             self._back_out()
         self.legs.append(Leg(target, outcome, self._time - started))
         return outcome is Outcome.REACHED
+
+    def _approach(self, T: NDArray[np.float64], target: NDArray[np.float64]) -> Iterator[Velocity]:
+        """Commands that bring the robot to the way point; on a ramp it does not turn, but backs where it must."""
+        error = wrap_angle(_bearing(T[:2, 3], target) - yaw_of(T))
+        backwards = self._on_ramp(T) and abs(error) > np.pi / 2
+        if not self._on_ramp(T):
+            yield from self._turn_to(lambda T: _bearing(T[:2, 3], target))
+        yield from self._straight_to(T[:2, 3].copy(), target, backwards)
+
+    def _on_ramp(self, T: NDArray[np.float64]) -> bool:
+        return max(map(abs, tilt_of(T))) > self.config.ramp_tilt
 
     def _turn_to(self, heading: Callable[[NDArray[np.float64]], float]) -> Iterator[Velocity]:
         """Commands that turn on the spot, the shorter way, to the heading wanted at each pose."""
@@ -137,25 +145,26 @@ class Navigator:
             rate = np.clip(config.turn_gain * abs(error), config.min_turn_rate, config.max_turn_rate)
             yield Velocity(0.0, float(np.sign(error) * rate))
 
-    def _straight_to(self, start: NDArray[np.float64], target: NDArray[np.float64]) -> Iterator[Velocity]:
-        """Commands that follow the line from ``start`` to ``target`` until the robot is abreast of the target."""
+    def _straight_to(
+        self, start: NDArray[np.float64], target: NDArray[np.float64], backwards: bool
+    ) -> Iterator[Velocity]:
+        """Commands that follow the line from ``start`` until the robot is abreast of the target."""
         config = self.config
         length = float(np.linalg.norm(target - start))
         along = (target - start) / length
         left = np.array([-along[1], along[0]])
-        bearing = np.arctan2(along[1], along[0])
+        bearing = np.arctan2(along[1], along[0]) + (np.pi if backwards else 0.0)
         while True:
             T = self._T_map_base
-            remaining = length - (T[:2, 3] - start) @ along
+            remaining = float(length - (T[:2, 3] - start) @ along)
             if remaining < config.position_tolerance:
                 return
             offset = float(np.clip(config.cross_track_gain * ((T[:2, 3] - start) @ left), -0.5, 0.5))
             error = wrap_angle(bearing - offset - yaw_of(T))
-            on_ramp = max(map(abs, tilt_of(T))) > config.ramp_tilt
             # Slowing down before the way point keeps the wheels from skidding past it.
-            speed = min(config.ramp_speed if on_ramp else config.speed, max(0.05, float(remaining)))
+            speed = min(config.ramp_speed if self._on_ramp(T) else config.speed, max(0.05, remaining))
             rate = float(np.clip(config.turn_gain * error, -config.max_turn_rate, config.max_turn_rate))
-            yield Velocity(speed, rate)
+            yield Velocity(-speed if backwards else speed, rate)
 
     def _finish(self, commands: Iterator[Velocity]) -> Outcome:
         """Give commands until they end, the robot leans too far, or nothing moves any more."""

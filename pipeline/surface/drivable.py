@@ -44,6 +44,7 @@ class DrivableSurface:
     Attributes:
         grid: where the cells lie.
         elevation: float32 m, NaN where unknown.
+        gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: bool, steps and slopes that the robot cannot take.
         to_hazard: float64 m to the nearest hazard.
         drivable: bool, the robot's centre may pass.
@@ -55,6 +56,7 @@ class DrivableSurface:
 
     grid: Grid
     elevation: NDArray[np.float32]
+    gradient: NDArray[np.float32]
     hazard: NDArray[np.bool_]
     to_hazard: NDArray[np.float64]
     drivable: NDArray[np.bool_]
@@ -93,6 +95,7 @@ def drivable_surface(surface: SurfaceMap, config: DrivableConfig | None = None) 
     return DrivableSurface(
         grid=surface.grid,
         elevation=elevation,
+        gradient=gradient,
         hazard=hazard,
         to_hazard=to_hazard,
         drivable=drivable,

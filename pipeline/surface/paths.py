@@ -62,6 +62,14 @@ class ShortestPaths:
         """Cost to a point, m; inf where no path leads."""
         return float(self._surface.grid.at(self.cost, xy, outside=np.inf))
 
+    def arrival_at(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """(N,) heading in rad at which the paths to (N, 2) reachable points end; 0 at the start itself."""
+        cells = self._surface.grid.cell_of(xy)
+        flat = self._parent[cells[:, 0], cells[:, 1]]
+        before = np.stack(np.unravel_index(np.maximum(flat, 0), self.cost.shape), axis=-1)
+        step = np.where(flat[:, None] >= 0, cells - before, (1, 0))
+        return np.arctan2(step[:, 1], step[:, 0])
+
     def path_to(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 2) cell centres from the (nearest) start to a reachable point, m."""
         flat = np.ravel_multi_index(tuple(self._surface.grid.cell_of(xy)), self.cost.shape)

@@ -7,7 +7,7 @@ from pipeline.exploration import Exploration, ExplorationConfig
 from pipeline.surface.drivable import drivable_surface
 from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import from_yaw
-from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
+from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
 
 def next_view(exploration, world, pose):
@@ -77,6 +77,22 @@ def test_ground_that_a_look_did_not_show_is_looked_for_from_elsewhere_and_then_g
         pose = from_yaw(*view.position, 0, view.heading)
     assert view is None
     assert np.ptp([v[0] for v in views]) > 0.3
+
+
+def test_from_a_ramp_it_looks_along_its_way_only():
+    world = surface_of(ground_points(ridge, (-2.5, 0.05), (-0.6, 0.6)))
+    for y in (-0.6, 0.6):
+        world.update(wall_points((-2.5, y), (0.05, y)))
+    world.update(wall_points((-2.5, -0.6), (-2.5, 0.6)))
+    exploration, pose = Exploration(), from_yaw(-1.5, 0, 0, 0)
+    for _ in range(20):  # nobody sees what lies behind the crest from below it
+        view = next_view(exploration, world, pose)
+        if view is None or not view.turn:
+            break
+        pose = from_yaw(*view.position, 0, view.heading)
+    assert view is not None
+    assert -RUN - 0.25 < view.position[0] < 0
+    assert abs(view.heading) < np.deg2rad(2)
 
 
 def test_no_view_from_where_the_robot_cannot_stand():

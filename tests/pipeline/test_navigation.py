@@ -88,6 +88,18 @@ def test_it_stops_before_it_tips():
     assert robot.T[0, 3] < 1
 
 
+def test_on_a_ramp_it_backs_instead_of_turning():
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16) if x > 1 else 0.0)
+    navigator = Navigator(robot)
+    assert navigator.follow(np.array([(1.4, 0)]))
+    before = len(robot.commands)
+    assert navigator.follow(np.array([(0.5, 0.05)]))
+    backing = robot.commands[before:]
+    assert min(c.v for c in backing) < 0 <= max(abs(c.omega) for c in backing) < 0.3
+    assert abs(yaw_of(robot.T)) < np.deg2rad(10)
+    np.testing.assert_allclose(robot.T[:2, 3], (0.5, 0.05), atol=0.06)
+
+
 def test_way_points_are_in_map_whatever_odom_is():
     robot = KinematicRobot()
     navigator = Navigator(robot)

@@ -69,6 +69,14 @@ def test_of_several_starts_the_nearest_counts(maze):
     np.testing.assert_allclose(both.path_to((0.6, -0.6))[0], (1, -1), atol=0.05)
 
 
+def test_arrival_is_the_direction_of_the_last_step(maze):
+    paths = ShortestPaths(maze, (-1.0, -1.0))
+    ends = np.array([(-1.0, 1.0), (-1.5, -1.0), (-0.5, -0.5)])
+    for end, heading in zip(ends, paths.arrival_at(ends), strict=True):
+        step = np.diff(paths.path_to(end)[-2:], axis=0)[0]
+        assert heading == pytest.approx(np.arctan2(step[1], step[0]))
+
+
 def test_no_start_and_no_way():
     surface = drivable_surface(surface_of(ground_points(flat, (0, 2), (0, 2))))
     nowhere = ShortestPaths(surface, (9.0, 9.0))

@@ -1,0 +1,115 @@
+"""The network as one of the robot's point classifiers."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import softmax
+
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.labels import Label
+from pipeline.semantic_map.dgcnn.blocks import CLASSES, BlockConfig, cut
+from pipeline.semantic_map.dgcnn.inference import FastDgcnn
+from pipeline.semantic_map.dgcnn.network import Dgcnn
+from pipeline.semantic_map.dgcnn.weights import load_weights, save_weights
+from pipeline.semantic_map.voxels import VoxelCloud
+
+
+@dataclass(frozen=True)
+class DgcnnConfig:
+    """Settings of the classifier; the size of blocks comes with the weights."""
+
+    votes: int = 1
+    """Grids of columns, each shifted against the others, over which class probabilities are averaged."""
+    threads: int | None = None
+    """One a processor if not given."""
+    seed: int = 0
+    """Of where the grid lies in each frame, so that seams fall elsewhere, and of sampling."""
+
+
+class DgcnnClassifier:
+    """Classifies the points of a frame by DGCNN, every one of them."""
+
+    def __init__(self, weights: Path, config: DgcnnConfig | None = None) -> None:
+        """Load weights that ``train.py`` wrote.
+
+        Raises:
+            InputError: as of :func:`load_weights`, or the network tells other classes apart or has other channels.
+        """
+        self.config = config or DgcnnConfig()
+        network, metadata = load_weights(weights)
+        self._blocks = _block_config(weights, network, metadata)
+        self._network = FastDgcnn(network, self.config.threads)
+
+    def classify(self, frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N, 8) float32 class probabilities; what is not finite is unlabelled."""
+        cloud = VoxelCloud.of(points, self._blocks.voxel_size)
+        rng = np.random.default_rng([self.config.seed, int(np.float64(frame.time).view(np.uint64))])
+        probabilities = np.zeros((len(cloud.points) + 1, len(Label)), np.float32)
+        probabilities[:-1, CLASSES] = segment(
+            self._network, cloud.points, camera_position(frame, points), self._blocks, self.config.votes, rng
+        )
+        probabilities[-1, Label.UNLABELLED] = 1
+        return probabilities[cloud.voxel_of_point]
+
+
+def segment(
+    network: FastDgcnn,
+    points: NDArray[np.float32],
+    camera: NDArray[np.floating],
+    config: BlockConfig,
+    votes: int,
+    rng: np.random.Generator,
+) -> NDArray[np.float32]:
+    """(M, classes) float32 probabilities of (M, 3) points, the mean over ``votes`` grids of columns."""
+    result = np.zeros((len(points), network.classes), np.float32)
+    start = rng.uniform()
+    for vote in range(votes):
+        shift = (start + vote / votes) * config.size
+        for block in cut(points, camera, config, shift, network.k, rng):
+            result[block.index] += softmax(network(block.points), axis=1) / votes
+    return result
+
+
+def camera_position(frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float64]:
+    """(3,) where the camera stood in the frame of ``points``, the frame's returns.
+
+    By the rigid motion that takes some of the returns there from ``camera_optical`` (Kabsch, Acta Cryst. A32, 1976).
+    """
+    finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+    few = finite[:: 1 + len(finite) // 1000]
+    if len(few) == 0:
+        return np.zeros(3)
+    here, there = frame.points(np.eye(4))[few].astype(np.float64), points[few].astype(np.float64)
+    u, _, vt = np.linalg.svd((here - here.mean(axis=0)).T @ (there - there.mean(axis=0)))
+    rotation = (u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt).T
+    return there.mean(axis=0) - rotation @ here.mean(axis=0)
+
+
+def save_classifier(path: Path, network: Dgcnn, blocks: BlockConfig, training: dict[str, object]) -> None:
+    """Write weights, what :class:`DgcnnClassifier` must know of them, and how they were trained.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    labels = ",".join(label.name.lower() for label in CLASSES)
+    about = {"labels": labels, "blocks": json.dumps(asdict(blocks)), "training": json.dumps(training)}
+    save_weights(path, network, about)
+
+
+def _block_config(path: Path, network: Dgcnn, metadata: dict[str, str]) -> BlockConfig:
+    labels = ",".join(label.name.lower() for label in CLASSES)
+    if metadata.get("labels") != labels or network.classes != len(CLASSES):
+        told = metadata.get("labels", f"{network.classes} unnamed classes")
+        raise InputError(
+            f"{path}: a network that tells apart {told}, not {labels}; train.py makes such a one"
+        )
+    if network.channels != 6:
+        raise InputError(f"{path}: a network for {network.channels} channels a point, not 6")
+    try:
+        return BlockConfig(**json.loads(metadata["blocks"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: weights of another version: it does not say how to cut blocks") from error

@@ -1,0 +1,54 @@
+"""One training on several processors: each process of ``torchrun`` takes its share of every batch."""
+
+import os
+from dataclasses import dataclass
+
+import torch
+from torch import distributed, nn
+from torch.nn.parallel import DistributedDataParallel
+
+
+@dataclass(frozen=True)
+class Worker:
+    """This process among those that train together.
+
+    Attributes:
+        rank: its number; 0 validates and writes.
+        count: how many there are.
+        device: that it computes on.
+    """
+
+    rank: int
+    count: int
+    device: torch.device
+
+    @classmethod
+    def join(cls) -> "Worker":
+        """The one that torchrun made this process, or the only one; on a GPU of its own where there are GPUs."""
+        rank, count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
+        device = torch.device("cpu")
+        if torch.cuda.is_available():
+            device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))
+            torch.cuda.set_device(device)
+        if count > 1:
+            distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
+        return cls(rank, count, device)
+
+    @property
+    def leads(self) -> bool:
+        """Whether this is the one that validates and writes."""
+        return self.rank == 0
+
+    def share(self, module: nn.Module) -> nn.Module:
+        """The module, its gradients averaged over all workers."""
+        return DistributedDataParallel(module) if self.count > 1 else module
+
+    def wait(self) -> None:
+        """Wait until all workers are here."""
+        if self.count > 1:
+            distributed.barrier()
+
+    def leave(self) -> None:
+        """End working together."""
+        if self.count > 1:
+            distributed.destroy_process_group()

@@ -1,0 +1,230 @@
+"""Training: random blocks of labelled clouds in, the weights that validate best out."""
+
+import json
+import pickle
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from math import cos, pi
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import log_softmax
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from pipeline.semantic_map.dgcnn.blocks import CLASSES, BlockConfig
+from pipeline.semantic_map.dgcnn.classifier import save_classifier, segment
+from pipeline.semantic_map.dgcnn.clouds import LabelledCloud
+from pipeline.semantic_map.dgcnn.curves import Curves
+from pipeline.semantic_map.dgcnn.inference import FastDgcnn
+from pipeline.semantic_map.dgcnn.network import Dgcnn
+from pipeline.semantic_map.dgcnn.parallel import Worker
+from pipeline.semantic_map.dgcnn.ragged import RaggedDgcnn
+from pipeline.semantic_map.dgcnn.sampling import BlockSampler, SamplingConfig
+from pipeline.semantic_map.dgcnn.scores import Confusion
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """Settings of a training.
+
+    Attributes:
+        steps: batches.
+        seed: of the first weights, the blocks and their augmentation.
+        blocks: how clouds are cut.
+        sampling: of each worker's batches.
+        optimizer: AdamW, or SGD with momentum 0.9 as published.
+        learning_rate: at its highest; 0.1 for SGD as published.
+        weight_decay: of the optimizer.
+        warm_up: share of the steps in which the learning rate rises; then it falls as a cosine.
+        dropout: before the last layer; 0.5 as published is for longer trainings.
+        balance: a class weighs its share of the points to the power of minus this; 0 is none, 1 full balance.
+        validate_every: steps.
+    """
+
+    steps: int = 3000
+    seed: int = 0
+    blocks: BlockConfig = field(default_factory=BlockConfig)
+    sampling: SamplingConfig = field(default_factory=SamplingConfig)
+    optimizer: Literal["adamw", "sgd"] = "adamw"
+    learning_rate: float = 2e-3
+    weight_decay: float = 1e-3
+    warm_up: float = 0.05
+    dropout: float = 0.0
+    balance: float = 0.5
+    validate_every: int = 250
+
+
+class Trainer:
+    """A training that can be left at any step and taken up again; it leaves the same weights."""
+
+    def __init__(
+        self,
+        training: Sequence[LabelledCloud],
+        validation: Sequence[LabelledCloud],
+        config: TrainingConfig,
+        out: Path,
+        worker: Worker,
+        about: dict[str, Any],
+    ) -> None:
+        """Begin, or go on from ``out``'s checkpoint where there is one.
+
+        Args:
+            training: clouds to learn from.
+            validation: clouds by which the best weights are chosen.
+            config: settings.
+            out: file for the weights; checkpoint, table and picture get its name with other endings.
+            worker: this process.
+            about: what else is written into the weights' file on how they came about.
+
+        Raises:
+            InputError: there is nothing to learn from or to validate with, or the checkpoint is of another training.
+        """
+        training = [cloud for cloud in training if len(cloud.points)]
+        _check(training, validation, config)
+        torch.manual_seed(config.seed)
+        self.config, self.out, self.worker = config, out, worker
+        self._validation, self._about = validation, about
+        self.network = Dgcnn(channels=6, classes=len(CLASSES)).to(worker.device).train()
+        self.network.dropout.p = config.dropout
+        self._parallel = worker.share(RaggedDgcnn(self.network))
+        self._optimizer = _optimizer(config, self.network)
+        self._sampler = BlockSampler(training, config.blocks, config.sampling, self.network.k, config.seed)
+        self._weights = class_weights(training, config.balance).to(worker.device)
+        self.step, self.best, self.curves, self._losses = 0, float("-inf"), Curves(), list[float]()
+        if self._checkpoint.exists():
+            self._resume()
+
+    def run(self, report: Callable[["Trainer"], object] = lambda trainer: None) -> None:
+        """Train to the end. ``report`` is called after every step. Interrupted, it leaves a checkpoint."""
+        try:
+            while self.step < self.config.steps:
+                self._losses.append(self._learn(self.step * self.worker.count + self.worker.rank))
+                self.step += 1
+                if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
+                    self._validate()
+                report(self)
+        except KeyboardInterrupt:
+            self._save()
+            raise
+
+    def _learn(self, number: int) -> float:
+        """Take a step with the batch of that number; the loss."""
+        config, device, batch = self.config, self.worker.device, self._sampler.batch(number)
+        torch.manual_seed(
+            int(np.random.SeedSequence([config.seed, number]).generate_state(1)[0])
+        )  # of dropout
+        rate = config.learning_rate * schedule((self.step + 1) / config.steps, config.warm_up)
+        for group in self._optimizer.param_groups:
+            group["lr"] = rate
+        logits = self._parallel(batch.points.to(device), batch.sizes)
+        loss = cross_entropy(logits, batch.shares.to(device), self._weights)
+        self._optimizer.zero_grad()
+        loss.backward()
+        self._optimizer.step()
+        return float(loss.detach())
+
+    def _validate(self) -> None:
+        if self.worker.leads:
+            confusion = validate(self.network, self._validation, self.config)
+            self.curves.add(self.step, float(np.mean(self._losses)), confusion)
+            self._losses = []
+            if confusion.miou_four > self.best:
+                self.best = confusion.miou_four
+                training = self._about | {
+                    "step": self.step,
+                    "miou_four": self.best,
+                    "config": asdict(self.config),
+                }
+                save_classifier(self.out, self.network, self.config.blocks, training)
+            self.curves.write(self.out.with_suffix(".csv"), self.out.with_suffix(".svg"))
+            self._save()
+        self.worker.wait()
+
+    @property
+    def _checkpoint(self) -> Path:
+        return self.out.with_suffix(".checkpoint")
+
+    def _save(self) -> None:
+        if self.worker.leads:
+            state = {
+                "config": json.dumps(asdict(self.config)),
+                "step": self.step,
+                "best": self.best,
+                "rows": self.curves.rows,
+                "losses": self._losses,
+                "network": self.network.state_dict(),
+                "optimizer": self._optimizer.state_dict(),
+            }
+            with whole_file(self._checkpoint) as file:
+                torch.save(state, file)
+
+    def _resume(self) -> None:
+        path = self._checkpoint
+        try:
+            state = torch.load(path, map_location=self.worker.device, weights_only=True)
+            if state["config"] != json.dumps(asdict(self.config)):
+                raise InputError(
+                    f"{path} is of a training with other settings: remove it, or choose another --out"
+                )
+            self.network.load_state_dict(state["network"])
+            self._optimizer.load_state_dict(state["optimizer"])
+            self.step, self.best, self._losses = state["step"], state["best"], state["losses"]
+            self.curves = Curves(state["rows"])
+        except (OSError, RuntimeError, KeyError, TypeError, EOFError, pickle.UnpicklingError) as error:
+            raise InputError(
+                f"{path}: not a checkpoint of this program: remove it, or choose another --out"
+            ) from error
+
+
+def validate(network: Dgcnn, clouds: Sequence[LabelledCloud], config: TrainingConfig) -> Confusion:
+    """What the network makes of the clouds, as the robot would use it."""
+    fast = FastDgcnn(network)
+    result = Confusion(np.zeros((len(CLASSES), len(CLASSES)), np.int64))
+    for number, cloud in enumerate(clouds):
+        rng = np.random.default_rng([config.seed, number])
+        probabilities = segment(fast, cloud.points, cloud.camera, config.blocks, 1, rng)
+        result += Confusion.of(cloud.counts, probabilities.argmax(axis=1))
+    return result
+
+
+def cross_entropy(logits: Tensor, shares: Tensor, weights: Tensor) -> Tensor:
+    """Mean over the points, each class weighted, of (P, C) logits from the (P, C) shares of the classes."""
+    weighted = shares * weights
+    return -(weighted * log_softmax(logits, dim=1)).sum() / weighted.sum()
+
+
+def class_weights(clouds: Sequence[LabelledCloud], balance: float) -> Tensor:
+    """(C,) float32: a class's share of the points to the power of ``-balance``; 1 for one that does not occur."""
+    points = sum(np.bincount(cloud.classes, minlength=len(CLASSES)) for cloud in clouds)
+    share = points / np.sum(points)
+    return torch.from_numpy(np.where(share > 0, np.maximum(share, 1e-4) ** -balance, 1)).float()
+
+
+def schedule(progress: float, warm_up: float) -> float:
+    """The learning rate as a share of the highest, at a progress from 0 to 1."""
+    if progress < warm_up:
+        return progress / warm_up
+    return (1 + cos(pi * (progress - warm_up) / (1 - warm_up))) / 2
+
+
+def _optimizer(config: TrainingConfig, network: Dgcnn) -> torch.optim.Optimizer:
+    parameters, rate, decay = network.parameters(), config.learning_rate, config.weight_decay
+    if config.optimizer == "sgd":
+        return torch.optim.SGD(parameters, rate, momentum=0.9, weight_decay=decay)
+    return torch.optim.AdamW(parameters, rate, weight_decay=decay)
+
+
+def _check(
+    training: Sequence[LabelledCloud], validation: Sequence[LabelledCloud], config: TrainingConfig
+) -> None:
+    for purpose, clouds in (("train", training), ("validate", validation)):
+        if not any(len(cloud.points) for cloud in clouds):
+            raise InputError(f"no labelled points to {purpose} with")
+    if config.steps < 1 or config.validate_every < 1 or config.sampling.blocks < 1:
+        raise InputError("--steps, --validate-every, --sampling.blocks: at least 1")
+    if not 0 <= config.warm_up < 1:
+        raise InputError(f"--warm-up {config.warm_up}: at least 0 and less than 1")

@@ -1,0 +1,105 @@
+"""Train one of the robot's networks: ``train.py NETWORK --data DIR --out FILE``.
+
+On several GPUs, or a process for each core of a CPU: ``torchrun --nproc-per-node N scripts/train.py ...``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
+
+from pipeline.errors import InputError
+from pipeline.semantic_map.dgcnn.clouds import LabelledCloud
+from pipeline.semantic_map.dgcnn.parallel import Worker
+from pipeline.semantic_map.dgcnn.training import Trainer, TrainingConfig
+from sarsim.dataset.folder import Dataset
+from sarsim.scripts.cli import guarded, parse
+
+
+@dataclass(frozen=True)
+class TrainDgcnn:
+    """The network of the semantic map, from a dataset of generate_dataset.py.
+
+    Attributes:
+        data: folder of the dataset; its scenes of the split train are learned from, those of val validated with.
+        out: file for the weights (.safetensors); a checkpoint, a table and a picture get its name with other
+            endings. A training that was left is taken up from its checkpoint.
+        stride: take every so manieth frame of a scene.
+        validation_frames: at most, evenly over the scenes.
+        training: settings.
+    """
+
+    data: Path
+    out: Path
+    stride: int = 1
+    validation_frames: int = 200
+    training: Annotated[TrainingConfig, tyro.conf.arg(name="")] = field(default_factory=TrainingConfig)
+
+    def run(self) -> None:
+        """Train, and say where the weights lie."""
+        self._check()
+        worker = Worker.join()
+        try:
+            clouds = self._load(worker)
+            validation = clouds["val"][:: 1 + len(clouds["val"]) // self.validation_frames]
+            about = {"data": str(self.data), "scenes": len(Dataset(self.data)), "stride": self.stride}
+            trainer = Trainer(clouds["train"], validation, self.training, self.out, worker, about)
+            self._train(trainer)
+        finally:
+            worker.leave()
+        if worker.leads:
+            Console().print(f"Validated best: mIoU over the four {trainer.best:.4f}. Weights in {self.out}")
+
+    def _check(self) -> None:
+        if self.stride < 1 or self.validation_frames < 1:
+            raise InputError("--stride, --validation-frames: at least 1")
+        if not self.out.absolute().parent.is_dir():
+            raise InputError(f"--out {self.out}: there is no folder {self.out.absolute().parent}")
+
+    def _load(self, worker: Worker) -> dict[str, list[LabelledCloud]]:
+        """The clouds of every split."""
+        dataset, voxel_size = Dataset(self.data), self.training.blocks.voxel_size
+        clouds: dict[str, list[LabelledCloud]] = {"train": [], "val": [], "test": []}
+        with progress_bar(worker) as progress:
+            for entry, scene in progress.track(dataset, total=len(dataset), description="scenes"):
+                for index in range(0, len(scene) if entry.split != "test" else 0, self.stride):
+                    pose = scene.T_world_camera(index)
+                    clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size))
+        return clouds
+
+    def _train(self, trainer: Trainer) -> None:
+        with progress_bar(trainer.worker) as progress:
+            bar = progress.add_task("steps", total=self.training.steps, completed=trainer.step)
+            trainer.run(
+                lambda now: progress.update(
+                    bar, completed=now.step, description=f"steps, best {now.best:.3f}"
+                )
+            )
+
+
+def progress_bar(worker: Worker) -> Progress:
+    """Shown by one worker alone."""
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=Console(stderr=True), disable=not worker.leads)
+
+
+NETWORKS: dict[str, Callable[..., TrainDgcnn]] = {"dgcnn": TrainDgcnn}
+
+
+def train() -> None:
+    """Parse the command line and train."""
+    network = parse(lambda: tyro.extras.subcommand_cli_from_dict(NETWORKS, description=__doc__))
+    network.run()
+
+
+def main() -> None:
+    """Entry point."""
+    guarded(train)
+
+
+if __name__ == "__main__":
+    main()

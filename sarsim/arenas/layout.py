@@ -1,7 +1,7 @@
 """The plan of a random arena on tiles: walls, heights and what stands where. Whole numbers only."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -74,12 +74,14 @@ class Layout:
         columns, rows: number of tiles along x and y.
         walls: edges inside the arena that have a wall.
         reserved: tiles that must stay as they are.
+        start: where the robot is set down; None until that is chosen.
     """
 
     def __init__(self, columns: int, rows: int):
         self.columns, self.rows = columns, rows
         self.walls: set[Edge] = set()
         self.reserved: set[Tile] = set()
+        self.start: Tile | None = None
         self._ground: dict[Tile, Ground] = {}
 
     def tiles(self) -> list[Tile]:
@@ -126,16 +128,34 @@ class Layout:
 
     def is_connected(self) -> bool:
         """Whether the robot can drive from every tile that is not blocked to every other one."""
-        open_tiles = [t for t in self.tiles() if self.ground(t) != BLOCKED]
-        return not open_tiles or len(self._reach(open_tiles[0])) == len(open_tiles)
+        open_tiles = {t for t in self.tiles() if self.ground(t) != BLOCKED}
+        return not open_tiles or self._reach(min(open_tiles), self.passable) == open_tiles
 
-    def _reach(self, start: Tile) -> set[Tile]:
+    def is_explorable(self) -> bool:
+        """Whether a robot that drives over no ground that it has not seen gets to all tiles but fields of ridges."""
+        seen = set() if self.start is None else self._reach(self.start, self._in_sight)
+        return all(t in seen for t in self.tiles() if self.ground(t).kind not in ("ridge", "blocked"))
+
+    def _in_sight(self, tile: Tile, side: Side) -> bool:
+        """Whether the robot can drive over this side and sees the ground there before.
+
+        Its camera sees nothing nearer than 0.8 m, so before a ramp it needs two tiles in a line, one to look from
+        and one to see; and the far slope of the last of several ridges is hidden.
+        """
+        if not self.passable(tile, side):
+            return False
+        here, there = self.ground(tile).kind, self.ground(self.next(tile, side)).kind
+        if here == "floor" and there in ("ramp", "ridge"):
+            back = opposite(side)
+            return self.passable(tile, back) and self.ground(self.next(tile, back)) == FLOOR
+        return here != "ridge" or there != "ridge"
+
+    def _reach(self, start: Tile, may_pass: Callable[[Tile, Side], bool]) -> set[Tile]:
         seen, queue = {start}, deque([start])
         while queue:
             tile = queue.popleft()
-            for side in self.exits(tile):
-                other = self.neighbour(tile, side)
-                if other is not None and other not in seen:
+            for side in SIDES:
+                if may_pass(tile, side) and (other := self.next(tile, side)) not in seen:
                     seen.add(other)
                     queue.append(other)
         return seen
@@ -152,20 +172,24 @@ class Layout:
         return tiles
 
     def lay(self, grounds: Iterable[tuple[Tile, Ground]], opened: Iterable[Edge] = ()) -> bool:
-        """Change the ground of tiles and open walls, unless that cuts the arena in two; whether it was done."""
+        """Change the ground of tiles and open walls, unless that keeps the robot from a tile; whether it was done."""
         before = (dict(self._ground), set(self.walls))
         self._ground.update(grounds)
         self.walls.difference_update(opened)
-        if self.is_connected():
+        if self.is_connected() and (self.start is None or self.is_explorable()):
             return True
         self._ground, self.walls = before
         return False
 
     def block(self, tiles: list[Tile]) -> bool:
-        """Take free tiles from the robot, if it can do without them and still comes to look at them."""
+        """Take free tiles from the robot, if it can do without them and still comes to look at them.
+
+        Walls between them go.
+        """
         if not all(self.is_free(t) for t in tiles) or not self.views(tiles):
             return False
-        return self.lay((t, BLOCKED) for t in tiles)
+        between = [self.edge(t, s) for t in tiles for s in SIDES if self.next(t, s) in tiles]
+        return self.lay([(t, BLOCKED) for t in tiles], between)
 
     def views(self, tiles: list[Tile]) -> list[Edge]:
         """Sides of tiles, as (tile, side), over which the robot may look in from open floor."""

@@ -52,8 +52,8 @@ class RandomArenaConfig:
         ceiling: 2.4 m high, all walls up to it.
     """
 
-    columns: int = 6
-    rows: int = 5
+    columns: int = 7
+    rows: int = 6
     wall_density: float = 0.5
     ramps: float = 0.25
     clutter: float = 0.15
@@ -104,9 +104,9 @@ def _draw(dice: Dice, config: RandomArenaConfig, difficulty: int) -> _Plan | Non
     """Draw a plan; None if the victims do not fit."""
     layout = Layout(config.columns, config.rows)
     make_maze(layout, dice, config.wall_density)
+    start = choose_start(layout, dice)
     if difficulty >= 1:
         lay_ramps(layout, dice, config.ramps, fields=difficulty >= 3)
-    start = choose_start(layout, dice)
     victims = []
     for number in range(1, config.victims + 1):
         if (victim := place_victim(layout, dice, str(number), hidden=difficulty >= 2)) is None:

@@ -7,7 +7,7 @@ LEVELS = (17, 25, 34)
 """cm, heights of decks and of the ramps up to them; 25 stands for 25.5."""
 RIDGE = 17
 FENCED = 0.5
-"""Share of the sides over which the robot would fall that get a wall."""
+"""Share of the sides over which the robot would fall to the floor that get a wall."""
 HOLED = 0.15
 """Share of the inner walls with holes, where there are any."""
 TALL = 0.25
@@ -76,19 +76,21 @@ def _draw_run(dice: Dice, side: Side, fields: bool) -> tuple[list[Ground], bool]
 
 
 def _fence(layout: Layout, dice: Dice, tiles: list[Tile]) -> None:
+    """Put walls on sides over which the robot would fall: between ramps and decks always, to the floor on some."""
     for tile in tiles:
         for side in SIDES:
             falls = not layout.has_wall(tile, side) and not layout.passable(tile, side)
-            if falls and dice.chance(FENCED):
+            if falls and (layout.ground(layout.next(tile, side)) != FLOOR or dice.chance(FENCED)):
                 layout.walls.add(layout.edge(tile, side))
 
 
 def choose_start(layout: Layout, dice: Dice) -> tuple[Tile, Side]:
     """A floor tile and a heading with as long an open way ahead as there is; its first tiles are kept free."""
     places = [(t, s) for t in layout.tiles() if layout.ground(t) == FLOOR for s in SIDES]
-    start = max(dice.shuffled(places), key=lambda place: len(_way(layout, *place)))
-    layout.reserved.update(_way(layout, *start)[:2])
-    return start
+    tile, side = max(dice.shuffled(places), key=lambda place: len(_way(layout, *place)))
+    layout.start = tile
+    layout.reserved.update(_way(layout, tile, side)[:2])
+    return tile, side
 
 
 def _way(layout: Layout, tile: Tile, side: Side) -> list[Tile]:

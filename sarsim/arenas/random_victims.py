@@ -22,7 +22,7 @@ POSTURES: dict[Placement, tuple[Posture, ...]] = {
 }
 PLACEMENTS: dict[bool, tuple[Placement, ...]] = {
     False: ("open",),
-    True: ("open", "open", "rubble", "box", "hole"),
+    True: ("open", "rubble", "box", "hole"),
 }
 """By whether victims may be half hidden."""
 
@@ -44,7 +44,7 @@ class PlacedVictim:
 
 @dataclass(frozen=True, eq=False)
 class _Spot:
-    """A rectangle of tiles without walls in it, and the side that the victim there faces."""
+    """A rectangle of tiles, and the side that the victim there faces."""
 
     tiles: list[Tile]
     facing: Side
@@ -82,14 +82,9 @@ def _spots(layout: Layout) -> list[_Spot]:
     rectangles = [
         [(i + a, j + b) for a in range(w) for b in range(h)] for i, j in layout.tiles() for w, h in sizes
     ]
-    free = [tiles for tiles in rectangles if all(map(layout.is_free, tiles)) and _is_open(layout, tiles)]
+    inside = set(layout.tiles())
+    free = [tiles for tiles in rectangles if inside.issuperset(tiles) and all(map(layout.is_free, tiles))]
     return [_Spot(tiles, side) for tiles in free for side in SIDES]
-
-
-def _is_open(layout: Layout, tiles: list[Tile]) -> bool:
-    """Whether no wall stands between the tiles of a rectangle, and all of it is in the arena."""
-    inside = all(0 <= i < layout.columns and 0 <= j < layout.rows for i, j in tiles)
-    return inside and all(layout.passable(t, s) for t in tiles for s in SIDES if layout.next(t, s) in tiles)
 
 
 def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:

@@ -64,14 +64,24 @@ def test_mazes_with_ramps_hang_together_and_have_a_start_on_the_floor(columns, r
     layout, dice = Layout(columns, rows), Dice(np.random.default_rng(seed))
     make_maze(layout, dice, density)
     assert layout.is_connected()
+    tile, _ = choose_start(layout, dice)
     lay_ramps(layout, dice, share=0.4, fields=True)
     assert layout.is_connected()
-    tile, _ = choose_start(layout, dice)
+    assert layout.is_explorable()
     assert layout.ground(tile) == FLOOR
     assert tile in layout.reserved
     for t in layout.tiles():
         for s in layout.exits(t):
             assert opposite(s) in layout.exits(layout.next(t, s))
+
+
+def test_before_a_ramp_two_tiles_in_a_line_are_needed():
+    narrow = Layout(3, 1)
+    narrow.start = (0, 0)
+    assert not narrow.lay([((1, 0), Ground("ridge", 17, EAST))])
+    wide = Layout(4, 1)
+    wide.start = (0, 0)
+    assert wide.lay([((2, 0), Ground("ridge", 17, EAST))])
 
 
 def test_a_perfect_maze_has_one_way_between_any_two_tiles():

@@ -231,7 +231,7 @@ def counter() -> list[Part]:
     ]
 
 
-def bin() -> list[Part]:
+def waste_bin() -> list[Part]:
     """For waste paper."""
     return [_box("grey", (0.03, 0.27), (-0.15, 0.15), (0.0, 0.4))]
 
@@ -274,7 +274,7 @@ PIECES = {
     make.__name__: make
     for make in (
         bench, plain_bench, table, conference_table, desk, computer_desk, chair, stool, cabinet, lockers, shelf,
-        rack, machine, switchboard, whiteboard, notice_board, radiator, seat_row, counter, bin, plant,
+        rack, machine, switchboard, whiteboard, notice_board, radiator, seat_row, counter, waste_bin, plant,
         extinguisher, cartons, fallen_table,
     )
 }  # fmt: skip

@@ -55,7 +55,7 @@ FURNITURE: dict[str, list[Place]] = {
         ("extinguisher", -12.0, 2.0, SOUTH),
         ("notice_board", -2.0, -0.6, NORTH),
         ("seat_row", -1.6, 2.0, SOUTH),
-        ("bin", -0.5, 2.0, SOUTH),
+        ("waste_bin", -0.5, 2.0, SOUTH),
         ("extinguisher", 3.2, -0.6, NORTH),
         ("notice_board", 8.0, 2.0, SOUTH),
         *_row("lockers", (17.4, -0.6), (18.6, -0.6), 2, NORTH),
@@ -75,7 +75,7 @@ FURNITURE: dict[str, list[Place]] = {
         *_row("cabinet", (-16.1, -5.9), (-16.1, -4.1), 3, WEST),
         ("radiator", -19.0, -7.3, NORTH),
         ("table", -18.0, -3.3, SOUTH),
-        ("bin", -25.8, -6.9, EAST),
+        ("waste_bin", -25.8, -6.9, EAST),
     ],
     "circuits laboratory": [
         *_row("bench", (-15.98, -6.2), (-15.98, -4.4), 2, EAST),
@@ -137,7 +137,7 @@ FURNITURE: dict[str, list[Place]] = {
         ("shelf", -19.94, 3.9, EAST),
         ("cabinet", -16.06, 6.4, WEST),
         ("radiator", -18.0, 7.3, SOUTH),
-        ("bin", -19.94, 6.8, EAST),
+        ("waste_bin", -19.94, 6.8, EAST),
     ],
     "office 2": [
         ("desk", -12.06, 4.6, WEST),

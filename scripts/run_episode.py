@@ -35,7 +35,8 @@ class EpisodeConfig:
     """What an episode is made of.
 
     Attributes:
-        arena: nist_6x4, or the path of an MJCF file.
+        arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
+        start: where the robot is set down, x y (m) and yaw (degrees); if not given, where the arena says.
         seed: of everything random.
         steps: looks at most; the episode ends before when nothing is left to look at.
         labels: who says what a point belongs to.
@@ -46,6 +47,7 @@ class EpisodeConfig:
     """
 
     arena: str = "nist_6x4"
+    start: tuple[float, float, float] | None = None
     seed: int = 0
     steps: int = 160
     labels: Literal["truth"] = "truth"
@@ -65,7 +67,7 @@ class Episode:
             raise InputError(
                 f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed"
             )
-        arena = load_arena(config.arena)
+        arena = load_arena(config.arena, config.start)
         self.out = config.out or Path("runs") / f"{Path(config.arena).stem}-{config.seed}"
         make_folder(self.out)
         self.robot = SimulatedRobot(arena, config.simulation, config.seed)

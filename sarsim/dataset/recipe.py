@@ -1,10 +1,12 @@
 """What a dataset is made of, and what one of its scenes is made of."""
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
+from pipeline.errors import InputError
 from sarsim.air import Air
 from sarsim.arenas.random_arena import RandomArenaConfig
 from sarsim.conditions import Conditions
@@ -13,6 +15,10 @@ from sarsim.lighting import Lighting
 from sarsim.xtion import Xtion
 
 RANDOM = "random"
+MIN_SIZE = 16
+"""pixels of an image."""
+Purpose = Literal["conditions", "arena", "drive", "noise"]
+"""Of random numbers."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +43,11 @@ class ArenaRange:
     difficulty: tuple[int, int] = (0, 3)
     ceilings: float = 0.3
 
+    def __post_init__(self) -> None:
+        for name in ("tiles", "wall_density", "ramps", "clutter", "victims", "difficulty"):
+            _check_order(f"random.{name}", getattr(self, name))
+        _check_share("random.ceilings", self.ceilings)
+
     def draw(self, rng: np.random.Generator) -> RandomArenaConfig:
         """One of these arenas."""
         return RandomArenaConfig(
@@ -59,6 +70,11 @@ class LightingShares:
     dim: float = 0.25
     dark: float = 0.25
 
+    def __post_init__(self) -> None:
+        shares = (self.normal, self.dim, self.dark)
+        if not (min(shares) >= 0 and 0 < sum(shares) < float("inf")):
+            raise InputError(f"--lighting: {shares} are no shares")
+
     def draw(self, rng: np.random.Generator) -> Lighting:
         """One of them."""
         shares = np.array([getattr(self, kind.name) for kind in Lighting], np.float64)
@@ -78,6 +94,11 @@ class SensorRange:
     ideal: float = 0.1
     lateral_sigma: tuple[float, float] = (0.5, 1.0)
     dropout: tuple[float, float] = (0.0, 0.02)
+
+    def __post_init__(self) -> None:
+        _check_share("sensor.ideal", self.ideal)
+        _check_order("sensor.lateral-sigma", self.lateral_sigma)
+        _check_order("sensor.dropout", self.dropout)
 
     def draw(self, rng: np.random.Generator) -> Xtion:
         """One of these sensors."""
@@ -100,10 +121,45 @@ class DustRange:
     clear: float = 0.6
     dust: tuple[float, float] = (0.02, 0.4)
 
+    def __post_init__(self) -> None:
+        _check_share("air.clear", self.clear)
+        _check_order("air.dust", self.dust)
+        for dust in self.dust:
+            Air(dust=dust)
+
     def draw(self, rng: np.random.Generator) -> Air:
         """The air of a scene."""
         dusty = Air(dust=round(rng.uniform(*self.dust), 3))
         return Air() if rng.random() < self.clear else dusty
+
+
+@dataclass(frozen=True)
+class SceneRecipe:
+    """What one scene is made of.
+
+    Attributes:
+        index: of the scene.
+        arena: name or path.
+        random: what a random arena is like.
+        conditions: of light, air and sensors.
+    """
+
+    index: int
+    arena: str
+    random: RandomArenaConfig | None
+    conditions: Conditions
+
+    def as_json(self) -> dict[str, Any]:
+        """As JSON can hold it."""
+        conditions = self.conditions
+        return {
+            "index": self.index,
+            "arena": self.arena,
+            "random": None if self.random is None else asdict(self.random),
+            "lighting": conditions.lighting.name,
+            "dust": conditions.air.dust,
+            "sensor": asdict(conditions.depth_sensor),
+        }
 
 
 @dataclass(frozen=True)
@@ -134,31 +190,40 @@ class Recipe:
     air: DustRange = field(default_factory=DustRange)
     drive: DriveConfig = field(default_factory=DriveConfig)
 
+    def __post_init__(self) -> None:
+        """Refuse what cannot be made."""
+        for name, low in (("seed", 0), ("frames", 1), ("width", MIN_SIZE), ("height", MIN_SIZE)):
+            if getattr(self, name) < low:
+                raise InputError(f"--{name} {getattr(self, name)}: at least {low}")
+        if not self.arenas:
+            raise InputError("--arenas: name at least one")
 
-@dataclass(frozen=True)
-class SceneRecipe:
-    """What one scene is made of.
+    def rng(self, index: int, purpose: Purpose) -> np.random.Generator:
+        """The random numbers for one purpose in scene ``index``, the same whoever draws them."""
+        return np.random.default_rng([self.seed, index, get_args(Purpose).index(purpose)])
 
-    Attributes:
-        index: of the scene.
-        arena: name or path.
-        random: what a random arena is like.
-        conditions: of light, air and sensors.
-    """
+    def conditions(self, index: int) -> Conditions:
+        """Of scene ``index``."""
+        rng = self.rng(index, "conditions")
+        return Conditions(self.sensor.draw(rng), self.lighting.draw(rng), self.air.draw(rng))
 
-    index: int
-    arena: str
-    random: RandomArenaConfig | None
-    conditions: Conditions
+    def scenes(self, index: int, count: int) -> Iterator[SceneRecipe]:
+        """The first of these that can be built is scene ``index``; only of random arenas there are several."""
+        conditions, name = self.conditions(index), self.arenas[index % len(self.arenas)]
+        if name != RANDOM:
+            yield SceneRecipe(index, name, None, conditions)
+            return
+        rng = self.rng(index, "arena")
+        for _ in range(count):
+            config = self.random.draw(rng)
+            yield SceneRecipe(index, f"random:{rng.integers(1 << 31)}", config, conditions)
 
-    def as_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
-        conditions = self.conditions
-        return {
-            "index": self.index,
-            "arena": self.arena,
-            "random": None if self.random is None else asdict(self.random),
-            "lighting": conditions.lighting.name,
-            "dust": conditions.air.dust,
-            "sensor": asdict(conditions.depth_sensor),
-        }
+
+def _check_order(flag: str, bounds: tuple[float, float]) -> None:
+    if not bounds[0] <= bounds[1]:
+        raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: the lower value comes first")
+
+
+def _check_share(flag: str, share: float) -> None:
+    if not 0 <= share <= 1:
+        raise InputError(f"--{flag} {share}: a share is from 0 to 1")

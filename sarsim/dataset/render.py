@@ -1,6 +1,7 @@
 """Makes one scene: an arena, a drive through it, and what the robot sees at each look."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -14,11 +15,10 @@ from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.load import load_arena
 from sarsim.camera import RgbdCamera, geom_labels
-from sarsim.conditions import Conditions
 from sarsim.dataset import image_kernels
 from sarsim.dataset.drive import Drive, Station
 from sarsim.dataset.footing import Footing
-from sarsim.dataset.recipe import RANDOM, Recipe, SceneRecipe
+from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
 from sarsim.lighting import set_lighting
 from sarsim.pioneer3at import Pioneer3AT
@@ -26,9 +26,7 @@ from sarsim.rendering import Renderer
 from sarsim.scoring.true_surface import true_surface
 from sarsim.victims import victims_of
 
-_SETTINGS, _DRIVE, _NOISE = range(3)
-"""Purposes of random numbers."""
-_ATTEMPTS = 10
+ATTEMPTS = 10
 """Random arenas that are drawn for a scene before it is given up."""
 
 
@@ -49,11 +47,10 @@ def render_scene(
     Raises:
         InputError: the arena cannot be had, or the robot cannot drive in it.
     """
-    scene, arena = draw_scene(recipe, index)
+    scene, arena = find_scene(recipe, index)
     with World(arena, scene, recipe.width, recipe.height) as world:
-        rng = _rng(recipe, index, _DRIVE)
-        stations = world.drive(recipe, rng).stations(recipe.frames)
-        noise = _rng(recipe, index, _NOISE)
+        stations = world.drive(recipe, recipe.rng(index, "drive")).stations(recipe.frames)
+        noise = recipe.rng(index, "noise")
         with SceneWriter(path, recipe.frames, world.content()) as writer:
             for i, station in enumerate(stations):
                 writer.write(i, world.look(station, noise))
@@ -61,31 +58,17 @@ def render_scene(
     return scene, writer.label_points
 
 
-def draw_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, RescueArena]:
-    """What scene ``index`` is made of, and its arena.
+def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, RescueArena]:
+    """What scene ``index`` is made of, and its arena: the first one drawn whose parts fit into its tiles.
 
     Raises:
         InputError: the arena cannot be had.
     """
-    rng = _rng(recipe, index, _SETTINGS)
-    name = recipe.arenas[index % len(recipe.arenas)]
-    conditions = Conditions(recipe.sensor.draw(rng), recipe.lighting.draw(rng), recipe.air.draw(rng))
-    if name != RANDOM:
-        return SceneRecipe(index, name, None, conditions), load_arena(name)
-    for attempt in range(_ATTEMPTS):
-        config, name = recipe.random.draw(rng), f"random:{rng.integers(1 << 31)}"
-        try:
-            return SceneRecipe(index, name, config, conditions), load_arena(name, random=config)
-        except InputError:
-            # What is drawn may be too much for the tiles that are drawn.
-            if attempt == _ATTEMPTS - 1:
-                raise
-    raise AssertionError
-
-
-def _rng(recipe: Recipe, index: int, purpose: int) -> np.random.Generator:
-    """The random numbers of one purpose of one scene, the same whoever draws them."""
-    return np.random.default_rng([recipe.seed, index, purpose])
+    *tried, last = recipe.scenes(index, ATTEMPTS)
+    for scene in tried:
+        with suppress(InputError):
+            return scene, load_arena(scene.arena, random=scene.random)
+    return last, load_arena(last.arena, random=last.random)
 
 
 class World:

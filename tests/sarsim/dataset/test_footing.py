@@ -43,7 +43,7 @@ def test_the_numbers_are_those_of_the_model() -> None:
     wheels = [f"{end}_{side}_wheel" for end in ("front", "rear") for side in ("left", "right")]
     np.testing.assert_allclose(footing.AXLES, [data.body(name).xpos for name in wheels], atol=1e-9)
     np.testing.assert_allclose(footing.CENTRE_OF_MASS, data.subtree_com[0], atol=1e-3)
-    assert footing.RADIUS == pytest.approx(model.geom("front_left_tyre").size[0] - SINK)
+    assert model.geom("front_left_tyre").size[0] - SINK == pytest.approx(footing.RADIUS)
 
 
 def test_on_the_floor_it_stands_level() -> None:

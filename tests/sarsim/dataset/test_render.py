@@ -1,6 +1,5 @@
 """One scene of the NIST arena and one of a random arena, held against their own MJCF."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -9,10 +8,9 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from sarsim.dataset.recipe import ArenaRange, DustRange, LightingShares, Recipe, SensorRange
-from sarsim.dataset.render import draw_scene, render_scene
+from sarsim.dataset.recipe import ArenaRange, DustRange, Recipe, SensorRange
+from sarsim.dataset.render import render_scene
 from sarsim.dataset.scene_file import Scene
-from sarsim.lighting import Lighting
 
 CLEAR = Recipe(
     seed=1,
@@ -56,7 +54,9 @@ def test_every_point_lies_on_the_geom_that_it_names(
         for n in rng.choice(len(points), 60, replace=False):
             ray, geom = points[n] - camera, np.full(1, -1, np.int32)
             far = mujoco.mj_ray(model, data, camera, ray, None, 1, -1, geom)
-            hits += abs(far - 1) * np.linalg.norm(ray) < 0.006 and model.geom(geom[0]).name == names[instance[n]]
+            hits += (
+                abs(far - 1) * np.linalg.norm(ray) < 0.006 and model.geom(geom[0]).name == names[instance[n]]
+            )
             total += 1
     # A ray to the rounded depth of a pixel on an edge may pass the edge.
     assert hits / total > 0.99
@@ -78,7 +78,7 @@ def test_labels_are_those_of_the_geoms(scene: Scene, world: tuple[mujoco.MjModel
 def test_victims_are_where_the_mjcf_has_them(
     scene: Scene, world: tuple[mujoco.MjModel, mujoco.MjData]
 ) -> None:
-    model, data = world
+    _, data = world
     content = scene.content
     assert content.victim_id
     for name, pose in zip(content.victim_id, content.victim_pose, strict=True):
@@ -110,7 +110,9 @@ def test_points_of_a_victim_lie_in_its_box(scene: Scene) -> None:
     for index, frame in enumerate(scene):
         points = frame.points(scene.T_world_camera(index))
         victim = content.geom_victim[frame.instance[frame.returns]]
-        for number, (pose, (low, high)) in enumerate(zip(content.victim_pose, content.victim_box, strict=True)):
+        for number, (pose, (low, high)) in enumerate(
+            zip(content.victim_pose, content.victim_box, strict=True)
+        ):
             mine = (points[victim == number] - pose[:3, 3]) @ pose[:3, :3]
             assert (mine > low - 0.01).all() and (mine < high + 0.01).all()
             met += len(mine)
@@ -129,32 +131,16 @@ def test_the_floor_is_flat_at_the_true_pose_and_less_so_by_odometry(scene: Scene
     assert spread(scene.pose_odom) > 0.003
 
 
-def test_a_random_arena_is_drawn_from_the_index() -> None:
-    recipe = Recipe(seed=5, random=ArenaRange(tiles=(3, 4)))
-    first, again, second = (draw_scene(recipe, index)[0] for index in (0, 0, 1))
-    assert first == again
-    assert first.arena != second.arena
-    assert first.random is not None
-    assert 3 <= first.random.columns <= 4 and 1 <= first.random.victims <= 4
+def test_a_random_arena_is_rendered(tmp_path: Path) -> None:
+    recipe = Recipe(seed=5, frames=2, width=64, height=48, random=ArenaRange(tiles=(4, 4), victims=(1, 1)))
+    render_scene(recipe, 1, tmp_path / "scene.h5")
+    with Scene(tmp_path / "scene.h5") as scene:
+        assert scene.settings["arena"].startswith("random:")
+        assert scene.settings["random"]["columns"] == 4
+        assert len(scene.content.victim_id) == 1
+        assert {Label.WALL, Label.TERRAIN} <= set(np.unique(scene.label(0)))
 
 
-def test_every_kind_of_light_and_air_is_drawn() -> None:
-    recipe = Recipe(arenas=("nist_6x4",))
-    drawn = [draw_scene(recipe, index)[0].conditions for index in range(40)]
-    assert {c.lighting for c in drawn} == set(Lighting)
-    assert 10 < sum(c.air.dust > 0 for c in drawn) < 25
-    assert 1 <= sum(not c.depth_sensor.axial_noise for c in drawn) < 10
-
-
-def test_shares_of_nothing_are_never_drawn() -> None:
-    recipe = replace(CLEAR, lighting=LightingShares(normal=0, dim=0, dark=2))
-    drawn = [draw_scene(recipe, index)[0].conditions for index in range(10)]
-    assert {c.lighting for c in drawn} == {Lighting.dark}
-    assert all(c.air.dust == 0 and not c.depth_sensor.axial_noise for c in drawn)
-
-
-def test_arenas_that_are_named_are_taken_in_turn(tmp_path: Path) -> None:
-    recipe = Recipe(arenas=("nist_6x4", str(tmp_path / "missing.xml")))
-    assert draw_scene(recipe, 2)[0].arena == "nist_6x4"
+def test_an_arena_that_is_missing_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"missing.xml"):
-        draw_scene(recipe, 1)
+        render_scene(Recipe(arenas=(str(tmp_path / "missing.xml"),)), 0, tmp_path / "scene.h5")

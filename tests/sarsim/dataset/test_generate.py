@@ -1,0 +1,247 @@
+"""Whole datasets: the same bytes whoever makes them, and nothing lost whoever dies."""
+
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import InputError
+from sarsim.dataset.engine import Event, FrameDone, SceneDone, SceneLost
+from sarsim.dataset.folder_lock import FolderLock
+from sarsim.dataset.generate import generate
+from sarsim.dataset.local_engine import LocalEngine
+from sarsim.dataset.manifest import Manifest, SceneEntry, scene_path, sha256_of, split_of
+from sarsim.dataset.recipe import Recipe
+from sarsim.dataset.scene_job import make_scene
+from tests.sarsim.dataset.small import RECIPE, write_scene
+
+SCENES = 4
+ROOT = Path(__file__).parents[3]
+
+
+class InProcess:
+    """An engine without processes, which makes real scenes or writes toy ones."""
+
+    def __init__(self, toys: bool = False):
+        self.toys = toys
+        self.made: list[int] = []
+
+    def render(
+        self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock
+    ) -> Iterator[Event]:
+        for index in indices:
+            self.made.append(index)
+            yield FrameDone(index)
+            yield SceneDone(toy(index, folder) if self.toys else make_scene(recipe, index, folder))
+
+
+def toy(index: int, folder: Path) -> SceneEntry:
+    """A scene that is made at once."""
+    path = folder / scene_path(index)
+    write_scene(path)
+    points = {"wall": 5, "terrain": 7 + index}
+    return SceneEntry(index, scene_path(index), split_of(index), sha256_of(path), 3, "toy", "dim", points)
+
+
+def toys(folder: Path, scenes: int = SCENES, recipe: Recipe = RECIPE) -> list[int]:
+    """Generate toy scenes; returns which were made."""
+    engine = InProcess(toys=True)
+    generate(recipe, scenes, folder, engine)
+    return engine.made
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Contents by path."""
+    found = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(found)}
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """What an undisturbed run in this process alone makes."""
+    folder = tmp_path_factory.mktemp("reference") / "data"
+    generate(RECIPE, SCENES, folder, InProcess())
+    return files(folder)
+
+
+def test_two_workers_make_the_same_bytes_as_this_process(tmp_path: Path, reference: dict[str, bytes]) -> None:
+    seen: list[int] = []
+    generate(RECIPE, SCENES, tmp_path / "data", LocalEngine(2), seen.append)
+    assert files(tmp_path / "data") == reference
+    assert seen[0] == 0 and seen[-1] == SCENES * RECIPE.frames
+    assert set(reference) == {"dataset.json", "index.html", *(scene_path(k) for k in range(SCENES))}
+
+
+def test_a_worker_that_is_killed_costs_nothing_but_time(
+    tmp_path: Path, reference: dict[str, bytes], caplog: pytest.LogCaptureFixture
+) -> None:
+    folder, lost = tmp_path / "data", []
+    folder.mkdir()
+    (folder / "scenes").mkdir()
+    with FolderLock.take(folder) as lock:
+        events = LocalEngine(1).render(RECIPE, [2], folder, lock)
+        for event in events:
+            if isinstance(event, FrameDone) and not lost:
+                (worker,) = multiprocessing.active_children()
+                worker.kill()
+            lost += [event] if isinstance(event, SceneLost) else []
+    assert lost == [SceneLost(2)]
+    assert (folder / scene_path(2)).read_bytes() == reference[scene_path(2)]
+
+
+def test_a_scene_over_which_every_worker_dies_is_given_up(tmp_path: Path) -> None:
+    (tmp_path / "scenes").mkdir()
+    with (
+        FolderLock.take(tmp_path) as lock,
+        pytest.raises(InputError, match="scene 0: 3 workers died over it"),
+    ):
+        for event in LocalEngine(1).render(RECIPE, [0, 1], tmp_path, lock):
+            if isinstance(event, FrameDone):
+                (worker,) = multiprocessing.active_children()
+                worker.kill()
+    assert multiprocessing.active_children() == []
+
+
+def test_what_goes_wrong_in_a_worker_is_told(tmp_path: Path) -> None:
+    recipe = replace(RECIPE, arenas=(str(tmp_path / "missing.xml"),))
+    with pytest.raises(InputError, match=r"missing.xml: No such file"):
+        generate(recipe, 1, tmp_path / "data", LocalEngine(1))
+    assert set(files(tmp_path / "data")) == {"dataset.json"}
+
+
+def command(folder: Path) -> subprocess.Popen[bytes]:
+    """The command that makes the reference."""
+    flags = f"--scenes {SCENES} --frames 3 --width 64 --height 48 --seed 3 --workers 2 --arenas nist_6x4"
+    script = [
+        sys.executable,
+        str(ROOT / "scripts" / "generate_dataset.py"),
+        "--out",
+        str(folder),
+        *flags.split(),
+    ]
+    return subprocess.Popen(script, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+
+
+def stop_after(process: subprocess.Popen[bytes], folder: Path, scenes: int, how: signal.Signals) -> None:
+    """Send a signal when so many scenes are whole."""
+    while len(list(folder.glob("scenes/*.h5"))) < scenes and process.poll() is None:
+        time.sleep(0.01)
+    os.kill(process.pid, how)
+
+
+def test_a_command_that_is_killed_or_interrupted_is_completed_by_the_next(
+    tmp_path: Path, reference: dict[str, bytes]
+) -> None:
+    folder = tmp_path / "data"
+    for how, scenes, status in ((signal.SIGKILL, 1, -9), (signal.SIGINT, 2, 130)):
+        process = command(folder)
+        stop_after(process, folder, scenes, how)
+        _, errors = process.communicate(timeout=120)
+        assert process.returncode == status, errors
+        # It is free as soon as the last worker has ended.
+        with FolderLock.take(folder):
+            whole = {f"scenes/{path.name}": path.read_bytes() for path in folder.glob("scenes/*.h5")}
+        assert len(whole) >= scenes
+        assert all(data == reference[name] for name, data in whole.items())
+    process = command(folder)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, errors
+    assert files(folder) == reference
+
+
+def test_whole_scenes_are_kept_and_changed_ones_made_again(tmp_path: Path, caplog) -> None:
+    folder = tmp_path / "data"
+    assert toys(folder) == [0, 1, 2, 3]
+    before = files(folder)
+    assert toys(folder) == []
+    (folder / scene_path(1)).write_bytes(b"broken")
+    (folder / scene_path(2)).unlink()
+    assert toys(folder) == [1, 2]
+    assert files(folder) == before
+    assert "00001.h5: missing or changed" in caplog.text
+
+
+def test_a_scene_that_the_manifest_does_not_know_is_made_again(tmp_path: Path) -> None:
+    folder = tmp_path / "data"
+    toys(folder)
+    before = files(folder)
+    manifest = Manifest.read(folder)
+    del manifest.scenes[3]
+    manifest.write(folder)
+    assert toys(folder) == [3]
+    assert files(folder) == before
+
+
+def test_a_dataset_grows_and_keeps_its_splits(tmp_path: Path) -> None:
+    folder = tmp_path / "data"
+    toys(folder, 2)
+    assert toys(folder, 12) == list(range(2, 12))
+    assert toys(folder, 1) == []
+    splits = [entry.split for entry in Manifest.read(folder).scenes.values()]
+    assert splits == ["train"] * 4 + ["val"] + ["train"] * 4 + ["test"] + ["train"] * 2
+
+
+def test_leftovers_are_removed(tmp_path: Path) -> None:
+    (tmp_path / "data" / "scenes").mkdir(parents=True)
+    (tmp_path / "data" / "scenes" / "00000.h5.part").write_bytes(b"half")
+    toys(tmp_path / "data", 1)
+    assert not list((tmp_path / "data").rglob("*.part"))
+
+
+def test_another_recipe_needs_another_folder(tmp_path: Path) -> None:
+    toys(tmp_path / "data")
+    with pytest.raises(InputError, match=r"holds a dataset with frames 3, not 5: choose another folder"):
+        toys(tmp_path / "data", recipe=replace(RECIPE, frames=5))
+
+
+def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("precious")
+    with pytest.raises(InputError, match=r"not empty and no dataset: it holds thesis.txt"):
+        toys(tmp_path)
+    with pytest.raises(InputError, match=r"thesis.txt: "):
+        toys(tmp_path / "thesis.txt")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "broken: not JSON"),
+        ("[]", "not the dataset.json of a dataset"),
+        ('{"format": "coco"}', "not the dataset.json of a dataset"),
+        ('{"format": "sarsim-dataset", "version": 9}', "format version 9; this program reads version 1"),
+        ('{"format": "sarsim-dataset", "version": 1}', "broken: 'scenes'"),
+    ],
+)
+def test_a_manifest_that_is_none(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "dataset.json").write_text(text)
+    with pytest.raises(InputError, match=message):
+        toys(tmp_path)
+
+
+def test_scenes_of_another_version_of_the_program_are_not_mixed(tmp_path: Path) -> None:
+    toys(tmp_path / "data")
+    path = tmp_path / "data" / "dataset.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"generator": "sarsim 0.0.1"}))
+    with pytest.raises(InputError, match=r"made by sarsim 0.0.1, this is sarsim "):
+        toys(tmp_path / "data")
+
+
+def test_one_generator_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    toys(tmp_path)
+    monkeypatch.setattr("sarsim.dataset.folder_lock.PATIENCE", 0.1)
+    with FolderLock.take(tmp_path), pytest.raises(InputError, match="another process is generating here"):
+        toys(tmp_path)
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file/data: Not a directory"):
+        toys(tmp_path / "file" / "data")

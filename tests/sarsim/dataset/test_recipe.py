@@ -1,0 +1,85 @@
+"""What is drawn for a scene."""
+
+from dataclasses import replace
+from itertools import islice
+
+import pytest
+
+from pipeline.errors import InputError
+from sarsim.dataset.recipe import ArenaRange, DustRange, LightingShares, Recipe, SceneRecipe, SensorRange
+from sarsim.lighting import Lighting
+
+
+def first(recipe: Recipe, index: int) -> SceneRecipe:
+    return next(recipe.scenes(index, 1))
+
+
+def test_a_scene_is_drawn_from_seed_and_index_alone() -> None:
+    recipe = Recipe(seed=5, frames=3)
+    assert first(recipe, 4) == first(replace(recipe, frames=50, width=100), 4)
+    assert first(recipe, 4) != first(recipe, 5)
+    assert first(recipe, 4) != first(replace(recipe, seed=6), 4)
+
+
+def test_random_arenas_are_within_their_ranges() -> None:
+    wanted = ArenaRange(tiles=(5, 6), victims=(2, 2), difficulty=(1, 3), ramps=(0.3, 0.4), ceilings=1)
+    drawn = [first(Recipe(random=wanted), index).random for index in range(30)]
+    assert {config.columns for config in drawn if config} == {5, 6}
+    assert {config.difficulty for config in drawn if config} == {1, 2, 3}
+    assert all(c and c.victims == 2 and c.ceiling and 0.3 <= c.ramps <= 0.4 for c in drawn)
+
+
+def test_of_random_arenas_there_are_others_if_one_cannot_be_built() -> None:
+    recipe = Recipe(arenas=("random", "nist_6x4"))
+    assert len({scene.arena for scene in recipe.scenes(0, 5)}) == 5
+    assert [scene.arena for scene in recipe.scenes(1, 5)] == ["nist_6x4"]
+    assert list(islice(recipe.scenes(0, 5), 2)) == list(recipe.scenes(0, 2))
+
+
+def test_arenas_are_taken_in_turn() -> None:
+    recipe = Recipe(arenas=("nist_6x4", "a.raf", "b.xml"))
+    assert [first(recipe, k).arena for k in range(4)] == ["nist_6x4", "a.raf", "b.xml", "nist_6x4"]
+
+
+def test_every_kind_of_light_air_and_sensor_is_drawn() -> None:
+    drawn = [Recipe().conditions(index) for index in range(200)]
+    assert {c.lighting for c in drawn} == set(Lighting)
+    assert 50 < sum(c.air.dust > 0 for c in drawn) < 110
+    assert 8 < sum(not c.depth_sensor.axial_noise for c in drawn) < 40
+    assert len({c.depth_sensor.lateral_sigma for c in drawn}) > 50
+
+
+def test_what_has_no_share_is_never_drawn() -> None:
+    recipe = Recipe(
+        lighting=LightingShares(normal=0, dim=0, dark=2), air=DustRange(clear=1), sensor=SensorRange(ideal=1)
+    )
+    drawn = [recipe.conditions(index) for index in range(20)]
+    assert {c.lighting for c in drawn} == {Lighting.dark}
+    assert all(c.air.dust == 0 and not c.depth_sensor.axial_noise for c in drawn)
+
+
+def test_purposes_have_numbers_of_their_own() -> None:
+    recipe = Recipe()
+    drawn = [
+        recipe.rng(0, purpose).integers(1 << 60) for purpose in ("conditions", "arena", "drive", "noise")
+    ]
+    assert len(set(drawn)) == 4
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Recipe(frames=0), "--frames 0: at least 1"),
+        (lambda: Recipe(seed=-1), "--seed -1: at least 0"),
+        (lambda: Recipe(width=8), "--width 8: at least 16"),
+        (lambda: Recipe(arenas=()), "--arenas: name at least one"),
+        (lambda: ArenaRange(victims=(3, 1)), "--random.victims 3 1: the lower value comes first"),
+        (lambda: ArenaRange(ceilings=float("nan")), "--random.ceilings nan: a share is from 0 to 1"),
+        (lambda: LightingShares(0, 0, 0), r"--lighting: \(0, 0, 0\) are no shares"),
+        (lambda: SensorRange(ideal=2), "--sensor.ideal 2: a share is from 0 to 1"),
+        (lambda: DustRange(dust=(0, 3)), "dust 3: must be from 0 to 1"),
+    ],
+)
+def test_what_cannot_be_made_is_an_input_error(make, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()

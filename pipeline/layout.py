@@ -15,6 +15,8 @@ _SCENE = (
     # The pictures have views of their own; here they would hide the map.
     "- $origin/robot/camera/depth",
     "- $origin/robot/camera/labels",
+    # The eye looks from above.
+    "- $origin/arena/ceiling/**",
 )
 
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import networkx as nx
@@ -158,13 +159,17 @@ class TopologicalMap:
         return any(distance[n] < self.config.spacing for n in self.linkable(xy, surface))
 
     def _span(self, surface: DrivableSurface, walls: Sequence[Segment]) -> None:
-        def is_free(a: int, b: int) -> bool:
-            start, end = self.nodes[a].position, self.nodes[b].position
-            lift = np.array([0, 0, WALL_TEST_HEIGHT])
-            crosses = bool(crossings((start + lift)[None], (end + lift)[None], walls)[0])
-            return not crosses and bool(surface.lines_are_drivable(start[None], end[None])[0])
+        """Span the tree over all edges that can be driven; the fewest of them need the test against walls."""
+        positions = {n: node.position for n, node in self.nodes.items()}
+        lift = np.array([0, 0, WALL_TEST_HEIGHT])
 
-        self.graph = collision_free_tree({n: node.position for n, node in self.nodes.items()}, is_free)
+        def is_free(a: int, b: int) -> bool:
+            return not crossings((positions[a] + lift)[None], (positions[b] + lift)[None], walls)[0]
+
+        pairs = np.array(list(combinations(positions, 2)), np.int64).reshape(-1, 2)
+        starts, ends = (np.array([positions[n] for n in side]).reshape(-1, 3) for side in pairs.T)
+        edges = pairs[surface.lines_are_drivable(starts, ends)].tolist()
+        self.graph = collision_free_tree(positions, edges, is_free)
 
     def _join_components(self, surface: DrivableSurface, walls: Sequence[Segment]) -> None:
         """Where straight drives leave nodes apart, nodes in the bends of the shortest way join them."""

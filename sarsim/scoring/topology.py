@@ -5,6 +5,8 @@ from typing import Any
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial import KDTree
 
 from pipeline.surface.path_kernels import free_rules, lines_are_drivable
 from pipeline.topological_map.topological_map import TopologicalMap
@@ -20,16 +22,15 @@ def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, An
     edges = [(topology.nodes[a].position, topology.nodes[b].position) for a, b in topology.graph.edges]
     through = sum(not _in_sight(truth, a[None, :2], b[None, :2])[0] for a, b in edges)
     cells = truth.grid.centre_of(np.argwhere(truth.drivable))
-    covered = np.zeros(len(cells), np.bool_)
-    for position in positions:
-        covered |= _covered_by(position, cells, truth)
-    greedy = _greedy_cover(cells, truth, float(covered.mean()))
+    seen = _cells_seen(positions, cells, truth)
+    coverage = float((seen.sum(axis=0) > 0).mean())
+    greedy = _greedy_cover(cells, truth, coverage)
     return {
         "nodes": len(topology.nodes),
         "edges": len(edges),
         "components": nx.number_connected_components(topology.graph),
         "edges_through_walls": int(through),
-        "coverage": float(covered.mean()),
+        "coverage": coverage,
         "nodes_vs_greedy": len(topology.nodes) / max(greedy, 1),
     }
 
@@ -42,27 +43,28 @@ def _in_sight(
     return lines_are_drivable(starts, ends, grid.origin, grid.cell, free_rules(~truth.walls))
 
 
-def _covered_by(
-    position: NDArray[np.float64], cells: NDArray[np.float64], truth: TrueSurface
-) -> NDArray[np.bool_]:
-    """(N,) which of the cells see a node within ``SIGHT``."""
-    near = np.linalg.norm(cells - position, axis=1) <= SIGHT
-    result = np.zeros(len(cells), np.bool_)
-    result[near] = _in_sight(truth, np.repeat(position[None], near.sum(), axis=0), cells[near])
-    return result
+def _cells_seen(positions: NDArray[np.float64], cells: NDArray[np.float64], truth: TrueSurface) -> csr_array:
+    """(P, N) 1 where a node at position p would see cell n within ``SIGHT``, else 0."""
+    near = KDTree(cells).query_ball_point(positions, SIGHT) if len(positions) else []
+    rows = np.repeat(np.arange(len(positions)), [len(n) for n in near])
+    columns = np.concatenate([np.asarray(n, np.int64) for n in near] or [np.zeros(0, np.int64)])
+    sees = _in_sight(truth, positions[rows], cells[columns])
+    return csr_array(
+        (np.ones(sees.sum(), np.int32), (rows[sees], columns[sees])), (len(positions), len(cells))
+    )
 
 
 def _greedy_cover(cells: NDArray[np.float64], truth: TrueSurface, share: float) -> int:
     """Nodes that a greedy cover by drivable cells, every fourth along x and y, needs for the same share of cells."""
-    index = truth.grid.cell_of(cells)
-    candidates = cells[(index % 4 == 0).all(axis=1)]
-    sees = np.array([_covered_by(c, cells, truth) for c in candidates])
-    covered = np.zeros(len(cells), np.bool_)
+    candidates = cells[(truth.grid.cell_of(cells) % 4 == 0).all(axis=1)]
+    sees = _cells_seen(candidates, cells, truth)
+    missing = np.ones(len(cells), np.int32)
     nodes = 0
-    while covered.mean() < share:
-        gain = (sees & ~covered).sum(axis=1)
-        if gain.max() == 0:
+    while 1 - missing.mean() < share:
+        gain = sees @ missing
+        best = int(gain.argmax())
+        if gain[best] == 0:
             break
-        covered |= sees[gain.argmax()]
+        missing[sees.indices[sees.indptr[best] : sees.indptr[best + 1]]] = 0
         nodes += 1
     return nodes

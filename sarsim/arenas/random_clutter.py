@@ -10,7 +10,7 @@ OBSTACLES: dict[int, tuple[str, ...]] = {
     2: (*DIAGONALS, "barrel", "elevated_ramps", "elevated_ramps"),
     3: (*DIAGONALS, "barrel", "elevated_ramps", "stepfield_red_diagonal", "stepfield_red_diagonal"),
 }
-"""What may take a tile, by difficulty."""
+"""What may take a tile, by difficulty; the last one comes first."""
 BESIDE_WALLS = (("wooden_block", 53), ("pvc_pipe", 56))
 """What lies along walls, and how far from the tile's middle, cm: a metre of the lane stays free."""
 

@@ -38,19 +38,24 @@ def make_maze(layout: Layout, dice: Dice, density: float) -> None:
 def lay_ramps(layout: Layout, dice: Dice, share: float, fields: bool) -> None:
     """Lay runs of ramps and decks until they have their share of the tiles, or nothing fits any more.
 
-    ``fields``: also continuous ones, ridge after ridge.
+    ``fields``: also continuous ones, ridge after ridge, and one of these first.
     """
-    left = round(share * len(layout.tiles()))
-    for _ in range(20 * len(layout.tiles())):
+    tries, left = 10 * len(layout.tiles()), round(share * len(layout.tiles()))
+    for _ in range(tries if fields else 0):
+        if taken := _lay_run(layout, dice, "field", left):
+            left -= taken
+            break
+    kinds = ["ridge", "over", "over", "up"] + ["field", "field"] * fields
+    for _ in range(2 * tries):
         if left <= 0:
             break
-        left -= _lay_run(layout, dice, dice.pick(layout.tiles()), dice.pick(SIDES), left, fields)
+        left -= _lay_run(layout, dice, dice.pick(kinds), left)
 
 
-def _lay_run(layout: Layout, dice: Dice, first: Tile, side: Side, most: int, fields: bool) -> int:
-    """Try to lay one run straight on from the floor tile ``first``; how many tiles it took."""
-    grounds, ends_on_deck = _draw_run(dice, side, fields)
-    beyond = 0 if ends_on_deck else 1
+def _lay_run(layout: Layout, dice: Dice, kind: str, most: int) -> int:
+    """Try to lay one run straight on from some floor tile in some direction; how many tiles it took."""
+    first, side = dice.pick(layout.tiles()), dice.pick(SIDES)
+    grounds, beyond = _draw_run(dice, kind, side), 0 if kind == "up" else 1
     tiles = layout.run(first, side, 1 + len(grounds) + beyond)
     inner, ends = tiles[1 : 1 + len(grounds)], [first, *tiles[1 + len(grounds) :]]
     fits = len(inner) == len(grounds) <= most and len(ends) == 1 + beyond
@@ -64,15 +69,13 @@ def _lay_run(layout: Layout, dice: Dice, first: Tile, side: Side, most: int, fie
     return len(inner)
 
 
-def _draw_run(dice: Dice, side: Side, fields: bool) -> tuple[list[Ground], bool]:
-    """Grounds in a direction, and whether they end on a deck."""
-    kind = dice.pick(["ridge", "over", "over", "up"] + ["field", "field"] * fields)
+def _draw_run(dice: Dice, kind: str, side: Side) -> list[Ground]:
+    """Grounds in a direction: a ridge, several, over a deck, or up to a deck."""
     level = dice.pick(LEVELS)
     up, down = Ground("ramp", level, side), Ground("ramp", level, opposite(side))
     decks = [Ground("deck", level)] * dice.number(1, 2)
     ridges = [Ground("ridge", RIDGE, side)] * dice.number(2, 4)
-    runs = {"ridge": ridges[:1], "field": ridges, "over": [up, *decks, down], "up": [up, *decks]}
-    return runs[kind], kind == "up"
+    return {"ridge": ridges[:1], "field": ridges, "over": [up, *decks, down], "up": [up, *decks]}[kind]
 
 
 def _fence(layout: Layout, dice: Dice, tiles: list[Tile]) -> None:

@@ -24,6 +24,8 @@ LEVEL = 0.02
 """m that the floor around the start may rise or fall."""
 OUTSIDE_SHARE = 0.02
 """What a cell counts in the choice of the piece to start in if it lies beside the arena."""
+MOST_PLACES = 2000
+"""that are compared."""
 MIN_AREA = 0.25
 """m² in which the robot's middle may be; a tile between four walls has 0.35."""
 
@@ -96,11 +98,9 @@ def _is_inside(ground: FreeGround) -> NDArray[np.bool_]:
 
 
 def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
-    """The best of the cells of a floor, every fourth along x and y."""
+    """The best of the cells of a floor; of a larger one, of some of them."""
     inside = floor & _is_inside(ground)
-    cells = np.argwhere(inside if inside.any() else floor)
-    coarse = cells[(cells % 4 == 0).all(axis=1)]
-    cells = coarse if len(coarse) else cells
+    cells = _thinned(np.argwhere(inside if inside.any() else floor))
     clearance = _clearance(ground, float(np.median(ground.height[floor])))
     ahead = np.stack([_free_ahead(ground.grid, clearance, cells, h) for h in _headings()], axis=1)
     room = np.minimum(clearance[tuple(cells.T)], CLEAR)
@@ -109,6 +109,18 @@ def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
     cell, heading = np.unravel_index(score.argmax(), score.shape)
     x, y = ground.grid.centre_of(cells[cell])
     return Start((float(x), float(y), float(ground.height[tuple(cells[cell])])), float(_headings()[heading]))
+
+
+def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Cells (N, 2), every second one along both axes as often as there are too many."""
+    spacing = 1
+    while len(cells) > MOST_PLACES:
+        spacing *= 2
+        fewer = cells[(cells % spacing == 0).all(axis=1)]
+        if not len(fewer):
+            break
+        cells = fewer
+    return cells
 
 
 def _headings() -> NDArray[np.float64]:

@@ -1,0 +1,226 @@
+"""Exports, read back by Open3D, OpenCV and NumPy as their formats are published."""
+
+from pathlib import Path
+
+import cv2
+import h5py
+import numpy as np
+import open3d as o3d
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.labels import Label
+from sarsim.dataset.exports.blocks import Blocks
+from sarsim.dataset.exports.clouds import Cloud
+from sarsim.dataset.exports.export import Export
+from sarsim.dataset.exports.s3dis import S3dis
+from sarsim.dataset.exports.tum import Tum
+from sarsim.dataset.exports.yolo import Yolo
+from sarsim.dataset.folder import Dataset
+from sarsim.dataset.generate import generate
+from sarsim.dataset.recipe import DustRange, Recipe, SensorRange
+from sarsim.dataset.scene_file import Scene
+from tests.sarsim.dataset.test_generate import InProcess
+
+RECIPE = Recipe(
+    seed=2,
+    frames=12,
+    width=96,
+    height=72,
+    arenas=("nist_6x4",),
+    sensor=SensorRange(ideal=1),
+    air=DustRange(clear=0, dust=(0.2, 0.2)),
+)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data") / "data"
+    generate(RECIPE, 2, folder, InProcess())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scene(data: Path) -> Scene:
+    return Scene(data / Dataset(data).entries[1].file)
+
+
+def exported(export: Export) -> Path:
+    """Where it lies."""
+    assert [entry.index for entry in export.run()] == [0, 1]
+    return export.out
+
+
+def sorted_rows(rows: np.ndarray) -> np.ndarray:
+    return rows[np.lexsort(rows.T)]
+
+
+def test_s3dis_rooms_are_the_sum_of_their_annotations(data: Path, tmp_path: Path, scene: Scene) -> None:
+    room = exported(S3dis(data, tmp_path / "s3dis", voxel=0.05)) / "Area_1" / "arena_1"
+    whole = np.loadtxt(room / "arena_1.txt")
+    parts = {path.stem: np.loadtxt(path, ndmin=2) for path in (room / "Annotations").iterdir()}
+    np.testing.assert_array_equal(sorted_rows(whole), sorted_rows(np.concatenate(list(parts.values()))))
+    cloud = Cloud.of_scene(scene, 0.05)
+    assert len(whole) == len(cloud.points)
+    for label in Label:
+        mine = [part for name, part in parts.items() if name.rsplit("_", 1)[0] == label.name.lower()]
+        assert sum(map(len, mine)) == (cloud.label == label).sum()
+    assert {"wall_1", "wall_2", "terrain_1", "unlabelled_1"} <= set(parts)  # specks of dust are unlabelled
+
+
+def test_s3dis_makes_one_file_of_each_victim(data: Path, tmp_path: Path, scene: Scene) -> None:
+    room = exported(S3dis(data, tmp_path / "s3dis", voxel=0.02)) / "Area_1" / "arena_1"
+    seen = scene.content.geom_victim[np.unique(np.concatenate([f.instance[f.returns] for f in scene]))[1:]]
+    files = list((room / "Annotations").glob("victim_*.txt"))
+    assert len(files) == len(set(seen[seen >= 0].tolist())) > 0
+    for path in files:
+        points = np.loadtxt(path, ndmin=2)[:, :3]
+        assert np.ptp(points, axis=0).max() < 2.2
+
+
+def test_s3dis_is_what_open3d_reads(data: Path, tmp_path: Path) -> None:
+    room = exported(S3dis(data, tmp_path / "s3dis", voxel=0.1)) / "Area_1" / "arena_0"
+    cloud = o3d.io.read_point_cloud(str(room / "arena_0.txt"), format="xyzrgb")
+    rows = np.loadtxt(room / "arena_0.txt")
+    np.testing.assert_allclose(np.asarray(cloud.points), rows[:, :3])
+    np.testing.assert_allclose(np.asarray(cloud.colors), rows[:, 3:])
+
+
+def test_thinning_leaves_one_point_in_each_cube(scene: Scene) -> None:
+    cloud = Cloud.of_frame(scene, 0)
+    thin = cloud.thinned(0.1)
+    cubes = {tuple(cube) for cube in np.floor(cloud.points.astype(np.float64) / 0.1).astype(int).tolist()}
+    kept = [tuple(cube) for cube in np.floor(thin.points.astype(np.float64) / 0.1).astype(int).tolist()]
+    assert len(kept) == len(set(kept)) and set(kept) == cubes
+
+
+def test_blocks_are_columns_of_labelled_points(data: Path, tmp_path: Path, scene: Scene) -> None:
+    folder = exported(Blocks(data, tmp_path / "blocks", points=256, min_points=20))
+    names = (folder / "all_files.txt").read_text().split()
+    rooms = (folder / "room_filelist.txt").read_text().split()
+    assert names == ["ply_data_all_0.h5", "ply_data_all_1.h5"]
+    counts = []
+    for name in names:
+        with h5py.File(folder / name) as file:
+            data_, label = file["data"][:], file["label"][:]
+        assert data_.shape[1:] == (256, 6) and data_.dtype == np.float32
+        assert label.shape == data_.shape[:2] and label.dtype == np.uint8
+        assert np.abs(data_[..., :2]).max() <= 0.5 + 1e-6
+        assert data_[..., 2:].min() >= 0 and data_[..., 3:].max() <= 1
+        counts.append(len(data_))
+    assert sum(counts) == len(rooms)
+    assert rooms[0].startswith("Area_1_arena_0_look_0")
+    first = sum(room == "Area_1_arena_1_look_0" for room in rooms)
+    cloud = Cloud.of_frame(scene, 0)
+    assert_points_of(cloud, data_[:first], label[:first])
+
+
+def assert_points_of(cloud: Cloud, blocks: np.ndarray, labels: np.ndarray) -> None:
+    """Every point of the blocks is one of the cloud's, with its label."""
+    xyz = cloud.points - cloud.points.min(axis=0)
+    known = {tuple(p) for p in np.column_stack([np.rint(xyz * 1000), cloud.label]).astype(int).tolist()}
+    near = blocks[..., 3:] * xyz.max(axis=0)
+    rows = np.column_stack([np.rint(near.reshape(-1, 3) * 1000), labels.ravel()]).astype(int).tolist()
+    assert len(rows) > 500
+    assert (
+        np.mean([tuple(row) in known for row in rows]) > 0.98
+    )  # the others are rounded to the next millimetre
+
+
+def test_blocks_that_are_full_repeat_no_point_and_others_repeat_some() -> None:
+    rng = np.random.default_rng(0)
+    points = np.concatenate([rng.uniform(0, 1, (300, 3)), rng.uniform((1.5, 0, 0), (2, 1, 1), (50, 3))])
+    cloud = Cloud(
+        points.astype(np.float32),
+        np.zeros((350, 3), np.uint8),
+        np.arange(350).astype(np.uint8),
+        np.zeros(350, np.int32),
+    )
+    full, sparse = Blocks(Path(), Path(), points=200, min_points=20).of_cloud(cloud, rng)
+    assert len(np.unique(full[0], axis=0)) == 200
+    assert len(np.unique(sparse[0], axis=0)) <= 50 and len(sparse[0]) == 200
+    assert len(list(Blocks(Path(), Path(), points=200, min_points=100).of_cloud(cloud, rng))) == 1
+
+
+def test_a_look_without_returns_has_no_blocks() -> None:
+    empty = Cloud(
+        np.empty((0, 3), np.float32), np.empty((0, 3), np.uint8), np.empty(0, np.uint8), np.empty(0, np.int32)
+    )
+    assert list(Blocks(Path(), Path()).of_cloud(empty, np.random.default_rng(0))) == []
+
+
+def test_tum_sequences_are_what_open3d_reads(data: Path, tmp_path: Path, scene: Scene) -> None:
+    sequence = exported(Tum(data, tmp_path / "tum")) / "arena_1"
+    fx, fy, cx, cy = np.loadtxt(sequence / "calibration.txt")
+    camera = o3d.camera.PinholeCameraIntrinsic(96, 72, fx, fy, cx, cy)
+    truth = np.loadtxt(sequence / "groundtruth.txt")
+    listed = [
+        [line.split() for line in (sequence / f"{kind}.txt").read_text().splitlines() if line[0] != "#"]
+        for kind in ("rgb", "depth")
+    ]
+    assert len(truth) == len(listed[0]) == len(listed[1]) == len(scene)
+    for index in (0, 5):
+        (stamp, rgb), (again, depth) = listed[0][index], listed[1][index]
+        assert float(stamp) == float(again) == truth[index, 0] == pytest.approx(scene.time[index])
+        colour, ranges = (o3d.io.read_image(str(sequence / name)) for name in (rgb, depth))
+        np.testing.assert_array_equal(np.asarray(colour), scene.frame(index).rgb)
+        image = o3d.geometry.RGBDImage.create_from_tum_format(colour, ranges, convert_rgb_to_intensity=False)
+        cloud = o3d.geometry.PointCloud.create_from_rgbd_image(image, camera)
+        cloud.transform(pose(truth[index]))
+        frame = scene.frame(index)
+        near = frame.depth[frame.returns] < 4  # m; Open3D leaves out the rest
+        expected = frame.points(scene.T_world_camera(index))[near]
+        np.testing.assert_allclose(np.asarray(cloud.points), expected, atol=1e-3)
+
+
+def pose(row: np.ndarray) -> np.ndarray:
+    """4×4 from t x y z qx qy qz qw, by Open3D's own means."""
+    T = np.eye(4)
+    x, y, z, w = row[4:]
+    T[:3, :3] = o3d.geometry.get_rotation_matrix_from_quaternion([w, x, y, z])
+    T[:3, 3] = row[1:4]
+    return T
+
+
+def test_yolo_boxes_are_those_of_the_victims(data: Path, tmp_path: Path, scene: Scene) -> None:
+    folder = exported(Yolo(data, tmp_path / "yolo", min_area=30))
+    assert (folder / "data.yaml").read_text() == "train: images/train\nnames:\n  0: victim\n"
+    met = 0
+    for index, frame in enumerate(scene):
+        name = f"00001_{index:05d}"
+        image = cv2.imread(str(folder / "images" / "train" / f"{name}.jpg"))
+        assert image.shape == frame.rgb.shape
+        assert np.abs(image[..., ::-1].astype(int) - frame.rgb).mean() < 6
+        text = (folder / "labels" / "train" / f"{name}.txt").read_text()
+        boxes = np.array([line.split() for line in text.splitlines()], np.float64).reshape(-1, 5)
+        assert (boxes[:, 0] == 0).all()
+        middle, size = boxes[:, 1:3] * [96, 72], boxes[:, 3:] * [96, 72]
+        expected = scene.victim_pixels[index][scene.victim_area[index] >= 30]
+        np.testing.assert_allclose(np.hstack([middle - size / 2, middle + size / 2]), expected, atol=1e-3)
+        met += len(boxes)
+    assert met
+
+
+def test_an_export_is_whole_or_not_there(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(self, folder, entry, scene):
+        (folder / "half").touch()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Tum, "add", fail)
+    with pytest.raises(InputError, match=r"tum: cannot be written: No space left on device"):
+        list(Tum(data, tmp_path / "tum").run())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_overwritten(data: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="already there"):
+        list(Tum(data, tmp_path).run())
+
+
+def test_a_missing_scene_or_dataset_is_told(data: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not a dataset"):
+        list(Tum(tmp_path, tmp_path / "tum").run())
+    (tmp_path / "dataset.json").write_bytes((data / "dataset.json").read_bytes())
+    with pytest.raises(InputError, match=r"scenes/00000.h5: no such file"):
+        list(Tum(tmp_path, tmp_path / "tum").run())
+    assert not (tmp_path / "tum").exists()

@@ -1,0 +1,63 @@
+"""The page of a dataset."""
+
+import base64
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.labels import Label
+from sarsim.dataset.summary import depth_picture, write_summary
+from tests.sarsim.dataset.test_generate import toys
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> str:
+    toys(tmp_path / "toys", 14)
+    write_summary(tmp_path / "toys")
+    return (tmp_path / "toys" / "index.html").read_text()
+
+
+def test_every_tag_is_known_to_a_parser(page: str) -> None:
+    seen: dict[str, int] = {}
+
+    class Counter(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: object) -> None:
+            seen[tag] = seen.get(tag, 0) + 1
+
+    Counter().feed(page)
+    assert seen["rect"] == len(Label)
+    assert seen["figure"] == 7  # of 14 scenes, 12 at most
+    assert seen["img"] == 3 * 7
+
+
+def test_pictures_are_inside(page: str) -> None:
+    assert "src='http" not in page and "href" not in page
+    for data in re.findall(r"base64,([^']+)'", page):
+        picture = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)
+        assert picture.shape == (240, 320, 3)
+
+
+def test_the_balance_adds_up(page: str) -> None:
+    svg = ElementTree.fromstring(re.search(r"<svg.*</svg>", page)[0])
+    widths = [float(rect.get("width")) for rect in svg]
+    assert sum(widths) == pytest.approx(1000, abs=1)
+    walls, floors = 14 * 5, sum(7 + k for k in range(14))
+    assert widths[Label.WALL] == pytest.approx(1000 * walls / (walls + floors), abs=0.1)
+    assert f">{walls}<" in page and f">{floors}<" in page
+
+
+def test_splits_are_told(page: str) -> None:
+    assert "<tr><td>train<td class=number>12<td class=number>36<td>12 dim</tr>" in page
+    assert "<tr><td>val<td class=number>1<td class=number>3<td>1 dim</tr>" in page
+
+
+def test_no_return_is_black() -> None:
+    picture = depth_picture(np.array([[0, 0.8, 3.5]], np.float32))
+    assert (picture[0, 0] == 0).all()
+    assert picture[0, 1, 2] > picture[0, 1, 0]  # blue is near
+    assert picture[0, 2, 0] > picture[0, 2, 2]

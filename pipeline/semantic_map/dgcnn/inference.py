@@ -58,12 +58,13 @@ class FastDgcnn:
             InputError: another number of channels, fewer than k points, or points that are not finite.
         """
         self._check(points)
-        with torch.inference_mode():
-            x = torch.from_numpy(np.ascontiguousarray(points))
-            x1 = self._edge_conv(x[:, -GRAPH_CHANNELS:], self._edges_of_differences(x), self._conv1[1])
-            x2 = self._edge_conv(x1, self._edges_of_sums(x1), self._conv2[1])
-            x3 = self._last_edge_conv(x2)
-            return self._segment(torch.cat((x1, x2, x3), dim=1)).numpy()
+        return self._threads.run(lambda: self._logits(torch.from_numpy(np.ascontiguousarray(points))).numpy())
+
+    def _logits(self, x: Tensor) -> Tensor:
+        x1 = self._edge_conv(x[:, -GRAPH_CHANNELS:], self._edges_of_differences(x), self._conv1[1])
+        x2 = self._edge_conv(x1, self._edges_of_sums(x1), self._conv2[1])
+        x3 = self._last_edge_conv(x2)
+        return self._segment(torch.cat((x1, x2, x3), dim=1))
 
     def _check(self, points: Features) -> None:
         if points.ndim != 2 or points.shape[1] != self.channels or len(points) < self.k:

@@ -1,32 +1,65 @@
 """Threads that share the rows of a block."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from threading import Barrier
+from typing import TypeVar
 
 import torch
 
+Result = TypeVar("Result")
+
 
 class RowThreads:
-    """A few threads, each of which computes alone: matrix products inside them start no threads of their own."""
+    """A few threads, each of which computes alone: PyTorch starts no threads of its own inside them.
+
+    Its own share out every small operation, and all wait for the last one each time, for long on a busy machine.
+    """
 
     def __init__(self, count: int) -> None:
         """Start ``count`` threads."""
-        # PyTorch's setting holds for the thread that makes it, and for threads that are started later.
-        default = torch.get_num_threads()
-        self._pool = ThreadPoolExecutor(count, initializer=torch.set_num_threads, initargs=(1,))
         self._count = count
-        all_started = Barrier(count)
-        list(self._pool.map(lambda _: all_started.wait(), range(count)))
-        torch.set_num_threads(default)
+        # PyTorch's setting holds for the thread that makes it, and for threads that are started later.
+        with single_threaded():
+            self._pool = ThreadPoolExecutor(count)
+            all_started = Barrier(count)
+            list(self._pool.map(lambda _: (torch.get_num_threads(), all_started.wait()), range(count)))
+
+    def run(self, action: Callable[[], Result]) -> Result:
+        """Call ``action`` in one of the threads, without automatic differentiation."""
+
+        def infer() -> Result:
+            with torch.inference_mode():
+                return action()
+
+        return self._pool.submit(infer).result()
 
     def over(self, rows: int, tile: int, action: Callable[[slice], object]) -> None:
-        """Call ``action`` for tiles of ``tile`` rows; whichever thread is free takes the next one."""
+        """To be called inside ``run``: call ``action`` for tiles of ``tile`` rows, each in the next free thread."""
         starts = iter(range(0, rows, tile))
 
-        def work(_: int) -> None:
+        def work() -> None:
             with torch.inference_mode():
                 for start in starts:
                     action(slice(start, min(start + tile, rows)))
 
-        list(self._pool.map(work, range(self._count)))
+        others = [self._pool.submit(work) for _ in range(self._count - 1)]
+        try:
+            work()
+        finally:
+            # Nothing is left for those that have not begun; waiting for them could take for ever.
+            running = [other for other in others if not other.cancel()]
+        for other in running:
+            other.result()
+
+
+@contextmanager
+def single_threaded() -> Iterator[None]:
+    """PyTorch starts no threads in this one meanwhile."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

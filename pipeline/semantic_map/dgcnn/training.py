@@ -25,6 +25,7 @@ from pipeline.semantic_map.dgcnn.parallel import Worker
 from pipeline.semantic_map.dgcnn.ragged import RaggedDgcnn
 from pipeline.semantic_map.dgcnn.sampling import BlockSampler, SamplingConfig
 from pipeline.semantic_map.dgcnn.scores import Confusion
+from pipeline.semantic_map.dgcnn.threads import single_threaded
 
 
 @dataclass(frozen=True)
@@ -100,16 +101,20 @@ class Trainer:
 
     def run(self, report: Callable[["Trainer"], object] = lambda trainer: None) -> None:
         """Train to the end. ``report`` is called after every step. Interrupted, it leaves a checkpoint."""
-        try:
-            while self.step < self.config.steps:
-                self._losses.append(self._learn(self.step * self.worker.count + self.worker.rank))
-                self.step += 1
-                if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
-                    self._validate()
-                report(self)
-        except KeyboardInterrupt:
-            self._save()
-            raise
+        with single_threaded():
+            try:
+                while self.step < self.config.steps:
+                    self._take_step()
+                    report(self)
+            except KeyboardInterrupt:
+                self._save()
+                raise
+
+    def _take_step(self) -> None:
+        self._losses.append(self._learn(self.step * self.worker.count + self.worker.rank))
+        self.step += 1
+        if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
+            self._validate()
 
     def _learn(self, number: int) -> float:
         """Take a step with the batch of that number; the loss."""

@@ -1,5 +1,7 @@
 """Fast inference against the network as it is written."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 import torch
@@ -66,19 +68,31 @@ def test_of_equally_close_points_the_lower_index_is_nearer() -> None:
 
 def test_threads_cover_every_row_once_and_leave_torch_its_threads() -> None:
     before = torch.get_num_threads()
-    visits = np.zeros(1000, int)
+    visits, threads_inside = np.zeros(1000, int), set()
 
     def visit(rows: slice) -> None:
         visits[rows] += 1
+        threads_inside.add(torch.get_num_threads())
 
-    RowThreads(2).over(1000, 64, visit)
+    threads = RowThreads(2)
+    threads.run(lambda: threads.over(1000, 64, visit))
     assert (visits == 1).all()
+    assert threads_inside == {1}
     assert torch.get_num_threads() == before
 
 
-def test_an_error_in_a_thread_is_raised() -> None:
+@pytest.mark.parametrize("count", [1, 3])
+def test_an_error_in_a_thread_is_raised(count: int) -> None:
     def fail(rows: slice) -> None:
         raise ValueError(rows)
 
+    threads = RowThreads(count)
     with pytest.raises(ValueError, match="slice"):
-        RowThreads(2).over(10, 4, fail)
+        threads.run(lambda: threads.over(10, 4, fail))
+
+
+def test_blocks_can_be_classified_at_once_from_several_threads() -> None:
+    fast, blocks = FastDgcnn(network(), threads=2), [block(200, seed=seed) for seed in range(6)]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(fast, blocks, timeout=60))
+    assert all((logits == fast(x)).all() for logits, x in zip(together, blocks, strict=True))

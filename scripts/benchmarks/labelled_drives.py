@@ -1,0 +1,66 @@
+"""What the robot sees on a drive through an arena, with the true labels."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from sarsim.arenas.load import load_arena
+from sarsim.conditions import Conditions
+from sarsim.dataset.recipe import Recipe, SceneRecipe
+from sarsim.dataset.render import World
+from sarsim.lighting import Lighting
+from sarsim.rendering import Renderer
+
+
+@dataclass(frozen=True, eq=False)
+class TrueFrame:
+    """A frame whose pose is known.
+
+    Attributes:
+        frame: with the Xtion's noise and the true labels.
+        T_map_camera: 4×4 true pose of ``camera_optical``.
+    """
+
+    frame: Frame
+    T_map_camera: NDArray[np.float64]
+
+    @property
+    def points(self) -> NDArray[np.float32]:
+        """(N, 3) float32 the returns in ``map``."""
+        return self.frame.points(self.T_map_camera)
+
+    @property
+    def labels(self) -> NDArray[np.uint8]:
+        """(N,) uint8 their true labels."""
+        assert self.frame.label is not None
+        return self.frame.label[self.frame.returns]
+
+
+def drive_through(
+    arena: str, frames: int, seed: int, lighting: Lighting = Lighting.normal
+) -> Iterator[TrueFrame]:
+    """Frames of a drive from the arena's start; the seed decides on the way and on the sensor's errors.
+
+    Raises:
+        InputError: the arena cannot be had, or the robot cannot drive in it.
+    """
+    recipe = Recipe(seed=seed, frames=frames)
+    scene = SceneRecipe(0, arena, None, Conditions(lighting=lighting))
+    with World(load_arena(arena), scene, Renderer, recipe.width, recipe.height) as world:
+        noise = recipe.rng(0, "noise")
+        for station in world.drive(recipe, recipe.rng(0, "drive")).stations(frames):
+            seen = world.look(station, noise)
+            frame = Frame(
+                time=seen.time,
+                rgb=seen.rgb,
+                depth=seen.depth,
+                intrinsics=world.camera.intrinsics,
+                T_base_camera=seen.T_base_camera,
+                T_odom_base=seen.pose_odom,
+                label=seen.label,
+                instance=seen.instance.astype(np.int32),
+            )
+            yield TrueFrame(frame, seen.pose_true @ seen.T_base_camera)

@@ -1,0 +1,154 @@
+"""How long DGCNN takes, made fast and as it is written, in turn on the same data."""
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from rich.progress import track
+from torch.nn import functional
+
+from pipeline.semantic_map.dgcnn.blocks import CLASSES, Block, BlockConfig, cut
+from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier, DgcnnConfig, save_classifier
+from pipeline.semantic_map.dgcnn.inference import FastDgcnn
+from pipeline.semantic_map.dgcnn.network import Dgcnn
+from pipeline.semantic_map.dgcnn.ragged import RaggedDgcnn
+from pipeline.semantic_map.dgcnn.threads import single_threaded
+from pipeline.semantic_map.dgcnn.weights import load_weights
+from pipeline.semantic_map.voxels import VoxelCloud
+from sarsim.scripts.benchmarks.labelled_drives import TrueFrame
+
+POINTS = 4096
+THREADS = 2
+
+
+def speed(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
+    """Seconds and ratios for a block, a step of training and a frame; the weights are random, which costs the same.
+
+    Args:
+        frames: of an episode.
+        rounds: of the contest for a block.
+    """
+    torch.manual_seed(0)
+    network = Dgcnn(classes=len(CLASSES)).eval()
+    blocks = [block for frame in frames for block in thesis_blocks(frame)]
+    figures = _block_contest(network, [blocks[i % len(blocks)].points for i in range(rounds)])
+    figures |= _step_contest(network, blocks[0].points)
+    return figures | _frame_times(network, frames)
+
+
+def agreement(folder: Path) -> dict[str, float]:
+    """Share of the points whose class is the published one, and the median difference of the logits."""
+    network, _ = load_weights(folder / "s3dis_area6.safetensors")
+    fast = FastDgcnn(network, THREADS)
+    with np.load(folder / "reference.npz") as file:
+        points, expected = file["input"], file["logits"]
+    logits = {"": np.stack([fast(block.T).T for block in points])}
+    with torch.inference_mode():
+        logits["plain_"] = network(torch.from_numpy(points)).numpy()
+    figures = {}
+    for name, given in logits.items():
+        same = given.argmax(axis=1) == expected.argmax(axis=1)
+        figures[f"{name}checkpoint_agreement"] = float(same.mean())
+        figures[f"{name}checkpoint_logit_difference"] = float(np.median(np.abs(given - expected)))
+    return figures
+
+
+def thesis_blocks(frame: TrueFrame) -> list[Block]:
+    """The columns of a frame as the thesis has them: 4,096 points each, too many or too few whatever there are."""
+    points = frame.points
+    config, rng = BlockConfig(points=len(points)), np.random.default_rng(0)
+    columns = cut(points, frame.T_map_camera[:3, 3], config, 0.0, 1, rng)
+    return [_resampled(column, rng) for column in columns]
+
+
+def _resampled(column: Block, rng: np.random.Generator) -> Block:
+    count = len(column.index)
+    chosen = rng.permutation(count)[:POINTS]
+    chosen = np.append(chosen, rng.choice(count, POINTS - len(chosen)))
+    return Block(column.index[chosen], column.points[chosen])
+
+
+def _block_contest(network: Dgcnn, blocks: list[NDArray[np.float32]]) -> dict[str, float]:
+    fast = FastDgcnn(network, THREADS)
+    fast(blocks[0])
+    _plain(network, blocks[0])
+    rows = [
+        (_seconds(fast, block), _seconds(_plain, network, block))
+        for block in track(blocks, "blocks", transient=True)
+    ]
+    ours, theirs = np.array(rows).T
+    return {
+        "fast_vs_plain": float(np.median(theirs / ours)),
+        "fast_block_s": float(np.median(ours)),
+        "plain_block_s": float(np.median(theirs)),
+    }
+
+
+def _step_contest(network: Dgcnn, block: NDArray[np.float32]) -> dict[str, float]:
+    """Forward and backward pass for a block, on one thread."""
+    network.train()
+    ragged, points = RaggedDgcnn(network), torch.from_numpy(block)
+    classes = torch.zeros(len(block), dtype=torch.int64)
+
+    def ours() -> None:
+        functional.cross_entropy(ragged(points, [len(block)]), classes).backward()
+
+    def theirs() -> None:
+        functional.cross_entropy(network(points.T[None])[0].T, classes).backward()
+
+    with single_threaded():
+        ours()
+        ours_s, theirs_s = (_seconds(step) for step in (ours, theirs))
+    network.eval()
+    return {"training_step_vs_plain": theirs_s / ours_s}
+
+
+def _frame_times(network: Dgcnn, frames: list[TrueFrame]) -> dict[str, float]:
+    """From the cloud of a frame to its labelled points: as the robot does it, and by the network as it is written.
+
+    The latter once with the same blocks, once with those of the thesis.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        weights = Path(folder) / "random.safetensors"
+        save_classifier(weights, network, BlockConfig(), {})
+        classifier = DgcnnClassifier(weights, DgcnnConfig(threads=THREADS))
+    clouds = [frame.points for frame in frames]
+    classifier.classify(frames[0].frame, clouds[0])
+    times = [
+        _seconds(classifier.classify, frame.frame, cloud) for frame, cloud in zip(frames, clouds, strict=True)
+    ]
+    slow = frames[int(np.argsort(times)[len(times) // 2])]
+    return {
+        "frame_s": float(np.median(times)),
+        "frame_s_worst": float(np.max(times)),
+        "plain_frame_s": _plain_frame(network, robot_blocks(slow)),
+        "plain_thesis_frame_s": _plain_frame(network, thesis_blocks(slow)),
+    }
+
+
+def robot_blocks(frame: TrueFrame) -> list[Block]:
+    """The blocks of a frame as the robot cuts them."""
+    config, rng = BlockConfig(), np.random.default_rng(0)
+    cloud = VoxelCloud.of(frame.points, config.voxel_size)
+    return list(cut(cloud.points, frame.T_map_camera[:3, 3], config, 0.0, 20, rng))
+
+
+def _plain_frame(network: Dgcnn, blocks: list[Block]) -> float:
+    return sum(
+        _seconds(_plain, network, block.points) for block in track(blocks, "as written", transient=True)
+    )
+
+
+def _plain(network: Dgcnn, block: NDArray[np.float32]) -> torch.Tensor:
+    with torch.inference_mode():
+        return network(torch.from_numpy(block.T[None].copy()))
+
+
+def _seconds(action: Callable[..., object], *args: object) -> float:
+    start = time.perf_counter()
+    action(*args)
+    return time.perf_counter() - start

@@ -15,10 +15,11 @@ from rich.table import Table
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from sarsim.scripts.benchmarks.camera import Camera
+from sarsim.scripts.benchmarks.dataset import Dataset
 from sarsim.scripts.benchmarks.subject import Result, Subject
 from sarsim.scripts.cli import guarded, parse
 
-SUBJECTS: dict[str, type[Subject]] = {"camera": Camera}
+SUBJECTS: dict[str, type[Subject]] = {"camera": Camera, "dataset": Dataset}
 
 
 def benchmark(subject: Subject, name: str) -> None:

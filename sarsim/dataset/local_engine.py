@@ -1,21 +1,21 @@
 """Workers on this machine, each a process with an OpenGL context of its own."""
 
-import multiprocessing
 import os
-import signal
 import threading
 import traceback
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
+from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 from pipeline.errors import InputError
+from sarsim.dataset import processes
 from sarsim.dataset.engine import ATTEMPTS, Event, FrameDone, SceneDone, SceneLost
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.recipe import Recipe
-from sarsim.dataset.scene_job import ONE_THREAD, make_scene
+from sarsim.dataset.scene_job import make_scene
 
 
 class LocalEngine:
@@ -61,15 +61,10 @@ class Worker:
 
     def __init__(self, recipe: Recipe, folder: Path, lock: FolderLock):
         """Start it."""
-        context = multiprocessing.get_context("spawn")
         self.index = -1
-        self.connection, theirs = context.Pipe()
-        their_lifeline, self._lifeline = context.Pipe(duplex=False)
-        self._process = context.Process(
-            target=_serve, args=(theirs, their_lifeline, lock, recipe, folder), daemon=True
-        )
-        with _environment(ONE_THREAD), _ignored_interrupts():
-            self._process.start()
+        self.connection, theirs = Pipe()
+        their_lifeline, self._lifeline = Pipe(duplex=False)
+        self._process = processes.start(_serve, theirs, their_lifeline, lock, recipe, folder)
         theirs.close()
         their_lifeline.close()
 
@@ -137,31 +132,3 @@ def _end_with_parent(lifeline: Connection) -> None:
     with suppress(EOFError, OSError):
         lifeline.recv()
     os._exit(1)
-
-
-@contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Set variables that a process started meanwhile inherits."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-@contextmanager
-def _ignored_interrupts() -> Iterator[None]:
-    """A process started meanwhile leaves Ctrl-C to this one."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, handler)

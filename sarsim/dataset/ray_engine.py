@@ -1,5 +1,6 @@
 """Workers on a Ray cluster; sarsim must be installed on its machines."""
 
+import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,8 +11,9 @@ from pipeline.files import whole_file
 from sarsim.dataset.engine import ATTEMPTS, Event, FrameDone, SceneDone
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.manifest import SCENES, SceneEntry
+from sarsim.dataset.processes import ONE_THREAD
 from sarsim.dataset.recipe import Recipe
-from sarsim.dataset.scene_job import ONE_THREAD, make_scene
+from sarsim.dataset.scene_job import make_scene
 
 
 class RayEngine:
@@ -29,9 +31,15 @@ class RayEngine:
         except ImportError as error:
             raise InputError("--engine ray: Ray is not installed: pip install 'sarsim[ray]'") from error
         self._ray: Any = ray
-        own = {"num_cpus": workers} if address is None else {}
+        own = {"num_cpus": workers, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         try:
-            ray.init(address=address, log_to_driver=False, runtime_env={"env_vars": ONE_THREAD}, **own)
+            ray.init(
+                address=address,
+                log_to_driver=False,
+                runtime_env={"env_vars": ONE_THREAD},
+                **(own if address is None else {}),
+            )
         except ConnectionError as error:
             raise InputError(f"--ray-address {address}: no Ray cluster there") from error
 

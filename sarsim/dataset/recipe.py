@@ -15,6 +15,8 @@ from sarsim.lighting import Lighting
 from sarsim.xtion import Xtion
 
 RANDOM = "random"
+PREFIX = "random:"
+"""of the names of random arenas; the seed follows."""
 MIN_SIZE = 16
 """pixels of an image."""
 Purpose = Literal["conditions", "arena", "drive", "noise"]
@@ -149,6 +151,11 @@ class SceneRecipe:
     random: RandomArenaConfig | None
     conditions: Conditions
 
+    @property
+    def random_seed(self) -> int:
+        """Of a random arena."""
+        return int(self.arena.removeprefix(PREFIX))
+
     def as_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
         conditions = self.conditions
@@ -216,7 +223,7 @@ class Recipe:
         rng = self.rng(index, "arena")
         for _ in range(count):
             config = self.random.draw(rng)
-            yield SceneRecipe(index, f"random:{rng.integers(1 << 31)}", config, conditions)
+            yield SceneRecipe(index, f"{PREFIX}{rng.integers(1 << 31)}", config, conditions)
 
 
 def _check_order(flag: str, bounds: tuple[float, float]) -> None:

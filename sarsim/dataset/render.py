@@ -2,18 +2,22 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
+from dm_control import composer, mjcf
+from dm_control.mujoco import wrapper
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from sarsim.arenas.arena import RescueArena
+from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
+from sarsim.arenas.random_arena import build_random
+from sarsim.assets import asset
 from sarsim.camera import RgbdCamera, geom_labels
 from sarsim.dataset import image_kernels
 from sarsim.dataset.drive import Drive, Station
@@ -31,7 +35,11 @@ ATTEMPTS = 10
 
 
 def render_scene(
-    recipe: Recipe, index: int, path: Path, on_frame: Callable[[], object] = lambda: None
+    recipe: Recipe,
+    index: int,
+    path: Path,
+    on_frame: Callable[[], object] = lambda: None,
+    renderer: type[Renderer] = Renderer,
 ) -> tuple[SceneRecipe, NDArray[np.int64]]:
     """Write scene ``index`` of a dataset to a file; the bytes depend on the recipe and the index alone.
 
@@ -40,6 +48,7 @@ def render_scene(
         index: of the scene.
         path: of the file.
         on_frame: called after every frame.
+        renderer: draws the pictures.
 
     Returns:
         What the scene is made of, and (8,) depth returns by label.
@@ -48,7 +57,7 @@ def render_scene(
         InputError: the arena cannot be had, or the robot cannot drive in it.
     """
     scene, arena = find_scene(recipe, index)
-    with World(arena, scene, recipe.width, recipe.height) as world:
+    with World(arena, scene, renderer, recipe.width, recipe.height) as world:
         stations = world.drive(recipe, recipe.rng(index, "drive")).stations(recipe.frames)
         noise = recipe.rng(index, "noise")
         with SceneWriter(path, recipe.frames, world.content()) as writer:
@@ -58,7 +67,7 @@ def render_scene(
     return scene, writer.label_points
 
 
-def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, RescueArena]:
+def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, mujoco.MjSpec]:
     """What scene ``index`` is made of, and its arena: the first one drawn whose parts fit into its tiles.
 
     Raises:
@@ -67,8 +76,21 @@ def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, RescueArena]:
     *tried, last = recipe.scenes(index, ATTEMPTS)
     for scene in tried:
         with suppress(InputError):
-            return scene, load_arena(scene.arena, random=scene.random)
-    return last, load_arena(last.arena, random=last.random)
+            return scene, arena_of(scene)
+    return last, arena_of(last)
+
+
+def arena_of(scene: SceneRecipe) -> mujoco.MjSpec:
+    """The arena of a scene.
+
+    Raises:
+        InputError: it cannot be had.
+    """
+    if scene.random is not None:
+        # What load_arena would make, without the tenths of a second that PyMJCF takes to read and write it.
+        return mujoco.MjSpec.from_string(build_random(scene.random_seed, scene.random).to_xml())
+    root = load_arena(scene.arena).mjcf_model
+    return mujoco.MjSpec.from_string(root.to_xml_string(), assets=root.get_assets())
 
 
 class World:
@@ -80,19 +102,22 @@ class World:
         camera: the robot's.
     """
 
-    def __init__(self, arena: RescueArena, scene: SceneRecipe, width: int, height: int):
+    def __init__(
+        self, arena: mujoco.MjSpec, scene: SceneRecipe, renderer: type[Renderer], width: int, height: int
+    ):
         """Images are ``width`` × ``height`` pixels."""
         self._scene = scene
-        self._T_world_start = arena.T_world_start
-        self._mjcf = arena.mjcf_model.to_xml_string()
-        self._robot = Pioneer3AT()
-        arena.add_free_entity(self._robot)
-        self._physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
-        set_lighting(self._physics, self._robot, scene.conditions.lighting)
-        self.model: mujoco.MjModel = self._physics.model.ptr
-        self.data: mujoco.MjData = self._physics.data.ptr
-        self._renderer = Renderer(self.model, width, height)
-        self.camera = RgbdCamera(self._renderer, self._robot.camera.full_identifier)
+        self._mjcf = arena.to_xml()
+        self.model = _with_robot(arena)
+        physics, names = mjcf.Physics.from_model(wrapper.MjModel(self.model)), _robot_by_name()
+        self.data: mujoco.MjData = physics.data.ptr
+        set_lighting(physics, names, scene.conditions.lighting)
+        self._renderer = renderer(self.model, width, height)
+        self.camera = RgbdCamera(self._renderer, names.camera.full_identifier)
+        self._seat = self.model.jnt_qposadr[self.model.body_jntadr[self.camera.base_body]]
+        mujoco.mj_kinematics(self.model, self.data)
+        start = self.data.site("start")
+        self._T_world_start = from_rotation(start.xmat.reshape(3, 3), start.xpos)
         self._move(self._T_world_start)
         self._victims = victims_of(self.model, self.data)
         self._victim_of_geom = np.full(self.model.ngeom, NO_BOX, np.int16)
@@ -141,9 +166,8 @@ class World:
         )
 
     def close(self) -> None:
-        """Free the OpenGL context and the model."""
+        """Free the OpenGL context."""
         self._renderer.close()
-        self._physics.free()
 
     def __enter__(self) -> Self:
         return self
@@ -155,9 +179,9 @@ class World:
 
     def _move(self, T_world_base: NDArray[np.float64]) -> None:
         """Put the robot down and find out where its camera and lamp are; nothing is simulated."""
-        quat = np.empty(4)
-        mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T_world_base[:3, :3]).ravel())
-        self._robot.set_pose(self._physics, T_world_base[:3, 3], quat)
+        seat = self.data.qpos[self._seat : self._seat + 7]
+        seat[:3] = T_world_base[:3, 3]
+        mujoco.mju_mat2Quat(seat[3:], np.ascontiguousarray(T_world_base[:3, :3]).ravel())
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
@@ -168,3 +192,21 @@ class World:
         areas = np.zeros(len(self._victims), np.int32)
         image_kernels.victim_boxes(instance, self._victim_of_geom, boxes, areas)
         return boxes, areas
+
+
+def _with_robot(arena: mujoco.MjSpec) -> mujoco.MjModel:
+    """Arena and robot; the robot's parts are named as dm_control names them."""
+    robot = mujoco.MjSpec.from_file(str(asset("robots", "pioneer3at", "pioneer3at.xml")))
+    # How contacts are solved is of no concern here; where the two differ, MuJoCo would warn.
+    robot.option.cone, robot.option.impratio = arena.option.cone, arena.option.impratio
+    arena.attach(robot, prefix=f"{robot.modelname}/", frame=arena.worldbody.add_frame())
+    arena.body(f"{robot.modelname}/base_link").add_freejoint()
+    return arena.compile()
+
+
+@cache
+def _robot_by_name() -> Pioneer3AT:
+    """The names of the robot's parts in an arena."""
+    robot = Pioneer3AT()
+    composer.Arena().add_free_entity(robot)
+    return robot

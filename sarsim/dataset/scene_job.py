@@ -9,14 +9,6 @@ from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import render_scene
 
-ONE_THREAD = {
-    "LP_NUM_THREADS": "0",  # Mesa's software renderer
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "NUMBA_NUM_THREADS": "1",
-}
-"""Environment of a worker: workers share the cores best if each keeps to one."""
-
 
 def make_scene(
     recipe: Recipe, index: int, folder: Path, on_frame: Callable[[], object] = lambda: None

@@ -1,0 +1,55 @@
+"""Processes that work for this one."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+ONE_THREAD = {
+    "LP_NUM_THREADS": "0",  # Mesa's software renderer
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+}
+"""Environment of a worker: workers share the cores best if each keeps to one."""
+
+
+def start(function: Callable[..., object], *args: Any) -> BaseProcess:
+    """Call a function in a new process of one thread, which ends with this one and leaves Ctrl-C to it."""
+    context = multiprocessing.get_context("spawn")
+    process = context.Process(target=function, args=args, daemon=True)
+    with _environment(ONE_THREAD), _ignored_interrupts():
+        process.start()
+    return process
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    """Set variables that a process started meanwhile inherits."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _ignored_interrupts() -> Iterator[None]:
+    """A process started meanwhile inherits that Ctrl-C is ignored."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)

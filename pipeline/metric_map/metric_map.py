@@ -66,8 +66,13 @@ class MetricMapConfig:
         for name in ("voxel_size", "max_range", "hit", "miss", "max_bytes"):
             if not 0 < getattr(self, name) < np.inf:
                 raise InputError(f"metric map: {name} must be positive, got {getattr(self, name)}")
-        if not (0 <= self.margin < np.inf and np.isfinite(self.offset).all()):
-            raise InputError(f"metric map: margin {self.margin} or offset {self.offset} is out of range")
+        for name in ("hit", "miss", "least", "greatest", "max_bytes"):
+            if not isinstance(getattr(self, name), int):
+                raise InputError(f"metric map: {name} must be a whole number, got {getattr(self, name)}")
+        if not 0 <= self.margin < np.inf:
+            raise InputError(f"metric map: margin must not be negative, got {self.margin}")
+        if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
+            raise InputError(f"metric map: offset must be three numbers, got {self.offset}")
         if not -128 <= self.least < 0 < self.least + self.hit <= self.greatest <= 127:
             raise InputError("metric map: -128 <= least < 0 < least + hit <= greatest <= 127 must hold")
 
@@ -116,7 +121,8 @@ class MetricMap:
         """Add a point cloud with the place that it was seen from.
 
         Args:
-            points: (N, 3) m in ``map``; points that are not finite are left out.
+            points: (N, 3) m in ``map``; those that are not finite, or farther from the origin than any place of a
+                map, are left out.
             origin: (3,) m in ``map``.
 
         Raises:
@@ -126,7 +132,7 @@ class MetricMap:
         cloud, start = _points(points), np.asarray(origin, np.float64)
         if start.shape != (3,) or not np.abs(start).max() <= FARTHEST:
             raise InputError(f"the origin of a point cloud must be three numbers of at most {FARTHEST:.0f} m")
-        cloud = cloud[np.isfinite(cloud).all(axis=1)] - self.corner
+        cloud = cloud[(np.abs(cloud) <= FARTHEST).all(axis=1)] - self.corner
         if len(cloud):
             size, reach, margin = self.config.voxel_size, self.config.max_range, self.config.margin
             self._fold(trace(cloud, start - self.corner, size, reach, margin, self._scratch))
@@ -261,13 +267,12 @@ def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
 def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:
     """A copy of a pose, float64, after making sure that it is one."""
     T = np.array(T, np.float64)
-    if T.shape != (4, 4) or T[3].tolist() != [0, 0, 0, 1]:
-        raise InputError("a pose must be a 4×4 matrix whose last row is 0 0 0 1")
+    if T.shape != (4, 4) or T[3].tolist() != [0, 0, 0, 1] or not np.isfinite(T).all():
+        raise InputError("a pose must be a finite 4×4 matrix whose last row is 0 0 0 1")
     R = T[:3, :3]
-    # Written so that a NaN anywhere fails too.
-    if not (np.abs(R @ R.T - _IDENTITY).max() <= 1e-4 and np.linalg.det(R) > 0):
+    if np.abs(R @ R.T - _IDENTITY).max() > 1e-4 or np.linalg.det(R) < 0:
         raise InputError("a pose must be rigid: its rotation is not orthonormal or mirrors")
-    if not np.abs(T[:3, 3]).max() <= FARTHEST:
+    if np.abs(T[:3, 3]).max() > FARTHEST:
         raise InputError(f"the camera must stand within {FARTHEST:.0f} m of the map's origin")
     return T
 

@@ -185,12 +185,12 @@ def _mark_near(depth, view, marks):
 
 @njit(cache=True)
 def _mark_free(depth, view, marks, high):
-    """Mark as FREE every voxel that is not a HIT, of which the camera sees a corner, and has no corner hidden.
+    """Mark as FREE every voxel that is not a HIT, of which the camera sees a corner, and that no crest shades.
 
-    Where free space ends at a plane (a surface, the edge of the picture), it takes up a part of a voxel only if it
-    holds one of the voxel's corners. So the corners, each shared by eight voxels, decide as well as all the rays
-    through a voxel would. A voxel that lies partly in the shadow of something before it stays as it is: rays pass
-    through it, but what gave the shadow may hide a surface in the rest, a ramp's far side behind its top.
+    Where free space ends at a plane (a surface, the edge of the picture or of a shadow), it takes up a part of a
+    voxel only if it holds one of the voxel's corners. So the corners, each shared by eight voxels, decide as well
+    as all the rays through a voxel would. A crest shades a voxel with an upright edge of which the top is seen and
+    the foot hidden: rays pass over something into the voxel, but its lower part may hold what slopes down behind.
     """
     metric = view.axes * (view.size * view.size)  # m per voxel along each camera axis
     offsets = _corner_offsets(metric)
@@ -212,6 +212,7 @@ def _mark_free(depth, view, marks, high):
                 if _may_be_seen(r + middle[0], d + middle[1], w + middle[2], spread, depth.shape, view, high):
                     _project_corners(r, d, w, offsets, depth.shape, view, pixel, deep)
                     _see_corners(depth.reshape(-1), view, pixel, deep, reach, seen)
+                    _join_corners(seen)
                     _mark_block(seen, marks[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK])
 
 
@@ -305,11 +306,19 @@ def _see_corners(depth, view, pixel, deep, reach, seen):
 
 
 @njit(cache=True)
-def _mark_block(seen, marks):
-    """Mark the voxels of a block that have a corner seen and none hidden, unless they are marked already."""
-    for stride in (1, SIDE, SIDE * SIDE):
+def _join_corners(seen):
+    """Turn what is known of corners into the same of voxels, in place: SEEN, and HIDDEN if a crest shades them."""
+    for n in range(CORNERS):
+        foot, top = seen[n], seen[n + 1]
+        seen[n] = ((foot | top) & SEEN) | (foot & (top << 1) & HIDDEN)
+    for stride in (SIDE, SIDE * SIDE):
         for n in range(CORNERS):
             seen[n] |= seen[n + stride]
+
+
+@njit(cache=True)
+def _mark_block(seen, marks):
+    """Mark the voxels of a block that are seen and not shaded by a crest, unless they are marked already."""
     for i in range(BLOCK):
         for j in range(BLOCK):
             for k in range(BLOCK):

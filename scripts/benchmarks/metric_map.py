@@ -226,7 +226,7 @@ class OctoMap(Contender):
 
     def __init__(self, voxel_size: float, discretize: bool):
         try:
-            import pyoctomap  # type: ignore[import-untyped]
+            import pyoctomap
         except ImportError as error:
             raise InputError("benchmark metric-map needs pyoctomap: pip install 'sarsim[dev]'") from error
         self._tree = pyoctomap.OcTree(voxel_size)

@@ -1,0 +1,27 @@
+"""Kernels are compiled once and kept on disk: a second process loads them."""
+
+import subprocess
+import sys
+
+PROGRAM = """
+import numpy as np
+from pipeline.frame import Intrinsics
+from pipeline.metric_map import grid_kernels, projection_kernels, ray_kernels
+from pipeline.metric_map.metric_map import MetricMap
+
+T = np.eye(4)
+metric_map = MetricMap()
+metric_map.integrate(np.ones((8, 8), np.float32), Intrinsics(8, 8, 8.0, 8.0, 4.0, 4.0), T)
+metric_map.integrate_points([(1.0, 0, 0)], (0, 0, 0))
+kernels = (projection_kernels.observe, ray_kernels.trace_points, grid_kernels.any_mark, grid_kernels.fold)
+print(sum(sum(kernel.stats.cache_misses.values()) for kernel in kernels))
+print(sum(sum(kernel.stats.cache_hits.values()) for kernel in kernels))
+"""
+
+
+def test_a_second_process_compiles_nothing():
+    for _ in range(2):
+        output = subprocess.run([sys.executable, "-c", PROGRAM], check=True, capture_output=True).stdout
+    compiled, loaded = (int(line) for line in output.split())
+    assert compiled == 0
+    assert loaded == 4

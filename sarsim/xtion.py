@@ -96,11 +96,10 @@ class Xtion:
             source = kernels.lateral_source(disparity, *slopes, bits, self.lateral_sigma, EDGE)
         measured = np.where(self._returns(disparity, cosine, bits), depth, np.float32(0)).ravel()[source]
         if self.axial_noise:
-            sigma = kernels.axial_sigma(depth, cosine).ravel()[source]
-            measured += np.where(measured > 0, sigma * kernels.NORMAL[bits & 0xFFFF], np.float32(0))
+            kernels.add_noise(measured, kernels.axial_sigma(depth, cosine).ravel()[source], bits)
         if self.quantisation:
-            steps = np.rint(self._disparity(measured, intrinsics) / self.disparity_step)
-            measured = self._disparity(steps * self.disparity_step, intrinsics)
+            focal_baseline = np.float32(intrinsics.fx * self.baseline)
+            kernels.quantise(measured, focal_baseline, np.float32(self.disparity_step))
         return self._in_range(measured), source
 
     def _has_no_error(self) -> bool:

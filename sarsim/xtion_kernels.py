@@ -116,12 +116,15 @@ def cosine_of_incidence(
     """
     height, width = disparity.shape
     cosine = np.empty((height, width), np.float32)
+    columns = rays[0, :, 0].copy()  # side by side in memory, so that the inner loop is SIMD
     for v in range(height):
+        y = rays[v, 0, 1]
+        here, across, down, result = disparity[v], per_column[v], per_row[v], cosine[v]
         for u in range(width):
-            x, y = rays[v, u, 0], rays[v, u, 1]
-            a, b = per_column[v, u] * fx, per_row[v, u] * fy
-            c = disparity[v, u] - a * x - b * y
-            cosine[v, u] = disparity[v, u] / np.sqrt((a * a + b * b + c * c) * (x * x + y * y + 1))
+            x = columns[u]
+            a, b = across[u] * fx, down[u] * fy
+            c = here[u] - a * x - b * y
+            result[u] = here[u] / np.sqrt((a * a + b * b + c * c) * (x * x + y * y + 1))
     return cosine
 
 
@@ -130,9 +133,31 @@ def axial_sigma(depth: NDArray[np.float32], cosine: NDArray[np.float32]) -> NDAr
     """(H, W) float32 standard deviation of depth in metres: Nguyen, Izadi & Lovell 2012, equation 3."""
     sigma = np.empty_like(depth)
     for v in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
-            sigma[v, u] = 0.0012 + 0.0019 * (depth[v, u] - 0.4) ** 2
-            if cosine[v, u] < 0.5 and depth[v, u] > 0:  # past 60 degrees
-                angle = np.arccos(cosine[v, u])
-                sigma[v, u] += 0.0001 / np.sqrt(depth[v, u]) * (angle / (np.pi / 2 - angle)) ** 2
+        z, cos, result = depth[v], cosine[v], sigma[v]
+        for u in range(len(z)):
+            result[u] = 0.0012 + 0.0019 * (z[u] - 0.4) ** 2
+        for u in range(len(z)):
+            if cos[u] < 0.5 and z[u] > 0:  # past 60 degrees
+                angle = np.arccos(cos[u])
+                result[u] += 0.0001 / np.sqrt(z[u]) * (angle / (np.pi / 2 - angle)) ** 2
     return sigma
+
+
+@njit(cache=True)
+def add_noise(depth: NDArray[np.float32], sigma: NDArray[np.float32], bits: NDArray[np.uint64]) -> None:
+    """Add normal noise of so many m to the returns of (H, W) float32 depth, in place."""
+    for v in range(depth.shape[0]):
+        z, spread, row = depth[v], sigma[v], bits[v]
+        for u in range(len(z)):
+            if z[u] > 0:
+                z[u] += spread[u] * NORMAL[row[u] & uint64(0xFFFF)]
+
+
+@njit(cache=True, error_model="numpy")
+def quantise(depth: NDArray[np.float32], focal_baseline: np.float32, step: np.float32) -> None:
+    """Round (H, W) float32 depth to whole steps of disparity, in place; no return stays 0."""
+    for v in range(depth.shape[0]):
+        row = depth[v]
+        for u in range(len(row)):
+            steps = np.rint(focal_baseline / row[u] / step)
+            row[u] = focal_baseline / (steps * step) if row[u] > 0 else np.float32(0)

@@ -190,10 +190,18 @@ class DeadReckoning:
         else:
             move = inverse(self._last) @ T_world_base
             self._angle += move[0, 3] / self._odometry.config.wheel_radius
-            gyro = Rotation.from_matrix(move[:3, :3]).as_rotvec() / self._period
+            gyro = rotation_vector(move[:3, :3]) / self._period
         self._last = T_world_base
         wheels = np.array([self._angle, self._angle])
         return self._T_world_odom @ self._odometry.update(wheels, gyro, R.T @ GRAVITY, self._period)
+
+
+def rotation_vector(R: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3,) rotation vector in rad of a rotation by less than a half turn."""
+    sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+    length = np.sqrt(sine @ sine)
+    angle = np.arctan2(length, (np.trace(R) - 1) / 2)
+    return sine * (angle / length) if length > 0 else sine
 
 
 @dataclass(frozen=True, eq=False)

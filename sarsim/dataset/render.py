@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import TracebackType
@@ -67,7 +68,20 @@ def render_scene(
     return scene, writer.label_points
 
 
-def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, mujoco.MjSpec]:
+@dataclass(frozen=True)
+class ArenaText:
+    """An arena as MJCF.
+
+    Attributes:
+        mjcf: its text.
+        assets: contents of the files that it names.
+    """
+
+    mjcf: str
+    assets: dict[str, bytes]
+
+
+def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, ArenaText]:
     """What scene ``index`` is made of, and its arena: the first one drawn whose parts fit into its tiles.
 
     Raises:
@@ -80,7 +94,7 @@ def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, mujoco.MjSpec]:
     return last, arena_of(last)
 
 
-def arena_of(scene: SceneRecipe) -> mujoco.MjSpec:
+def arena_of(scene: SceneRecipe) -> ArenaText:
     """The arena of a scene.
 
     Raises:
@@ -88,9 +102,9 @@ def arena_of(scene: SceneRecipe) -> mujoco.MjSpec:
     """
     if scene.random is not None:
         # What load_arena would make, without the tenths of a second that PyMJCF takes to read and write it.
-        return mujoco.MjSpec.from_string(build_random(scene.random_seed, scene.random).to_xml())
+        return ArenaText(build_random(scene.random_seed, scene.random).to_xml(), {})
     root = load_arena(scene.arena).mjcf_model
-    return mujoco.MjSpec.from_string(root.to_xml_string(), assets=root.get_assets())
+    return ArenaText(root.to_xml_string(), root.get_assets())
 
 
 class World:
@@ -103,11 +117,11 @@ class World:
     """
 
     def __init__(
-        self, arena: mujoco.MjSpec, scene: SceneRecipe, renderer: type[Renderer], width: int, height: int
+        self, arena: ArenaText, scene: SceneRecipe, renderer: type[Renderer], width: int, height: int
     ):
         """Images are ``width`` × ``height`` pixels."""
         self._scene = scene
-        self._mjcf = arena.to_xml()
+        self._mjcf = arena.mjcf
         self.model = _with_robot(arena)
         physics, names = mjcf.Physics.from_model(wrapper.MjModel(self.model)), _robot_by_name()
         self.data: mujoco.MjData = physics.data.ptr
@@ -194,8 +208,9 @@ class World:
         return boxes, areas
 
 
-def _with_robot(arena: mujoco.MjSpec) -> mujoco.MjModel:
+def _with_robot(text: ArenaText) -> mujoco.MjModel:
     """Arena and robot; the robot's parts are named as dm_control names them."""
+    arena = mujoco.MjSpec.from_string(text.mjcf, assets=text.assets)
     robot = mujoco.MjSpec.from_file(str(asset("robots", "pioneer3at", "pioneer3at.xml")))
     # How contacts are solved is of no concern here; where the two differ, MuJoCo would warn.
     robot.option.cone, robot.option.impratio = arena.option.cone, arena.option.impratio

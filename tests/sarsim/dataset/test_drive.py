@@ -3,11 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from pipeline.transforms import from_yaw, inverse, tilt_of
 from sarsim.arenas.load import load_arena
-from sarsim.dataset.drive import DeadReckoning, Drive, DriveConfig, Station
+from sarsim.dataset.drive import DeadReckoning, Drive, DriveConfig, Station, rotation_vector
 from sarsim.dataset.footing import Footing
 from sarsim.odometry import OdometryConfig
 from sarsim.scoring.true_surface import TrueSurface, true_surface
@@ -103,6 +106,12 @@ def test_perfect_dead_reckoning_finds_back(nist: Nist) -> None:
         believed = reckoning.update(T)
     np.testing.assert_allclose(believed, T, atol=0.05)
     np.testing.assert_allclose(believed[:3, :3], T[:3, :3], atol=1e-9)
+
+
+@given(st.tuples(*[st.floats(-1.7, 1.7)] * 3))
+def test_rotation_vectors_are_those_of_scipy(vector: tuple[float, float, float]) -> None:
+    R = Rotation.from_rotvec(vector)
+    np.testing.assert_allclose(rotation_vector(R.as_matrix()), R.as_rotvec(), atol=1e-7)
 
 
 def test_the_same_seed_makes_the_same_drive(nist: Nist) -> None:

@@ -31,6 +31,10 @@ class BlockArray:
         """Bytes of all blocks."""
         return len(self._blocks) * SIDE**3
 
+    def __contains__(self, key: Key) -> bool:
+        """Is this block there?"""
+        return key in self._blocks
+
     def __getitem__(self, key: Key) -> NDArray[np.int8]:
         """(SIDE, SIDE, SIDE) int8, a block itself."""
         return self._blocks[key]

@@ -1,10 +1,42 @@
-"""Weighing a scan against the map."""
+"""What a scan needs apart from its rays: a proper pose, a box, and to be weighed against the map."""
 
 import numpy as np
 from numba import njit
 
 WORD = 8
 """Marks along z that are looked at together."""
+
+
+@njit(cache=True)
+def is_rigid(T):
+    """Is a (4, 4) float64 matrix a rotation, orthonormal to 1e-4, and a translation, all of it finite?"""
+    for i in range(4):
+        for j in range(4):
+            if not np.isfinite(T[i, j]):
+                return False
+    for i in range(3):
+        for j in range(3):
+            product = T[i, 0] * T[j, 0] + T[i, 1] * T[j, 1] + T[i, 2] * T[j, 2]
+            if abs(product - (i == j)) > 1e-4:
+                return False
+    x = T[1, 0] * T[2, 1] - T[2, 0] * T[1, 1]
+    y = T[2, 0] * T[0, 1] - T[0, 0] * T[2, 1]
+    z = T[0, 0] * T[1, 1] - T[1, 0] * T[0, 1]
+    is_right_handed = x * T[0, 2] + y * T[1, 2] + z * T[2, 2] > 0
+    return is_right_handed and T[3, 0] == 0 and T[3, 1] == 0 and T[3, 2] == 0 and T[3, 3] == 1
+
+
+@njit(cache=True)
+def box_around(points, block):
+    """First index and shape, x y z each, of the box of whole blocks around (N, 3) points, with a voxel to spare."""
+    lower, upper = points[0] - 1, points[0] + 1
+    for n in range(1, len(points)):
+        for axis in range(3):
+            lower[axis] = min(lower[axis], points[n, axis] - 1)
+            upper[axis] = max(upper[axis], points[n, axis] + 1)
+    first = np.floor(lower / block) * block
+    shape = np.ceil(upper / block) * block - first
+    return int(first[0]), int(first[1]), int(first[2]), int(shape[0]), int(shape[1]), int(shape[2])
 
 
 @njit(cache=True)

@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.metric_map.blocks import BlockArray, parts
 from pipeline.metric_map.files import read_npz, write_npz
-from pipeline.metric_map.grid_kernels import WORD, any_mark, fold
+from pipeline.metric_map.grid_kernels import WORD, any_mark, fold, is_rigid
 from pipeline.metric_map.projective_update import project
 from pipeline.metric_map.ray_traversal import trace
 from pipeline.metric_map.scan import Scan, Scratch
@@ -231,7 +231,7 @@ class MetricMap:
         marked = []
         for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
             part = words[i, j, k.start // WORD : k.stop // WORD]
-            if any_mark(part):
+            if key in self._log_odds or any_mark(part):
                 marked.append((key, part, in_block))
         self._log_odds.reserve(key for key, _, _ in marked)
         for key, part, in_block in marked:
@@ -241,9 +241,6 @@ class MetricMap:
 def states(log_odds: NDArray[np.int8]) -> NDArray[np.float32]:
     """The thesis's values, float32 in {0 occupied, 0.5 unknown, 1 free}, of int8 log-odds."""
     return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[np.sign(log_odds)]
-
-
-_IDENTITY = np.eye(3)
 
 
 def _beside(padded: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -267,13 +264,12 @@ def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
 def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:
     """A copy of a pose, float64, after making sure that it is one."""
     T = np.array(T, np.float64)
-    if T.shape != (4, 4) or T[3].tolist() != [0, 0, 0, 1] or not np.isfinite(T).all():
-        raise InputError("a pose must be a finite 4×4 matrix whose last row is 0 0 0 1")
-    R = T[:3, :3]
-    if np.abs(R @ R.T - _IDENTITY).max() > 1e-4 or np.linalg.det(R) < 0:
-        raise InputError("a pose must be rigid: its rotation is not orthonormal or mirrors")
-    if np.abs(T[:3, 3]).max() > FARTHEST:
-        raise InputError(f"the camera must stand within {FARTHEST:.0f} m of the map's origin")
+    if T.shape != (4, 4) or not is_rigid(T):
+        raise InputError(
+            "a pose must be a rigid 4×4 transform: finite, orthonormal, not mirroring, last row 0 0 0 1"
+        )
+    if max(map(abs, T[:3, 3].tolist())) > FARTHEST:
+        raise InputError(f"the pose of the camera must lie within {FARTHEST:.0f} m of the map's origin")
     return T
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.metric_map.grid_kernels import box_around
 
 BLOCK = 8
 """A scan's box begins and ends at whole multiples of this many voxels."""
@@ -46,9 +47,7 @@ class Scratch:
         Raises:
             InputError: if the box alone exceeds the map's memory bound.
         """
-        lower = np.floor((points.min(axis=0) - 1) / BLOCK).astype(np.int64) * BLOCK
-        upper = np.ceil((points.max(axis=0) + 1) / BLOCK).astype(np.int64) * BLOCK
-        nx, ny, nz = (upper - lower).tolist()
+        x, y, z, nx, ny, nz = box_around(points, BLOCK)
         size = nx * ny * nz + 1
         if size > self._max_bytes:
             raise InputError(f"a scan of {size} voxels exceeds the map's bound of {self._max_bytes} bytes")
@@ -56,4 +55,4 @@ class Scratch:
             self._memory = np.empty(size, np.uint8)
         flat = self._memory[:size]
         flat.fill(0)
-        return Scan(lower, flat[:-1].reshape(nx, ny, nz), flat)
+        return Scan(np.array((x, y, z)), flat[:-1].reshape(nx, ny, nz), flat)

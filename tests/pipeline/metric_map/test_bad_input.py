@@ -153,7 +153,7 @@ def test_an_origin_that_is_no_place_is_refused(origin):
 def test_points_that_are_no_places_have_no_effect(points):
     whole, kept = MetricMap(), MetricMap()
     whole.integrate_points(points, (0, 0, 0))
-    kept.integrate_points(points[(np.abs(points) < 1e5).all(axis=1)], (0, 0, 0))
+    kept.integrate_points(points[(np.abs(points) <= 1e5).all(axis=1)], (0, 0, 0))
     assert_same(whole, kept)
 
 

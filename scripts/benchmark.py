@@ -16,10 +16,13 @@ from pipeline.errors import InputError
 from pipeline.files import whole_file
 from sarsim.scripts.benchmarks.camera import Camera
 from sarsim.scripts.benchmarks.dataset import Dataset
+from sarsim.scripts.benchmarks.metric_map import MetricMapBenchmark
+from sarsim.scripts.benchmarks.semantic import Semantic
+from sarsim.scripts.benchmarks.metric_map import MetricMapBenchmark
 from sarsim.scripts.benchmarks.subject import Result, Subject
 from sarsim.scripts.cli import guarded, parse
 
-SUBJECTS: dict[str, type[Subject]] = {"camera": Camera, "dataset": Dataset}
+SUBJECTS: dict[str, type[Subject]] = {"camera": Camera, "dataset": Dataset, "metric-map": MetricMapBenchmark}
 
 
 def benchmark(subject: Subject, name: str) -> None:

@@ -12,6 +12,9 @@ from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
 from sarsim.simulated_robot import Pose, SimulatedRobot, SimulationConfig
 
+STEPS = 160
+"""Looks of an episode at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -38,7 +41,7 @@ class Recording:
 
 
 def record(arena: str, seed: int, frames: int) -> Recording:
-    """Let the robot explore until nothing is left to look at, and keep frames evenly spaced over the whole way.
+    """Let the robot explore for an episode, and keep frames evenly spaced over the whole way.
 
     Raises:
         InputError: the arena cannot be had.
@@ -50,7 +53,7 @@ def record(arena: str, seed: int, frames: int) -> Recording:
     with Progress(transient=True) as progress:
         bar = progress.add_task(f"recording in {arena}", total=None)
         look = explorer.look()
-        while look.plan is not None:
+        while look.plan is not None and explorer.steps < STEPS:
             explorer.drive(look)
             progress.update(bar, advance=1)
             look = explorer.look()

@@ -49,6 +49,39 @@ def test_points_mark_their_voxels_and_free_the_way() -> None:
     )
 
 
+def test_hits_outweigh_crossings_and_both_are_clamped() -> None:
+    grid = MetricMap(MetricMapConfig(hit=10, miss=1, least=-9, greatest=40))
+    voxel = grid.voxel_index([(1.0, 0.0, 0.0)])
+    values = []
+    for end in [1.0] * 5 + [2.0] * 60 + [1.0]:
+        grid.integrate_points([(end, 0.0, 0.0)], (0.0, 0.0, 0.0))
+        values.append(int(grid.log_odds_at(voxel)[0]))
+    assert values[:6] == [10, 20, 30, 40, 40, 39]
+    assert values[44:46] == [0, -1] and values[-2:] == [-9, 1]
+    assert grid.state_at([(1.0, 0.0, 0.0)]).tolist() == [OCCUPIED]
+
+
+def test_array_holds_the_three_values_where_it_says() -> None:
+    grid = MetricMap()
+    grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
+    array, corner = grid.array()
+    assert set(np.unique(array)) == {OCCUPIED, UNKNOWN, FREE}
+    for value, centres in ((OCCUPIED, grid.occupied_centres()), (FREE, grid.free_centres())):
+        index = np.argwhere(array == value)
+        assert sorted(np.rint((centres - corner) / 0.1 - 0.5).astype(int).tolist()) == index.tolist()
+    assert array.size == np.prod(np.diff(grid.bounds(), axis=0))
+
+
+def test_frontiers_are_the_free_voxels_beside_unknown_ones() -> None:
+    grid = MetricMap()
+    grid.set_log_odds(np.array([62, 0, 0]), np.full((5, 5, 5), -5, np.int8))
+    grid.set_log_odds(np.array([61, 0, 0]), np.full((1, 5, 5), 5, np.int8))
+    expected = [
+        (i, j, k) for i in range(62, 67) for j in range(5) for k in range(5) if i == 66 or {j, k} & {0, 4}
+    ]
+    assert sorted(map(tuple, grid.voxel_index(grid.frontier_centres()).tolist())) == expected
+
+
 def test_map_survives_its_file(tmp_path) -> None:
     grid = MetricMap(MetricMapConfig(voxel_size=0.2))
     grid.integrate(wall(), CAMERA, T_MAP_CAMERA)

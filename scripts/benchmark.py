@@ -18,11 +18,15 @@ from sarsim.scripts.benchmarks.camera import Camera
 from sarsim.scripts.benchmarks.dataset import Dataset
 from sarsim.scripts.benchmarks.metric_map import MetricMapBenchmark
 from sarsim.scripts.benchmarks.semantic import Semantic
-from sarsim.scripts.benchmarks.metric_map import MetricMapBenchmark
 from sarsim.scripts.benchmarks.subject import Result, Subject
 from sarsim.scripts.cli import guarded, parse
 
-SUBJECTS: dict[str, type[Subject]] = {"camera": Camera, "dataset": Dataset, "metric-map": MetricMapBenchmark}
+SUBJECTS: dict[str, type[Subject]] = {
+    "camera": Camera,
+    "dataset": Dataset,
+    "metric-map": MetricMapBenchmark,
+    "semantic": Semantic,
+}
 
 
 def benchmark(subject: Subject, name: str) -> None:

@@ -69,6 +69,10 @@ class TrainDgcnn:
                 for index in range(0, len(scene) if entry.split != "test" else 0, self.stride):
                     pose = scene.T_world_camera(index)
                     clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size))
+        if not clouds["val"]:
+            raise InputError(
+                f"--data {self.data}: no scene of the split val, which one in ten is: make 5 at least"
+            )
         return clouds
 
     def _train(self, trainer: Trainer) -> None:

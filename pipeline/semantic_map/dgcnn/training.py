@@ -58,6 +58,13 @@ class TrainingConfig:
     balance: float = 0.5
     validate_every: int = 250
 
+    def __post_init__(self) -> None:
+        """Refuse what cannot be done."""
+        if self.steps < 1 or self.validate_every < 1 or self.sampling.blocks < 1:
+            raise InputError("--steps, --validate-every, --sampling.blocks: at least 1")
+        if not 0 <= self.warm_up < 1:
+            raise InputError(f"--warm-up {self.warm_up}: at least 0 and less than 1")
+
 
 class Trainer:
     """A training that can be left at any step and taken up again; it leaves the same weights."""
@@ -85,7 +92,7 @@ class Trainer:
             InputError: there is nothing to learn from or to validate with, or the checkpoint is of another training.
         """
         training = [cloud for cloud in training if len(cloud.points)]
-        _check(training, validation, config)
+        _check(training, validation)
         torch.manual_seed(config.seed)
         self.config, self.out, self.worker = config, out, worker
         self._validation, self._about = validation, about
@@ -223,13 +230,7 @@ def _optimizer(config: TrainingConfig, network: Dgcnn) -> torch.optim.Optimizer:
     return torch.optim.AdamW(parameters, rate, weight_decay=decay)
 
 
-def _check(
-    training: Sequence[LabelledCloud], validation: Sequence[LabelledCloud], config: TrainingConfig
-) -> None:
+def _check(training: Sequence[LabelledCloud], validation: Sequence[LabelledCloud]) -> None:
     for purpose, clouds in (("train", training), ("validate", validation)):
         if not any(len(cloud.points) for cloud in clouds):
             raise InputError(f"no labelled points to {purpose} with")
-    if config.steps < 1 or config.validate_every < 1 or config.sampling.blocks < 1:
-        raise InputError("--steps, --validate-every, --sampling.blocks: at least 1")
-    if not 0 <= config.warm_up < 1:
-        raise InputError(f"--warm-up {config.warm_up}: at least 0 and less than 1")

@@ -1,0 +1,89 @@
+"""The command that trains, on a small dataset."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from safetensors import safe_open
+
+from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier
+from sarsim.dataset.generate import generate
+from sarsim.dataset.local_engine import LocalEngine
+from sarsim.dataset.recipe import Recipe
+from sarsim.scripts import train
+
+SMALL = ["--training.blocks.voxel-size", "0.1"]
+TRAIN = Path(train.__file__)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data")
+    generate(Recipe(frames=2, width=160, height=120), 5, folder, LocalEngine(2), lambda made: None)
+    return folder
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *flags: object) -> None:
+    monkeypatch.setattr("sys.argv", ["train.py", *map(str, flags)])
+    train.main()
+
+
+def test_the_command_leaves_weights_that_the_robot_can_use(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "w.safetensors"
+    call(monkeypatch, "dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--blocks.voxel-size", 0.1)
+    assert str(out) in capsys.readouterr().out
+    assert DgcnnClassifier(out)
+    with safe_open(out, "np") as file:
+        training = json.loads(file.metadata()["training"])
+    assert training["data"] == str(dataset)
+    assert training["scenes"] == 5
+    assert training["config"]["steps"] == 2
+
+
+def test_two_processes_train_together(dataset: Path, tmp_path: Path) -> None:
+    out = tmp_path / "w.safetensors"
+    flags = ["dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--blocks.voxel-size", 0.1]
+    command = [
+        sys.executable,
+        "-m",
+        "torch.distributed.run",
+        "--standalone",
+        "--nproc-per-node",
+        2,
+        TRAIN,
+        *flags,
+    ]
+    subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
+    assert DgcnnClassifier(out)
+
+
+@pytest.mark.parametrize(
+    ("flags", "complaint"),
+    [
+        (["coffee"], "coffee"),
+        (["dgcnn"], "--data"),
+        (["dgcnn", "--data", "nowhere", "--out", "w.safetensors"], "nowhere"),
+        (["dgcnn", "--data", "DATA", "--out", "nowhere/w.safetensors"], "there is no folder"),
+        (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--steps", "0"], "--steps"),
+        (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--stride", "0"], "--stride"),
+    ],
+)
+def test_what_cannot_work_is_status_2_and_one_line(
+    flags: list[str],
+    complaint: str,
+    dataset: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as raised:
+        call(monkeypatch, *[dataset if flag == "DATA" else flag for flag in flags])
+    assert raised.value.code == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert complaint in line
+    assert list(tmp_path.iterdir()) == []

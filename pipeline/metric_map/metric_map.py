@@ -69,6 +69,10 @@ class MetricMapConfig:
         for name in ("hit", "miss", "least", "greatest", "max_bytes"):
             if not isinstance(getattr(self, name), int):
                 raise InputError(f"metric map: {name} must be a whole number, got {getattr(self, name)}")
+        if self.voxel_size < 1e-3 or self.max_range > FARTHEST:
+            raise InputError(
+                f"metric map: voxel_size must be 1 mm or more, max_range {FARTHEST:.0f} m or less"
+            )
         if not 0 <= self.margin < np.inf:
             raise InputError(f"metric map: margin must not be negative, got {self.margin}")
         if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
@@ -255,10 +259,12 @@ def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
     expected = (intrinsics.height, intrinsics.width)
     if depth.shape != expected or not depth.size:
         raise InputError(f"a depth image of shape {depth.shape} does not fit intrinsics for {expected}")
-    if not (0 < intrinsics.fx < np.inf and 0 < intrinsics.fy < np.inf):
-        raise InputError(f"focal lengths must be positive, got {intrinsics.fx} and {intrinsics.fy}")
-    if not (abs(intrinsics.cx) < np.inf and abs(intrinsics.cy) < np.inf):
-        raise InputError(f"the principal point must be finite, got {intrinsics.cx} and {intrinsics.cy}")
+    if not (0.01 <= intrinsics.fx <= 1e6 and 0.01 <= intrinsics.fy <= 1e6):
+        raise InputError(
+            f"focal lengths must be proper numbers of pixels, got {intrinsics.fx}, {intrinsics.fy}"
+        )
+    if not (abs(intrinsics.cx) <= 1e6 and abs(intrinsics.cy) <= 1e6):
+        raise InputError(f"the principal point must be pixels, got {intrinsics.cx}, {intrinsics.cy}")
 
 
 def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:

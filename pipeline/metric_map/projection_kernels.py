@@ -22,6 +22,9 @@ SEEN, HIDDEN = np.uint8(1), np.uint8(2)
 TILE = 8
 """Pixels along a side of the tiles of the depth pyramid's finest level."""
 
+TOO_NEAR = 1e-3
+"""m of depth; what reaches nearer may lie anywhere in the picture."""
+
 
 class View(NamedTuple):
     """A depth image's geometry."""
@@ -142,10 +145,8 @@ def _build_pyramid(high):
             top, bottom = 2 * i, min(2 * i + 1, height - 1)
             for j in range((width + 1) // 2):
                 left, right = 2 * j, min(2 * j + 1, width - 1)
-                upper, lower = (
-                    max(fine[top, left], fine[top, right]),
-                    max(fine[bottom, left], fine[bottom, right]),
-                )
+                upper = max(fine[top, left], fine[top, right])
+                lower = max(fine[bottom, left], fine[bottom, right])
                 high[level, i, j] = max(upper, lower)
         height, width = (height + 1) // 2, (width + 1) // 2
 
@@ -163,11 +164,8 @@ def _mark_free(depth, view, marks, high):
     offsets = _corner_offsets(metric)
     spread = np.abs(metric).sum(axis=1) * (0.5 * BLOCK)
     middle = metric.sum(axis=1) * (0.5 * BLOCK)
-    pixel, deep, reach = (
-        np.empty(CORNERS, np.int32),
-        np.empty(CORNERS, np.float32),
-        np.empty(CORNERS, np.float32),
-    )
+    pixel, deep = np.empty(CORNERS, np.int32), np.empty(CORNERS, np.float32)
+    reach = np.empty(CORNERS, np.float32)
     seen = np.zeros(CORNERS + SIDE * SIDE, np.uint8)
     for i in range(0, marks.shape[0], BLOCK):
         for j in range(0, marks.shape[1], BLOCK):
@@ -203,7 +201,7 @@ def _may_be_seen(r, d, w, spread, shape, view, high):
     near, deep = w - spread[2], w + spread[2]
     if deep <= 0 or near >= view.far:
         return False
-    if near <= 0:
+    if near < TOO_NEAR:
         return True
     u0, u1 = _interval(r, spread[0], near, deep, view.fx, view.cx)
     v0, v1 = _interval(d, spread[1], near, deep, view.fy, view.cy)

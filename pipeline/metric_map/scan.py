@@ -7,14 +7,12 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.metric_map.grid_kernels import box_around
-
-BLOCK = 8
-"""A scan's box begins and ends at whole multiples of this many voxels."""
+from pipeline.metric_map.projection_kernels import BLOCK
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """A box of marks.
+    """A box of marks, which begins and ends at whole multiples of BLOCK voxels.
 
     Attributes:
         lower: (3,) int64 voxel index of the box's first voxel.

@@ -94,6 +94,8 @@ def test_mirrors_scalings_and_other_matrices_are_refused(pose):
         Intrinsics(160, 120, 0, 144, 80, 60),
         Intrinsics(160, 120, 144, -144, 80, 60),
         Intrinsics(160, 120, np.nan, 144, 80, 60),
+        Intrinsics(160, 120, 1e-300, 144, 80, 60),
+        Intrinsics(160, 120, 144, 144, 80, 1e300),
         Intrinsics(160, 120, 144, 144, np.inf, 60),
     ],
 )
@@ -162,7 +164,9 @@ def test_points_that_are_no_places_have_no_effect(points):
     [
         {"voxel_size": 0.0},
         {"voxel_size": np.nan},
+        {"voxel_size": 1e-300},
         {"max_range": -1.0},
+        {"max_range": 1e300},
         {"hit": 0},
         {"miss": -1},
         {"least": 0},

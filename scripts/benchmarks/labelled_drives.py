@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from sarsim.arenas.load import load_arena
 from sarsim.conditions import Conditions
 from sarsim.dataset.recipe import Recipe, SceneRecipe
-from sarsim.dataset.render import World
+from sarsim.dataset.render import World, arena_of
 from sarsim.lighting import Lighting
 from sarsim.rendering import Renderer
 
@@ -49,7 +48,7 @@ def drive_through(
     """
     recipe = Recipe(seed=seed, frames=frames)
     scene = SceneRecipe(0, arena, None, Conditions(lighting=lighting))
-    with World(load_arena(arena), scene, Renderer, recipe.width, recipe.height) as world:
+    with World(arena_of(scene), scene, Renderer, recipe.width, recipe.height) as world:
         noise = recipe.rng(0, "noise")
         for station in world.drive(recipe, recipe.rng(0, "drive")).stations(frames):
             seen = world.look(station, noise)

@@ -98,6 +98,7 @@ class Renderer:
         needed = (culling.in_picture if ids else culling.in_lit_picture)(self.model, data, planes)
         with _hidden(self.model, ~needed):
             mujoco.mjv_updateScene(self.model, data, self._option, None, view, _SCENE, self._scene)
+        _let_black_lights_cast_no_shadow(self._scene)
         self._flags(ids)
 
     def _flags(self, ids: bool) -> None:
@@ -173,6 +174,13 @@ def _hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
         yield
     finally:
         model.geom_group[:] = groups
+
+
+def _let_black_lights_cast_no_shadow(scene: mujoco.MjvScene) -> None:
+    """A shadow costs as much as all else in a picture, and where there is no light it cannot be seen."""
+    for light in scene.lights[: scene.nlight]:
+        if not (light.ambient.any() or light.diffuse.any() or light.specular.any()):
+            light.castshadow = 0
 
 
 def _resources(model: mujoco.MjModel, width: int, height: int, quality: dict[str, int]) -> mujoco.MjrContext:

@@ -43,7 +43,7 @@ class ArenaRange:
     clutter: tuple[float, float] = (0.05, 0.2)
     victims: tuple[int, int] = (1, 4)
     difficulty: tuple[int, int] = (0, 3)
-    ceilings: float = 0.3
+    ceilings: float = 0.2
 
     def __post_init__(self) -> None:
         for name in ("tiles", "wall_density", "ramps", "clutter", "victims", "difficulty"):
@@ -120,7 +120,7 @@ class DustRange:
         dust: concentration in the others, from 0 to 1, drawn evenly between these values.
     """
 
-    clear: float = 0.6
+    clear: float = 0.75
     dust: tuple[float, float] = (0.02, 0.4)
 
     def __post_init__(self) -> None:

@@ -134,6 +134,17 @@ def test_the_model_keeps_its_own_quality() -> None:
     assert (model.vis.global_.offwidth, model.vis.global_.offheight) == (100, 100)
 
 
+@pytest.mark.parametrize("diffuse", [0.0, 0.7])
+def test_only_a_light_that_shines_casts_a_shadow(diffuse: float) -> None:
+    model, data = scene(TWO_BOXES)
+    model.light_ambient[0], model.light_diffuse[0], model.light_specular[0] = 0, diffuse, 0
+    with Renderer(model, 160, 120) as renderer:
+        shadowed = renderer.colour(data, "eye")
+        model.light_castshadow[0] = False
+        plain = renderer.colour(data, "eye")
+    assert (shadowed != plain).any() == (diffuse > 0)
+
+
 @pytest.mark.parametrize("camera", ["nose", 1, -1])
 def test_an_unknown_camera_is_named(camera: str | int) -> None:
     model, _ = scene(TWO_BOXES)

@@ -26,6 +26,13 @@ def in_lit_picture(
     return needed
 
 
+def floors(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
+    """(ngeom,) bool, the planes that look up and have no geom (its middle) below: nothing is in their shadow."""
+    upright = data.geom_xmat[:, 8] > 1 - 1e-9
+    height = data.geom_xpos[:, 2]
+    return (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & upright & (height <= height.min(initial=np.inf))
+
+
 def frustum(camera: mujoco.MjvGLCamera, aspect: float) -> NDArray[np.float64]:
     """(5, 4) planes (n, d) around what a perspective camera sees, with n·p + d ≥ 0 inside.
 

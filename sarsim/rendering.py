@@ -98,7 +98,8 @@ class Renderer:
         needed = (culling.in_picture if ids else culling.in_lit_picture)(self.model, data, planes)
         with _hidden(self.model, ~needed):
             mujoco.mjv_updateScene(self.model, data, self._option, None, view, _SCENE, self._scene)
-        _let_black_lights_cast_no_shadow(self._scene)
+        if not ids:
+            _leave_out_shadows(self._scene, culling.floors(self.model, data))
         self._flags(ids)
 
     def _flags(self, ids: bool) -> None:
@@ -176,11 +177,17 @@ def _hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
         model.geom_group[:] = groups
 
 
-def _let_black_lights_cast_no_shadow(scene: mujoco.MjvScene) -> None:
-    """A shadow costs as much as all else in a picture, and where there is no light it cannot be seen."""
+def _leave_out_shadows(scene: mujoco.MjvScene, floors: NDArray[np.bool_]) -> None:
+    """Leave out the shadows that nobody can see: of lights that are out, and of floors, (ngeom,) bool.
+
+    Shadows take most of a picture's time, even where none falls into it.
+    """
     for light in scene.lights[: scene.nlight]:
         if not (light.ambient.any() or light.diffuse.any() or light.specular.any()):
             light.castshadow = 0
+    for geom in scene.geoms[: scene.ngeom]:
+        if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and floors[geom.objid]:
+            geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # MuJoCo's word for what casts no shadow
 
 
 def _resources(model: mujoco.MjModel, width: int, height: int, quality: dict[str, int]) -> mujoco.MjrContext:

@@ -41,7 +41,7 @@ class DriveConfig:
 
     speed: float = 0.2
     turn_rate: float = 0.6
-    period: float = 0.2
+    period: float = 0.3
     look_distance: float = 0.3
     look_turn: float = 0.6
     tilt_vibration: float = 0.003

@@ -187,7 +187,7 @@ class Recipe:
     """
 
     seed: int = 0
-    frames: int = 40
+    frames: int = 100
     width: int = 640
     height: int = 480
     arenas: tuple[str, ...] = (RANDOM,)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from sarsim import culling
 from sarsim.rendering import Renderer, fixed_camera
 
 # Cameras look along +x from the origin, up is z: the image's left is +y.
@@ -143,6 +144,25 @@ def test_only_a_light_that_shines_casts_a_shadow(diffuse: float) -> None:
         model.light_castshadow[0] = False
         plain = renderer.colour(data, "eye")
     assert (shadowed != plain).any() == (diffuse > 0)
+
+
+def test_a_floor_casts_no_shadow_but_an_awning_does() -> None:
+    box = '<geom type="box" size="0.5 0.5 0.05" pos="3 0 -0.9"/>'
+    floor, awning = (
+        '<geom type="plane" size="9 9 1" pos="{} 0 {}"/>'.format(*at) for at in ((9, -1), (3, 1.5))
+    )
+    for geoms, expected in ((floor + box, [True, False]), (awning + box, [False, False])):
+        model, data = scene(geoms)
+        np.testing.assert_array_equal(culling.floors(model, data), expected)
+
+
+def test_a_picture_does_not_miss_the_shadow_of_the_floor(monkeypatch: pytest.MonkeyPatch) -> None:
+    box = '<geom type="box" size="0.2 0.5 0.3" pos="3 0.2 -0.7" euler="0 0 30"/>'
+    model, data = scene('<geom type="plane" size="9 9 1" pos="0 0 -1"/>' + box)
+    with Renderer(model, 160, 120) as renderer:
+        picture = renderer.colour(data, "eye")
+        monkeypatch.setattr(culling, "floors", lambda model, data: np.zeros(model.ngeom, np.bool_))
+        np.testing.assert_array_equal(renderer.colour(data, "eye"), picture)
 
 
 @pytest.mark.parametrize("camera", ["nose", 1, -1])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
@@ -109,11 +110,25 @@ def voxel_labels(
         labels: (N,) uint8 of the points.
 
     Returns:
-        (M,) uint8, of voxels without a point unlabelled.
+        (M,) uint8. A voxel without a point, which a return off the surface filled, gets the class of the nearest
+        point within a voxel's side of its centre, and is unlabelled if there is none.
     """
-    voxels = encode(metric_map.voxel_index(metric_map.occupied_centres()))
-    if not len(voxels):
+    centres = metric_map.occupied_centres()
+    if not len(centres):
         return np.zeros(0, np.uint8)
+    votes = _votes(metric_map, encode(metric_map.voxel_index(centres)), points, labels)
+    result = votes.argmax(axis=1).astype(np.uint8)
+    empty = ~votes.any(axis=1)
+    if empty.any() and len(points):
+        _, nearest = KDTree(points).query(centres[empty], distance_upper_bound=metric_map.config.voxel_size)
+        result[empty] = np.append(labels, Label.UNLABELLED)[nearest]
+    return result
+
+
+def _votes(
+    metric_map: MetricMap, voxels: NDArray[np.int64], points: NDArray[np.float32], labels: NDArray[np.uint8]
+) -> NDArray[np.int64]:
+    """(M, classes) points of each class in each voxel."""
     order = np.argsort(voxels)
     index = metric_map.voxel_index(points)
     near = np.all(np.abs(index) < _CENTRE, axis=1)
@@ -121,7 +136,7 @@ def voxel_labels(
     place = order[np.searchsorted(voxels, wanted, sorter=order).clip(max=len(voxels) - 1)]
     inside = voxels[place] == wanted
     votes = np.bincount(place[inside] * len(Label) + labels[near][inside], minlength=len(voxels) * len(Label))
-    return votes.reshape(-1, len(Label)).argmax(axis=1).astype(np.uint8)
+    return votes.reshape(-1, len(Label))
 
 
 def encode(index: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -61,12 +61,13 @@ def test_a_leaf_ends_where_the_class_changes():
     assert len(Octree.from_metric_map(metric_map, labels).level) == 8
 
 
-def test_voxels_get_the_class_of_most_of_their_points():
-    metric_map = filled(np.zeros(3, np.int64), np.array([[[40, 40, 40]]], np.int8))
-    a, b, _ = metric_map.occupied_centres()
+def test_voxels_get_the_class_of_most_of_their_points_or_of_one_beside_them():
+    metric_map = filled(np.zeros(3, np.int64), np.array([[[40, 40, 40, 40]]], np.int8))
+    a, b, beside_b, _ = metric_map.occupied_centres()
+    b[2] = (b[2] + beside_b[2]) / 2 - 0.01
     points = np.array([a, a, a, b, [9, 9, 9]], np.float32)
     labels = np.array([Label.WALL, Label.TERRAIN, Label.WALL, Label.VICTIM, Label.CLUTTER], np.uint8)
-    expected = [Label.WALL, Label.VICTIM, Label.UNLABELLED]
+    expected = [Label.WALL, Label.VICTIM, Label.VICTIM, Label.UNLABELLED]
     assert voxel_labels(metric_map, points, labels).tolist() == expected
     assert voxel_labels(MetricMap(), points, labels).size == 0
 

@@ -15,6 +15,7 @@ from sarsim.arenas.elements import TILE, ArenaBuilder
 from sarsim.arenas.layout import Item, Layout, Side, Tile
 from sarsim.arenas.promises import broken_promises
 from sarsim.arenas.random_clutter import place_obstacles, scatter_clutter
+from sarsim.arenas.random_furniture import OTHER_WALLS, hang_on_walls, place_furniture
 from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, make_maze, wall_items
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
 
@@ -29,6 +30,7 @@ _BOUNDS = {
     "wall_density": (0, 1),
     "ramps": (0, 1),
     "clutter": (0, 1),
+    "furniture": (0, 1),
     "victims": (0, 100),
     "difficulty": (0, 3),
 }
@@ -45,6 +47,8 @@ class RandomArenaConfig:
         ramps: share of the tiles that are ramps and decks, from difficulty 1 on.
         clutter: share of the tiles that something takes: a diagonal wall, from difficulty 2 on a barrel or
             crossing ramps, from 3 on a step field. From 2 on as many tiles have a block or a pipe beside a wall.
+        furniture: share of the tiles that furniture takes, or rescue elements that nobody drives over; as many tiles
+            have something hanging on a wall, and some inner walls are thick or veils.
         victims: number of them.
         difficulty: 0 flat; 1 with decks and ridges of ramps; 2 with crossing ramps, clutter, holes in walls and
             victims half hidden; 3 with continuous ramp fields and step fields. If not given, the remainder of
@@ -60,6 +64,7 @@ class RandomArenaConfig:
     victims: int = 3
     difficulty: int | None = None
     ceiling: bool = False
+    furniture: float = 0.0
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
@@ -115,7 +120,13 @@ def _draw(dice: Dice, config: RandomArenaConfig, difficulty: int) -> _Plan | Non
     items = place_obstacles(layout, dice, config.clutter, difficulty)
     if difficulty >= 2:
         items += scatter_clutter(layout, dice, config.clutter)
-    items += ground_items(layout) + wall_items(layout, dice, holes=difficulty >= 2, tall=config.ceiling)
+    other_walls: tuple[str, ...] = ()
+    if config.furniture:
+        items += place_furniture(layout, dice, config.furniture)
+        items += hang_on_walls(layout, dice, config.furniture)
+        other_walls = OTHER_WALLS
+    items += ground_items(layout)
+    items += wall_items(layout, dice, difficulty >= 2, config.ceiling, other_walls)
     return _Plan(items, victims, start)
 
 

@@ -1,5 +1,7 @@
 """Draws the ground of a random arena: a maze, and ramps and decks in it."""
 
+from collections.abc import Sequence
+
 from sarsim.arenas.dice import Dice
 from sarsim.arenas.layout import FLOOR, SIDES, STEP, YAW, Ground, Item, Layout, Side, Tile, opposite
 
@@ -12,6 +14,8 @@ HOLED = 0.15
 """Share of the inner walls with holes, where there are any."""
 TALL = 0.25
 """Share of the other walls that are twice as high."""
+OTHER = 0.25
+"""Share of the inner walls that are no panels, where there are any."""
 MAX_WAY = 4
 """tiles; a longer open way before the start makes it no better."""
 
@@ -127,14 +131,18 @@ def _half_ridge(tile: Tile, uphill: Side) -> Item:
     return Item(tile, f"ramp_{RIDGE}", YAW[opposite(uphill)], (-60 * dx, -60 * dy))
 
 
-def wall_items(layout: Layout, dice: Dice, holes: bool, tall: bool) -> list[Item]:
-    """All walls. ``holes``: some have holes; ``tall``: all reach up to the ceiling."""
+def wall_items(layout: Layout, dice: Dice, holes: bool, tall: bool, others: Sequence[str] = ()) -> list[Item]:
+    """All walls. ``holes``: some have holes; ``tall``: all panels reach up to the ceiling; some are ``others``."""
     items = []
     for tile in layout.tiles():
         for side in SIDES:
             if layout.has_wall(tile, side) and layout.edge(tile, side) == (tile, side):
                 inner = layout.neighbour(tile, side) is not None
-                items.append(Item(tile, _draw_wall(dice, holes and inner, tall), YAW[side]))
+                if inner and others and dice.chance(OTHER):
+                    kind = dice.pick(others)
+                else:
+                    kind = _draw_wall(dice, holes and inner, tall)
+                items.append(Item(tile, kind, YAW[side]))
     return items
 
 

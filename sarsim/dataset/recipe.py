@@ -32,6 +32,7 @@ class ArenaRange:
         wall_density: share of a maze's inner walls that stand.
         ramps: share of the tiles that are ramps and decks.
         clutter: share of the tiles that something takes.
+        furniture: share of the tiles that furniture and such takes.
         victims: number.
         difficulty: 0 flat, to 3 with ramp fields and step fields.
         ceilings: share of the arenas that have one.
@@ -44,9 +45,10 @@ class ArenaRange:
     victims: tuple[int, int] = (1, 4)
     difficulty: tuple[int, int] = (0, 3)
     ceilings: float = 0.2
+    furniture: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name in ("tiles", "wall_density", "ramps", "clutter", "victims", "difficulty"):
+        for name in ("tiles", "wall_density", "ramps", "clutter", "furniture", "victims", "difficulty"):
             _check_order(f"random.{name}", getattr(self, name))
         _check_share("random.ceilings", self.ceilings)
 
@@ -61,6 +63,8 @@ class ArenaRange:
             victims=int(rng.integers(*self.victims, endpoint=True)),
             difficulty=int(rng.integers(*self.difficulty, endpoint=True)),
             ceiling=bool(rng.random() < self.ceilings),
+            # No number is drawn for nothing: datasets without furniture stay as they are.
+            furniture=round(rng.uniform(*self.furniture), 3) if self.furniture[1] else 0.0,
         )
 
 

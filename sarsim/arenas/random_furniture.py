@@ -1,0 +1,77 @@
+"""Draws furniture and rescue elements that the robot cannot drive over: things that are easily taken for others."""
+
+from sarsim.arenas.dice import Dice
+from sarsim.arenas.layout import STEP, YAW, Item, Layout, Side, Tile, opposite
+
+AGAINST_WALL = (
+    ("cabinet_low", 14),
+    ("cabinet_tall", 14),
+    ("cabinet_narrow", 34),
+    ("bookshelf", 9),
+    ("desk", 4),
+    ("seat", 19),
+    ("crate", 29),
+    ("column", 39),
+    ("simple_elev_ramp", 0),
+    ("simple_elev_ramp", 0),
+    ("stairs_120", 0),
+    ("manip_storage", 0),
+)
+"""What stands with its back to a side of its tile, and how far along it it may stand, cm."""
+FREESTANDING = ("raised_floor", "raised_floor", "raised_floor", "elevated_ramps", "crate_stack", "work_table")
+"""What fills the middle of its tile."""
+RAMPS = (("half_ramp", 0), ("half_ramp", 0), ("half_ramp_shifted", 2), ("full_ramp", 2), ("full_ramp", 2))
+"""Ramps that lead nowhere, and by how many quarters they are turned so that they rise away from the robot."""
+SMALL = ("chair", "chair", "crate_small", "fire_extinguisher")
+"""What may stand before something else, turned anyhow."""
+ACCOMPANIED = 0.4
+"""Share of the tiles where one does."""
+ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
+"""What hangs on walls."""
+OTHER_WALLS = ("partition", "partition", "veil_wall")
+"""Inner walls that are no panels."""
+
+
+def place_furniture(layout: Layout, dice: Dice, share: float) -> list[Item]:
+    """Things that take a whole tile each, until they have their share or no more tile can be spared."""
+    wanted = round(share * len(layout.tiles()))
+    items: list[Item] = []
+    blocked = 0
+    for tile in dice.shuffled(layout.tiles()):
+        views = layout.views([tile])
+        if blocked < wanted and layout.is_free(tile) and views and layout.block([tile]):
+            items += _furnish(dice, tile, dice.pick(views)[1])
+            blocked += 1
+    return items
+
+
+def hang_on_walls(layout: Layout, dice: Dice, share: float) -> list[Item]:
+    """Barrels, boxes and signs on the one wall of a share of the tiles; two walls would leave too narrow a lane."""
+    places = [(t, layout.walls_of(t)) for t in layout.tiles() if layout.is_free(t)]
+    single = [(tile, walls[0]) for tile, walls in places if len(walls) == 1]
+    wanted = round(share * len(layout.tiles()))
+    return [Item(tile, dice.pick(ON_WALLS), YAW[side]) for tile, side in dice.shuffled(single)[:wanted]]
+
+
+def _furnish(dice: Dice, tile: Tile, front: Side) -> list[Item]:
+    """Fill a tile into which the robot looks over its side ``front``."""
+    back = opposite(front)
+    draw = dice.pick(("middle", "middle", "ramp", "back", "back", "back"))
+    if draw == "middle":
+        items = [Item(tile, dice.pick(FREESTANDING), YAW[back])]
+    elif draw == "ramp":
+        kind, turn = dice.pick(RAMPS)
+        items = [Item(tile, kind, YAW[(back + turn) % 4])]
+    else:
+        kind, room = dice.pick(AGAINST_WALL)
+        items = [Item(tile, kind, YAW[back], _shift(front, 0, dice.number(-room, room)))]
+    if dice.chance(ACCOMPANIED):
+        place = _shift(front, dice.number(20, 35), dice.number(-30, 30))
+        items.append(Item(tile, dice.pick(SMALL), dice.number(0, 359), place))
+    return items
+
+
+def _shift(front: Side, ahead: int, aside: int) -> tuple[int, int]:
+    """cm along x and y."""
+    (fx, fy), (lx, ly) = STEP[front], STEP[(front + 1) % 4]
+    return ahead * fx + aside * lx, ahead * fy + aside * ly

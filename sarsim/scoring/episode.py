@@ -20,8 +20,18 @@ SEEN_HEIGHT = 0.15
 """m; a return this near to a cell's ground has seen the cell."""
 
 
+MOST = 0.9
+"""Share of the drivable area whose time to be seen is told."""
+
+
 class EpisodeScore:
-    """Watches an episode from outside, with the truth at hand."""
+    """Watches an episode from outside, with the truth at hand.
+
+    Attributes:
+        surface: the true ground.
+        seen: (nx, ny) bool on its grid, the cells in which a noise-free return fell.
+        progress: after each look, s since the start and the share of the drivable area that was seen.
+    """
 
     def __init__(self, robot: SimulatedRobot, explorer: Explorer):
         self._robot = robot
@@ -31,9 +41,10 @@ class EpisodeScore:
         self._faces = true_faces(model, data)
         self._voxels = VoxelScore(explorer.metric_map)
         self._semantics = SemanticScore(explorer.semantic_map.config)
-        self._seen = np.zeros(self.surface.grid.shape, np.bool_)
+        self.seen = np.zeros(self.surface.grid.shape, np.bool_)
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
+        self.progress: list[tuple[float, float]] = []
 
     def add(self, look: Look) -> None:
         """Take the newest look into account."""
@@ -42,6 +53,7 @@ class EpisodeScore:
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
         self._see(points)
+        self.progress.append((self._robot.time - self._start_time, self.explored_fraction))
         if look.frame.label is not None:
             self._semantics.add(look.points, look.frame.label[look.frame.returns])
         if look.plan is not None and look.plan.length > 0.1:
@@ -52,7 +64,7 @@ class EpisodeScore:
     @property
     def explored_fraction(self) -> float:
         """Share of the drivable area that was seen."""
-        return float(self._seen[self.surface.drivable].mean())
+        return float(self.seen[self.surface.drivable].mean())
 
     def report(self) -> dict[str, Any]:
         """Everything about the stages; the commands add what ran and how long it took."""
@@ -64,10 +76,7 @@ class EpisodeScore:
             "topological_map": score_topology(explorer.topological_map, self.surface),
             "path_plan": self._path_plan(),
             "navigation": self._navigation(),
-            "exploration": {
-                "explored_fraction": self.explored_fraction,
-                "frontiers_left": len(explorer.exploration.frontiers),
-            },
+            "exploration": self._exploration(),
             "localisation": score_localisation(trajectory),
         }
 
@@ -78,7 +87,7 @@ class EpisodeScore:
         inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
         i, j = cells[inside].T
         on_ground = np.abs(points[inside, 2] - self.surface.height[i, j]) < SEEN_HEIGHT
-        self._seen[i[on_ground], j[on_ground]] = True
+        self.seen[i[on_ground], j[on_ground]] = True
 
     def _optimum(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:
         """Length in m of the shortest way on the true grid; NaN if the truth has none."""
@@ -88,6 +97,15 @@ class EpisodeScore:
             return float("nan")
         cost, _ = shortest_paths(grid.cell_of(first)[None], np.ones(drivable.shape), free_rules(drivable))
         return max(float(grid.at(cost, last)) * grid.cell, grid.cell)
+
+    def _exploration(self) -> dict[str, Any]:
+        """``seen90_s`` is missing where less was seen."""
+        times = [time for time, share in self.progress if share >= MOST]
+        return {
+            "explored_fraction": self.explored_fraction,
+            "frontiers_left": len(self._explorer.exploration.frontiers),
+            **({"seen90_s": times[0]} if times else {}),
+        }
 
     def _path_plan(self) -> dict[str, Any]:
         ratios = np.array([r for r in self._cost_ratios if np.isfinite(r)])

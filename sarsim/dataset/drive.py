@@ -206,15 +206,17 @@ def rotation_vector(R: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class _Elevation:
-    """The two layers of a surface map that :func:`drivable_surface` reads."""
+    """The layers of a surface map that :func:`drivable_surface` reads."""
 
     grid: Grid
     elevation: NDArray[np.float32]
+    doubted: NDArray[np.bool_]
 
 
 def _roads(surface: TrueSurface) -> DrivableSurface:
     """The true surface as the robot's own planner sees a measured one: ramps are met head-on."""
-    elevation = cast(SurfaceMap, _Elevation(surface.grid, surface.height.astype(np.float32)))
-    roads = drivable_surface(elevation, DrivableConfig())
+    nowhere = np.zeros(surface.grid.shape, np.bool_)
+    known = cast(SurfaceMap, _Elevation(surface.grid, surface.height.astype(np.float32), nowhere))
+    roads = drivable_surface(known, DrivableConfig())
     drivable, turnable = roads.drivable & surface.drivable, roads.turnable & surface.drivable
     return replace(roads, drivable=drivable, turnable=turnable)

@@ -18,6 +18,7 @@ from pipeline.semantic_map.segments import Segments, SegmentsConfig
 from pipeline.semantic_map.semantic_map import SemanticMap, SemanticMapConfig
 from pipeline.stopwatch import Stopwatch
 from pipeline.surface.drivable import DrivableConfig, DrivableSurface, drivable_surface
+from pipeline.surface.missing import missing_ground
 from pipeline.surface.paths import ShortestPaths
 from pipeline.surface.surface_map import SurfaceConfig, SurfaceMap
 from pipeline.topological_map.nodes import NodeConfig
@@ -104,7 +105,8 @@ class Explorer:
         with self.stopwatch("metric_map"):
             self.metric_map.integrate(frame.depth, frame.intrinsics, T_map_camera)
         with self.stopwatch("surface"):
-            surface = self._update_surface(points, T_map_base)
+            missing = missing_ground(frame.depth, frame.intrinsics, T_map_camera)
+            surface = self._update_surface(points, missing, T_map_base)
             paths = ShortestPaths(surface, T_map_base[:2, 3])
         with self.stopwatch("semantic_map"):
             probabilities = self.classifier.classify(frame, points)
@@ -132,12 +134,12 @@ class Explorer:
             return self.navigator.follow(look.plan.way_points, heading)
 
     def _update_surface(
-        self, points: NDArray[np.float32], T_map_base: NDArray[np.float64]
+        self, points: NDArray[np.float32], missing: NDArray[np.float32], T_map_base: NDArray[np.float64]
     ) -> DrivableSurface:
         if self.steps == 0:
             config = self.config
             self.surface_map.assume_ground(
                 T_map_base, config.start_radius, config.start_ahead, config.start_width
             )
-        self.surface_map.update(points)
+        self.surface_map.update(points, missing, T_map_base[:2, 3])
         return drivable_surface(self.surface_map, self.config.drivable)

@@ -90,7 +90,14 @@ def drivable_surface(surface: SurfaceMap, config: DrivableConfig | None = None) 
     to_hazard = ndimage.distance_transform_edt(~hazard) * cell
     # Beyond the grid's border all is unknown.
     to_unknown = ndimage.distance_transform_edt(np.pad(~np.isnan(elevation), 1))[1:-1, 1:-1] * cell
-    drivable = (to_hazard >= config.clearance) & (to_unknown >= config.unknown_clearance)
+    to_doubt = (
+        ndimage.distance_transform_edt(np.pad(~surface.doubted, 1, constant_values=True))[1:-1, 1:-1] * cell
+    )
+    drivable = (
+        (to_hazard >= config.clearance)
+        & (to_unknown >= config.unknown_clearance)
+        & (to_doubt >= config.clearance)
+    )
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     return DrivableSurface(
         grid=surface.grid,

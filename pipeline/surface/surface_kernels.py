@@ -15,7 +15,7 @@ def accumulate(
     hits,
     touched,
 ):
-    """Fold points into the mean height of their bin of their column; marks the columns that changed."""
+    """Fold points into the mean height of their bin of their column; ``touched`` (nx, ny) counts them."""
     nx, ny, nz = height.shape
     for n in range(points.shape[0]):
         i = int(np.floor((points[n, 0] - origin[0]) / cell))
@@ -27,7 +27,7 @@ def accumulate(
         if hits[i, j, k] < 1000:
             hits[i, j, k] += 1
         height[i, j, k] += (points[n, 2] - height[i, j, k]) / hits[i, j, k]
-        touched[i, j] = True
+        touched[i, j] += 1
 
 
 @njit(cache=True)
@@ -55,6 +55,42 @@ def column_height(height, hits, min_hits, headroom, z_bin):
 
 
 @njit(cache=True)
+def count_points(points, origin, cell, elevation, max_distance, count):
+    """``count`` (nx, ny) the points in each cell that lie no further than this above or below it, m.
+
+    Where the elevation is unknown all count.
+    """
+    nx, ny = elevation.shape
+    for n in range(points.shape[0]):
+        i = int(np.floor((points[n, 0] - origin[0]) / cell))
+        j = int(np.floor((points[n, 1] - origin[1]) / cell))
+        if 0 <= i < nx and 0 <= j < ny and not abs(points[n, 2] - elevation[i, j]) > max_distance:
+            count[i, j] += 1
+
+
+@njit(cache=True)
+def renew_doubt(doubt, missing, returns, min_points, camera, origin, cell, cos_sure):
+    """Doubt the cells where ``min_points`` were missing, and clear those that another look has shown whole.
+
+    ``doubt`` (nx, ny, 2) is the level direction from which a cell was last doubted, 0 where it is not. A look clears
+    a cell if it shows ``min_points`` there and misses none, from a direction whose cosine to that one is less than
+    ``cos_sure``. ``missing`` and ``returns`` (nx, ny) count the points of the look from ``camera`` (2,).
+    """
+    nx, ny = missing.shape
+    for i in range(nx):
+        for j in range(ny):
+            if missing[i, j] < min_points and returns[i, j] < min_points:
+                continue
+            dx, dy = origin[0] + (i + 0.5) * cell - camera[0], origin[1] + (j + 0.5) * cell - camera[1]
+            distance = np.sqrt(dx * dx + dy * dy) + 1e-9
+            dx, dy = dx / distance, dy / distance
+            if missing[i, j] >= min_points:
+                doubt[i, j, 0], doubt[i, j, 1] = dx, dy
+            elif missing[i, j] == 0 and abs(dx * doubt[i, j, 0] + dy * doubt[i, j, 1]) < cos_sure:
+                doubt[i, j, 0], doubt[i, j, 1] = 0.0, 0.0
+
+
+@njit(cache=True)
 def extract_elevation(
     height,
     hits,
@@ -68,15 +104,16 @@ def extract_elevation(
     nx, ny = elevation.shape
     for i in range(nx):
         for j in range(ny):
-            if touched[i, j]:
+            if touched[i, j] > 0:
                 elevation[i, j] = column_height(height[i, j], hits[i, j], min_hits, headroom, z_bin)
 
 
 @njit(cache=True)
-def bridge_gaps(elevation, max_gap, max_spread):
+def bridge_gaps(elevation, doubted, max_gap, max_spread):
     """Fill what is unknown between two known cells of nearly one height, at most ``max_gap`` unknown cells apart.
 
-    Along the axes and the diagonals; where several pairs face each other, the last one counts.
+    Along the axes and the diagonals; where several pairs face each other, the last one counts. Nothing is filled
+    across a ``doubted`` (nx, ny) cell.
     """
     filled = elevation.copy()
     nx, ny = elevation.shape
@@ -90,6 +127,8 @@ def bridge_gaps(elevation, max_gap, max_spread):
                     if not (a < nx and 0 <= b < ny):
                         break
                     rise = elevation[a, b] - elevation[i, j]
+                    if doubted[a, b]:
+                        break
                     if np.isnan(rise):
                         continue
                     for k in range(1, gap):

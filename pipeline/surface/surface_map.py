@@ -24,6 +24,9 @@ class SurfaceConfig:
         headroom: air that the robot needs above the ground, m.
         max_gap: unknown gaps no wider are filled, m: a Pioneer 3-AT rolls over them.
         max_gap_rise: if the ground beyond differs by no more than this, m.
+        doubt_height: missing points no further above or below the ground make it doubtful, m.
+        sure_angle: doubted ground is believed when it is seen from a direction that differs by this, rad: a panel
+            that sends nothing back is seen within 8° of its plane.
         block: the layer grows by such strips, m.
     """
 
@@ -35,6 +38,8 @@ class SurfaceConfig:
     headroom: float = 0.65
     max_gap: float = 0.15
     max_gap_rise: float = 0.05
+    doubt_height: float = 0.1
+    sure_angle: float = np.deg2rad(15)
     block: float = 6.4
 
 
@@ -44,6 +49,7 @@ class SurfaceMap:
     Attributes:
         measured: (nx, ny) float32 height of the ground from returns alone, NaN where there are none.
         elevation: the same with small gaps filled and the ground assumed at the start; NaN where unknown.
+        doubted: (nx, ny) bool, where something that the camera does not see may stand: unknown, whatever the returns.
         revision: counts the updates.
     """
 
@@ -58,12 +64,22 @@ class SurfaceMap:
         self._height = np.zeros((nx, ny, self._levels), np.float32)
         self._hits = np.zeros((nx, ny, self._levels), np.uint16)
         self._assumed = np.full((nx, ny), np.nan, np.float32)
+        self._doubt = np.zeros((nx, ny, 2), np.float32)
+        self._shown = np.full((nx, ny), np.nan, np.float32)
         self.measured = np.full((nx, ny), np.nan, np.float32)
         self.elevation = np.full((nx, ny), np.nan, np.float32)
 
     @property
     def _layers(self) -> list[NDArray]:
-        return [self._height, self._hits, self._assumed, self.measured, self.elevation]
+        return [
+            self._height,
+            self._hits,
+            self._assumed,
+            self._doubt,
+            self._shown,
+            self.measured,
+            self.elevation,
+        ]
 
     @property
     def grid(self) -> Grid:
@@ -87,28 +103,65 @@ class SurfaceMap:
         x, y = np.moveaxis((cells - centre) @ T_map_base[:2, :2], -1, 0)
         on_strip = (x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2)
         self._assumed[(np.hypot(x, y) <= radius) | on_strip] = T_map_base[2, 3]
-        self._refresh(np.zeros(self.grid.shape, np.bool_))
+        self._refresh()
 
-    def update(self, points: NDArray[np.float32]) -> None:
-        """Add (N, 3) points in ``map``; those that are not finite are ignored."""
+    @property
+    def doubted(self) -> NDArray[np.bool_]:
+        return self._doubt.any(axis=-1)
+
+    def update(
+        self,
+        points: NDArray[np.float32],
+        missing: NDArray[np.float32] | None = None,
+        camera: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Add the returns of a look.
+
+        Args:
+            points: (N, 3) in ``map``; those that are not finite are ignored.
+            missing: (M, 3) where ground should have been seen, if anywhere.
+            camera: (2 or 3,) from where, m.
+        """
         points = points[np.isfinite(points).all(axis=1)]
         if not len(points):
             return
         config = self.config
         self._grow(points[:, :2])
-        touched = np.zeros(self.grid.shape, np.bool_)
+        touched = np.zeros(self.grid.shape, np.int32)
         kernels.accumulate(
             points, self._origin, config.cell, config.z_min, config.z_bin, self._height, self._hits, touched
         )
-        self._refresh(touched)
-
-    def _refresh(self, touched: NDArray[np.bool_]) -> None:
-        config = self.config
         kernels.extract_elevation(
-            self._height, self._hits, touched, config.min_hits, config.headroom, config.z_bin, self.measured
+            self._height, self._hits, touched, config.min_hits, config.headroom, config.z_bin, self._shown
         )
-        known = np.where(np.isnan(self.measured), self._assumed, self.measured)
-        self.elevation = kernels.bridge_gaps(known, round(config.max_gap / config.cell), config.max_gap_rise)
+        if missing is not None and camera is not None:
+            self._renew_doubt(missing, camera, touched)
+        self._refresh()
+
+    def _renew_doubt(
+        self, missing: NDArray[np.float32], camera: NDArray[np.float64], returns: NDArray[np.int32]
+    ) -> None:
+        config, count = self.config, np.zeros(self.grid.shape, np.int32)
+        kernels.count_points(missing, self._origin, config.cell, self._shown, config.doubt_height, count)
+        kernels.renew_doubt(
+            self._doubt,
+            count,
+            returns,
+            config.min_hits,
+            camera,
+            self._origin,
+            config.cell,
+            np.cos(config.sure_angle),
+        )
+
+    def _refresh(self) -> None:
+        config, doubted = self.config, self.doubted
+        self.measured = np.where(doubted, np.float32(np.nan), self._shown)
+        known = np.where(np.isnan(self._shown), self._assumed, self._shown)
+        known[doubted] = np.nan
+        self.elevation = kernels.bridge_gaps(
+            known, doubted, round(config.max_gap / config.cell), config.max_gap_rise
+        )
         self.revision += 1
 
     def _grow(self, xy: NDArray) -> None:

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from pipeline.surface.drivable import drivable_surface
+from pipeline.surface.surface_map import SurfaceMap
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
 
@@ -56,3 +57,12 @@ def test_a_slope_beyond_twenty_degrees_is_a_hazard():
     gentle, steep = drivable_surface(gentle), drivable_surface(steep)
     assert not gentle.grid.at(gentle.hazard, [1.0, 1.0])
     assert steep.grid.at(steep.hazard, [1.0, 1.0])
+
+
+def test_it_keeps_away_from_where_a_panel_may_stand():
+    world, ground = SurfaceMap(), ground_points(flat, (-1, 1), (-1, 1))
+    world.update(ground, ground_points(flat, (-1, 1), (0.01, 0.03)), np.array([-2.0, 0.0]))
+    surface = drivable_surface(world)
+    assert not surface.grid.at(surface.drivable, [0.0, 0.28])
+    assert surface.grid.at(surface.drivable, [0.0, 0.38])
+    assert not surface.lines_are_drivable([(0.0, -0.5)], [(0.0, 0.5)])[0]

@@ -63,6 +63,47 @@ def test_narrow_gaps_are_bridged_and_wide_ones_are_not():
     assert np.isnan(narrow.grid.at(narrow.measured, [0.575, 0.5], np.nan))
 
 
+STRIPE = ground_points(flat, (-1, 1), (-0.01, 0.01))
+"""Where ground is missing behind a panel along the x axis, seen along it."""
+
+
+def seen_along_a_panel() -> SurfaceMap:
+    surface, ground = SurfaceMap(), ground_points(flat, (-1, 1), (-1, 1))
+    surface.update(ground[np.abs(ground[:, 1]) > 0.01], STRIPE, np.array([-2.0, 0.0]))
+    return surface
+
+
+def test_where_ground_is_missing_it_is_unknown_whatever_the_returns():
+    surface = seen_along_a_panel()
+    for layer in (surface.measured, surface.elevation):
+        assert np.isnan(surface.grid.at(layer, [(0.0, -0.005), (0.0, 0.005)], np.nan)).all()
+    assert surface.grid.at(surface.doubted, [0.5, 0.005])
+    assert surface.grid.at(surface.elevation, [0.0, 0.06], np.nan) == 0
+
+
+@pytest.mark.parametrize(("camera", "is_believed"), [((0.0, -2.0), True), ((-2.0, -0.3), False)])
+def test_doubted_ground_is_believed_when_seen_from_another_side(camera, is_believed):
+    surface = seen_along_a_panel()
+    surface.update(ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera))
+    assert np.isfinite(surface.grid.at(surface.elevation, [0.0, 0.005], np.nan)) == is_believed
+
+
+def test_no_gap_is_bridged_across_doubted_ground():
+    ground = ground_points(flat, (-1, 1), (-1, 1))
+    gap = ground[np.abs(ground[:, 1] - 0.025) > 0.075]
+    bridged, open_gap = surface_of(gap), SurfaceMap()
+    open_gap.update(gap, STRIPE + np.float32([0, 0.025, 0]), np.array([-2.0, 0.0]))
+    assert bridged.grid.at(bridged.elevation, [0.0, 0.06], np.nan) == 0
+    assert np.isnan(open_gap.grid.at(open_gap.elevation, [0.0, 0.06], np.nan))
+
+
+def test_what_is_missing_above_or_below_the_ground_is_no_ground():
+    surface = SurfaceMap()
+    high = STRIPE + np.float32([0, 0, 0.3])
+    surface.update(ground_points(flat, (-1, 1), (-1, 1)), high, np.array([-2.0, 0.0]))
+    assert not surface.doubted.any()
+
+
 def test_a_gap_between_different_heights_stays_open():
     ground = ground_points(ramp_and_deck, (1, 2), (-1, 1))
     surface = surface_of(ground[np.abs(ground[:, 1] - 0.6) > 0.05])

@@ -10,10 +10,22 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.dice import Dice
+from sarsim.arenas.elements import ArenaBuilder, element_library
+from sarsim.arenas.layout import BLOCKED, YAW, Layout
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.promises import broken_promises
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
+from sarsim.arenas.random_furniture import (
+    AGAINST_WALL,
+    FREESTANDING,
+    ON_WALLS,
+    OTHER_WALLS,
+    RAMPS,
+    SMALL,
+    hang_on_walls,
+    place_furniture,
+)
 from sarsim.camera import geom_labels
 from sarsim.scoring.true_surface import true_surface
 from sarsim.victims import make_victim, victims_of
@@ -88,12 +100,57 @@ def test_parameters_say_how_large_how_full_and_whether_there_is_a_ceiling():
     assert len(victims_of(model, data)) == 1
 
 
+FURNISHED = RandomArenaConfig(furniture=0.3, victims=1)
+
+
+@pytest.fixture(scope="module")
+def furnished():
+    return {seed: build_random(seed, FURNISHED).to_xml() for seed in SEEDS}
+
+
+def elements_of(xml):
+    """Names of the elements that an arena is made of."""
+    names = (geom.get("name") for geom in ElementTree.fromstring(xml).iterfind("worldbody/geom"))
+    return {name.rpartition("_")[0] for name in names}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_furniture_breaks_no_promise(seed, furnished):
+    assert broken_promises(furnished[seed]) == []
+
+
+def test_furniture_stands_hangs_and_replaces_walls(furnished):
+    kinds = set().union(*map(elements_of, furnished.values()))
+    standing = {kind for kind, _ in AGAINST_WALL} | set(FREESTANDING)
+    for sort in (standing, set(SMALL), set(ON_WALLS), set(OTHER_WALLS), {kind for kind, _ in RAMPS}):
+        assert len(kinds & sort) > len(sort) / 2
+
+
+def test_furniture_has_a_share_of_the_tiles():
+    layout = Layout(8, 8)
+    items = place_furniture(layout, Dice(np.random.default_rng(0)), 0.25)
+    tiles = {item.tile for item in items}
+    assert len(tiles) == 16
+    assert all(layout.ground(tile) == BLOCKED for tile in tiles)
+    assert {item.kind for item in items} <= element_library().types
+
+
+def test_one_wall_alone_bears_something():
+    layout = Layout(6, 5)
+    items = hang_on_walls(layout, Dice(np.random.default_rng(0)), 0.2)
+    assert len(items) == 6
+    for item in items:
+        (side,) = layout.walls_of(item.tile)
+        assert item.yaw == YAW[side]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"columns": 2}, "columns is 2"),
         ({"rows": 1000}, "rows is 1000"),
         ({"wall_density": 1.5}, "wall_density is 1.5"),
+        ({"furniture": -0.1}, "furniture is -0.1"),
         ({"difficulty": 4}, "difficulty is 4"),
         ({"columns": 3, "rows": 3, "victims": 40}, "do not fit"),
     ],

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import islice
 
+import numpy as np
 import pytest
 
 from pipeline.errors import InputError
@@ -27,6 +28,17 @@ def test_random_arenas_are_within_their_ranges() -> None:
     assert {config.columns for config in drawn if config} == {5, 6}
     assert {config.difficulty for config in drawn if config} == {1, 2, 3}
     assert all(c and c.victims == 2 and c.ceiling and 0.3 <= c.ramps <= 0.4 for c in drawn)
+
+
+def test_furniture_is_drawn_last_and_only_where_it_is_wanted() -> None:
+    bare, furnished = np.random.default_rng(0), np.random.default_rng(0)
+    without = ArenaRange().draw(bare)
+    with_some = ArenaRange(furniture=(0.1, 0.2)).draw(furnished)
+    assert without.furniture == 0
+    assert 0.1 <= with_some.furniture <= 0.2
+    assert replace(with_some, furniture=0.0) == without
+    bare.random()
+    assert bare.random() == furnished.random()
 
 
 def test_of_random_arenas_there_are_others_if_one_cannot_be_built() -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from defusedxml import DefusedXmlException, ElementTree
 from dm_control import mjcf
 
 from pipeline.errors import InputError
@@ -15,6 +14,7 @@ from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
 from sarsim.arenas.start import find_start, start_at
+from sarsim.arenas.untrusted_xml import check_mjcf
 from sarsim.assets import asset
 
 BUILT_IN = ("nist_6x4", "esogu_52x15")
@@ -99,11 +99,13 @@ def _at_rest(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 def _read(path: Path) -> tuple[mujoco.MjModel, mjcf.RootElement]:
-    """Read MJCF; a file from a stranger may hold an XML bomb, so entities are refused before MuJoCo sees them."""
+    """Read MJCF."""
     try:
-        ElementTree.parse(path, forbid_dtd=True)
+        check_mjcf(path)
         return mujoco.MjModel.from_xml_path(str(path)), mjcf.from_path(str(path))
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
-    except (ElementTree.ParseError, DefusedXmlException, ValueError, KeyError, AttributeError) as error:
+    except InputError:
+        raise
+    except (ValueError, KeyError, AttributeError) as error:
         raise InputError(f"{path}: not a readable MJCF file: {' '.join(str(error).split())}") from error

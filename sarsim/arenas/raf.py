@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from defusedxml import DefusedXmlException, ElementTree
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from sarsim.arenas.elements import TILE, ArenaBuilder, element_library
+from sarsim.arenas.untrusted_xml import parse_xml
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -27,6 +27,8 @@ MAX_ELEMENTS = 1500
 MAX_TILES = 60
 """along x or y; 72 m."""
 MAX_GEOMS = 15_000
+MAX_NAMED = 20
+"""unknown types in a message."""
 FLOOR_MARGIN = 0.5
 """m that the floor reaches past the outermost tiles."""
 
@@ -75,7 +77,7 @@ def read_raf(path: Path) -> list[RafElement]:
     Raises:
         InputError: the file is missing or too large, is not XML of this format, or has absurd numbers in it.
     """
-    root = _parse(path)
+    root = parse_xml(path, MAX_BYTES)
     if root.tag != "elements":
         raise InputError(f"{path}: not a .raf file: its root is <{root.tag[:40]}>, not <elements>")
     lines = root.findall("element")
@@ -96,11 +98,11 @@ def build_raf(path: Path) -> ArenaBuilder:
     """
     elements = read_raf(path)
     unknown = sorted({e.type for e in elements if e.kind is None})
-    if unknown:
-        _log.warning("%s: left out elements of unknown type: %s", path, ", ".join(t[:40] for t in unknown))
     known = [e for e in elements if e.kind is not None]
     if not known:
-        raise InputError(f"{path}: none of the arena's elements is of a known type")
+        raise InputError(f"{path}: none of the arena's elements is of a known type: {_listed(unknown)}")
+    if unknown:
+        _log.warning("%s: left out elements of unknown type: %s", path, _listed(unknown))
     _check_geoms(path, known)
     builder = ArenaBuilder(path.stem)
     for element, position in _positions(known):
@@ -114,18 +116,11 @@ def build_raf(path: Path) -> ArenaBuilder:
     return builder
 
 
-def _parse(path: Path) -> "Element":
-    """Read XML; entities are refused, a file from a stranger may hold a bomb of them."""
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path}: too large for a .raf file, at most {MAX_BYTES} bytes are read")
-        return ElementTree.parse(path, forbid_dtd=True).getroot()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: not readable XML: {' '.join(str(error).split())}") from error
+def _listed(types: list[str]) -> str:
+    """Names in one line, of no more than ``MAX_NAMED`` types."""
+    names = [" ".join(t[:40].split()) for t in types[:MAX_NAMED]]
+    more = len(types) - len(names)
+    return ", ".join(names) + (f" and {more} more" if more else "")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,65 @@
+"""XML files that a stranger may have made: refused in one line, before anything expands them."""
+
+import pytest
+
+from pipeline.errors import InputError
+from sarsim.arenas.load import load_arena
+from sarsim.arenas.untrusted_xml import check_mjcf, parse_xml
+
+BOMB = (
+    "<!DOCTYPE mujoco ["
+    + "".join(f'<!ENTITY e{n} "{f"&e{n - 1};" * 10 if n else "boom"}">' for n in range(12))
+    + "]><mujoco model='&e11;'><worldbody/></mujoco>"
+)
+EXTERNAL = '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hosts">]><mujoco model="a">&b;</mujoco>'
+OUTSIDE = '<!DOCTYPE mujoco SYSTEM "http://127.0.0.1:9/a.dtd"><mujoco/>'
+PARAMETER = '<!DOCTYPE a [<!ENTITY % b SYSTEM "file:///etc/hosts"> %b;]><mujoco/>'
+
+
+@pytest.mark.parametrize(
+    "text", [BOMB, EXTERNAL, OUTSIDE, PARAMETER], ids=["bomb", "entity", "document type", "parameter"]
+)
+def test_entities_are_refused_where_they_stand_and_in_files_that_are_drawn_in(text, tmp_path):
+    (tmp_path / "bad.xml").write_text(text)
+    (tmp_path / "deeper").mkdir()
+    (tmp_path / "deeper" / "first.xml").write_text('<mujoco><include file="second.xml"/></mujoco>')
+    (tmp_path / "deeper" / "second.xml").write_text(text)
+    (tmp_path / "include.xml").write_text('<mujoco><include file="bad.xml"/></mujoco>')
+    (tmp_path / "deep.xml").write_text('<mujoco><include file="deeper/first.xml"/></mujoco>')
+    (tmp_path / "attach.xml").write_text('<mujoco><asset><model name="m" file="bad.xml"/></asset></mujoco>')
+    for name, where in (("bad", "bad"), ("include", "bad"), ("deep", "second"), ("attach", "bad")):
+        with pytest.raises(InputError, match=rf"{where}\.xml: refused") as error:
+            load_arena(str(tmp_path / f"{name}.xml"))
+        assert "\n" not in str(error.value)
+
+
+def test_a_file_that_is_too_large_or_no_xml_is_refused(tmp_path):
+    path = tmp_path / "arena.xml"
+    path.write_text("<mujoco/>")
+    assert parse_xml(path, 9).tag == "mujoco"
+    with pytest.raises(InputError, match="at most 8 bytes"):
+        parse_xml(path, 8)
+    path.write_bytes(bytes(range(256)))
+    with pytest.raises(InputError, match=r"arena\.xml: not readable XML"):
+        parse_xml(path, 1000)
+    path.write_text('<?xml version="1.0" encoding="klingon"?><mujoco/>')
+    with pytest.raises(InputError, match="klingon"):
+        parse_xml(path, 1000)
+
+
+def test_files_that_include_each_other_are_parsed_once(tmp_path):
+    (tmp_path / "a.xml").write_text('<mujoco><include file="b.xml"/></mujoco>')
+    (tmp_path / "b.xml").write_text('<mujoco><include file="a.xml"/></mujoco>')
+    check_mjcf(tmp_path / "a.xml")
+
+
+def test_copies_of_copies_are_counted_before_they_are_made(tmp_path):
+    def arena(count):
+        inner = f'<replicate count="{count}" offset="1 0 0"><geom size="0.1"/></replicate>'
+        outer = f'<replicate count="{count}" offset="0 1 0">{inner}</replicate>'
+        (tmp_path / "a.xml").write_text(f"<mujoco><worldbody>{outer}</worldbody></mujoco>")
+        return tmp_path / "a.xml"
+
+    check_mjcf(arena(200))
+    with pytest.raises(InputError, match="too many geoms"):
+        check_mjcf(arena(3000))

@@ -17,8 +17,11 @@ from rich.progress import Progress, TimeElapsedColumn
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, ExplorerConfig, Look
 from pipeline.files import whole_file
-from pipeline.semantic_map.classifier import TruthClassifier
-from sarsim.arenas.load import load_arena
+from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
+from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier
+from sarsim.arenas.load import StartPose, load_arena
+from sarsim.arenas.random_arena import RandomArenaConfig
+from sarsim.assets import asset
 from sarsim.recording import EpisodeRecorder
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import write_tum
@@ -26,8 +29,9 @@ from sarsim.scripts.cli import INTERRUPTED, Interruptible, run
 from sarsim.scripts.tables import report_table
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-CLASSIFIERS = {"truth": TruthClassifier}
-"""Who says what a point belongs to, by the value of ``--labels``."""
+Labels = Literal["dgcnn", "truth"]
+"""Who says what a point belongs to: the network, or the simulator."""
+WEIGHTS = asset("weights", "dgcnn.safetensors")
 
 
 @dataclass(frozen=True)
@@ -37,24 +41,28 @@ class EpisodeConfig:
     Attributes:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
         start: where the robot is set down, x y (m) and yaw (degrees); if not given, where the arena says.
+        random: what a random arena is like.
         seed: of everything random.
         steps: looks at most; the episode ends before when nothing is left to look at.
-        labels: who says what a point belongs to.
+        labels: who says what a point belongs to: the network, or the simulator.
         simulation: of the robot's body.
         pipeline: settings of every stage.
         view: show the episode while it runs: in a new window, in the browser, or not at all.
         out: folder for the results, runs/<arena>-<seed> if not given.
+        weights: of the network, as train.py writes them.
     """
 
     arena: str = "nist_6x4"
-    start: tuple[float, float, float] | None = None
+    start: StartPose | None = None
+    random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
     seed: int = 0
     steps: int = 160
-    labels: Literal["truth"] = "truth"
+    labels: Labels = "truth"
     simulation: Annotated[SimulationConfig, tyro.conf.arg(name="")] = field(default_factory=SimulationConfig)
     pipeline: ExplorerConfig = field(default_factory=ExplorerConfig)
     view: Literal["none", "spawn", "web"] = "none"
     out: Path | None = None
+    weights: Path = WEIGHTS
 
 
 class Episode:
@@ -67,11 +75,11 @@ class Episode:
             raise InputError(
                 f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed"
             )
-        arena = load_arena(config.arena, config.start)
+        classifier = make_classifier(config.labels, config.weights)
+        arena = load_arena(config.arena, config.start, config.random)
         self.out = config.out or Path("runs") / f"{Path(config.arena).stem}-{config.seed}"
         make_folder(self.out)
         self.robot = SimulatedRobot(arena, config.simulation, config.seed)
-        classifier = CLASSIFIERS[config.labels]()
         self.explorer = Explorer(self.robot, classifier, config.pipeline, config.seed)
         self.score = EpisodeScore(self.robot, self.explorer)
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
@@ -128,7 +136,7 @@ class Episode:
 
     def _report(self, wall_time: float, sim_time: float) -> dict[str, Any]:
         seconds = self.explorer.stopwatch.seconds
-        config = asdict(self.config) | {"out": str(self.out)}
+        config = asdict(self.config) | {"out": str(self.out), "weights": str(self.config.weights)}
         return {
             "arena": self.config.arena,
             "seed": self.config.seed,
@@ -152,6 +160,21 @@ class Episode:
         times = [p.time for p in poses]
         write_tum(self.out / "trajectory_true.tum", times, [p.T_world_base for p in poses])
         write_tum(self.out / "trajectory_estimated.tum", times, [p.T_odom_base for p in poses])
+
+
+def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
+    """Who says what a point belongs to.
+
+    Raises:
+        InputError: the network's weights are missing, or not for this.
+    """
+    if labels == "truth":
+        return TruthClassifier()
+    if not weights.exists():
+        raise InputError(
+            f"--weights {weights}: no such file; train.py dgcnn makes one, --labels truth needs none"
+        )
+    return DgcnnClassifier(weights)
 
 
 def percentiles(seconds: list[float]) -> dict[str, float]:

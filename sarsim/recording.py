@@ -17,7 +17,8 @@ from pipeline.transforms import from_rotation, inverse
 from pipeline.viewer import Viewer, ViewerKind
 from sarsim.camera import geom_labels
 from sarsim.meshes import Mesh, drawn_geoms, geom_poses, joined_mesh
-from sarsim.simulated_robot import Pose, SimulatedRobot
+from sarsim.pose import Pose
+from sarsim.simulated_robot import SimulatedRobot
 
 TRUE_TRACK_COLOUR = (0, 255, 120)
 

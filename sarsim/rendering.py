@@ -4,8 +4,7 @@ import importlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from sarsim import culling
+from sarsim.closing import Closing
 
 COLOUR_QUALITY = {"offsamples": 0, "shadowsize": 1024, "numslices": 24, "numstacks": 12}
 """A picture with the default shadow map of 4096 texels takes three times as long and looks much the same."""
@@ -25,7 +25,7 @@ _NOT_DRAWN = 5  # a group of geoms
 _SCENE = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
 
 
-class Renderer:
+class Renderer(Closing):
     """Draws one model in one OpenGL context, without a screen.
 
     Two contexts in one process get in each other's way, so there is one renderer for all the cameras of a model.
@@ -79,14 +79,6 @@ class Renderer:
         self._colours.free()
         self._ids.free()
         self._gl.free()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _update(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera, *, ids: bool) -> None:
         """Take over from ``data`` what the picture needs."""

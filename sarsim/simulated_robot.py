@@ -19,6 +19,7 @@ from sarsim.conditions import Conditions
 from sarsim.contacts import CollisionCounter
 from sarsim.lighting import Lighting, set_lighting
 from sarsim.odometry import WheelOdometry
+from sarsim.pose import Pose
 from sarsim.rendering import Renderer
 from sarsim.task import CONTROL_TIMESTEP, rescue_environment
 from sarsim.xtion import Xtion
@@ -62,21 +63,6 @@ class TrueLook:
         returns = self.image.depth > 0
         rays = self.image.intrinsics.rays[returns]
         return transform_points(self.image.T_world_camera, rays * self.image.depth[returns, None])
-
-
-@dataclass(frozen=True, eq=False)
-class Pose:
-    """A moment of the trajectory.
-
-    Attributes:
-        time: s.
-        T_world_base: 4×4 true pose.
-        T_odom_base: 4×4 what the odometry believes.
-    """
-
-    time: float
-    T_world_base: NDArray[np.float64]
-    T_odom_base: NDArray[np.float64]
 
 
 class SimulatedRobot:

@@ -16,6 +16,7 @@ from pipeline.surface.surface_map import SurfaceMap
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from sarsim.dataset.footing import Footing
 from sarsim.odometry import OdometryConfig, WheelOdometry
+from sarsim.pose import Pose
 from sarsim.scoring.true_surface import TrueSurface
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
@@ -48,21 +49,6 @@ class DriveConfig:
     height_vibration: float = 0.001
 
 
-@dataclass(frozen=True, eq=False)
-class Station:
-    """Where the robot is when it looks.
-
-    Attributes:
-        time: s.
-        T_world_base: 4×4 true pose.
-        T_odom_base: 4×4 what the odometry believes.
-    """
-
-    time: float
-    T_world_base: NDArray[np.float64]
-    T_odom_base: NDArray[np.float64]
-
-
 class Drive:
     """A drive of a robot that goes on and on to places where it has not been."""
 
@@ -84,13 +70,13 @@ class Drive:
         self._dead_reckoning = DeadReckoning(rng, config.period)
         self._time = 0.0
 
-    def stations(self, count: int) -> list[Station]:
-        """The first so many looks.
+    def looks(self, count: int) -> list[Pose]:
+        """Where the robot is at each of the first so many looks.
 
         Raises:
             InputError: the robot cannot stand at the start, or is locked in.
         """
-        found: list[Station] = []
+        found: list[Pose] = []
         failures = 0
         while len(found) < count:
             before = len(found)
@@ -101,8 +87,8 @@ class Drive:
                 raise InputError(f"the robot can neither turn nor drive at ({x:.2f}, {y:.2f}) m")
         return found[:count]
 
-    def _follow(self, leg: NDArray[np.float64], found: list[Station]) -> None:
-        """Drive along a leg, (K, 3) of x, y, yaw, as far as the robot can stand; add a station at each look."""
+    def _follow(self, leg: NDArray[np.float64], found: list[Pose]) -> None:
+        """Drive along a leg, (K, 3) of x, y, yaw, as far as the robot can stand; add its pose at each look."""
         for x, y, yaw in leg:
             T = self._footing.stand(x, y, yaw, self._height(x, y))
             if T is None:
@@ -110,7 +96,7 @@ class Drive:
             self._at = np.array([x, y, yaw])
             T_odom = self._dead_reckoning.update(T)
             if not found or self._is_due(found[-1].T_world_base):
-                found.append(Station(self._time, T @ self._vibration(), T_odom))
+                found.append(Pose(self._time, T @ self._vibration(), T_odom))
             self._time = round(self._time + self.config.period, 6)
 
     def _height(self, x: float, y: float) -> float:

@@ -6,16 +6,16 @@ import time
 from collections.abc import Callable
 from multiprocessing import reduction
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from pipeline.errors import InputError
+from sarsim.closing import Closing
 
 PATIENCE = 10.0
 """s to wait for the workers of a generator that was killed; they end by themselves."""
 
 
-class FolderLock:
+class FolderLock(Closing):
     """Held by this process and by every process that it is sent to, until the last of them has ended."""
 
     def __init__(self, descriptor: int):
@@ -40,12 +40,8 @@ class FolderLock:
                     raise InputError(f"{folder}: another process is generating here") from None
                 time.sleep(0.05)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Let go of it."""
         os.close(self._descriptor)
 
     def __reduce__(self) -> tuple[Callable[..., "FolderLock"], tuple[Any]]:

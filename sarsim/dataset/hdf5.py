@@ -2,18 +2,18 @@
 
 import io
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import h5py
 
 from pipeline.errors import InputError
+from sarsim.closing import Closing
 
 FAST = {"compression": "gzip", "compression_opts": 1}
 """HDF5's other fast filter, LZF, makes other bytes of the same data each time."""
 
 
-class NewFile:
+class NewFile(Closing):
     """A file to write; the same writes make the same bytes.
 
     Attributes:
@@ -34,14 +34,6 @@ class NewFile:
         self.file.close()
         self._sink.close()
         self._sink.check()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 class FileSink(io.RawIOBase):

@@ -5,8 +5,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import mujoco
 import numpy as np
@@ -20,13 +18,15 @@ from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import build_random
 from sarsim.assets import asset
 from sarsim.camera import RgbdCamera, geom_labels
+from sarsim.closing import Closing
 from sarsim.dataset import image_kernels
-from sarsim.dataset.drive import Drive, Station
+from sarsim.dataset.drive import Drive
 from sarsim.dataset.footing import Footing
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
 from sarsim.lighting import set_lighting
 from sarsim.pioneer3at import Pioneer3AT
+from sarsim.pose import Pose
 from sarsim.rendering import Renderer
 from sarsim.scoring.true_surface import true_surface
 from sarsim.victims import victims_of
@@ -59,11 +59,11 @@ def render_scene(
     """
     scene, arena = find_scene(recipe, index)
     with World(arena, scene, renderer, recipe.width, recipe.height) as world:
-        stations = world.drive(recipe, recipe.rng(index, "drive")).stations(recipe.frames)
+        looks = world.drive(recipe, recipe.rng(index, "drive")).looks(recipe.frames)
         noise = recipe.rng(index, "noise")
         with SceneWriter(path, recipe.frames, world.content()) as writer:
-            for i, station in enumerate(stations):
-                writer.write(i, world.look(station, noise))
+            for i, pose in enumerate(looks):
+                writer.write(i, world.look(pose, noise))
                 on_frame()
     return scene, writer.label_points
 
@@ -107,7 +107,7 @@ def arena_of(scene: SceneRecipe) -> ArenaText:
     return ArenaText(root.to_xml_string(), root.get_assets())
 
 
-class World:
+class World(Closing):
     """An arena with a robot that is moved by hand, and what the robot's camera sees.
 
     Attributes:
@@ -145,20 +145,20 @@ class World:
         footing = Footing(self.model, self.data, body, surface.grid)
         return Drive(surface, footing, self._T_world_start, recipe.drive, rng)
 
-    def look(self, station: Station, rng: np.random.Generator) -> SceneFrame:
-        """What the robot sees from a station; ``rng`` draws the errors of its sensors."""
-        self._move(station.T_world_base)
+    def look(self, pose: Pose, rng: np.random.Generator) -> SceneFrame:
+        """What the robot sees from there; ``rng`` draws the errors of its sensors."""
+        self._move(pose.T_world_base)
         true = self.camera.look(self.data)
         seen = self._scene.conditions.sense(true, rng)
         boxes, areas = self._victims_in(true.instance)
         return SceneFrame(
-            time=station.time,
+            time=pose.time,
             rgb=seen.rgb,
             depth=seen.depth,
             label=seen.label,
             instance=seen.instance,
-            pose_true=station.T_world_base,
-            pose_odom=station.T_odom_base,
+            pose_true=pose.T_world_base,
+            pose_odom=pose.T_odom_base,
             T_base_camera=seen.T_base_camera,
             victim_pixels=boxes,
             victim_area=areas,
@@ -182,14 +182,6 @@ class World:
     def close(self) -> None:
         """Free the OpenGL context."""
         self._renderer.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _move(self, T_world_base: NDArray[np.float64]) -> None:
         """Put the robot down and find out where its camera and lamp are; nothing is simulated."""

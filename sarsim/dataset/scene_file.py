@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import h5py
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
+from sarsim.closing import Closing
 from sarsim.dataset import image_kernels
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file
 
@@ -89,7 +89,7 @@ class SceneFrame:
     victim_area: NDArray[np.int32]
 
 
-class SceneWriter:
+class SceneWriter(Closing):
     """Writes a scene's file, frame by frame; the same frames make the same bytes."""
 
     def __init__(self, path: Path, frames: int, content: SceneContent):
@@ -138,14 +138,6 @@ class SceneWriter:
         """Write what is left; nothing more can be added."""
         self._new.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def _geoms(self, content: SceneContent) -> None:
         self._dataset("geoms/name", _fixed(content.geom_name))
         self._dataset("geoms/label", content.geom_label)
@@ -171,7 +163,7 @@ def _fixed(names: list[str]) -> NDArray[np.bytes_]:
     return np.array([name.encode() for name in names], dtype=np.bytes_ if names else "S1")
 
 
-class Scene:
+class Scene(Closing):
     """Reads a scene's file.
 
     Attributes:
@@ -282,14 +274,6 @@ class Scene:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _image(self, name: str, index: int) -> NDArray:
         try:

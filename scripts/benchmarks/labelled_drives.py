@@ -50,8 +50,8 @@ def drive_through(
     scene = SceneRecipe(0, arena, None, Conditions(lighting=lighting))
     with World(arena_of(scene), scene, Renderer, recipe.width, recipe.height) as world:
         noise = recipe.rng(0, "noise")
-        for station in world.drive(recipe, recipe.rng(0, "drive")).stations(frames):
-            seen = world.look(station, noise)
+        for pose in world.drive(recipe, recipe.rng(0, "drive")).looks(frames):
+            seen = world.look(pose, noise)
             frame = Frame(
                 time=seen.time,
                 rgb=seen.rgb,

@@ -10,7 +10,8 @@ from pipeline.explorer import Explorer
 from pipeline.frame import Intrinsics
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
-from sarsim.simulated_robot import Pose, SimulatedRobot, SimulationConfig
+from sarsim.pose import Pose
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 STEPS = 160
 """Looks of an episode at most."""

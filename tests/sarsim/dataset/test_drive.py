@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from pipeline.errors import InputError
 from pipeline.transforms import from_yaw, inverse, tilt_of
 from sarsim.arenas.load import load_arena
-from sarsim.dataset.drive import DeadReckoning, Drive, DriveConfig, Station, rotation_vector
+from sarsim.dataset.drive import DeadReckoning, Drive, DriveConfig, rotation_vector
 from sarsim.dataset.footing import Footing
 from sarsim.odometry import OdometryConfig
+from sarsim.pose import Pose
 from sarsim.scoring.true_surface import TrueSurface, true_surface
 
 COUNT = 120
@@ -30,10 +31,10 @@ class Nist:
         self.surface: TrueSurface = true_surface(model, data, None, self.start[:3, 3])
         self.footing = Footing(model, data, None, self.surface.grid)
 
-    def stations(self, seed: int, count: int = COUNT, **config: float) -> list[Station]:
+    def looks(self, seed: int, count: int = COUNT, **config: float) -> list[Pose]:
         """A drive from the start."""
         rng = np.random.default_rng(seed)
-        return Drive(self.surface, self.footing, self.start, DriveConfig(**config), rng).stations(count)
+        return Drive(self.surface, self.footing, self.start, DriveConfig(**config), rng).looks(count)
 
 
 @pytest.fixture(scope="module")
@@ -42,29 +43,29 @@ def nist() -> Nist:
 
 
 @pytest.fixture(scope="module")
-def stations(nist: Nist) -> list[Station]:
-    return nist.stations(seed=3)
+def looks(nist: Nist) -> list[Pose]:
+    return nist.looks(seed=3)
 
 
-def poses(stations: list[Station]) -> np.ndarray:
-    return np.array([station.T_world_base for station in stations])
+def poses(looks: list[Pose]) -> np.ndarray:
+    return np.array([look.T_world_base for look in looks])
 
 
-def test_it_begins_at_the_start_and_looks_as_often_as_asked(nist: Nist, stations: list[Station]) -> None:
-    assert len(stations) == COUNT
-    np.testing.assert_allclose(stations[0].T_world_base[:2, 3], nist.start[:2, 3], atol=1e-9)
-    times = [station.time for station in stations]
+def test_it_begins_at_the_start_and_looks_as_often_as_asked(nist: Nist, looks: list[Pose]) -> None:
+    assert len(looks) == COUNT
+    np.testing.assert_allclose(looks[0].T_world_base[:2, 3], nist.start[:2, 3], atol=1e-9)
+    times = [look.time for look in looks]
     assert times[0] == 0 and (np.diff(times) > 0).all()
 
 
-def test_every_place_is_drivable(nist: Nist, stations: list[Station]) -> None:
-    near = nist.surface.grid.at(nist.surface.drivable, poses(stations)[:, :2, 3])
+def test_every_place_is_drivable(nist: Nist, looks: list[Pose]) -> None:
+    near = nist.surface.grid.at(nist.surface.drivable, poses(looks)[:, :2, 3])
     # Between the middles of two drivable cells a place may fall into the corner of a third one.
     assert near.mean() > 0.95
 
 
-def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(stations: list[Station]) -> None:
-    T = poses(stations)
+def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(looks: list[Pose]) -> None:
+    T = poses(looks)
     height, pitch = T[:, 2, 3], np.degrees([tilt_of(pose)[1] for pose in T])
     assert height.max() > 0.16  # on a deck
     assert pitch.min() < -14 and pitch.max() > 14  # up and down
@@ -76,7 +77,7 @@ def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(stations: list[Statio
 
 def test_looks_are_apart_as_configured(nist: Nist) -> None:
     config = DriveConfig(tilt_vibration=0, height_vibration=0)
-    T = poses(nist.stations(seed=1, tilt_vibration=0, height_vibration=0))
+    T = poses(nist.looks(seed=1, tilt_vibration=0, height_vibration=0))
     moved = np.linalg.norm(np.diff(T[:, :2, 3], axis=0), axis=1)
     between = inverse(T[0])[None] @ T  # headings relative to the first
     yaw = np.unwrap(np.arctan2(between[:, 1, 0], between[:, 0, 0]))
@@ -85,16 +86,16 @@ def test_looks_are_apart_as_configured(nist: Nist) -> None:
     assert moved.max() < config.look_distance + 2 * config.speed * config.period
 
 
-def test_it_visits_most_of_the_arena(nist: Nist, stations: list[Station]) -> None:
+def test_it_visits_most_of_the_arena(nist: Nist, looks: list[Pose]) -> None:
     cells = nist.surface.grid.centre_of(np.argwhere(nist.surface.drivable))
-    nearest = np.linalg.norm(cells[:, None] - poses(stations)[:, :2, 3], axis=2).min(axis=1)
+    nearest = np.linalg.norm(cells[:, None] - poses(looks)[:, :2, 3], axis=2).min(axis=1)
     assert (nearest < 1.0).mean() > 0.8
 
 
-def test_odometry_drifts_a_little_and_more_and_more(stations: list[Station]) -> None:
-    error = [np.linalg.norm(s.T_odom_base[:2, 3] - s.T_world_base[:2, 3]) for s in stations]
+def test_odometry_drifts_a_little_and_more_and_more(looks: list[Pose]) -> None:
+    error = [np.linalg.norm(s.T_odom_base[:2, 3] - s.T_world_base[:2, 3]) for s in looks]
     assert error[0] < 1e-9
-    driven = np.linalg.norm(np.diff(poses(stations)[:, :2, 3], axis=0), axis=1).sum()
+    driven = np.linalg.norm(np.diff(poses(looks)[:, :2, 3], axis=0), axis=1).sum()
     assert 0.001 * driven < max(error) < 0.1 * driven
 
 
@@ -115,17 +116,17 @@ def test_rotation_vectors_are_those_of_scipy(vector: tuple[float, float, float])
 
 
 def test_the_same_seed_makes_the_same_drive(nist: Nist) -> None:
-    first, again, other = (poses(nist.stations(seed, 20)) for seed in (5, 5, 6))
+    first, again, other = (poses(nist.looks(seed, 20)) for seed in (5, 5, 6))
     np.testing.assert_array_equal(first, again)
     assert (first != other).any()
 
 
 def test_a_longer_drive_begins_like_a_shorter_one(nist: Nist) -> None:
-    np.testing.assert_array_equal(poses(nist.stations(5, 30))[:20], poses(nist.stations(5, 20)))
+    np.testing.assert_array_equal(poses(nist.looks(5, 30))[:20], poses(nist.looks(5, 20)))
 
 
 def test_a_robot_that_cannot_stand_is_an_input_error(nist: Nist) -> None:
     nowhere = from_yaw(-2.9, -1.9, 3.0, 0.0)
     drive = Drive(nist.surface, nist.footing, nowhere, DriveConfig(), np.random.default_rng(0))
     with pytest.raises(InputError, match=r"neither turn nor drive at \(-2.90, -1.90\) m"):
-        drive.stations(3)
+        drive.looks(3)

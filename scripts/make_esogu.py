@@ -81,6 +81,8 @@ def _world(builder: ArenaBuilder) -> Element:
 def _add_materials(root: Element) -> None:
     assets = root.find("asset")
     assert assets is not None
+    for same_name in [m for m in assets.findall("material") if m.get("name") in COLOURS]:
+        assets.remove(same_name)
     for texture in TEXTURES:
         flat = {"type": "2d", "builtin": "flat", "width": "64", "height": "64"}
         SubElement(assets, "texture", texture | flat)

@@ -173,12 +173,12 @@ class ArenaBuilder:
         SubElement(self._world, "site", {"name": "start", "size": "0.02", "rgba": "0 0.6 0 0.5"} | pose)
 
     def to_xml(self) -> str:
-        """The document as text, without the meshes that nothing uses."""
-        used = {geom.get("mesh") for geom in self.root.iter("geom")}
-        for assets in self.root.findall("asset"):
-            for mesh in assets.findall("mesh"):
-                if mesh.get("name") not in used:
-                    assets.remove(mesh)
+        """The document as text, without the meshes, materials and textures that nothing uses."""
+        for kind, user in (("mesh", "geom"), ("material", "geom"), ("texture", "material")):
+            used = {element.get(kind) for element in self.root.iter(user)}
+            for assets in self.root.findall("asset"):
+                for unused in [a for a in assets.findall(kind) if a.get("name") not in used]:
+                    assets.remove(unused)
         indent(self.root)
         return tostring(self.root, encoding="unicode") + "\n"
 

@@ -1,9 +1,8 @@
 """What the building and its furniture look like."""
 
 TEXTURES = (
-    # 2d textures lie in the plane of a geom's x and y: right for floors and ceilings.
+    # 2d textures lie in the plane of a geom's x and y: right for floors.
     {"name": "floor_tiles", "rgb1": "0.62 0.63 0.64", "mark": "edge", "markrgb": "0.48 0.49 0.50"},
-    {"name": "ceiling_tiles", "rgb1": "0.90 0.90 0.88", "mark": "edge", "markrgb": "0.74 0.74 0.73"},
 )
 TILES_PER_METRE = "3.3333 3.3333"
 COLOURS = {
@@ -33,4 +32,4 @@ COLOURS = {
     "book_red": (0.56, 0.17, 0.15),
     "book_blue": (0.20, 0.29, 0.50),
 }
-"""Of materials that the element library does not have."""
+"""Of materials; they stand for those of the element library of the same name."""

@@ -1,9 +1,11 @@
 """The laboratory floor is what its plan says, and a P3-AT can drive to all of it."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
-from scipy import ndimage
+import shapely
 
 from pipeline.labels import Label
 from pipeline.robot import Velocity
@@ -11,14 +13,18 @@ from sarsim.arenas.load import load_arena
 from sarsim.arenas.promises import broken_promises
 from sarsim.assets import asset
 from sarsim.camera import geom_labels
-from sarsim.scoring.true_surface import CELL, true_surface
+from sarsim.contacts import OBSTACLES
+from sarsim.scoring.columns import convex_bodies
+from sarsim.scoring.true_surface import CELL, HEADROOM, true_surface
 from sarsim.scripts.esogu import building, plan
-from sarsim.scripts.make_esogu import TARGET, laboratory_floor
+from sarsim.scripts.make_esogu import TARGET, VICTIMS, laboratory_floor, people_on_the_floor
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.victims import victims_of
 
 ROOMS = (*plan.SOUTH_ROOMS, *plan.NORTH_ROOMS)
 WALLS = ("outer", "corridor_south", "corridor_north", "south", "north", "column", "ceiling", "floor")
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e-?\d+)?")
+RAMPS = (Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)
 TOUCH = 0.002
 """m that things may reach into each other where they touch."""
 
@@ -49,6 +55,14 @@ def thing_of(model, geom):
 
 def test_the_file_is_what_the_plan_says():
     assert laboratory_floor().to_xml() == TARGET.read_text()
+
+
+def test_the_victims_are_what_the_plan_says():
+    written, committed = people_on_the_floor(), TARGET.with_name(VICTIMS).read_text()
+    assert NUMBER.sub("", written) == NUMBER.sub("", committed)
+    # The last digit of a vertex may be another one on another processor.
+    numbers = [np.array(NUMBER.findall(text), np.float64) for text in (written, committed)]
+    np.testing.assert_allclose(*numbers, atol=2e-4)
 
 
 def test_it_measures_52_by_15_m_under_a_ceiling_of_2_7_m(world, surface):
@@ -98,16 +112,26 @@ def test_ten_victims(world):
     assert sorted(int(v.id) for v in victims_of(*world)) == list(range(1, 11))
 
 
-def test_ways_of_almost_a_metre_lead_to_every_room(surface):
-    """Where the robot's middle may be, with 0.1 m more on both sides."""
-    wide = ndimage.distance_transform_edt(surface.drivable) * CELL > 0.1
-    pieces, _ = ndimage.label(wide)
-    start = pieces[tuple(surface.grid.cell_of(np.array(plan.START)))]
-    x, y = surface.grid.centre_of(np.argwhere(pieces == start)).T
+def way_from_start(world, width, solid):
+    """Where the middle of a way ``width`` m wide may run from the start, around the outlines of what is solid."""
+    model, data = world
+    bodies = convex_bodies(model, data, None)
+    low = (bodies.low[:, 2] < HEADROOM) & (bodies.high[:, 2] > 0) & np.isin(bodies.label, solid)
+    outlines = [
+        shapely.Polygon(bodies.corners[slice(*bodies.first_corner[n : n + 2])]) for n in np.flatnonzero(low)
+    ]
+    free = shapely.box(-26, -7.5, 26, 7.5) - shapely.union_all(outlines).buffer(width / 2)
+    start = shapely.Point(plan.START[:2])
+    return next(piece for piece in shapely.get_parts(free) if piece.covers(start))
+
+
+@pytest.mark.parametrize("solid", [OBSTACLES, (*OBSTACLES, *RAMPS)], ids=["over ramps", "around ramps"])
+def test_ways_of_99_cm_lead_into_every_room(world, surface, solid):
+    way = way_from_start(world, 0.99, solid)
     for room in ROOMS:
-        across = y < building.SOUTH_WALL if room in plan.SOUTH_ROOMS else y > building.NORTH_WALL
-        inside = np.count_nonzero((x > room.west) & (x < room.east) & across) * CELL**2
-        assert inside > 0.2 * (room.east - room.west) * 5, room.name
+        south, north = (-7.3, building.SOUTH_WALL) if room in plan.SOUTH_ROOMS else (building.NORTH_WALL, 7.3)
+        floor = shapely.box(room.west, south + 0.1, room.east, north - 0.1)
+        assert way.intersection(floor).area > 0.2 * floor.area, room.name
     assert surface.drivable.sum() * CELL**2 > 400
 
 

@@ -21,8 +21,7 @@ from pipeline.surface.drivable import DrivableConfig, DrivableSurface, drivable_
 from pipeline.surface.missing import missing_ground
 from pipeline.surface.paths import ShortestPaths
 from pipeline.surface.surface_map import SurfaceConfig, SurfaceMap
-from pipeline.topological_map.nodes import NodeConfig
-from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class ExplorerConfig:
     semantic_map: SemanticMapConfig = field(default_factory=SemanticMapConfig)
     planes: PlanesConfig = field(default_factory=PlanesConfig)
     segments: SegmentsConfig = field(default_factory=SegmentsConfig)
-    nodes: NodeConfig = field(default_factory=NodeConfig)
+    topological_map: TopologicalMapConfig = field(default_factory=TopologicalMapConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
     start_radius: float = 0.5
@@ -87,7 +86,7 @@ class Explorer:
         self.surface_map = SurfaceMap(self.config.surface)
         self.semantic_map = SemanticMap(self.config.semantic_map)
         self.segments = Segments(self.config.segments)
-        self.topological_map = TopologicalMap(self.config.nodes)
+        self.topological_map = TopologicalMap(self.config.topological_map)
         self.exploration = Exploration(self.config.exploration)
         self.navigator = Navigator(robot, self.config.navigation)
         self.stopwatch = Stopwatch()

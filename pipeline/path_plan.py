@@ -43,7 +43,6 @@ def plan_path(
     nodes = _nodes_between(topology, surface, start, goal)
     if nodes is None:
         way = simplify(surface, paths.path_to(goal))[1:]
-        topology.add_way_points(way[:-1], surface)
         return _plan(surface, start, [*way[:-1], goal], [])
     return _plan(surface, start, [*(topology.nodes[n].position[:2] for n in nodes), goal], nodes)
 

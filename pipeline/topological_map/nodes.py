@@ -1,12 +1,18 @@
 """Where the thesis puts nodes on a segment (3.3 and 4.4)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
-from pipeline.semantic_map.segments import Segment
+from pipeline.semantic_map.planes import PlanePatch
+from pipeline.semantic_map.segments import Segment, Segments
+from pipeline.topological_map.ground import Ground
+
+LEVEL = 0.12
+"""m; ground that differs more in height from a segment does not belong to it."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +24,6 @@ class NodeConfig:
         foot_distance: of a node from the bottom edge of its inclined ramp, m: the whole robot stands level.
         max_slope: a steeper plane is a ramp's side, rad.
         min_area: smaller segments have no nodes, m².
-        spacing: a terrain node has no other node nearer than this in a straight drive, m.
         snap: a node is moved no further than this to where the robot can stand and turn, m.
     """
 
@@ -26,8 +31,37 @@ class NodeConfig:
     foot_distance: float = 0.45
     max_slope: float = np.deg2rad(35)
     min_area: float = 0.1
-    spacing: float = 1.2
     snap: float = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where the thesis wants a node.
+
+    Attributes:
+        xy: (2,) m in ``map``.
+        label: of the segment.
+    """
+
+    xy: NDArray[np.float64]
+    label: Label
+
+
+def thesis_places(
+    patches: Sequence[PlanePatch], segments: Segments, ground: Ground, config: NodeConfig
+) -> list[Place]:
+    """The places by segment, moved to where the robot can stand and turn."""
+    wanted = [(p, s.label) for s in segments for p in segment_nodes(s, config)]
+    wanted += [
+        (np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN
+    ]
+    places = []
+    for place, label in wanted:
+        level = np.abs(ground.surface.elevation - place[2]) < LEVEL
+        xy = ground.grid.nearest(ground.standable & level, place, config.snap)
+        if xy is not None:
+            places.append(Place(xy, label))
+    return places
 
 
 def segment_nodes(segment: Segment, config: NodeConfig) -> NDArray[np.float64]:

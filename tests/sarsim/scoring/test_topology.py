@@ -1,10 +1,12 @@
+from types import SimpleNamespace
+
 import networkx as nx
 import numpy as np
 import pytest
 
 from pipeline.labels import Label
 from pipeline.surface.grid import Grid
-from pipeline.topological_map.topological_map import Node, TopologicalMap
+from pipeline.topological_map.node_set import Node
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.true_surface import TrueSurface
 
@@ -19,11 +21,10 @@ def two_rooms():
 
 
 def topology_of(positions, edges):
-    topology = TopologicalMap()
-    topology.nodes = {n: Node(n, Label.TERRAIN, np.array([*p, 0.0])) for n, p in enumerate(positions)}
-    topology.graph = nx.Graph(edges)
-    topology.graph.add_nodes_from(topology.nodes)
-    return topology
+    nodes = {n: Node(n, Label.TERRAIN, np.array([*p, 0.0])) for n, p in enumerate(positions)}
+    graph = nx.Graph(edges)
+    graph.add_nodes_from(nodes)
+    return SimpleNamespace(nodes=nodes, graph=graph)
 
 
 def test_edges_through_walls_are_counted(two_rooms):

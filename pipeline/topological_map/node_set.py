@@ -1,0 +1,119 @@
+"""The nodes, what they see and which of them straight drives join: three things that must always agree."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+from pipeline.topological_map.cover import Cover
+from pipeline.topological_map.ground import Ground
+from pipeline.topological_map.links import Links
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A place where the robot may stop and plan.
+
+    Attributes:
+        id: unique in its map, never used again.
+        label: of the segment that it lies on, or before whose bottom it lies.
+        position: (3,) m in ``map``, on the ground.
+    """
+
+    id: int
+    label: Label
+    position: NDArray[np.float64]
+
+
+class NodeSet:
+    """Nodes that come and go.
+
+    Attributes:
+        nodes: by id.
+        free: networkx graph of all straight drives between nodes: ``weight`` in s, ``length`` in m.
+        cover: what the nodes see.
+        links: which straight lines can be driven.
+    """
+
+    def __init__(self, cover: Cover, links: Links):
+        self.nodes: dict[int, Node] = {}
+        self.free = nx.Graph()
+        self.cover, self.links = cover, links
+        self._next_id = 0
+
+    @property
+    def ground(self) -> Ground:
+        """As last renewed."""
+        return self.cover.ground
+
+    def renew(self, ground: Ground, links: Links, changed: NDArray[np.bool_], snap: float) -> None:
+        """Follow the changes of the ground; nodes that can no longer stand move up to ``snap`` m or go."""
+        self.cover, self.links = self.cover.renewed(ground, changed), links
+        for node in list(self.nodes.values()):
+            xy = ground.grid.nearest(ground.standable, node.position, snap)
+            if xy is None:
+                self.remove(node.id)
+            elif (xy != node.position[:2]).any():
+                self.remove(node.id)
+                self._put(node.id, node.label, xy)
+        self._retest(changed)
+
+    def add(self, label: Label, xy: NDArray[np.float64]) -> int:
+        """Put a node at (2,) m; returns its id."""
+        node, self._next_id = self._next_id, self._next_id + 1
+        self._put(node, label, xy)
+        return node
+
+    def remove(self, node: int) -> None:
+        """Forget a node."""
+        del self.nodes[node]
+        self.free.remove_node(node)
+        self.cover.remove(node)
+
+    def links_from(self, xy: NDArray[np.float64], without: Collection[int] = ()) -> list[int]:
+        """Ids of the nodes, but for some, that a straight drive joins to a place (2,)."""
+        ids = [n for n in self.nodes if n not in without]
+        ends = np.array([self.nodes[n].position for n in ids]).reshape(-1, 3)
+        starts = np.broadcast_to(self.ground.on_ground(xy), ends.shape)
+        return [ids[k] for k in np.flatnonzero(self.links.are_free(starts, ends))]
+
+    def parts(self, without: Collection[int] = ()) -> list[set[int]]:
+        """The groups of nodes that straight drives join if some are left out, the largest first."""
+        rest = self.free.subgraph(self.free.nodes - set(without))
+        return sorted(nx.connected_components(rest), key=lambda part: (-len(part), min(part)))
+
+    def _put(self, node: int, label: Label, xy: NDArray[np.float64]) -> None:
+        linked = self.links_from(xy)
+        self.nodes[node] = Node(node, label, self.ground.on_ground(xy))
+        self.cover.add(node, xy)
+        self.free.add_node(node)
+        self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))
+
+    def _retest(self, changed: NDArray[np.bool_]) -> None:
+        """Test those edges again whose bounding box meets that of what changed."""
+        if not changed.any() or len(self.nodes) < 2:
+            return
+        cells = np.argwhere(changed)
+        low, high = (
+            self.ground.grid.centre_of(cells.min(axis=0)),
+            self.ground.grid.centre_of(cells.max(axis=0)),
+        )
+        ids = np.array(list(self.nodes))
+        places = np.array([self.nodes[n].position for n in ids])
+        i, j = np.triu_indices(len(ids), 1)
+        touched = (np.maximum(places[i], places[j])[:, :2] >= low).all(axis=1)
+        touched &= (np.minimum(places[i], places[j])[:, :2] <= high).all(axis=1)
+        i, j = i[touched], j[touched]
+        free = self.links.are_free(places[i], places[j])
+        pairs = np.stack([ids[i], ids[j]], axis=1)
+        self.free.remove_edges_from(pairs[~free].tolist())
+        self._add_edges(pairs[free])
+
+    def _add_edges(self, pairs: NDArray[np.int64]) -> None:
+        starts, ends = (np.array([self.nodes[n].position for n in side]).reshape(-1, 3) for side in pairs.T)
+        length = np.linalg.norm((ends - starts)[:, :2], axis=1)
+        for (a, b), m, s in zip(pairs.tolist(), length, self.links.seconds(starts, ends), strict=True):
+            self.free.add_edge(a, b, weight=float(s), length=float(m))

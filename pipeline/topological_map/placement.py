@@ -1,0 +1,153 @@
+"""As few nodes as see all the ground and hang together: a set cover, kept up look by look.
+
+A greedy cover alone commits itself to what was in view first. So nodes near new ground are thinned out after it: one
+goes when others see its share and hold the rest together, and two become one where a single place does for both.
+"""
+
+from collections import deque
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+from pipeline.surface.paths import ShortestPaths, simplify
+from pipeline.topological_map.cover import Views
+from pipeline.topological_map.node_set import NodeSet
+from pipeline.topological_map.nodes import Place
+
+
+@dataclass(frozen=True)
+class CoverConfig:
+    """What nodes must see.
+
+    Attributes:
+        sight: m from which a node expresses the ground that it sees.
+        min_gain: ground that is not worth a node, m².
+        place_gain: ground that a place of the thesis's rules must add to become a node, m².
+        linked: a place that a straight drive joins to a node is taken before one that would add more, if it adds at
+            least this share.
+        snap: nodes move so far when the map changes under them, m.
+    """
+
+    sight: float = 2.0
+    min_gain: float = 0.03
+    place_gain: float = 1.0
+    linked: float = 0.7
+    snap: float = 0.3
+
+
+class Placement:
+    """Places nodes on the ground of one look."""
+
+    def __init__(self, nodes: NodeSet, places: Sequence[Place], config: CoverConfig):
+        """``places``: where the thesis's rules want nodes; they come before all others."""
+        self._nodes, self._places, self._config = nodes, places, config
+        self._spare = int(config.min_gain / nodes.ground.grid.cell**2)
+
+    def add_places(self) -> None:
+        """Nodes by the type of segment, where they add enough."""
+        least = self._config.place_gain / self._nodes.ground.grid.cell**2
+        for place in self._places:
+            if self._nodes.cover.gains(self._nodes.cover.see(place.xy[None]))[0] >= least:
+                self._nodes.add(place.label, place.xy)
+
+    def cover_rest(self) -> None:
+        """Nodes for what no node sees, those first that add most."""
+        cover = self._nodes.cover
+        views = cover.see(self._nodes.ground.candidates(cover.missing, self._config.sight))
+        while len(views):
+            gains = cover.gains(views)
+            if gains.max() <= self._spare:
+                return
+            xy = views.places[self._best(views, gains)]
+            self._nodes.add(self._label(xy), xy)
+
+    def _best(self, views: Views, gains: NDArray[np.int64]) -> int:
+        """The place that adds most; a little less will do for one that is linked to a node."""
+        order = np.argsort(-gains, kind="stable")
+        for k in order[gains[order] >= self._config.linked * gains.max()][:20]:
+            if self._nodes.links_from(views.places[k]):
+                return int(k)
+        return int(order[0])
+
+    def join(self) -> None:
+        """Where straight drives leave nodes apart, nodes in the bends of the shortest way join them."""
+        for _ in range(len(self._nodes.nodes)):
+            parts = self._nodes.parts()
+            if len(parts) < 2:
+                return
+            bends = self._bends_between(parts[0], parts[1:])
+            if not len(bends):
+                return
+            for xy in bends:
+                self._nodes.add(self._label(xy), xy)
+
+    def _bends_between(self, part: set[int], others: Sequence[set[int]]) -> NDArray[np.float64]:
+        """(N, 2) the bends of the shortest drivable way from one group of nodes to any other."""
+        surface, nodes = self._nodes.ground.surface, self._nodes.nodes
+        paths = ShortestPaths(surface, [nodes[n].position for n in sorted(part)])
+        targets = [nodes[n].position for other in others for n in sorted(other)]
+        nearest = min(targets, key=paths.cost_to)
+        if not np.isfinite(paths.cost_to(nearest)):
+            return np.zeros((0, 2))
+        return simplify(surface, paths.path_to(nearest))[1:-1]
+
+    def thin_out(self, active: set[int]) -> None:
+        """Drop and merge nodes, of those named and their neighbours, as long as nothing is lost."""
+        cover = self._nodes.cover
+        for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
+            if len(cover.lost_without([n])) <= self._spare and len(self._nodes.parts({n})) <= len(
+                self._nodes.parts()
+            ):
+                self._nodes.remove(n)
+        active = active & self._nodes.nodes.keys()
+        if len(self._nodes.nodes) < 2 or not active:
+            return
+        views = cover.see(self._candidates(active))
+        pairs = deque(p for p in combinations(self._nodes.nodes, 2) if active & set(p))
+        while pairs:
+            pair = pairs.popleft()
+            new = self._merge(pair, views) if self._nodes.nodes.keys() >= set(pair) else None
+            if new is not None:
+                pairs.extend((new, n) for n in self._nodes.nodes if n != new)
+
+    def _candidates(self, active: Collection[int]) -> NDArray[np.float64]:
+        """(K, 2) the thesis's places and those around the active nodes."""
+        ground = self._nodes.ground
+        around = np.zeros(ground.grid.shape, np.bool_)
+        cells = ground.grid.cell_of([self._nodes.nodes[n].position for n in active])
+        around[cells[:, 0], cells[:, 1]] = True
+        lattice = ground.candidates(around, self._config.sight)
+        return np.vstack([*(place.xy[None] for place in self._places), lattice])
+
+    def _merge(self, pair: tuple[int, int], views: Views) -> int | None:
+        """Put one node in the place of two; its id, or None if no place does for both."""
+        a, b = (self._nodes.nodes[n].position[:2] for n in pair)
+        if np.linalg.norm(a - b) > 2 * self._config.sight:
+            return None
+        cover, grid = self._nodes.cover, self._nodes.ground.grid
+        lost = cover.lost_without(pair)
+        centre = grid.centre_of(lost.mean(axis=0)) if len(lost) else (a + b) / 2
+        near = np.flatnonzero(np.linalg.norm(views.places - centre, axis=1) <= self._config.sight)
+        for k in near[cover.see_all(views[near], lost, self._spare)]:
+            xy = views.places[k]
+            if self._joins(pair, self._nodes.links_from(xy, pair)):
+                for n in pair:
+                    self._nodes.remove(n)
+                return self._nodes.add(self._label(xy), xy)
+        return None
+
+    def _joins(self, without: Collection[int], links: Collection[int]) -> bool:
+        """Whether a node with these links keeps together what some others hold together."""
+        apart = sum(not part & set(links) for part in self._nodes.parts(without))
+        return apart + 1 <= len(self._nodes.parts())
+
+    def _label(self, xy: NDArray[np.float64]) -> Label:
+        """Of the place itself, if it is one of the thesis's, or of the ground."""
+        for place in self._places:
+            if (place.xy == xy).all():
+                return place.label
+        return Label.TERRAIN

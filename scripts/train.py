@@ -59,6 +59,12 @@ class TrainDgcnn:
             raise InputError("--stride, --validation-frames: at least 1")
         if not self.out.absolute().parent.is_dir():
             raise InputError(f"--out {self.out}: there is no folder {self.out.absolute().parent}")
+        scenes = [self.data / entry.file for entry in Dataset(self.data).entries]
+        if missing := [path for path in scenes if not path.is_file()]:
+            raise InputError(
+                f"{missing[0]}: missing, {len(missing)} of {len(scenes)} scenes are:"
+                " generate_dataset.py with the flags of before makes them again"
+            )
 
     def _load(self, worker: Worker) -> dict[str, list[LabelledCloud]]:
         """The clouds of every split."""

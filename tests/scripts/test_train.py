@@ -1,6 +1,7 @@
 """The command that trains, on a small dataset."""
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -87,3 +88,27 @@ def test_what_cannot_work_is_status_2_and_one_line(
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert complaint in line
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_scene_is_noticed_before_any_is_read(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = shutil.copytree(dataset, tmp_path / "data")
+    (copy / "scenes" / "00003.h5").unlink()
+    (copy / "scenes" / "00000.h5").write_bytes(b"")
+    with pytest.raises(SystemExit) as raised:
+        call(monkeypatch, "dgcnn", "--data", copy, "--out", tmp_path / "w.safetensors")
+    assert raised.value.code == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "00003.h5: missing, 1 of 5 scenes are" in line
+
+
+def test_a_dataset_of_another_version_is_refused(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = json.loads((dataset / "dataset.json").read_text())
+    (tmp_path / "dataset.json").write_text(json.dumps(content | {"version": 9}))
+    with pytest.raises(SystemExit) as raised:
+        call(monkeypatch, "dgcnn", "--data", tmp_path, "--out", tmp_path / "w.safetensors")
+    assert raised.value.code == 2
+    assert "format version 9; this program reads version 1" in capsys.readouterr().err

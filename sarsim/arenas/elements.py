@@ -15,6 +15,7 @@ import numpy as np
 from defusedxml import ElementTree
 from numpy.typing import ArrayLike, NDArray
 
+from sarsim.arenas.panels import covered_panels
 from sarsim.assets import asset
 
 TILE = 1.2
@@ -113,6 +114,11 @@ class ArenaBuilder:
         name = f"victim_{self._victims}"
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
         body.extend(Element("geom", geom.attrib | {"name": f"{name}_{n}"}) for n, geom in enumerate(geoms))
+
+    def drop_covered_panels(self) -> None:
+        """Leave out the wall panels that lie inside others, whose faces coincide."""
+        for geom in covered_panels(self._world.findall("geom")):
+            self._world.remove(geom)
 
     @property
     def bounds(self) -> NDArray[np.float64]:

@@ -107,6 +107,7 @@ def build_raf(path: Path) -> ArenaBuilder:
     builder = ArenaBuilder(path.stem)
     for element, position in _positions(known):
         builder.add_element(str(element.kind), position, -element.rotation)
+    builder.drop_covered_panels()
     low, high = builder.bounds
     tiles = TILE * np.array([(e.x, e.y) for e in known])
     low = np.minimum(low, tiles.min(axis=0) - TILE / 2) - FLOOR_MARGIN

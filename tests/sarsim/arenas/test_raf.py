@@ -155,6 +155,28 @@ def test_elements_on_the_same_place_count_once(tmp_path):
     assert compile_raf(write(tmp_path, *twice))[0].ngeom == once
 
 
+@pytest.mark.parametrize(
+    ("inner", "outer"),
+    [
+        ("wall_holes1", "small_wall"),
+        ("small_wall_no_tex", "small_wall"),
+        ("small_wall", "tall_wall"),
+        ("veil_wall", "tall_wall"),
+    ],
+)
+@pytest.mark.parametrize("rotation", [0, 33.3])
+def test_a_panel_inside_another_is_left_out(inner, outer, rotation, tmp_path):
+    """Else a picture and a ray would not agree on which of the two they see."""
+    plain = f'type="{outer}" x="0" y="0" rotation="{rotation}"'
+    both = [plain, f'type="{inner}" x="0" y="0" rotation="{rotation}"']
+    alone, first, last = (compile_raf(write(tmp_path, *lines))[0] for lines in ([plain], both, both[::-1]))
+    # The rims of round holes are no boxes; they stay.
+    rims = 3 * (inner == "wall_holes1")
+    assert alone.ngeom + rims == first.ngeom == last.ngeom
+    apart = write(tmp_path, plain, both[1].replace('x="0"', 'x="0" offset-y="0.01"'))
+    assert compile_raf(apart)[0].ngeom > alone.ngeom + rims
+
+
 def test_unknown_types_are_named_and_the_rest_loads(tmp_path, caplog):
     path = write(
         tmp_path, 'type="small_wall" x="0" y="0" rotation="0"', 'type="sand_pit" x="1" y="0" rotation="0"'

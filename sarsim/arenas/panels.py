@@ -1,0 +1,50 @@
+"""Wall panels that stand in one another: neighbouring tiles of a file may both have the wall between them."""
+
+from collections import defaultdict
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+SLACK = 1e-4
+"""m that a panel may reach out of the one that it is counted to lie in."""
+
+
+def covered_panels(geoms: list[Element]) -> list[Element]:
+    """The wall panels that lie inside another one; left out, they change nothing but that faces do not coincide.
+
+    ``geoms``: all that stand still, in the world's frame; boxes of class ``wall`` are its panels.
+    """
+    planes: dict[tuple[float, ...], list[tuple[Element, NDArray[np.float64]]]] = defaultdict(list)
+    for geom in geoms:
+        if geom.get("class") == "wall" and geom.get("mesh") is None:
+            plane, outline = _panel(geom)
+            planes[plane].append((geom, outline))
+    return [geom for panels in planes.values() for geom in _covered(panels)]
+
+
+def _panel(geom: Element) -> tuple[tuple[float, ...], NDArray[np.float64]]:
+    """The plane of a panel, and how far it reaches in it: (4,) m back, forth, down and up."""
+    (x, y, z), (along, thick, up) = _numbers(geom, "pos"), _numbers(geom, "size")
+    w, *_, sin = _numbers(geom, "quat")
+    # Half a turn brings a panel back to where it was.
+    yaw = round(float(np.degrees(2 * np.arctan2(sin, w))), 2) % 180
+    c, s = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
+    middle = c * x + s * y
+    outline = np.array([along - middle, along + middle, up - z, up + z])
+    return (yaw, round(float(c * y - s * x), 3), round(float(thick), 4)), outline
+
+
+def _covered(panels: list[tuple[Element, NDArray[np.float64]]]) -> list[Element]:
+    """Of the panels in a plane those inside a larger one."""
+    panels = sorted(panels, key=lambda panel: -float(panel[1].sum()))
+    outlines = np.array([outline for _, outline in panels])
+    return [
+        geom
+        for n, (geom, outline) in enumerate(panels)
+        if (outlines[:n] >= outline - SLACK).all(axis=1).any()
+    ]
+
+
+def _numbers(geom: Element, attribute: str) -> NDArray[np.float64]:
+    return np.array(geom.attrib[attribute].split(), np.float64)

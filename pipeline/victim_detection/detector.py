@@ -1,0 +1,112 @@
+"""People in a camera's image."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.victim_detection.boxes import areas, decode, suppress
+from pipeline.victim_detection.inference import FusedNetwork
+from pipeline.victim_detection.letterbox import Letterbox
+from pipeline.victim_detection.network import DarknetNetwork
+from pipeline.victim_detection.weights import load_network
+
+PERSON = {1: 0, 20: 14, 80: 0}
+"""Number of the class ``person`` by how many there are: victims alone, Pascal VOC, COCO."""
+
+
+@dataclass(frozen=True)
+class DetectorConfig:
+    """Settings of the detector.
+
+    Attributes:
+        confidence: least of a detection, between 0 and 1.
+        overlap: intersection over union above which the less confident of two boxes is dropped.
+        person: number of the class ``person``; if not given, as in COCO, Pascal VOC or a network of one class.
+    """
+
+    confidence: float = 0.5
+    overlap: float = 0.45
+    person: int | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be done."""
+        if not (0 < self.confidence < 1 and 0 <= self.overlap <= 1):
+            raise InputError(
+                f"detector: confidence {self.confidence}, overlap {self.overlap}: between 0 and 1"
+            )
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A person in an image.
+
+    Attributes:
+        box: x0, y0, x1, y1 in pixels, from the image's upper left corner.
+        confidence: 0 to 1.
+    """
+
+    box: tuple[float, float, float, float]
+    confidence: float
+
+
+class VictimDetector:
+    """Finds people by a network of the YOLOv3 family."""
+
+    def __init__(self, network: DarknetNetwork, config: DetectorConfig | None = None) -> None:
+        """By a network with these settings. InputError where it has no class ``person`` that is known."""
+        self.config = config or DetectorConfig()
+        self._person = _person(network, self.config)
+        self._network = FusedNetwork(network)
+
+    @classmethod
+    def load(cls, cfg: Path, weights: Path, config: DetectorConfig | None = None) -> "VictimDetector":
+        """By Darknet's files. InputError as of :func:`load_network`."""
+        return cls(load_network(cfg, weights), config)
+
+    def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
+        """People in an (H, W, 3) image of any size, the most confident first.
+
+        Raises:
+            InputError: grey, empty, or of another type.
+        """
+        check_image(rgb)
+        cfg = self._network.cfg
+        letterbox, image = Letterbox.fit(rgb, cfg.width, cfg.height)
+        parts = [
+            decode(head, yolo, cfg.width, cfg.height, self.config.confidence)
+            for head, yolo in zip(self._network(image), cfg.heads, strict=True)
+        ]
+        boxes = letterbox.to_image(np.concatenate([boxes for boxes, _ in parts]))
+        scores = np.concatenate([scores[:, self._person] for _, scores in parts])
+        return self._best(boxes, scores)
+
+    def _best(self, boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> list[Detection]:
+        good = (scores >= self.config.confidence) & (areas(boxes) > 0)
+        boxes, scores = boxes[good], scores[good]
+        kept = suppress(boxes, scores, self.config.overlap)
+        return [Detection(tuple(boxes[i].tolist()), float(scores[i])) for i in kept]
+
+
+def check_image(rgb: NDArray[np.uint8]) -> None:
+    """Raise InputError unless it is an (H, W, 3) uint8 image with something in it."""
+    if rgb.size == 0:
+        raise InputError(f"image: empty, of shape {rgb.shape}")
+    if rgb.ndim != 3 or rgb.shape[2] != 3:
+        raise InputError(f"image: of shape {rgb.shape}, not (height, width, 3): grey?")
+    if rgb.dtype != np.uint8:
+        raise InputError(f"image: {rgb.dtype} instead of uint8")
+
+
+def _person(network: DarknetNetwork, config: DetectorConfig) -> int:
+    classes, name = network.cfg.classes, network.cfg.name
+    if network.cfg.channels != 3:
+        raise InputError(f"{name}: a network for {network.cfg.channels} channels, not for colour images")
+    person = PERSON.get(classes) if config.person is None else config.person
+    if person is None:
+        raise InputError(f"{name}: which of its {classes} classes is a person? Give its number")
+    if not 0 <= person < classes:
+        raise InputError(f"{name}: no class {person}, it has {classes}")
+    return person

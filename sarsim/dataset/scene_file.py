@@ -228,6 +228,14 @@ class Scene(Closing):
             instance=self._image("instance", index).astype(np.int32),
         )
 
+    def rgb(self, index: int) -> NDArray[np.uint8]:
+        """(H, W, 3) colour image of a frame.
+
+        Raises:
+            InputError: the file is broken there.
+        """
+        return self._image("rgb", index)
+
     def label(self, index: int) -> NDArray[np.uint8]:
         """(H, W) labels of a frame.
 

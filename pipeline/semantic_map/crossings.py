@@ -38,6 +38,35 @@ def crossings(
         (N,) bool.
     """
     result = np.zeros(len(a), np.bool_)
+    near = _near_boxes(a, b, [segment.box for segment in segments], margin, height)
+    rows = np.flatnonzero(near.any(axis=1))
+    if len(rows):
+        some = [segments[int(k)] for k in np.flatnonzero(near.any(axis=0))]
+        result[rows] = _cross(a[rows], b[rows], some, margin, height)
+    return result
+
+
+def _near_boxes(
+    a: NDArray[np.float64], b: NDArray[np.float64], boxes: Sequence[Box], margin: float, height: float
+) -> NDArray[np.bool_]:
+    """(N, S) where the upright box around a line and what moves along it meets that around a segment's box."""
+    T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
+    half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
+    reach = np.einsum("sij,sj->si", np.abs(T[:, :3, :3]), half)
+    low, high = np.minimum(a, b), np.maximum(a, b) + np.array([0, 0, height])
+    above = (low[:, None] <= T[:, :3, 3] + reach).all(axis=2)
+    return above & (high[:, None] >= T[:, :3, 3] - reach).all(axis=2)
+
+
+def _cross(
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
+    segments: Sequence[Segment],
+    margin: float,
+    height: float,
+) -> NDArray[np.bool_]:
+    """:func:`crossings` of lines and segments that are near each other."""
+    result = np.zeros(len(a), np.bool_)
     boxes = [segment.box for segment in segments]
     for lift in np.linspace(0, height, int(np.ceil(height / CELL)) + 1):
         up = np.array([0, 0, lift])

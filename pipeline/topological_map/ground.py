@@ -67,8 +67,8 @@ class Ground:
         return changed
 
     def on_ground(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(3,) the point of the ground at (2,) m."""
-        return np.append(xy, self.grid.at(self.surface.elevation, xy))
+        """(N, 3) the points of the ground at (N, 2) m."""
+        return np.column_stack([xy, self.grid.at(self.surface.elevation, xy)])
 
     def candidates(self, mask: NDArray[np.bool_], within: float) -> NDArray[np.float64]:
         """(K, 2) m, places near a mask: of every block of standable cells the one farthest from hazards."""

@@ -73,12 +73,13 @@ class NodeSet:
         self.free.remove_node(node)
         self.cover.remove(node)
 
-    def links_from(self, xy: NDArray[np.float64], without: Collection[int] = ()) -> list[int]:
-        """Ids of the nodes, but for some, that a straight drive joins to a place (2,)."""
+    def links_from(self, places: NDArray[np.float64], without: Collection[int] = ()) -> list[list[int]]:
+        """For each of the places (K, 2) the ids of the nodes, but for some, that a straight drive joins to it."""
         ids = [n for n in self.nodes if n not in without]
         ends = np.array([self.nodes[n].position for n in ids]).reshape(-1, 3)
-        starts = np.broadcast_to(self.ground.on_ground(xy), ends.shape)
-        return [ids[k] for k in np.flatnonzero(self.links.are_free(starts, ends))]
+        starts = self.ground.on_ground(places)
+        free = self.links.are_free(np.repeat(starts, len(ids), axis=0), np.tile(ends, (len(places), 1)))
+        return [[ids[k] for k in np.flatnonzero(row)] for row in free.reshape(len(places), len(ids))]
 
     def parts(self, without: Collection[int] = ()) -> list[set[int]]:
         """The groups of nodes that straight drives join if some are left out, the largest first."""
@@ -86,8 +87,8 @@ class NodeSet:
         return sorted(nx.connected_components(rest), key=lambda part: (-len(part), min(part)))
 
     def _put(self, node: int, label: Label, xy: NDArray[np.float64]) -> None:
-        linked = self.links_from(xy)
-        self.nodes[node] = Node(node, label, self.ground.on_ground(xy))
+        linked = self.links_from(xy[None])[0]
+        self.nodes[node] = Node(node, label, self.ground.on_ground(xy[None])[0])
         self.cover.add(node, xy)
         self.free.add_node(node)
         self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))

@@ -33,7 +33,7 @@ class CoverConfig:
     """
 
     sight: float = 2.0
-    min_gain: float = 0.03
+    min_gain: float = 0.01
     place_gain: float = 1.0
     linked: float = 0.7
     snap: float = 0.3
@@ -69,7 +69,7 @@ class Placement:
         """The place that adds most; a little less will do for one that is linked to a node."""
         order = np.argsort(-gains, kind="stable")
         for k in order[gains[order] >= self._config.linked * gains.max()][:20]:
-            if self._nodes.links_from(views.places[k]):
+            if self._nodes.links_from(views.places[[k]])[0]:
                 return int(k)
         return int(order[0])
 
@@ -128,22 +128,26 @@ class Placement:
         a, b = (self._nodes.nodes[n].position[:2] for n in pair)
         if np.linalg.norm(a - b) > 2 * self._config.sight:
             return None
-        cover, grid = self._nodes.cover, self._nodes.ground.grid
-        lost = cover.lost_without(pair)
-        centre = grid.centre_of(lost.mean(axis=0)) if len(lost) else (a + b) / 2
-        near = np.flatnonzero(np.linalg.norm(views.places - centre, axis=1) <= self._config.sight)
-        for k in near[cover.see_all(views[near], lost, self._spare)]:
-            xy = views.places[k]
-            if self._joins(pair, self._nodes.links_from(xy, pair)):
+        good = self._stand_ins(pair, views)
+        rest, parts = self._nodes.parts(pair), len(self._nodes.parts())
+        for xy, links in zip(good, self._nodes.links_from(good, pair), strict=True):
+            if 1 + sum(not part & set(links) for part in rest) <= parts:
                 for n in pair:
                     self._nodes.remove(n)
                 return self._nodes.add(self._label(xy), xy)
         return None
 
-    def _joins(self, without: Collection[int], links: Collection[int]) -> bool:
-        """Whether a node with these links keeps together what some others hold together."""
-        apart = sum(not part & set(links) for part in self._nodes.parts(without))
-        return apart + 1 <= len(self._nodes.parts())
+    def _stand_ins(self, pair: tuple[int, int], views: Views) -> NDArray[np.float64]:
+        """(K, 2) the places that see what only these two nodes see; first the thesis's, then the roomiest."""
+        cover, ground = self._nodes.cover, self._nodes.ground
+        lost = cover.lost_without(pair)
+        centre = ground.grid.centre_of(
+            lost.mean(axis=0) if len(lost) else ground.grid.cell_of(views.places[0])
+        )
+        near = np.flatnonzero(np.linalg.norm(views.places - centre, axis=1) <= self._config.sight)
+        good = near[cover.see_all(views[near], lost, self._spare)]
+        worth = views.seen[good].sum(axis=(1, 2)) + 1e6 * (good < len(self._places))
+        return views.places[good[np.argsort(-worth, kind="stable")]]
 
     def _label(self, xy: NDArray[np.float64]) -> Label:
         """Of the place itself, if it is one of the thesis's, or of the ground."""

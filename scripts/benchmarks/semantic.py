@@ -33,6 +33,8 @@ class Semantic(Subject):
     """Frames of nist_6x4 that are timed."""
     frames: int = 40
     """Frames of each arena whose labels are compared; 0 for none."""
+    raf_frames: int = 10
+    """Frames of each .raf arena, likewise."""
     seed: int = 0
     """Of the drives and the sensor's errors."""
     arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15")
@@ -50,12 +52,14 @@ class Semantic(Subject):
         Raises:
             InputError: there is nothing to measure, or an arena or the weights are broken.
         """
-        if min(self.rounds, self.timed_frames) < 1 or self.frames < 0:
-            raise InputError("--rounds and --timed-frames: give at least 1; --frames: at least 0")
+        if min(self.rounds, self.timed_frames) < 1 or min(self.frames, self.raf_frames) < 0:
+            raise InputError(
+                "--rounds and --timed-frames: give at least 1; --frames, --raf-frames: at least 0"
+            )
         figures = speed(list(drive_through("nist_6x4", self.timed_frames, self.seed)), self.rounds)
         if self.checkpoint.is_dir():
             figures |= agreement(self.checkpoint)
-        details = self._accuracy() if self.frames else {}
+        details = self._accuracy()
         for name, contenders in details.items():
             figures |= {
                 _key(name, contender): values["miou_four"] for contender, values in contenders.items()
@@ -67,13 +71,14 @@ class Semantic(Subject):
         network = (
             DgcnnClassifier(self.weights, DgcnnConfig(threads=THREADS)) if self.weights.exists() else None
         )
-        rafs = [str(path) for path in sorted(self.raf.glob("*.raf"))]
-        jobs = [(arena, suffix) for suffix in LIGHTINGS for arena in (*self.arenas, *rafs)]
+        named = [(arena, self.frames) for arena in self.arenas if self.frames]
+        rafs = [(str(path), self.raf_frames) for path in sorted(self.raf.glob("*.raf")) if self.raf_frames]
+        jobs = [(*job, suffix) for suffix in LIGHTINGS for job in named + rafs]
         return {
             _name(arena) + suffix: accuracy(
-                drive_through(arena, self.frames, self.seed, LIGHTINGS[suffix]), network
+                drive_through(arena, frames, self.seed, LIGHTINGS[suffix]), network
             )
-            for arena, suffix in track(jobs, "arenas", transient=True)
+            for arena, frames, suffix in track(jobs, "arenas", transient=True)
         }
 
 

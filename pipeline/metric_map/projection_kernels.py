@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pipeline.metric_map.ray_kernels import FREE, HIT
+from pipeline.metric_map.ray_kernels import FREE, HIT, walk
 
 # fastmath={"contract"} lets a product and a sum become one instruction, which rounds once instead of twice.
 
@@ -24,6 +24,12 @@ TILE = 8
 
 TOO_NEAR = 1e-3
 """m of depth; what reaches nearer may lie anywhere in the picture."""
+SHADE = 1.0
+"""m behind a crest that may hold what slopes down from it."""
+NARROW = 6.0
+"""Depth in voxels up to which the field of view is so narrow that it passes between the corners of voxels."""
+NARROW_ROWS, NARROW_COLUMNS = 7, 9
+"""Rays, spread over the picture, that are followed up to there."""
 
 
 class View(NamedTuple):
@@ -64,6 +70,7 @@ def observe(depth, pinhole, pose, size, far, margin, marks, flat, high):
     view = View(fx, fy, cx, cy, far, margin, origin, axes, size)
     _mark_returns(depth, view, marks.shape, flat, high[0])
     _build_pyramid(high)
+    _mark_narrow(depth, view, marks)
     _mark_free(depth, view, marks, high)
 
 
@@ -149,6 +156,31 @@ def _build_pyramid(high):
                 lower = max(fine[bottom, left], fine[bottom, right])
                 high[level, i, j] = max(upper, lower)
         height, width = (height + 1) // 2, (width + 1) // 2
+
+
+@njit(cache=True)
+def _mark_narrow(depth, view, marks):
+    """Follow a few rays where the field of view is narrow: right before the camera, and in its four corners."""
+    height, width = depth.shape
+    x, y, z = view.origin
+    ax = view.axes
+    for i in range(NARROW_ROWS):
+        v = i * (height - 1) // (NARROW_ROWS - 1)
+        b = (v + 0.5 - view.cy) / view.fy
+        for j in range(NARROW_COLUMNS):
+            u = j * (width - 1) // (NARROW_COLUMNS - 1)
+            a = (u + 0.5 - view.cx) / view.fx
+            d = depth[v, u]
+            if not 0 < d < np.inf:
+                continue
+            reach = min(d, view.far) - view.margin
+            if i % (NARROW_ROWS - 1) != 0 or j % (NARROW_COLUMNS - 1) != 0:
+                reach = min(reach, NARROW * view.size)
+            if reach > 0:
+                x_stop = x + reach * (ax[0, 0] * a + ax[1, 0] * b + ax[2, 0])
+                y_stop = y + reach * (ax[0, 1] * a + ax[1, 1] * b + ax[2, 1])
+                z_stop = z + reach * (ax[0, 2] * a + ax[1, 2] * b + ax[2, 2])
+                walk(x, y, z, x_stop, y_stop, z_stop, marks)
 
 
 @njit(cache=True)
@@ -254,11 +286,12 @@ def _project_corners(r0, d0, w0, offsets, shape, view, pixel, deep):
 
 @njit(cache=True)
 def _see_corners(depth, view, pixel, deep, reach, seen):
-    """Fill ``seen`` with SEEN for corners that their pixel's ray reaches, HIDDEN if it ends a voxel's side before."""
+    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to SHADE before it."""
     # Fetching the depths apart from comparing them lets the comparison run in vectors.
     for n in range(CORNERS):
         reach[n] = depth[np.uint32(pixel[n])]
-    far, margin, size = np.float32(view.far), np.float32(view.margin), np.float32(view.size)
+    far, margin = np.float32(view.far), np.float32(view.margin)
+    size, shade = np.float32(view.size), np.float32(SHADE)
     zero, infinity = np.float32(0), np.float32(np.inf)
     for n in range(CORNERS):
         d = reach[n]
@@ -266,7 +299,7 @@ def _see_corners(depth, view, pixel, deep, reach, seen):
         d = d if d < far else far
         # Comparisons with NaN fail: a corner out of the picture is neither.
         is_seen = np.uint8(returns & (d - margin > deep[n]))
-        is_hidden = np.uint8(returns & (d + size < deep[n]))
+        is_hidden = np.uint8(returns & (d + size < deep[n]) & (d + shade > deep[n]))
         seen[n] = is_seen * SEEN + is_hidden * HIDDEN
 
 

@@ -80,6 +80,16 @@ def test_a_wall_of_one_depth_leaves_out_hardly_a_voxel_before_it(T, distance):
     assert missed.sum() <= 0.03 * (traced < 0).sum() + 2
 
 
+def test_the_narrow_ends_of_the_field_of_view_are_free():
+    depth, T = np.full((120, 160), 3.0, np.float32), looking(0.05, 0.05, 0.55, 0.3, 0.2)
+    metric_map = MetricMap(EXACT)
+    metric_map.integrate(depth, CAMERA, T)
+    middle_and_corners = CAMERA.rays[[60, 0, 0, -1, -1], [80, 0, -1, 0, -1]].astype(np.float64)
+    reach = np.linspace(0, [0.5, 2.9, 2.9, 2.9, 2.9], 100)
+    along = (reach[..., None] * middle_and_corners).reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
+    assert (metric_map.state_at(along) == FREE).all()
+
+
 def test_what_lies_right_behind_a_crest_stays_unknown():
     # A level camera before a wall 2 m away; something 0.8 m away hides all below its line of sight over row 78.
     depth = np.full((120, 160), 2.0, np.float32)

@@ -1,16 +1,44 @@
 """HDF5 files that are written whole or fail aloud, and read with one line for what is wrong."""
 
 import io
+import zlib
 from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from sarsim.closing import Closing
 
 FAST = {"compression": "gzip", "compression_opts": 1}
 """HDF5's other fast filter, LZF, makes other bytes of the same data each time."""
+_RAW = -15  # zlib's word for a stream without head and checksum, with the largest window
+_ZLIB_HEAD = b"\x78\x01"  # RFC 1950: deflate, the largest window, fastest
+
+
+def write_noisy(dataset: h5py.Dataset, index: int, image: NDArray[np.uint16]) -> None:
+    """Write one image as the filters shuffle and gzip would, in a fifth of their time.
+
+    The low bytes of a noisy image hardly shrink, so they stand in gzip's stream as they are (RFC 1951, 3.2.4).
+
+    Args:
+        dataset: (M, H, W) of uint16 with these filters, in chunks of one image.
+        index: of the image.
+        image: (H, W).
+    """
+    low, high = np.ascontiguousarray(image.astype("<u2").view(np.uint8).reshape(-1, 2).T)
+    keep, shrink = (zlib.compressobj(level, wbits=_RAW) for level in (0, 1))
+    stream = [
+        _ZLIB_HEAD,
+        keep.compress(low),
+        keep.flush(zlib.Z_FULL_FLUSH),
+        shrink.compress(high),
+        shrink.flush(),
+    ]
+    checksum = zlib.adler32(high, zlib.adler32(low))
+    dataset.id.write_direct_chunk((index, 0, 0), b"".join(stream) + checksum.to_bytes(4, "big"))
 
 
 class NewFile(Closing):

@@ -16,7 +16,7 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
 from sarsim.closing import Closing
 from sarsim.dataset import image_kernels
-from sarsim.dataset.hdf5 import FAST, NewFile, open_file
+from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 
 FORMAT = "sarsim-scene"
 VERSION = 1
@@ -30,6 +30,9 @@ _IMAGES = {
     "instance": ((), np.int16),
 }
 """By name: what a pixel is, and its type. Noise makes colour all but incompressible, so it is kept as it is."""
+
+_GROUPED = {"victim_pixels": "victims/pixels", "victim_area": "victims/area"}
+"""Names in the file of what SceneFrame calls otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +108,12 @@ class SceneWriter(Closing):
         self._dataset("intrinsics", np.array([k.fx, k.fy, k.cx, k.cy]))
         self._dataset("mjcf", np.frombuffer(content.mjcf.encode(), np.uint8), **FAST)
         self._geoms(content)
-        self._victims(content, frames)
+        self._victims(content)
         for name, (pixel, dtype) in _IMAGES.items():
             shape = (k.height, k.width, *pixel)
             filters = {} if name == "rgb" else FAST | {"shuffle": np.dtype(dtype).itemsize > 1}
             self._empty(name, (frames, *shape), dtype, chunks=(1, *shape), **filters)
-        for name in ("pose_true", "pose_odom", "T_base_camera"):
-            self._empty(name, (frames, 4, 4), np.float64)
-        self._empty("time", (frames,), np.float64)
+        self._rows = _rows(frames, len(content.victim_id))
 
     @property
     def label_points(self) -> NDArray[np.int64]:
@@ -125,17 +126,16 @@ class SceneWriter(Closing):
         file = self._file
         file["rgb"][index] = frame.rgb
         image_kernels.to_millimetres(frame.depth, frame.label, self._millimetres, self._label_points)
-        file["depth"][index] = self._millimetres
+        write_noisy(file["depth"], index, self._millimetres)
         file["label"][index] = frame.label
         file["instance"][index] = frame.instance.astype(np.int16)
-        for name in ("time", "pose_true", "pose_odom", "T_base_camera"):
-            file[name][index] = getattr(frame, name)
-        if len(frame.victim_area):
-            file["victims/pixels"][index] = frame.victim_pixels
-            file["victims/area"][index] = frame.victim_area
+        for name, values in self._rows.items():
+            values[index] = getattr(frame, name)
 
     def close(self) -> None:
         """Write what is left; nothing more can be added."""
+        for name, values in self._rows.items():
+            self._dataset(_GROUPED.get(name, name), values)
         self._new.close()
 
     def _geoms(self, content: SceneContent) -> None:
@@ -143,13 +143,10 @@ class SceneWriter(Closing):
         self._dataset("geoms/label", content.geom_label)
         self._dataset("geoms/victim", content.geom_victim)
 
-    def _victims(self, content: SceneContent, frames: int) -> None:
-        count = len(content.victim_id)
+    def _victims(self, content: SceneContent) -> None:
         self._dataset("victims/id", _fixed(content.victim_id))
         self._dataset("victims/pose", content.victim_pose)
         self._dataset("victims/box", content.victim_box)
-        self._empty("victims/pixels", (frames, count, 4), np.int32)
-        self._empty("victims/area", (frames, count), np.int32)
 
     def _dataset(self, name: str, data: NDArray, **filters: Any) -> None:
         # A time of writing would make every file another one.
@@ -157,6 +154,13 @@ class SceneWriter(Closing):
 
     def _empty(self, name: str, shape: tuple[int, ...], dtype: Any, **filters: Any) -> None:
         self._file.create_dataset(name, shape, dtype, track_times=False, **filters)
+
+
+def _rows(frames: int, victims: int) -> dict[str, NDArray]:
+    """Room for what is small of every frame, by its name in :class:`SceneFrame`; written in one go at the end."""
+    poses = {name: np.zeros((frames, 4, 4)) for name in ("pose_true", "pose_odom", "T_base_camera")}
+    boxes, areas = np.zeros((frames, victims, 4), np.int32), np.zeros((frames, victims), np.int32)
+    return {**poses, "time": np.zeros(frames), "victim_pixels": boxes, "victim_area": areas}
 
 
 def _fixed(names: list[str]) -> NDArray[np.bytes_]:

@@ -6,10 +6,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis.extra.numpy import array_shapes, arrays
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from sarsim.dataset import hdf5
+from sarsim.dataset.hdf5 import FAST
 from sarsim.dataset.scene_file import Scene, SceneWriter
 from tests.sarsim.dataset.small import content, frame, write_scene
 
@@ -79,6 +82,17 @@ def test_an_image_is_a_chunk_that_any_hdf5_reads(file: Path) -> None:
             assert plain[name].compression == (None if name == "rgb" else "gzip")
         assert plain["depth"].dtype == np.uint16
         assert plain["mjcf"][:].tobytes().decode() == content().mjcf
+
+
+@given(arrays(np.uint16, array_shapes(min_dims=2, max_dims=2, max_side=30)))
+@example(np.random.default_rng(0).integers(800, 3500, (480, 640), np.uint16))
+def test_any_hdf5_reads_noisy_images(image: np.ndarray) -> None:
+    with h5py.File.in_memory() as file:
+        filters = FAST | {"shuffle": True, "chunks": (1, *image.shape)}
+        ours = file.create_dataset("ours", (2, *image.shape), np.uint16, **filters)
+        hdf5.write_noisy(ours, 1, image)
+        assert (ours[0] == 0).all()
+        np.testing.assert_array_equal(ours[1], image)
 
 
 def test_a_missing_file(tmp_path: Path) -> None:

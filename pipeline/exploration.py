@@ -20,10 +20,11 @@ class ExplorationConfig:
     """How views are weighed.
 
     Attributes:
-        camera_height: of the camera above the ground, m.
-        near, far: distances from the robot at which the camera sees the ground, m.
+        camera_height, camera_ahead: of the camera above the ground and before the robot's middle, m.
+        near, far: distances from the camera at which it sees the ground, m.
         field_of_view: of the camera along the horizon, less a margin, rad.
-        min_slope, max_slope: of the lower and the upper edge of the view.
+        lower_edge, upper_edge: of the view of a robot that stands level, rad above the horizon, less a margin.
+        min_grazing: angle between a ray and ground that sends it back, rad.
         max_unknown: a ray is believed to see no further than this into unknown ground, m.
         rays: directions around a view.
         spacing: of the points from which views are considered, m.
@@ -39,11 +40,13 @@ class ExplorationConfig:
     """
 
     camera_height: float = 0.6
-    near: float = 1.1
-    far: float = 3.2
+    camera_ahead: float = 0.17
+    near: float = 0.9
+    far: float = 3.1
     field_of_view: float = np.deg2rad(54)
-    min_slope: float = -0.68
-    max_slope: float = 0.15
+    lower_edge: float = np.deg2rad(-34)
+    upper_edge: float = np.deg2rad(9)
+    min_grazing: float = np.deg2rad(8.5)
     max_unknown: float = 1.0
     rays: int = 180
     spacing: float = 0.25
@@ -165,10 +168,12 @@ class Exploration:
         config = self.config
         return kernels.Sight(
             config.camera_height,
+            config.camera_ahead,
             config.near,
             config.far,
-            config.min_slope,
-            config.max_slope,
+            config.lower_edge,
+            config.upper_edge,
+            config.min_grazing,
             config.max_unknown,
         )
 

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 RAMP = 0.14
 """Slope above which ground that rises is a ramp."""
-FORGET = 0.6
+SUSPECTED_FALL = 0.28
+"""Slope at which ground that a look did not show may fall away: a NIST ramp's, 16°."""
+FORGET = 0.3
 """1/m, how fast level ground after a ramp takes away the expectation that it falls again."""
 
 
@@ -16,10 +18,12 @@ class Sight(NamedTuple):
     """How the camera sees the ground: see :class:`pipeline.exploration.ExplorationConfig`."""
 
     camera_height: float
+    camera_ahead: float
     near: float
     far: float
-    min_slope: float
-    max_slope: float
+    lower_edge: float
+    upper_edge: float
+    min_grazing: float
     max_unknown: float
 
 
@@ -49,10 +53,11 @@ class Ground(NamedTuple):
 
 @njit(cache=True)
 def cast_ray(x, y, bearing, sight, ground, seen):
-    """What a ray of the camera at (x, y) is expected to show for the first time.
+    """What a ray of the camera of a robot at (x, y) is expected to show for the first time.
 
     The ray runs over the known ground; a cell is hidden where something before it rises higher in the view. Unknown
-    ground is believed to go on at the last known height, but behind the crest of a ramp to fall as it rose.
+    ground is believed to go on at the last known height, but behind the crest of a ramp to fall as it rose, and
+    so is ground that was looked for in vain. What is met at a grazing angle sends nothing back.
 
     Returns the summed distances of the target cells in view, weighed by hope, and their number; times the step and
     the angle between rays the sum is an area. Their flat indices go to ``seen``.
@@ -61,16 +66,18 @@ def cast_ray(x, y, bearing, sight, ground, seen):
     origin, cell = ground.origin, ground.cell
     i, j = int((x - origin[0]) / cell), int((y - origin[1]) / cell)
     level = ground.elevation[i, j]
-    camera = level + sight.camera_height
     dx, dy = np.cos(bearing), np.sin(bearing)
     # On a slope the robot looks up or down along it.
-    tilt = ground.gradient[i, j, 0] * dx + ground.gradient[i, j, 1] * dy
-    horizon = tilt + sight.min_slope
-    unknown, fall = 0.0, 0.0
+    tilt = np.arctan(ground.gradient[i, j, 0] * dx + ground.gradient[i, j, 1] * dy)
+    camera = level + sight.camera_height * np.cos(tilt) + sight.camera_ahead * np.sin(tilt)
+    ahead = sight.camera_ahead * np.cos(tilt) - sight.camera_height * np.sin(tilt)
+    horizon, ceiling = np.tan(tilt + sight.lower_edge), np.tan(tilt + sight.upper_edge)
+    unknown, fall = 0.0, np.tan(tilt) if np.tan(tilt) > RAMP else 0.0
     total, count = 0.0, 0
-    r = 0.35
-    while r < sight.far and unknown < sight.max_unknown:
-        r += cell
+    d = max(0.35 - ahead, 0.5 * cell)
+    while d < sight.far and unknown < sight.max_unknown:
+        d += cell
+        r = d + ahead
         i = int(np.floor((x + r * dx - origin[0]) / cell))
         j = int(np.floor((y + r * dy - origin[1]) / cell))
         if not (0 <= i < nx and 0 <= j < ny):
@@ -78,20 +85,26 @@ def cast_ray(x, y, bearing, sight, ground, seen):
         is_unknown = np.isnan(ground.elevation[i, j])
         if is_unknown:
             level -= fall * cell
+            rise = -fall
         else:
             level = ground.elevation[i, j]
             rise = ground.gradient[i, j, 0] * dx + ground.gradient[i, j, 1] * dy
             fall = max(rise if rise > RAMP else 0.0, fall - FORGET * cell)
-        slope = (level - camera) / r
-        if slope > tilt + sight.max_slope:
+        slope = (level - camera) / d
+        if slope > ceiling:
             break
         if slope < horizon - 0.01:
             continue
         horizon = max(horizon, slope)
         if is_unknown:
             unknown += cell
-        if r >= sight.near and ground.target[i, j] and not is_blind(x, y, i, j, ground):
-            total += r * ground.hope[i, j]
+        if not ground.target[i, j] or is_blind(x, y, i, j, ground):
+            continue
+        if ground.hope[i, j] < 1:
+            rise = min(rise, -SUSPECTED_FALL)
+        grazing = np.arctan(rise) - np.arctan(slope)
+        if grazing >= sight.min_grazing and d * np.sqrt(1 + slope * slope) >= sight.near:
+            total += d * ground.hope[i, j]
             seen[count] = i * ny + j
             count += 1
     return total, count
@@ -108,7 +121,7 @@ def is_blind(x, y, i, j, ground):
 def view_gains(views, rays, rays_in_view, sight, ground):
     """(N, rays) m² of target area expected in view from each of (N, 2) points, looking along ray m of the circle."""
     gains = np.zeros((len(views), rays))
-    seen = np.zeros(int(sight.far / ground.cell) + 2, np.int64)
+    seen = np.zeros(int(sight.far / ground.cell) + 9, np.int64)
     area = np.zeros(rays)
     step = 2 * np.pi / rays
     half = rays_in_view // 2
@@ -126,7 +139,7 @@ def view_gains(views, rays, rays_in_view, sight, ground):
 def cells_in_view(x, y, bearings, sight, ground):
     """(nx, ny) bool, the target cells that rays along ``bearings`` from (x, y) are expected to show."""
     result = np.zeros(ground.target.size, np.bool_)
-    seen = np.zeros(int(sight.far / ground.cell) + 2, np.int64)
+    seen = np.zeros(int(sight.far / ground.cell) + 9, np.int64)
     for bearing in bearings:
         _, count = cast_ray(x, y, bearing, sight, ground, seen)
         for n in range(count):

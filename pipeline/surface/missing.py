@@ -22,12 +22,14 @@ class MissingConfig:
         min_gap: pixels; the sensor frays edges by less.
         max_gap: pixels; whatever is wider leaves unknown ground behind it.
         tolerance: share by which the depths to the left and to the right may differ.
+        min_grazing: ground that is seen at a smaller angle may send nothing back itself, rad.
         row_step: every so many rows are looked at.
     """
 
     min_gap: int = 3
     max_gap: int = 60
     tolerance: float = 0.06
+    min_grazing: float = np.deg2rad(12)
     row_step: int = 2
 
 
@@ -48,7 +50,14 @@ def missing_ground(
     config = config or MissingConfig()
     missing = np.zeros_like(depth)
     kernels.missing_depth(
-        depth, config.max_gap, config.min_gap, np.float32(config.tolerance), config.row_step, missing
+        depth,
+        intrinsics.fy,
+        config.max_gap,
+        config.min_gap,
+        np.float32(config.tolerance),
+        config.min_grazing,
+        config.row_step,
+        missing,
     )
     v, u = np.nonzero(missing)
     return transform_points(T_map_camera, intrinsics.rays[v, u] * missing[v, u, None])

@@ -107,7 +107,7 @@ class SurfaceMap:
 
     @property
     def doubted(self) -> NDArray[np.bool_]:
-        return self._doubt.any(axis=-1)
+        return (self._doubt != 0).any(axis=-1).astype(np.bool_)
 
     def update(
         self,

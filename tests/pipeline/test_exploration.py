@@ -6,6 +6,7 @@ import pytest
 from pipeline.exploration import Exploration, ExplorationConfig
 from pipeline.surface.drivable import drivable_surface
 from pipeline.surface.paths import ShortestPaths
+from pipeline.surface.surface_map import SurfaceMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
@@ -93,6 +94,34 @@ def test_from_a_ramp_it_looks_along_its_way_only():
     assert view is not None
     assert -RUN - 0.25 < view.position[0] < 0
     assert abs(view.heading) < np.deg2rad(2)
+
+
+def ridge_seen_up_to_its_crest() -> SurfaceMap:
+    """A corridor over a ridge of which nothing behind the crest was seen."""
+    world = surface_of(ground_points(ridge, (-4, 0.05), (-0.6, 0.6)), wall_points((-4, -0.6), (-4, 0.6)))
+    for y in (-0.6, 0.6):
+        world.update(wall_points((-4, y), (0.05, y)))
+    return world
+
+
+def test_behind_a_crest_it_looks_from_where_rays_do_not_graze_the_slope():
+    view = next_view(Exploration(), ridge_seen_up_to_its_crest(), from_yaw(-3, 0, 0, 0))
+    # A slope of 16° sends rays back that fall by 24.5° at least: such pass a crest of 0.17 m within 0.95 m of the
+    # camera. From the ramp itself the camera looks up.
+    assert -0.95 - 0.17 < view.position[0] < -RUN
+    assert abs(view.heading) < np.deg2rad(25)
+
+
+def test_ground_that_a_look_did_not_show_may_fall_away():
+    deck = surface_of(ground_points(flat, (-3, 1), (-0.6, 0.6)), wall_points((-3, -0.6), (-3, 0.6)))
+    for y in (-0.6, 0.6):
+        deck.update(wall_points((-3, y), (1, y)))
+    exploration = Exploration()
+    first = next_view(exploration, deck, from_yaw(-1, 0, 0, 0))
+    second = next_view(exploration, deck, from_yaw(*first.position, 0, first.heading))
+    assert first.position[0] < 0
+    assert second.position[0] > 0.2
+    assert second.gain < first.gain
 
 
 def test_no_view_from_where_the_robot_cannot_stand():

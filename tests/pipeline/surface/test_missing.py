@@ -54,3 +54,11 @@ def test_rows_between_are_left_out():
     depth[:, 48:53] = 0
     half = missing_ground(depth, WIDE, LEVEL, MissingConfig(row_step=2))
     np.testing.assert_array_equal(half, missing(depth).reshape(4, 5, 3)[::2].reshape(-1, 3))
+
+
+def test_ground_that_falls_away_along_the_ray_is_not_missed():
+    depth = ground_depth()
+    depth *= np.linspace(2, 1, WIDE.height, dtype=np.float32)[:, None]  # seen at a few degrees
+    depth[:, 48:53] = 0
+    assert not len(missing(depth))
+    assert len(missing(depth, min_grazing=0.0))

@@ -32,6 +32,17 @@ MAX_NAMED = 20
 FLOOR_MARGIN = 0.5
 """m that the floor reaches past the outermost tiles."""
 
+TYPES = frozenset(
+    (
+        *("half_ramp", "half_ramp_shifted", "full_ramp", "elevated_ramps", "elevated_floor_120"),
+        *("small_wall", "small_wall_qr", "small_wall_start_check", "small_wall_no_tex", "tall_wall"),
+        *("wall_holes1", "small_wall_triple_holes", "wall_diag_120", "corner_diag_120", "veil_wall"),
+        *("simple_elev_ramp", "stairs_120", "stepfield_red_diagonal", "manip_storage", "wooden_block"),
+        *("fiducial_barrel", "fiducial_barrel_high", "red_barrel", "pvc_pipe", "fire_extinguisher"),
+        *("floor_tile_black", "floor_tile_white", "victim_1", "spectator_120"),
+    )
+)
+"""Types of the format that the element library has by the same name; the library has more, for random arenas."""
 FAMILIES = {
     "victim_with_box": "victim_with_box",
     "victim_doll_": "victim_with_box",
@@ -66,7 +77,7 @@ class RafElement:
     @property
     def kind(self) -> str | None:
         """Name in the element library; None if it is unknown."""
-        if self.type in element_library().types:
+        if self.type in TYPES:
             return self.type
         return next((kind for prefix, kind in FAMILIES.items() if self.type.startswith(prefix)), None)
 

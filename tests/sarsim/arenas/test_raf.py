@@ -10,8 +10,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from pipeline.errors import InputError
+from sarsim.arenas.elements import element_library
 from sarsim.arenas.load import load_arena
-from sarsim.arenas.raf import build_raf
+from sarsim.arenas.raf import FAMILIES, TYPES, build_raf
 from sarsim.camera import geom_labels
 from sarsim.victims import victims_of
 from tests.sarsim.arenas.raf_geometry import ELEMENTS, LOOSE, MOUNTS, TILE, WALL, steady, top_of
@@ -19,6 +20,7 @@ from tests.sarsim.arenas.raf_geometry import ELEMENTS, LOOSE, MOUNTS, TILE, WALL
 SHARED = Path(__file__).parents[4] / "shared" / "arenas" / "raf"
 FILES = sorted(SHARED.glob("*.raf"))
 HIGH = 10.0
+LOOSE_TYPES = ("stepfield_red_diagonal", "spectator_120", "fire_extinguisher")
 
 
 def write(path, *elements):
@@ -54,6 +56,11 @@ def compare(path, elements, x, y):
     assert_allclose(height, expected_height, atol=0.002)
     assert_array_equal(label, expected_label)
     return known.mean()
+
+
+def test_every_type_of_the_format_is_known():
+    assert element_library().types >= TYPES | set(FAMILIES.values())
+    assert {k for k in (*ELEMENTS, *LOOSE_TYPES) if not k.startswith(tuple(FAMILIES))} == TYPES
 
 
 @pytest.mark.parametrize("kind", sorted(ELEMENTS))
@@ -179,12 +186,16 @@ def test_a_panel_inside_another_is_left_out(inner, outer, rotation, tmp_path):
 
 def test_unknown_types_are_named_and_the_rest_loads(tmp_path, caplog):
     path = write(
-        tmp_path, 'type="small_wall" x="0" y="0" rotation="0"', 'type="sand_pit" x="1" y="0" rotation="0"'
+        tmp_path,
+        'type="small_wall" x="0" y="0" rotation="0"',
+        'type="sand_pit" x="1" y="0" rotation="0"',
+        # Random arenas have it, the format has not.
+        'type="ramp_17" x="1" y="0" rotation="0"',
     )
     with caplog.at_level(logging.WARNING):
         model, _ = compile_raf(path)
     assert model.ngeom == 2
-    assert "sand_pit" in caplog.text
+    assert "ramp_17, sand_pit" in caplog.text
 
 
 def compare_as_written(path):
@@ -224,7 +235,7 @@ def made_up(rng):
         return f'x="{x}" rotation="{rotation}" y="{y}"'
 
     lines = []
-    for kind in 2 * [*ELEMENTS, "stepfield_red_diagonal", "fire_extinguisher", "sand_pit", "victim_2"]:
+    for kind in 2 * [*ELEMENTS, *LOOSE_TYPES, "sand_pit", "victim_2"]:
         shift = f'offset-y="{rng.uniform(-1, 1):.3f}" offset-x="{rng.integers(-2, 3) / 4}"'
         lines.append(f'<element {place()} type="{kind}" {shift if rng.random() < 0.5 else ""}/>')
     for kind in 2 * [
@@ -244,15 +255,13 @@ def made_up(rng):
 def read_plainly(path):
     """The elements of known types with their mount points, and the corners around them."""
     lines = [e.attrib for e in ET.parse(path).getroot() if e.get("type").startswith((*ELEMENTS, *LOOSE))]
-    walls = {(e["x"], e["y"], e["rotation"]): MOUNTS[e["type"]] for e in lines if e["type"] in MOUNTS}
+    tiles = [(float(e["x"]), float(e["y"]), float(e["rotation"]) % 360) for e in lines]
+    walls = {tile: MOUNTS[e["type"]] for tile, e in zip(tiles, lines, strict=True) if e["type"] in MOUNTS}
     elements = []
-    for e in lines:
+    for tile, e in zip(tiles, lines, strict=True):
         x, y = (TILE * (float(e[k]) + float(e.get(f"offset-{k}", 0))) for k in "xy")
-        mounts = (
-            walls.get((e["x"], e["y"], e["rotation"]))
-            if e["type"].startswith(("victim_", "start_check", "hazmat"))
-            else None
-        )
+        hangs = e["type"].startswith(("victim_", "start_check", "hazmat"))
+        mounts = walls.get(tile) if hangs else None
         mx, my = mounts[int(e.get("mount-point", 0))] if mounts else (0.6, 0.0)
         elements.append((e["type"], x, y, float(e["rotation"]), (mx - 0.6, my)))
     xy = np.array([e[1:3] for e in elements])

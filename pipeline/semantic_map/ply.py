@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import InputError
+from pipeline.files import whole_file
 
 _POSITION = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
 _COLOUR = [("red", "u1"), ("green", "u1"), ("blue", "u1")]
@@ -26,12 +26,8 @@ def write_ply(
     for (name, _), column in zip(_COLOUR, colours.T, strict=True):
         vertices[name] = column
     vertices["label"] = labels
-    partial = path.with_name(path.name + ".partial")
-    try:
+    with whole_file(path) as partial:
         partial.write_bytes(_header(len(points)) + vertices.tobytes())
-        partial.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _header(count: int) -> bytes:

@@ -80,7 +80,7 @@ def box(name: str, person: NDArray[np.float64]) -> Cover:
 
 
 def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.float64]) -> Cover:
-    """A wall panel before a person, 1.2 m high and wide or wider,, with a hole before head and chest."""
+    """A wall panel before a person, 1.2 m high and wide or wider, with a hole before head and chest."""
     left = max(WALL / 2, person[:, 1].max() + RIM)
     right = min(-WALL / 2, person[:, 1].min() - RIM)
     x = person[:, 0].max() + GAP + PANEL

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from pipeline.errors import InputError
 from sarsim.arenas.promises import broken_promises
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
 from sarsim.scripts.cli import run
@@ -22,6 +23,8 @@ def check_arenas(seeds: int = 200, first: int = 0, random: RandomArenaConfig = _
         first: seed.
         random: what they are like.
     """
+    if seeds < 1 or first < 0:
+        raise InputError(f"--seeds {seeds} --first {first}: at least 1 arena, and no negative seed")
     table, seconds, bad = Table("seed", "broken promises"), [], 0
     for seed in track(range(first, first + seeds), console=Console(stderr=True)):
         before = perf_counter()

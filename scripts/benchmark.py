@@ -16,6 +16,7 @@ from pipeline.errors import InputError
 from pipeline.files import whole_file
 from sarsim.scripts.benchmarks.camera import Camera
 from sarsim.scripts.benchmarks.dataset import Dataset
+from sarsim.scripts.benchmarks.exploration import ExplorationBenchmark
 from sarsim.scripts.benchmarks.metric_map import MetricMapBenchmark
 from sarsim.scripts.benchmarks.semantic import Semantic
 from sarsim.scripts.benchmarks.subject import Result, Subject
@@ -24,6 +25,7 @@ from sarsim.scripts.cli import guarded, parse
 SUBJECTS: dict[str, type[Subject]] = {
     "camera": Camera,
     "dataset": Dataset,
+    "exploration": ExplorationBenchmark,
     "metric-map": MetricMapBenchmark,
     "semantic": Semantic,
 }
@@ -38,7 +40,7 @@ def benchmark(subject: Subject, name: str) -> None:
     if subject.json and not subject.json.absolute().parent.is_dir():
         raise InputError(f"--json {subject.json}: there is no folder {subject.json.absolute().parent}")
     result = subject.measure()
-    Console().print(table(name, result.figures))
+    Console().print(result.table or table(name, result.figures))
     if subject.json:
         with whole_file(subject.json) as file:
             file.write_text(json.dumps(report(subject, name, result), indent=2) + "\n")

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rich.table import Table
+
 
 @dataclass(frozen=True)
 class Result:
@@ -13,6 +15,8 @@ class Result:
     """By name. A ratio says how many times faster than the other in this run."""
     details: dict[str, Any] = field(default_factory=dict)
     """What else belongs into the file, under its own keys."""
+    table: Table | None = None
+    """For a person to read, where all figures would be too many."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,89 @@
+"""A run from above: the true ground, what of it was seen, the way driven, and what went wrong where."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.surface.grid import Grid
+from sarsim.scoring.true_surface import TrueSurface
+
+WIDTH = 900
+"""Pixels that the arena takes at most, along its longer side."""
+MOST_PIXELS = 8
+"""along a cell."""
+BAND = 26
+"""Pixels of the line of text below."""
+
+# Colours are RGB.
+NOWHERE, GROUND, WALL = (226, 226, 226), (250, 250, 250), (40, 40, 40)
+UNSEEN, SEEN = (255, 170, 150), (190, 228, 190)
+WAY, START, END = (30, 80, 200), (255, 255, 255), (30, 80, 200)
+CONTACT, FAILED = (220, 0, 0), (160, 0, 200)
+
+
+def top_view(
+    surface: TrueSurface,
+    seen: NDArray[np.bool_],
+    way: NDArray[np.float64],
+    contacts: Sequence[NDArray[np.float64]],
+    failed: Sequence[NDArray[np.float64]],
+    text: str,
+) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 RGB, x to the right and y up.
+
+    Args:
+        surface: the true ground; drivable cells are green where they were seen, red where not.
+        seen: (nx, ny) on its grid.
+        way: (N, 2) m, the robot's true trajectory.
+        contacts: (2,) m, where the robot was when it touched something; red crosses.
+        failed: (2,) m, targets of legs that were not reached; violet diamonds.
+        text: for the line below.
+    """
+    scale = int(np.clip(WIDTH // max(surface.grid.shape), 1, MOST_PIXELS))
+    cells = _cells(surface, seen).transpose(1, 0, 2)[::-1]
+    picture = np.ascontiguousarray(cells.repeat(scale, axis=0).repeat(scale, axis=1))
+    pixels = _Pixels(surface.grid, scale)
+    line = pixels(way)
+    cv2.polylines(picture, [line], False, WAY, 1, cv2.LINE_AA)
+    cv2.circle(picture, line[0].tolist(), 5, START, cv2.FILLED, cv2.LINE_AA)
+    cv2.circle(picture, line[0].tolist(), 5, WAY, 1, cv2.LINE_AA)
+    cv2.circle(picture, line[-1].tolist(), 5, END, cv2.FILLED, cv2.LINE_AA)
+    for place, colour, marker in (
+        *((c, CONTACT, cv2.MARKER_TILTED_CROSS) for c in contacts),
+        *((f, FAILED, cv2.MARKER_DIAMOND) for f in failed),
+    ):
+        cv2.drawMarker(picture, pixels(place).tolist(), colour, marker, 10, 2, cv2.LINE_AA)
+    return np.vstack([picture, _caption(text, picture.shape[1])])
+
+
+def _cells(surface: TrueSurface, seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """(nx, ny, 3) the colour of every cell."""
+    cells = np.empty((*surface.grid.shape, 3), np.uint8)
+    cells[:] = NOWHERE
+    cells[~np.isnan(surface.height)] = GROUND
+    cells[surface.drivable] = UNSEEN
+    cells[surface.drivable & seen] = SEEN
+    cells[surface.walls] = WALL
+    return cells
+
+
+class _Pixels:
+    """From m in the world to pixels."""
+
+    def __init__(self, grid: Grid, scale: int):
+        self._grid, self._scale = grid, scale
+
+    def __call__(self, xy: NDArray[np.float64]) -> NDArray[np.int32]:
+        """(..., 2) column and row of points (..., 2)."""
+        column, row = np.moveaxis((np.asarray(xy) - self._grid.origin) / self._grid.cell * self._scale, -1, 0)
+        return np.stack([column, self._grid.shape[1] * self._scale - row], axis=-1).astype(np.int32)
+
+
+def _caption(text: str, width: int) -> NDArray[np.uint8]:
+    band = np.full((BAND, width, 3), 255, np.uint8)
+    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.45
+    fitting = min(1.0, (width - 12) / cv2.getTextSize(text, font, size, 1)[0][0])
+    cv2.putText(band, text, (6, BAND - 9), font, size * fitting, (0, 0, 0), 1, cv2.LINE_AA)
+    return band

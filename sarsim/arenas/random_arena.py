@@ -15,7 +15,7 @@ from sarsim.arenas.elements import TILE, ArenaBuilder
 from sarsim.arenas.layout import Item, Layout, Side, Tile
 from sarsim.arenas.promises import broken_promises
 from sarsim.arenas.random_clutter import place_obstacles, scatter_clutter
-from sarsim.arenas.random_furniture import OTHER_WALLS, hang_on_walls, place_furniture
+from sarsim.arenas.random_furniture import OTHER_WALLS, hang_on_walls, place_bulky, place_furniture
 from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, make_maze, wall_items
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
 
@@ -31,6 +31,7 @@ _BOUNDS = {
     "ramps": (0, 1),
     "clutter": (0, 1),
     "furniture": (0, 1),
+    "bulky": (0, 1),
     "victims": (0, 100),
     "difficulty": (0, 3),
 }
@@ -49,6 +50,7 @@ class RandomArenaConfig:
             crossing ramps, from 3 on a step field. From 2 on as many tiles have a block or a pipe beside a wall.
         furniture: share of the tiles that furniture takes, or rescue elements that nobody drives over; as many tiles
             have something hanging on a wall, and some inner walls are thick or veils.
+        bulky: share of the tiles with what hides much: raised floors to drive under, steep boards, cupboards.
         victims: number of them.
         difficulty: 0 flat; 1 with decks and ridges of ramps; 2 with crossing ramps, clutter, holes in walls and
             victims half hidden; 3 with continuous ramp fields and step fields. If not given, the remainder of
@@ -65,6 +67,7 @@ class RandomArenaConfig:
     difficulty: int | None = None
     ceiling: bool = False
     furniture: float = 0.0
+    bulky: float = 0.0
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
@@ -125,6 +128,8 @@ def _draw(dice: Dice, config: RandomArenaConfig, difficulty: int) -> _Plan | Non
         items += place_furniture(layout, dice, config.furniture)
         items += hang_on_walls(layout, dice, config.furniture)
         other_walls = OTHER_WALLS
+    if config.bulky:
+        items += place_bulky(layout, dice, config.bulky)
     items += ground_items(layout)
     items += wall_items(layout, dice, difficulty >= 2, config.ceiling, other_walls)
     return _Plan(items, victims, start)

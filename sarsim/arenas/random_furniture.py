@@ -22,6 +22,18 @@ FREESTANDING = ("raised_floor", "raised_floor", "raised_floor", "elevated_ramps"
 """What fills the middle of its tile."""
 RAMPS = (("half_ramp", 0), ("half_ramp", 0), ("half_ramp_shifted", 2), ("full_ramp", 2), ("full_ramp", 2))
 """Ramps that lead nowhere, and by how many quarters they are turned so that they rise away from the robot."""
+BULKY = (
+    *("raised_floor_120",) * 4,
+    *("simple_elev_ramp",) * 3,
+    "wardrobe",
+    "wardrobe",
+    "cupboards",
+    "machine",
+    "cabinet_tall",
+)
+"""What hides much behind it. The first leaves room to drive under it, and its neighbours may be such, too."""
+SPREAD = 0.5
+"""Share of the neighbours of a raised floor that are."""
 SMALL = ("chair", "chair", "crate_small", "fire_extinguisher")
 """What may stand before something else, turned anyhow."""
 ACCOMPANIED = 0.4
@@ -43,6 +55,29 @@ def place_furniture(layout: Layout, dice: Dice, share: float) -> list[Item]:
             items += _furnish(dice, tile, dice.pick(views)[1])
             blocked += 1
     return items
+
+
+def place_bulky(layout: Layout, dice: Dice, share: float) -> list[Item]:
+    """Raised floors over free tiles, and boards and cupboards that take a tile, until they have their share."""
+    wanted = round(share * len(layout.tiles()))
+    items: dict[Tile, Item] = {}
+    for tile in dice.shuffled(layout.tiles()):
+        kind = dice.pick(BULKY)
+        if len(items) >= wanted or tile in items or not layout.is_free(tile):
+            continue
+        if kind == BULKY[0]:
+            items |= {under: Item(under, kind) for under in _under_a_floor(layout, dice, tile)}
+        elif (views := layout.views([tile])) and layout.block([tile]):
+            back = opposite(dice.pick(views)[1])
+            turn = dice.number(0, 3) if kind == "simple_elev_ramp" else 0
+            items[tile] = Item(tile, kind, YAW[(back + turn) % 4])
+    return list(items.values())
+
+
+def _under_a_floor(layout: Layout, dice: Dice, tile: Tile) -> list[Tile]:
+    """A tile and some of those to which the robot can drive from there on level floor."""
+    beside = [layout.next(tile, side) for side in layout.exits(tile)]
+    return [tile, *(t for t in beside if layout.is_free(t) and dice.chance(SPREAD))]
 
 
 def hang_on_walls(layout: Layout, dice: Dice, share: float) -> list[Item]:

@@ -33,6 +33,7 @@ class ArenaRange:
         ramps: share of the tiles that are ramps and decks.
         clutter: share of the tiles that something takes.
         furniture: share of the tiles that furniture and such takes.
+        bulky: share of the tiles with what hides much.
         victims: number.
         difficulty: 0 flat, to 3 with ramp fields and step fields.
         ceilings: share of the arenas that have one.
@@ -46,9 +47,19 @@ class ArenaRange:
     difficulty: tuple[int, int] = (0, 3)
     ceilings: float = 0.2
     furniture: tuple[float, float] = (0.0, 0.0)
+    bulky: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name in ("tiles", "wall_density", "ramps", "clutter", "furniture", "victims", "difficulty"):
+        for name in (
+            "tiles",
+            "wall_density",
+            "ramps",
+            "clutter",
+            "furniture",
+            "bulky",
+            "victims",
+            "difficulty",
+        ):
             _check_order(f"random.{name}", getattr(self, name))
         _check_share("random.ceilings", self.ceilings)
 
@@ -65,6 +76,7 @@ class ArenaRange:
             ceiling=bool(rng.random() < self.ceilings),
             # No number is drawn for nothing: datasets without furniture stay as they are.
             furniture=round(rng.uniform(*self.furniture), 3) if self.furniture[1] else 0.0,
+            bulky=round(rng.uniform(*self.bulky), 3) if self.bulky[1] else 0.0,
         )
 
 

@@ -9,7 +9,7 @@ from pipeline.exploration import Exploration, ExplorationConfig, View
 from pipeline.frame import Frame
 from pipeline.localisation import OdometryLocalisation
 from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
-from pipeline.navigation import NavigationConfig, Navigator
+from pipeline.navigation import Halt, NavigationConfig, Navigator
 from pipeline.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier
@@ -22,6 +22,10 @@ from pipeline.surface.missing import missing_ground
 from pipeline.surface.paths import ShortestPaths
 from pipeline.surface.surface_map import SurfaceConfig, SurfaceMap
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
+from pipeline.transforms import transform_points
+
+BUMPER, HALF_WIDTH, BODY_HEIGHT = 0.29, 0.25, 0.3
+"""m from the robot's middle to what it touches with its front or back; half of its width; its height."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,13 @@ class Look:
     surface: DrivableSurface
     view: View | None
     plan: PathPlan | None
+
+
+def bumper(halt: Halt) -> NDArray[np.float64]:
+    """(N, 3) points in ``map`` right before the end of the robot that was held, as high as its body."""
+    ahead = BUMPER * np.sign(halt.command.v)
+    points = [[ahead, left, BODY_HEIGHT] for left in np.linspace(-HALF_WIDTH, HALF_WIDTH, 21)]
+    return transform_points(halt.T_map_base, np.array(points)).astype(np.float64)
 
 
 class Explorer:
@@ -130,7 +141,11 @@ class Explorer:
         self.navigator.T_map_odom = self.localisation.T_map_odom
         with self.stopwatch("navigation"):
             heading = look.view.heading if look.view.turn else None
-            return self.navigator.follow(look.plan.way_points, heading)
+            reached = self.navigator.follow(look.plan.way_points, heading)
+        for halt in self.navigator.halts:
+            if halt.command.v != 0:
+                self.surface_map.add_obstacle(bumper(halt))
+        return reached
 
     def _update_surface(
         self, points: NDArray[np.float32], missing: NDArray[np.float32], T_map_base: NDArray[np.float64]

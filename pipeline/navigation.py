@@ -7,8 +7,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.attitude import Attitude
 from pipeline.robot import Motion, Robot, Velocity
-from pipeline.transforms import tilt_of, wrap_angle, yaw_of
+from pipeline.transforms import wrap_angle, yaw_of
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,17 @@ class NavigationConfig:
         position_tolerance: a way point counts as reached so near to it, m.
         cross_track_gain: heading correction over the distance from the line, rad/m.
         max_tilt: beyond this the robot stops and backs out, rad.
+        tilt_lead: it does so when it will lean that far in so many seconds.
+        turn_limit, back_limit: on a ramp the robot drives on if the way point is no further than the one off its
+            heading, backs if it is further than the other, and turns on the spot in between only, rad.
+        ramp_turn_rate: of such turns, rad/s.
+        acceleration, turn_acceleration: that the drive allows itself, m/s² and rad/s²; commands come true so late.
+        blocked_time: s over which speeds are averaged to notice that something holds the robot.
+        blocked_share: of the commanded speed; a slower robot is held.
         stuck_time: s without progress after which the robot gives the leg up.
         stuck_distance: m that count as progress.
         back_out: m that the robot backs out after it gave up.
+        back_turn: rad that it turns back.
     """
 
     speed: float = 0.2
@@ -41,9 +50,18 @@ class NavigationConfig:
     position_tolerance: float = 0.04
     cross_track_gain: float = 1.5
     max_tilt: float = np.deg2rad(25)
+    tilt_lead: float = 0.1
+    turn_limit: float = np.deg2rad(35)
+    back_limit: float = np.deg2rad(145)
+    ramp_turn_rate: float = 0.4
+    acceleration: float = 0.3
+    turn_acceleration: float = np.deg2rad(100)
+    blocked_time: float = 0.7
+    blocked_share: float = 0.35
     stuck_time: float = 4.0
     stuck_distance: float = 0.02
     back_out: float = 0.3
+    back_turn: float = np.deg2rad(20)
 
 
 class Outcome(Enum):
@@ -69,22 +87,53 @@ class Leg:
     duration: float
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
+class Halt:
+    """Something stopped the robot that its map does not show.
+
+    Attributes:
+        T_map_base: 4×4 pose where it stopped.
+        command: that it could not follow.
+    """
+
+    T_map_base: NDArray[np.float64]
+    command: Velocity
+
+
 class _Progress:
-    """Notices when nothing moves any more, neither the position nor the heading."""
+    """Notices when the robot is held, and when nothing moves any more, neither the position nor the heading."""
 
-    config: NavigationConfig
-    anchor: NDArray[np.float64] | None = None
-    since: float = 0.0
+    def __init__(self, config: NavigationConfig, T: NDArray[np.float64], time: float):
+        self._config = config
+        self._anchor, self._since = T, time
+        self._last, self._time = T, time
+        # Speeds forward and of turning: as commanded and so far come true, and the averages of what is and should be.
+        self._due, self._wanted, self._felt = np.zeros(2), np.zeros(2), np.zeros(2)
 
-    def is_stuck(self, T: NDArray[np.float64], time: float) -> bool:
-        moved = (
-            self.anchor is None or np.linalg.norm(T[:3, 3] - self.anchor[:3, 3]) > self.config.stuck_distance
-        )
-        turned = self.anchor is None or abs(wrap_angle(yaw_of(T) - yaw_of(self.anchor))) > np.deg2rad(3)
+    def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity) -> bool:
+        """Whether the newest pose shows that the command cannot be followed."""
+        held = self._is_held(T, time - self._time, command)
+        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > self._config.stuck_distance
+        turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > np.deg2rad(3)
         if moved or turned:
-            self.anchor, self.since = T.copy(), time
-        return time - self.since > self.config.stuck_time
+            self._anchor, self._since = T, time
+        self._last, self._time = T, time
+        return held or time - self._since > self._config.stuck_time
+
+    def _is_held(self, T: NDArray[np.float64], dt: float, command: Velocity) -> bool:
+        config = self._config
+        if dt <= 0:
+            return False
+        limit = np.array([config.acceleration, config.turn_acceleration]) * dt
+        self._due += np.clip([command.v, command.omega] - self._due, -limit, limit)
+        forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
+        speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
+        share = min(1.0, dt / config.blocked_time)
+        self._wanted += share * (np.abs(self._due) - self._wanted)
+        self._felt += share * (speeds * np.sign(self._due) - self._felt)
+        counts = self._wanted > (0.04, 0.15)
+        counts[1] &= command.v == 0
+        return bool((counts & (self._felt < config.blocked_share * self._wanted)).any())
 
 
 @dataclass
@@ -95,21 +144,33 @@ class Navigator:
         robot: the body.
         T_map_odom: 4×4, where the localisation believes the odometry's origin.
         legs: every leg driven so far.
+        halts: what stopped the robot on the last way that it followed.
         motion: the newest motion of the body.
+        attitude: how far the robot leans.
     """
 
     robot: Robot
     config: NavigationConfig = field(default_factory=NavigationConfig)
     T_map_odom: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     legs: list[Leg] = field(default_factory=list)
+    halts: list[Halt] = field(default_factory=list)
     motion: Motion | None = None
+    attitude: Attitude = field(default_factory=Attitude)
 
     def follow(self, way_points: NDArray[np.float64], heading: float | None = None) -> bool:
         """Drive through (N, 2) way points and end looking along ``heading`` rad; True if all was reached."""
+        self.halts = []
         for target in way_points:
             if not self._drive_leg(np.asarray(target)[:2]):
                 return False
-        return heading is None or self._finish(self._turn_to(lambda T: heading)) is Outcome.REACHED
+        return heading is None or self._look_along(heading)
+
+    def _look_along(self, heading: float) -> bool:
+        """Turn to the heading at the last way point; a turn that fails is a leg that failed."""
+        outcome = self._finish(self._turn_to(lambda T: heading))
+        if outcome is not Outcome.REACHED and self.legs:
+            self.legs[-1].outcome = outcome
+        return outcome is Outcome.REACHED
 
     def _drive_leg(self, target: NDArray[np.float64]) -> bool:
         """Turn towards the way point, then drive straight to it."""
@@ -118,21 +179,21 @@ class Navigator:
         outcome = Outcome.REACHED
         if np.linalg.norm(target - T[:2, 3]) > self.config.position_tolerance:
             outcome = self._finish(self._approach(T, target))
-        if outcome is not Outcome.REACHED:
-            self._back_out()
         self.legs.append(Leg(target, outcome, self._time - started))
         return outcome is Outcome.REACHED
 
     def _approach(self, T: NDArray[np.float64], target: NDArray[np.float64]) -> Iterator[Velocity]:
-        """Commands that bring the robot to the way point; on a ramp it does not turn, but backs where it must."""
-        error = wrap_angle(_bearing(T[:2, 3], target) - yaw_of(T))
-        backwards = self._on_ramp(T) and abs(error) > np.pi / 2
-        if not self._on_ramp(T):
+        """Commands that bring the robot to the way point; on a ramp it backs rather than turn around."""
+        error = abs(wrap_angle(_bearing(T[:2, 3], target) - yaw_of(T)))
+        config, on_ramp = self.config, self._on_ramp
+        backwards = on_ramp and error > config.back_limit
+        if not on_ramp or config.turn_limit < error <= config.back_limit:
             yield from self._turn_to(lambda T: _bearing(T[:2, 3], target))
-        yield from self._straight_to(T[:2, 3].copy(), target, backwards)
+        yield from self._straight_to(self._T_map_base[:2, 3].copy(), target, backwards)
 
-    def _on_ramp(self, T: NDArray[np.float64]) -> bool:
-        return max(map(abs, tilt_of(T))) > self.config.ramp_tilt
+    @property
+    def _on_ramp(self) -> bool:
+        return self.attitude.tilt_in(0.0) > self.config.ramp_tilt
 
     def _turn_to(self, heading: Callable[[NDArray[np.float64]], float]) -> Iterator[Velocity]:
         """Commands that turn on the spot, the shorter way, to the heading wanted at each pose."""
@@ -142,7 +203,8 @@ class Navigator:
             error = wrap_angle(heading(T) - yaw_of(T))
             if abs(error) < config.heading_tolerance:
                 return
-            rate = np.clip(config.turn_gain * abs(error), config.min_turn_rate, config.max_turn_rate)
+            fastest = config.ramp_turn_rate if self._on_ramp else config.max_turn_rate
+            rate = np.clip(config.turn_gain * abs(error), config.min_turn_rate, fastest)
             yield Velocity(0.0, float(np.sign(error) * rate))
 
     def _straight_to(
@@ -150,7 +212,7 @@ class Navigator:
     ) -> Iterator[Velocity]:
         """Commands that follow the line from ``start`` until the robot is abreast of the target."""
         config = self.config
-        length = float(np.linalg.norm(target - start))
+        length = max(float(np.linalg.norm(target - start)), 1e-6)
         along = (target - start) / length
         left = np.array([-along[1], along[0]])
         bearing = np.arctan2(along[1], along[0]) + (np.pi if backwards else 0.0)
@@ -162,30 +224,44 @@ class Navigator:
             offset = float(np.clip(config.cross_track_gain * ((T[:2, 3] - start) @ left), -0.5, 0.5))
             error = wrap_angle(bearing - offset - yaw_of(T))
             # Slowing down before the way point keeps the wheels from skidding past it.
-            speed = min(config.ramp_speed if self._on_ramp(T) else config.speed, max(0.05, remaining))
+            speed = min(config.ramp_speed if self._on_ramp else config.speed, max(0.05, remaining))
             rate = float(np.clip(config.turn_gain * error, -config.max_turn_rate, config.max_turn_rate))
             yield Velocity(-speed if backwards else speed, rate)
 
     def _finish(self, commands: Iterator[Velocity]) -> Outcome:
-        """Give commands until they end, the robot leans too far, or nothing moves any more."""
-        progress = _Progress(self.config)
+        """Give commands until they end, the robot leans too far, or something holds it; then it backs out."""
+        progress = _Progress(self.config, self._T_map_base, self._time)
         for command in commands:
             T = self._drive(command)
-            if max(map(abs, tilt_of(T))) > self.config.max_tilt:
-                return Outcome.TILTED
-            if progress.is_stuck(T, self._time):
-                return Outcome.STUCK
+            leans = self.attitude.tilt_in(self.config.tilt_lead) > self.config.max_tilt
+            if leans or progress.is_stuck(T, self._time, command):
+                self.halts.append(Halt(T, command))
+                self._back_out(command)
+                return Outcome.TILTED if leans else Outcome.STUCK
         self._drive(Velocity())
         return Outcome.REACHED
 
-    def _back_out(self) -> None:
-        """Back along the way the robot came, which is known to be free."""
-        for _ in range(round(self.config.back_out / self.config.ramp_speed / self.robot.control_period)):
-            self._drive(Velocity(-self.config.ramp_speed))
+    def _back_out(self, command: Velocity) -> None:
+        """Undo the last of the motion: that way was free."""
+        config = self.config
+        if command.v == 0:
+            undo, seconds = Velocity(0.0, -np.sign(command.omega) * config.ramp_turn_rate), config.back_turn
+            seconds /= config.ramp_turn_rate
+        else:
+            undo, seconds = (
+                Velocity(-np.sign(command.v) * config.ramp_speed),
+                config.back_out / config.ramp_speed,
+            )
+        T = self._drive(Velocity())
+        progress = _Progress(config, T, self._time)
+        for _ in range(round(seconds / self.robot.control_period)):
+            if progress.is_stuck(self._drive(undo), self._time, undo):
+                break
         self._drive(Velocity())
 
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)
+        self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
         return self._T_map_base
 
     @property

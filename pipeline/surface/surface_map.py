@@ -65,6 +65,7 @@ class SurfaceMap:
         self._hits = np.zeros((nx, ny, self._levels), np.uint16)
         self._assumed = np.full((nx, ny), np.nan, np.float32)
         self._doubt = np.zeros((nx, ny, 2), np.float32)
+        self._felt = np.full((nx, ny), np.nan, np.float32)
         self._shown = np.full((nx, ny), np.nan, np.float32)
         self.measured = np.full((nx, ny), np.nan, np.float32)
         self.elevation = np.full((nx, ny), np.nan, np.float32)
@@ -76,6 +77,7 @@ class SurfaceMap:
             self._hits,
             self._assumed,
             self._doubt,
+            self._felt,
             self._shown,
             self.measured,
             self.elevation,
@@ -103,6 +105,13 @@ class SurfaceMap:
         x, y = np.moveaxis((cells - centre) @ T_map_base[:2, :2], -1, 0)
         on_strip = (x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2)
         self._assumed[(np.hypot(x, y) <= radius) | on_strip] = T_map_base[2, 3]
+        self._refresh()
+
+    def add_obstacle(self, points: NDArray[np.float64]) -> None:
+        """Put an obstacle that the robot felt into the cells of (N, 3) points; it stays, whatever is seen there."""
+        self._grow(points[:, :2])
+        i, j = self.grid.cell_of(points).T
+        self._felt[i, j] = points[:, 2]
         self._refresh()
 
     @property
@@ -159,6 +168,8 @@ class SurfaceMap:
         self.measured = np.where(doubted, np.float32(np.nan), self._shown)
         known = np.where(np.isnan(self._shown), self._assumed, self._shown)
         known[doubted] = np.nan
+        for layer in (self.measured, known):
+            np.copyto(layer, self._felt, where=~np.isnan(self._felt))
         self.elevation = kernels.bridge_gaps(
             known, doubted, round(config.max_gap / config.cell), config.max_gap_rise
         )

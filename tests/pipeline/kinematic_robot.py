@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
@@ -44,6 +45,8 @@ class KinematicRobot:
             y += command.v * np.sin(yaw) * self.control_period
         pitch = self._pitch(x, y)
         tilt = np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
+        before = self.T[:3, :3]
         self.T = from_rotation(from_yaw(0, 0, 0, yaw)[:3, :3] @ tilt, [x, y, 0])
-        zero = np.zeros(3)
-        return Motion(self._time, self.T.copy(), zero, zero, np.array([command.v, command.v]))
+        gyro = Rotation.from_matrix(before.T @ self.T[:3, :3]).as_rotvec() / self.control_period
+        accelerometer = self.T[:3, :3].T @ [0, 0, 9.81]
+        return Motion(self._time, self.T.copy(), gyro, accelerometer, np.array([command.v, command.v]))

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.navigation import NavigationConfig, Navigator, Outcome
+from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
 from tests.pipeline.kinematic_robot import KinematicRobot
 
@@ -72,12 +73,47 @@ def test_it_follows_the_line_not_only_the_bearing():
 
 
 def test_stuck_is_noticed_and_the_robot_backs_out():
-    robot = KinematicRobot(blocked=lambda time: 3 < time < 8)
+    robot = KinematicRobot(blocked=lambda time: 3 < time < 4)
     navigator = Navigator(robot)
     assert not navigator.follow(np.array([(2, 0), (2, 2)]))
     assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]
     assert robot.commands[-2].v < 0
     assert robot.commands[-1].v == 0
+    (halt,) = navigator.halts
+    assert halt.command.v > 0
+    assert robot.T[0, 3] == pytest.approx(halt.T_map_base[0, 3] - NavigationConfig().back_out, abs=0.04)
+
+
+def test_it_pushes_for_less_than_a_second():
+    robot = KinematicRobot(blocked=lambda time: time > 3)
+    Navigator(robot).follow(np.array([(2, 0)]))
+    pushing = [c for c in robot.commands[60:] if c.v > 0]
+    assert len(pushing) * robot.control_period < 1
+    backing = [c for c in robot.commands if c.v < 0]  # held there too, it gives up as soon
+    assert len(backing) * robot.control_period < 1.5
+
+
+def test_a_turn_that_is_blocked_is_turned_back():
+    robot = KinematicRobot(blocked=lambda time: 1 < time < 2)
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(0, 2)]))
+    assert navigator.legs[-1].outcome is Outcome.STUCK
+    assert navigator.halts[-1].command.v == 0
+    assert robot.commands[-2].omega < 0 < robot.commands[5].omega
+
+
+def test_a_blocked_look_is_a_leg_that_failed():
+    robot = KinematicRobot(blocked=lambda time: time > 6)
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(1, 0)]), heading=3.0)
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]
+
+
+def test_a_slow_drive_is_no_blocked_one():
+    robot = KinematicRobot()
+    drive = robot.drive
+    robot.drive = lambda command: drive(Velocity(0.6 * command.v, 0.6 * command.omega))
+    assert Navigator(robot).follow(np.array([(1, 0), (1, 1)]), 0.0)
 
 
 def test_it_stops_before_it_tips():
@@ -98,6 +134,15 @@ def test_on_a_ramp_it_backs_instead_of_turning():
     assert min(c.v for c in backing) < 0 <= max(abs(c.omega) for c in backing) < 0.3
     assert abs(yaw_of(robot.T)) < np.deg2rad(10)
     np.testing.assert_allclose(robot.T[:2, 3], (0.5, 0.05), atol=0.06)
+
+
+def test_on_a_ramp_it_turns_slowly_where_the_way_leads_across():
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16))
+    navigator = Navigator(robot)
+    assert navigator.follow(np.array([(0.5, 0.0), (0.5, 0.5)]))
+    turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
+    assert max(turning) == NavigationConfig().ramp_turn_rate
+    np.testing.assert_allclose(robot.T[:2, 3], (0.5, 0.5), atol=0.06)
 
 
 def test_way_points_are_in_map_whatever_odom_is():

@@ -104,6 +104,15 @@ def test_what_is_missing_above_or_below_the_ground_is_no_ground():
     assert not surface.doubted.any()
 
 
+def test_a_felt_obstacle_stays_whatever_is_seen():
+    surface = surface_of(ground_points(flat, (-1, 1), (-1, 1)))
+    surface.add_obstacle(np.array([(0.5, 0.0, 0.3)]))
+    surface.update(ground_points(flat, (-1, 1), (-1, 1)))
+    assert surface.grid.at(surface.elevation, [0.5, 0.0]) == pytest.approx(0.3)
+    assert surface.grid.at(surface.measured, [0.5, 0.0]) == pytest.approx(0.3)
+    assert surface.grid.at(surface.elevation, [0.4, 0.0]) == 0
+
+
 def test_a_gap_between_different_heights_stays_open():
     ground = ground_points(ramp_and_deck, (1, 2), (-1, 1))
     surface = surface_of(ground[np.abs(ground[:, 1] - 0.6) > 0.05])

@@ -13,11 +13,13 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from pipeline.errors import InputError
+from pipeline.semantic_map.dgcnn.classifier import load_classifier
 from pipeline.semantic_map.dgcnn.clouds import LabelledCloud
 from pipeline.semantic_map.dgcnn.parallel import Worker
 from pipeline.semantic_map.dgcnn.training import Trainer, TrainingConfig
 from sarsim.dataset.folder import Dataset
 from sarsim.scripts.cli import guarded, parse
+from sarsim.scripts.training.yolo import TrainYolo
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,8 @@ class TrainDgcnn:
             endings. A training that was left is taken up from its checkpoint.
         stride: take every so manieth frame of a scene.
         validation_frames: at most, evenly over the scenes.
+        init: weights to begin with, as this command writes them; random ones if not given.
+        until: leave the training after that step; the same command takes it up again.
         training: settings.
     """
 
@@ -37,17 +41,21 @@ class TrainDgcnn:
     out: Path
     stride: int = 1
     validation_frames: int = 200
+    init: Path | None = None
+    until: int | None = None
     training: Annotated[TrainingConfig, tyro.conf.arg(name="")] = field(default_factory=TrainingConfig)
 
     def run(self) -> None:
         """Train, and say where the weights lie."""
         self._check()
+        initial = None if self.init is None else load_classifier(self.init)[0]
         worker = Worker.join()
         try:
             clouds = self._load(worker)
             validation = clouds["val"][:: 1 + len(clouds["val"]) // self.validation_frames]
             about = {"data": str(self.data), "scenes": len(Dataset(self.data)), "stride": self.stride}
-            trainer = Trainer(clouds["train"], validation, self.training, self.out, worker, about)
+            about |= {} if self.init is None else {"init": str(self.init)}
+            trainer = Trainer(clouds["train"], validation, self.training, self.out, worker, about, initial)
             self._train(trainer)
         finally:
             worker.leave()
@@ -87,7 +95,8 @@ class TrainDgcnn:
             trainer.run(
                 lambda now: progress.update(
                     bar, completed=now.step, description=f"steps, best {now.best:.3f}"
-                )
+                ),
+                self.until,
             )
 
 
@@ -97,7 +106,7 @@ def progress_bar(worker: Worker) -> Progress:
     return Progress(*columns, console=Console(stderr=True), disable=not worker.leads)
 
 
-NETWORKS: dict[str, Callable[..., TrainDgcnn]] = {"dgcnn": TrainDgcnn}
+NETWORKS: dict[str, Callable[..., TrainDgcnn | TrainYolo]] = {"dgcnn": TrainDgcnn, "yolo": TrainYolo}
 
 
 def train() -> None:

@@ -81,8 +81,7 @@ class DarknetConvolution(nn.Module):
         self.conv = nn.Conv2d(
             channels, layer.filters, layer.size, layer.stride, layer.padding, bias=not normalize
         )
-        # Darknet's rolling averages take 1 % of each batch.
-        self.norm = nn.BatchNorm2d(layer.filters, BATCH_NORM_EPSILON, momentum=0.01) if normalize else None
+        self.norm = nn.BatchNorm2d(layer.filters, BATCH_NORM_EPSILON) if normalize else None
         self.leaky = layer.activation == "leaky"
 
     def forward(self, x: Tensor) -> Tensor:

@@ -1,0 +1,38 @@
+"""What a network learns from: images and the people in them."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledImage:
+    """An image and the people in it.
+
+    Attributes:
+        rgb: (H, W, 3) uint8.
+        boxes: (N, 4) float32 x0, y0, x1, y1 around what is seen of each person, pixels.
+        ignored: (N,) bool: so little is seen that finding the person is neither right nor wrong.
+    """
+
+    rgb: NDArray[np.uint8]
+    boxes: NDArray[np.float32]
+    ignored: NDArray[np.bool_]
+
+
+class LabelledImages(Protocol):
+    """Many of them, too many to hold them all."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+        ...
+
+    def __getitem__(self, index: int, /) -> LabelledImage:
+        """One of them."""
+        ...
+
+    def people(self, index: int) -> NDArray[np.floating]:
+        """(N, 2) widths and heights of the people to be found in one, as shares of the image's."""
+        ...

@@ -1,0 +1,49 @@
+"""The frames of a dataset as images to learn from in which people are."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.victim_detection.labelled_image import LabelledImage
+from sarsim.dataset.folder import Dataset
+from sarsim.dataset.scene_file import Scene
+
+MIN_AREA = 100
+"""pixels that must show of a person who is to be found; one who shows fewer is ignored."""
+
+
+class VictimImages:
+    """All frames of one split, read when asked for."""
+
+    def __init__(self, folder: Path, split: str, stride: int = 1) -> None:
+        """Of a dataset's folder; every ``stride``-th frame of a scene.
+
+        Raises:
+            InputError: no dataset, or a scene is missing or broken.
+        """
+        dataset = Dataset(folder)
+        entries = [entry for entry in dataset.entries if entry.split == split]
+        self._scenes = [Scene(dataset.folder / entry.file) for entry in entries]
+        self._frames = [(scene, index) for scene in self._scenes for index in range(0, len(scene), stride)]
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def __getitem__(self, index: int) -> LabelledImage:
+        scene, frame = self._frames[index]
+        area = scene.victim_area[frame]
+        seen = area > 0
+        boxes = scene.victim_pixels[frame][seen].astype(np.float32)
+        return LabelledImage(scene.rgb(frame), boxes, area[seen] < MIN_AREA)
+
+    def people(self, index: int) -> NDArray[np.floating]:
+        """(N, 2) widths and heights of the people to be found in one, as shares of the image's."""
+        scene, frame = self._frames[index]
+        boxes = scene.victim_pixels[frame][scene.victim_area[frame] >= MIN_AREA]
+        return (boxes[:, 2:] - boxes[:, :2]) / (scene.intrinsics.width, scene.intrinsics.height)
+
+    def close(self) -> None:
+        """Close the scenes' files."""
+        for scene in self._scenes:
+            scene.close()

@@ -1,0 +1,61 @@
+"""``train.py yolo``: the network that finds victims."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
+
+from pipeline.errors import InputError
+from pipeline.victim_detection.training import Trainer, TrainingConfig
+from sarsim.dataset.victim_images import VictimImages
+from sarsim.scripts.cli import Interruptible
+
+
+@dataclass(frozen=True)
+class TrainYolo:
+    """The network that finds victims, from a dataset of generate_dataset.py.
+
+    Attributes:
+        data: folder of the dataset; its scenes of the split train are learned from, those of val validated with.
+        out: file for the weights (.weights); the network (.cfg), a checkpoint and a table get its name with other
+            endings. A training that was left is taken up from its checkpoint.
+        stride: take every so manieth frame of a scene.
+        training: settings.
+    """
+
+    data: Path
+    out: Path
+    stride: int = 1
+    training: Annotated[TrainingConfig, tyro.conf.arg(name="")] = field(default_factory=TrainingConfig)
+
+    def run(self) -> None:
+        """Train, and say where the weights lie."""
+        if self.stride < 1:
+            raise InputError("--stride: at least 1")
+        if self.out.suffix != ".weights":
+            raise InputError(f"--out {self.out}: a name that ends with .weights")
+        if not self.out.absolute().parent.is_dir():
+            raise InputError(f"--out {self.out}: there is no folder {self.out.absolute().parent}")
+        images = [VictimImages(self.data, split, self.stride) for split in ("train", "val")]
+        try:
+            trainer = Trainer(images[0], images[1], self.training, self.out)
+            self._train(trainer)
+        finally:
+            for source in images:
+                source.close()
+        Console().print(f"Validated best: AP50 {trainer.best:.4f}. Weights in {self.out}")
+
+    def _train(self, trainer: Trainer) -> None:
+        columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True)) as progress, Interruptible() as hold:
+            bar = progress.add_task("steps", total=self.training.steps, completed=trainer.step)
+
+            def report(now: Trainer) -> None:
+                progress.update(bar, completed=now.step, description=f"steps, best {now.best:.3f}")
+                if hold.interrupted:
+                    raise KeyboardInterrupt
+
+            trainer.run(report)

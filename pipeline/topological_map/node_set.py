@@ -53,13 +53,22 @@ class NodeSet:
         """Follow the changes of the ground; nodes that can no longer stand move up to ``snap`` m or go."""
         self.cover, self.links = self.cover.renewed(ground, changed), links
         for node in list(self.nodes.values()):
-            xy = ground.grid.nearest(ground.standable, node.position, snap)
-            if xy is None:
-                self.remove(node.id)
-            elif (xy != node.position[:2]).any():
-                self.remove(node.id)
-                self._put(node.id, node.label, xy)
+            self._settle(node, snap)
         self._retest(changed)
+
+    def _settle(self, node: Node, snap: float) -> None:
+        """Move a node to where the robot can turn; a joint in a passage too narrow for that stays in it."""
+        ground = self.ground
+        xy = ground.grid.nearest(ground.standable, node.position, snap)
+        if xy is not None and (xy == node.position[:2]).all():
+            return
+        parts = len(self.parts())
+        self.remove(node.id)
+        if xy is not None:
+            self._put(node.id, node.label, xy)
+        if len(self.parts()) > parts and ground.grid.at(ground.target, node.position):
+            self.remove(node.id)
+            self._put(node.id, node.label, node.position[:2])
 
     def add(self, label: Label, xy: NDArray[np.float64]) -> int:
         """Put a node at (2,) m; returns its id."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pipeline.labels import Label
 from pipeline.surface.paths import ShortestPaths, simplify
@@ -29,6 +29,7 @@ class CoverConfig:
         place_gain: ground that a place of the thesis's rules must add to become a node, m².
         linked: a place that a straight drive joins to a node is taken before one that would add more, if it adds at
             least this share.
+        joint_reach: so near to the shortest way between two nodes a third one is looked for that joins them, m.
         snap: nodes move so far when the map changes under them, m.
     """
 
@@ -36,6 +37,7 @@ class CoverConfig:
     min_gain: float = 0.01
     place_gain: float = 1.0
     linked: float = 0.7
+    joint_reach: float = 0.6
     snap: float = 0.3
 
 
@@ -74,26 +76,44 @@ class Placement:
         return int(order[0])
 
     def join(self) -> None:
-        """Where straight drives leave nodes apart, nodes in the bends of the shortest way join them."""
+        """Where straight drives leave nodes apart, nodes near the shortest way join them."""
         for _ in range(len(self._nodes.nodes)):
             parts = self._nodes.parts()
             if len(parts) < 2:
                 return
-            bends = self._bends_between(parts[0], parts[1:])
-            if not len(bends):
-                return
-            for xy in bends:
+            joints = self._joints(parts[0], parts[1:])
+            for xy in joints:
                 self._nodes.add(self._label(xy), xy)
+            if len(self._nodes.parts()) >= len(parts):
+                return
 
-    def _bends_between(self, part: set[int], others: Sequence[set[int]]) -> NDArray[np.float64]:
-        """(N, 2) the bends of the shortest drivable way from one group of nodes to any other."""
+    def _joints(self, part: set[int], others: Sequence[set[int]]) -> NDArray[np.float64]:
+        """(N, 2) places that join a group of nodes to another one: a single one, or else the bends of the way."""
         surface, nodes = self._nodes.ground.surface, self._nodes.nodes
         paths = ShortestPaths(surface, [nodes[n].position for n in sorted(part)])
         targets = [nodes[n].position for other in others for n in sorted(other)]
         nearest = min(targets, key=paths.cost_to)
         if not np.isfinite(paths.cost_to(nearest)):
             return np.zeros((0, 2))
-        return simplify(surface, paths.path_to(nearest))[1:-1]
+        way = paths.path_to(nearest)
+        places = self._roomiest(self._nodes.ground.candidates(self._mask(way), self._config.joint_reach))
+        for xy, links in zip(places, self._nodes.links_from(places), strict=True):
+            if part & set(links) and not part >= set(links):
+                return xy[None]
+        return simplify(surface, way)[1:-1]
+
+    def _roomiest(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The same places (K, 2), those first that are farthest from hazards."""
+        ground = self._nodes.ground
+        room = ground.grid.at(ground.surface.to_hazard, places)
+        return places[np.argsort(-room, kind="stable")]
+
+    def _mask(self, places: ArrayLike) -> NDArray[np.bool_]:
+        """(nx, ny) the cells of places (N, 2 or 3)."""
+        mask = np.zeros(self._nodes.ground.grid.shape, np.bool_)
+        cells = self._nodes.ground.grid.cell_of(places)
+        mask[cells[:, 0], cells[:, 1]] = True
+        return mask
 
     def thin_out(self, active: set[int]) -> None:
         """Drop and merge nodes, of those named and their neighbours, as long as nothing is lost."""
@@ -116,11 +136,8 @@ class Placement:
 
     def _candidates(self, active: Collection[int]) -> NDArray[np.float64]:
         """(K, 2) the thesis's places and those around the active nodes."""
-        ground = self._nodes.ground
-        around = np.zeros(ground.grid.shape, np.bool_)
-        cells = ground.grid.cell_of([self._nodes.nodes[n].position for n in active])
-        around[cells[:, 0], cells[:, 1]] = True
-        lattice = ground.candidates(around, self._config.sight)
+        around = self._mask([self._nodes.nodes[n].position for n in active])
+        lattice = self._nodes.ground.candidates(around, self._config.sight)
         return np.vstack([*(place.xy[None] for place in self._places), lattice])
 
     def _merge(self, pair: tuple[int, int], views: Views) -> int | None:

@@ -83,10 +83,11 @@ class TopologicalMap:
         nodes = self._renewed(ground, Links(surface, walls, self.config.links), changed)
         places = thesis_places(patches, segments, ground, self.config.nodes)
         placement = Placement(nodes, places, self.config.cover)
+        old = set(nodes.nodes)
         placement.add_places()
         placement.cover_rest()
         placement.join()
-        placement.thin_out({n for n in nodes.nodes if nodes.cover.is_near(n, changed)})
+        placement.thin_out({n for n in nodes.nodes if n not in old or nodes.cover.is_near(n, changed)})
         self.graph = self._span(nodes.free)
 
     def linkable(self, xy: NDArray[np.float64], surface: DrivableSurface) -> list[int]:

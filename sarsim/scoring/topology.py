@@ -10,10 +10,12 @@ from scipy.spatial import KDTree
 
 from pipeline.surface.path_kernels import free_rules, lines_are_drivable
 from pipeline.topological_map.topological_map import TopologicalMap
-from sarsim.scoring.true_surface import TrueSurface
+from sarsim.scoring.true_surface import CELL, TrueSurface
 
 SIGHT = 2.0
 """m from which a node covers a cell that it sees."""
+MIN_GAIN = 0.01
+"""m²; less is not worth a node of the greedy cover."""
 
 
 def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, Any]:
@@ -22,15 +24,14 @@ def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, An
     edges = [(topology.nodes[a].position, topology.nodes[b].position) for a, b in topology.graph.edges]
     through = sum(not _in_sight(truth, a[None, :2], b[None, :2])[0] for a, b in edges)
     cells = truth.grid.centre_of(np.argwhere(truth.drivable))
-    seen = _cells_seen(positions, cells, truth)
-    coverage = float((seen.sum(axis=0) > 0).mean())
-    greedy = _greedy_cover(cells, truth, coverage)
+    seen = _cells_seen(positions, cells, truth).sum(axis=0) > 0
+    greedy = _greedy_cover(cells, truth, seen)
     return {
         "nodes": len(topology.nodes),
         "edges": len(edges),
         "components": nx.number_connected_components(topology.graph),
         "edges_through_walls": int(through),
-        "coverage": coverage,
+        "coverage": float(seen.mean()),
         "nodes_vs_greedy": len(topology.nodes) / max(greedy, 1),
     }
 
@@ -54,17 +55,16 @@ def _cells_seen(positions: NDArray[np.float64], cells: NDArray[np.float64], trut
     )
 
 
-def _greedy_cover(cells: NDArray[np.float64], truth: TrueSurface, share: float) -> int:
-    """Nodes that a greedy cover by drivable cells, every fourth along x and y, needs for the same share of cells."""
+def _greedy_cover(cells: NDArray[np.float64], truth: TrueSurface, area: NDArray[np.bool_]) -> int:
+    """Nodes that a greedy cover by drivable cells, every fourth along x and y, needs for an area: (N,) of the cells."""
     candidates = cells[(truth.grid.cell_of(cells) % 4 == 0).all(axis=1)]
     sees = _cells_seen(candidates, cells, truth)
-    missing = np.ones(len(cells), np.int32)
+    missing = area.astype(np.int32)
     nodes = 0
-    while 1 - missing.mean() < share:
+    while True:
         gain = sees @ missing
         best = int(gain.argmax())
-        if gain[best] == 0:
-            break
+        if gain[best] * CELL**2 < MIN_GAIN:
+            return nodes
         missing[sees.indices[sees.indptr[best] : sees.indptr[best + 1]]] = 0
         nodes += 1
-    return nodes

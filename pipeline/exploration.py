@@ -36,6 +36,7 @@ class ExplorationConfig:
         max_misses: after so many it is given up.
         speed: expected, m/s.
         turn_rate: expected, rad/s.
+        ramp_turn: a turn on a ramp counts as so many on the level: it is slow, and the robot slides.
         look_time: that a look costs whatever the way, s.
     """
 
@@ -57,6 +58,7 @@ class ExplorationConfig:
     max_misses: int = 6
     speed: float = 0.2
     turn_rate: float = 0.5
+    ramp_turn: float = 3.0
     look_time: float = 2.0
 
 
@@ -120,7 +122,7 @@ class Exploration:
         if not len(candidates) or not ground.target.any():
             return None
         gains = self._gains(candidates, ground)
-        seconds = self._seconds(candidates, paths, T_map_base)
+        seconds = self._seconds(candidates, surface, paths, T_map_base)
         worth = np.where(self._possible(arrival) & (gains >= self.config.min_gain), gains / seconds, 0.0)
         n, m = np.unravel_index(worth.argmax(), worth.shape)
         if worth[n, m] <= 0:
@@ -192,8 +194,9 @@ class Exploration:
         lattice[::stride, ::stride] = True
         lattice &= paths.reachable & (paths.cost > 0) & (surface.turnable | surface.ramp)
         places = surface.grid.centre_of(np.argwhere(lattice))
-        arrival = np.where(surface.ramp[lattice], paths.arrival_at(places), np.nan)
-        here = yaw if surface.grid.at(surface.ramp, paths.start) else np.nan
+        can_turn = surface.turnable | surface.slidable
+        arrival = np.where(can_turn[lattice], np.nan, paths.arrival_at(places))
+        here = np.nan if surface.grid.at(can_turn, paths.start) else yaw
         return np.vstack([paths.start, places]), np.append(here, arrival)
 
     def _possible(self, arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -214,7 +217,11 @@ class Exploration:
         return kernels.cells_in_view(*view.position, bearings, self._sight, ground)
 
     def _seconds(
-        self, candidates: NDArray[np.float64], paths: ShortestPaths, T_map_base: NDArray[np.float64]
+        self,
+        candidates: NDArray[np.float64],
+        surface: DrivableSurface,
+        paths: ShortestPaths,
+        T_map_base: NDArray[np.float64],
     ) -> NDArray[np.float64]:
         """(N, rays) time to each view."""
         config = self.config
@@ -225,7 +232,8 @@ class Exploration:
         moves = distance > _HERE
         first = np.where(moves, np.arctan2(way[:, 1], way[:, 0]), yaw_of(T_map_base))
         turn = np.abs(_wrap(first - yaw_of(T_map_base)))[:, None] + np.abs(_wrap(bearing - first[:, None]))
-        return config.look_time + distance[:, None] / config.speed + turn / config.turn_rate
+        slow = np.where(surface.grid.at(surface.slidable, candidates), config.ramp_turn, 1.0)
+        return config.look_time + distance[:, None] / config.speed + turn * slow[:, None] / config.turn_rate
 
 
 def _wrap(angle: NDArray) -> NDArray:

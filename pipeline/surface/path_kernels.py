@@ -9,34 +9,46 @@ from numpy.typing import NDArray
 
 _NEIGHBOURS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
 
+ACROSS = 2.0
+"""What a move across the slope of a ramp costs over one along it."""
+
 
 class Rules(NamedTuple):
     """Where the robot may go; layers are (nx, ny).
 
     Attributes:
         drivable: bool, it may pass.
-        ramp: bool, it must move along the slope there.
+        ramp: bool, it must move along the slope there, unless there is room.
+        room: bool, it may also move across.
         uphill: (nx, ny, 2) float32 unit vectors up the slopes.
         cos_alignment: least cosine between its way and a slope.
     """
 
     drivable: NDArray[np.bool_]
     ramp: NDArray[np.bool_]
+    room: NDArray[np.bool_]
     uphill: NDArray[np.float32]
     cos_alignment: float
 
 
 def free_rules(drivable: NDArray[np.bool_]) -> Rules:
     """Rules that know no ramps."""
-    return Rules(drivable, np.zeros_like(drivable), np.zeros((*drivable.shape, 2), np.float32), 0.0)
+    nowhere = np.zeros_like(drivable)
+    return Rules(drivable, nowhere, nowhere, np.zeros((*drivable.shape, 2), np.float32), 0.0)
 
 
 @njit(cache=True)
 def is_aligned(dx, dy, i, j, rules):
-    """Whether the unit direction (dx, dy) is allowed in cell (i, j): anywhere off ramps, along the slope on them."""
+    """Whether the unit direction (dx, dy) is along the slope in cell (i, j), or the cell is on no ramp."""
     if not rules.ramp[i, j]:
         return True
     return abs(dx * rules.uphill[i, j, 0] + dy * rules.uphill[i, j, 1]) >= rules.cos_alignment
+
+
+@njit(cache=True)
+def is_allowed(dx, dy, i, j, rules):
+    """Whether the robot may move in the unit direction (dx, dy) in cell (i, j)."""
+    return rules.room[i, j] or is_aligned(dx, dy, i, j, rules)
 
 
 @njit(cache=True)
@@ -57,7 +69,7 @@ def line_is_drivable(ax, ay, bx, by, origin, cell, rules):
         if not is_drivable(i, j, rules):
             return False
         # Within one cell the direction means nothing.
-        if length > cell and not is_aligned(dx / length, dy / length, i, j, rules):
+        if length > cell and not is_allowed(dx / length, dy / length, i, j, rules):
             return False
     return True
 
@@ -76,7 +88,8 @@ def lines_are_drivable(starts, ends, origin, cell, rules):
 def shortest_paths(starts, weight, rules):
     """Dijkstra over the eight neighbours of every drivable cell.
 
-    A move costs its length in cells times the mean ``weight`` (nx, ny) of the two cells. Returns the (nx, ny) float32
+    A move costs its length in cells times the mean ``weight`` (nx, ny) of the two cells, and ``ACROSS`` times that
+    across a slope. Returns the (nx, ny) float32
     cost from the nearest of the ``starts`` (K, 2) (inf where no path leads) and the (nx, ny) int32 flat index of each
     cell's predecessor (-1 where there is none).
     """
@@ -99,11 +112,13 @@ def shortest_paths(starts, weight, rules):
             ux, uy = di / length, dj / length
             if not (
                 is_drivable(a, b, rules)
-                and is_aligned(ux, uy, a, b, rules)
-                and is_aligned(ux, uy, i, j, rules)
+                and is_allowed(ux, uy, a, b, rules)
+                and is_allowed(ux, uy, i, j, rules)
             ):
                 continue
-            new = np.float32(c + length * 0.5 * (weight[i, j] + weight[a, b]))
+            across = not (is_aligned(ux, uy, a, b, rules) and is_aligned(ux, uy, i, j, rules))
+            step = length * 0.5 * (weight[i, j] + weight[a, b]) * (ACROSS if across else 1.0)
+            new = np.float32(c + step)
             if new < cost[a, b]:
                 cost[a, b] = new
                 parent[a, b] = flat

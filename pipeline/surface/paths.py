@@ -86,10 +86,9 @@ def simplify(surface: DrivableSurface, path: NDArray[np.float64]) -> NDArray[np.
     while bends[-1] < len(path) - 1:
         rest = np.arange(bends[-1] + 1, len(path))
         ahead = surface.lines_are_drivable(np.repeat(path[bends[-1]][None], len(rest), axis=0), path[rest])
-        can_turn = surface.grid.at(surface.turnable, path[rest])
-        can_turn[-1] = True
-        good = (
-            rest[ahead & can_turn] if (ahead & can_turn).any() else rest[ahead] if ahead.any() else rest[:1]
-        )
-        bends.append(int(good[-1]))
+        turnable = surface.grid.at(surface.turnable, path[rest])
+        turnable[-1] = True
+        slidable = turnable | surface.grid.at(surface.slidable, path[rest])
+        choices = (rest[ahead & turnable], rest[ahead & slidable], rest[ahead], rest[:1])
+        bends.append(int(next(choice for choice in choices if len(choice))[-1]))
     return path[bends]

@@ -156,6 +156,37 @@ def step_hazards(elevation, max_step):
 
 
 @njit(cache=True)
+def drops(elevation, max_gap, max_step, steepest):
+    """The higher of two known cells on both sides of unknown ground that cannot join them as a slope.
+
+    Along the axes and the diagonals, at most ``max_gap`` unknown cells apart. ``steepest`` is the greatest rise in m
+    from one cell to the next of a slope that the robot takes.
+    """
+    nx, ny = elevation.shape
+    drop = np.zeros((nx, ny), np.bool_)
+    for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
+        stretch = np.sqrt(di * di + dj * dj)
+        for i in range(nx):
+            for j in range(ny):
+                if np.isnan(elevation[i, j]):
+                    continue
+                for gap in range(1, max_gap + 2):
+                    a, b = i + gap * di, j + gap * dj
+                    if not (a < nx and 0 <= b < ny):
+                        break
+                    rise = elevation[a, b] - elevation[i, j]
+                    if np.isnan(rise):
+                        continue
+                    if gap > 1 and abs(rise) > max_step + steepest * gap * stretch:
+                        if rise > 0:
+                            drop[a, b] = True
+                        else:
+                            drop[i, j] = True
+                    break
+    return drop
+
+
+@njit(cache=True)
 def gradients(elevation, cell, radius):
     """(nx, ny, 2) slope of the least-squares plane through each cell's round neighbourhood; 0 where unknown.
 

@@ -80,11 +80,11 @@ def test_ground_that_a_look_did_not_show_is_looked_for_from_elsewhere_and_then_g
     assert np.ptp([v[0] for v in views]) > 0.3
 
 
-def test_from_a_ramp_it_looks_along_its_way_only():
-    world = surface_of(ground_points(ridge, (-2.5, 0.05), (-0.6, 0.6)))
-    for y in (-0.6, 0.6):
+def test_from_a_ramp_it_without_room_it_looks_along_its_way_only():
+    world = surface_of(ground_points(ridge, (-2.5, 0.05), (-0.5, 0.5)))
+    for y in (-0.5, 0.5):
         world.update(wall_points((-2.5, y), (0.05, y)))
-    world.update(wall_points((-2.5, -0.6), (-2.5, 0.6)))
+    world.update(wall_points((-2.5, -0.5), (-2.5, 0.5)))
     exploration, pose = Exploration(), from_yaw(-1.5, 0, 0, 0)
     for _ in range(20):  # nobody sees what lies behind the crest from below it
         view = next_view(exploration, world, pose)
@@ -122,6 +122,16 @@ def test_ground_that_a_look_did_not_show_may_fall_away():
     assert first.position[0] < 0
     assert second.position[0] > 0.2
     assert second.gain < first.gain
+
+
+def test_where_it_cannot_turn_it_looks_as_it_stands():
+    world = surface_of(ground_points(flat, (-0.33, 0.33), (-2, 2)))
+    for x in (-0.33, 0.33):
+        world.update(wall_points((x, -2), (x, 2)))
+    view = next_view(Exploration(), world, from_yaw(0, 0, 0, np.pi / 2))
+    assert view is not None
+    assert not view.turn
+    assert view.heading == pytest.approx(np.pi / 2, abs=0.02)
 
 
 def test_no_view_from_where_the_robot_cannot_stand():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pipeline.surface.drivable import drivable_surface
+from pipeline.surface.drivable import DrivableSurface, drivable_surface
 from pipeline.surface.surface_map import SurfaceMap
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
@@ -24,14 +24,54 @@ def test_it_keeps_away_from_walls_and_further_for_turning():
     assert surface.grid.at(surface.turnable, [0.55, 0.0])
 
 
-def test_a_ramp_is_driven_along_its_slope_only():
-    surface = drivable_surface(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+def ridge_between_walls(half_width: float) -> DrivableSurface:
+    """A corridor along x over a ridge."""
+    walls = [wall_points((-2, y), (2, y)) for y in (-half_width, half_width)]
+    ground = ground_points(ridge, (-2, 2), (-half_width, half_width))
+    return drivable_surface(surface_of(ground, *walls))
+
+
+def test_a_narrow_ramp_is_driven_along_its_slope_only():
+    surface = ridge_between_walls(0.32)
     assert surface.lines_are_drivable([(-1.2, 0)], [(1.2, 0)])[0]
-    assert surface.lines_are_drivable([(-1.2, -0.1)], [(1.2, 0.1)])[0]
-    assert not surface.lines_are_drivable([(-0.3, -0.5)], [(-0.3, 0.5)])[0]
-    assert not surface.lines_are_drivable([(-1.0, -0.6)], [(0.2, 0.6)])[0]
+    assert surface.lines_are_drivable([(-1.2, -0.04)], [(1.2, 0.04)])[0]
+    assert not surface.lines_are_drivable([(-0.3, -0.04)], [(-0.3, 0.04)])[0]
     np.testing.assert_allclose(surface.uphill[tuple(surface.grid.cell_of([-0.3, 0]))], (1, 0), atol=0.01)
     np.testing.assert_allclose(surface.uphill[tuple(surface.grid.cell_of([0.3, 0]))], (-1, 0), atol=0.01)
+
+
+def test_a_wide_one_also_across_where_nothing_is_near():
+    surface = ridge_between_walls(0.6)
+    assert surface.lines_are_drivable([(-0.3, -0.2)], [(-0.3, 0.2)])[0]
+    assert not surface.lines_are_drivable([(-0.3, -0.32)], [(-0.3, 0.32)])[0]
+    assert surface.lines_are_drivable([(-1.2, 0.32)], [(1.2, 0.32)])[0]
+
+
+def test_on_a_ramp_it_turns_only_where_it_may_slide():
+    at = ridge_between_walls(0.6).grid.at
+    surface = ridge_between_walls(0.6)
+    assert at(surface.slidable, [-0.3, 0.0])
+    assert not at(surface.slidable, [-0.3, 0.12])
+    assert not at(surface.slidable, [-1.2, 0.0])  # level
+    assert not ridge_between_walls(0.5).slidable.any()
+
+
+def test_ground_that_lies_lower_behind_a_gap_is_a_drop():
+    deck = np.vstack(
+        [ground_points(lambda x, y: 0 * x + 0.34, (0, 1), (-1, 1)), ground_points(flat, (1.4, 2.4), (-1, 1))]
+    )
+    surface = drivable_surface(surface_of(deck))
+    at = surface.grid.at
+    assert at(surface.hazard, [0.975, 0.0])
+    assert not at(surface.hazard, [1.425, 0.0])
+    assert not at(surface.drivable, [0.72, 0.0])
+    assert at(surface.drivable, [0.62, 0.0])
+
+
+def test_the_far_foot_of_an_unseen_slope_is_none():
+    ground = ground_points(ridge, (-2, 2), (-1, 1))
+    surface = drivable_surface(surface_of(ground[(ground[:, 0] < 0) | (ground[:, 0] > RUN)]))
+    assert not surface.hazard.any()
 
 
 def test_nobody_turns_on_a_ramp_or_right_before_it():

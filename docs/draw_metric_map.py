@@ -15,7 +15,7 @@ from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.arenas.load import load_arena
 from sarsim.simulated_robot import Pose, SimulatedRobot, SimulationConfig
 
-PERIOD = 2.5  # s between two frames
+PERIOD = 1.4  # s between two frames
 FRAMES = (40, 80, 120, 160)
 ELEVATION, AZIMUTH = np.radians(52), np.radians(-75)
 PIXELS_PER_METRE = 112

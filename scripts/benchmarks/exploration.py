@@ -21,7 +21,7 @@ from sarsim.scripts.benchmarks.exploration_episode import Job, Strategy
 from sarsim.scripts.benchmarks.exploration_figures import group_figures, seen90_ratio
 from sarsim.scripts.benchmarks.exploration_processes import cores, run_jobs
 from sarsim.scripts.benchmarks.subject import Result, Subject
-from sarsim.scripts.run_episode import EpisodeConfig
+from sarsim.scripts.run_episode import WEIGHTS, EpisodeConfig, Labels, make_classifier
 from sarsim.simulated_robot import SimulationConfig
 
 GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")
@@ -51,8 +51,10 @@ class ExplorationBenchmark(Subject):
     """What to compare with."""
     steps: int = 1000
     """Looks at most; an episode ends before when nothing is left to look at."""
-    labels: Literal["truth"] = "truth"
-    """Who says what a point belongs to."""
+    labels: Labels = "truth"
+    """Who says what a point belongs to: the network, or the simulator."""
+    weights: Path = WEIGHTS
+    """Of the network."""
     simulation: Annotated[SimulationConfig, tyro.conf.arg(name="")] = field(default_factory=SimulationConfig)
     """Of the robot's body."""
     pipeline: ExplorerConfig = field(default_factory=ExplorerConfig)
@@ -84,8 +86,10 @@ class ExplorationBenchmark(Subject):
             ]
             for group, strategy in dict.fromkeys((job.group, job.strategy) for job in jobs)
         }
-        figures = _figures(runs)
-        return Result(figures, self._details(jobs, results), _table(figures, ("ours", *self.baselines)))
+        figures, details = _figures(runs), self._details(jobs, results)
+        table = _table(figures, ("ours", *self.baselines))
+        table.caption = _caption(figures, details)
+        return Result(figures, details, table)
 
     def _jobs(self) -> Iterator[Job]:
         """The episodes, the longest first."""
@@ -97,6 +101,7 @@ class ExplorationBenchmark(Subject):
                 seed=seed,
                 steps=self.steps,
                 labels=self.labels,
+                weights=self.weights,
                 simulation=self.simulation,
                 pipeline=self.pipeline,
             )
@@ -111,6 +116,7 @@ class ExplorationBenchmark(Subject):
             raise InputError(f"--raf {self.raf}: no .raf file is there")
         if not any(self._arenas()):
             raise InputError("no arena is to be explored")
+        make_classifier(self.labels, self.weights)
 
     def _arenas(self) -> Iterator[tuple[str, str, int]]:
         """Group, arena and seed of each pair of arena and seed."""
@@ -220,7 +226,7 @@ BASELINE_ROWS = ("explored, median", "90 % seen after, s, median", "collisions")
 def _table(figures: Mapping[str, float], strategies: Sequence[str]) -> Table:
     """A column for each group; ours first, then the baselines."""
     groups = [group for group in GROUPS if f"{group}.runs" in figures]
-    table = Table("", *groups, title="exploration", caption=_caption(figures))
+    table = Table("", *groups, title="exploration")
     for strategy in strategies:
         ours = strategy == "ours"
         for row in ROWS if ours else BASELINE_ROWS:
@@ -236,8 +242,13 @@ def _told(value: float | None) -> str:
     return "–" if value is None else f"{value:.4g}"
 
 
-def _caption(figures: Mapping[str, float]) -> str | None:
-    if RATIO not in figures:
-        return None
-    pairs = figures[f"{RATIO}.pairs"]
-    return f"time to see 90 % over the nearest frontier's: {figures[RATIO]:.2f}, median of {pairs:.0f} pairs"
+def _caption(figures: Mapping[str, float], details: Mapping[str, Any]) -> str:
+    """What no column tells."""
+    told = [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
+    told += [f"{name} failed, see its log" for name in details["failed"]]
+    if RATIO in figures:
+        pairs = figures[f"{RATIO}.pairs"]
+        told.append(
+            f"time to see 90 % over the nearest frontier's: {figures[RATIO]:.2f}, median of {pairs:.0f}"
+        )
+    return "\n".join(told)

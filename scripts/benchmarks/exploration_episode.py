@@ -49,7 +49,7 @@ class Job:
     def settings(self) -> dict[str, Any]:
         """All that its result depends on, as JSON knows it."""
         told = {"group": self.group, "strategy": self.strategy, "config": asdict(self.config)}
-        return json.loads(json.dumps(told | {"version": version("sarsim")}))
+        return json.loads(json.dumps(told | {"version": version("sarsim")}, default=str))
 
     def result(self, folder: Path) -> dict[str, Any] | None:
         """What an earlier run left; None if there is nothing.

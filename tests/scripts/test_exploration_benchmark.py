@@ -1,0 +1,226 @@
+"""The exploration's benchmark: what it runs, what it makes of the reports, and that it goes on where it stopped."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.surface.grid import Grid
+from sarsim.scoring.true_surface import TrueSurface
+from sarsim.scripts.benchmarks import exploration, exploration_processes
+from sarsim.scripts.benchmarks.exploration import RATIO, ExplorationBenchmark
+from sarsim.scripts.benchmarks.exploration_episode import Job, run_job
+from sarsim.scripts.benchmarks.exploration_figures import flat, group_figures, seen90_ratio
+from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
+from sarsim.scripts.run_episode import EpisodeConfig
+
+
+def report(explored=1.0, seen90=None, time=100.0, tipped=0, collisions=0):
+    return {
+        "arena": "a",
+        "seed": 3,
+        "version": "0",
+        "config": {"steps": 9},
+        "steps": 7,
+        "sim_time_s": time,
+        "timing_ms": {"sense": {"median": 5.0}},
+        "navigation": {"legs": 4, "reached": 4, "tipped": tipped, "stuck": 0, "collisions": collisions},
+        "exploration": {"explored_fraction": explored} | ({} if seen90 is None else {"seen90_s": seen90}),
+    }
+
+
+def test_all_numbers_of_a_report_become_figures_but_not_its_settings():
+    assert flat(report(seen90=40.0)) == {
+        "steps": 7,
+        "sim_time_s": 100,
+        "timing_ms.sense.median": 5,
+        "navigation.legs": 4,
+        "navigation.reached": 4,
+        "navigation.tipped": 0,
+        "navigation.stuck": 0,
+        "navigation.collisions": 0,
+        "exploration.explored_fraction": 1,
+        "exploration.seen90_s": 40,
+    }
+
+
+def test_the_worst_is_the_lowest_of_what_should_be_high_and_the_highest_of_what_should_be_low():
+    figures = group_figures([report(0.9, collisions=2), report(0.5, collisions=1), report(1.0, seen90=30.0)])
+    key = "exploration.explored_fraction"
+    assert figures[f"{key}.worst"] == 0.5
+    assert figures[f"{key}.median"] == 0.9
+    assert figures[f"{key}.mean"] == pytest.approx(0.8)
+    assert figures["navigation.collisions.worst"] == 2
+    assert figures["navigation.collisions.sum"] == 3
+    assert figures["exploration.seen90_s.mean"] == 30  # of the one run that has it
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "ratio"),
+    [
+        (report(seen90=30.0), report(seen90=60.0), 0.5),
+        (report(seen90=30.0), report(time=90.0), 30 / 90),  # they never did: their whole time counts
+        (report(seen90=30.0), report(time=10.0), 1.0),  # and they gave up before we were so far
+        (report(time=50.0), report(seen90=25.0), 20.0),  # we never did: ten times our time
+        (report(), report(), None),
+    ],
+)
+def test_a_run_that_never_saw_enough_counts_against_us(ours, theirs, ratio):
+    assert seen90_ratio(ours, theirs) == (None if ratio is None else pytest.approx(ratio))
+
+
+def jobs(**flags):
+    return list(ExplorationBenchmark(**flags)._jobs())
+
+
+def test_by_default_the_agreed_arenas_are_explored(tmp_path):
+    for name in ("b", "a"):
+        (tmp_path / f"{name}.raf").touch()
+    ours = [job for job in jobs(raf=tmp_path) if job.strategy == "ours"]
+    count = {group: sum(job.group == group for job in ours) for group in exploration.GROUPS}
+    assert count == {"nist_6x4": 10, "esogu_52x15": 2, "raf": 2, "random": 30}
+    assert all(int(job.config.arena.split(":")[1]) % 4 < 3 for job in ours if job.group == "random")
+    assert [Path(job.config.arena).stem for job in ours if job.group == "raf"] == ["a", "b"]
+    simulation = ours[0].config.simulation
+    assert (simulation.sensor, simulation.odometry) == ("xtion", "truth")
+    everything = jobs(raf=tmp_path)
+    assert len({job.name for job in everything}) == len(everything) == 3 * len(ours)
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        ({"nist": -1}, "negative"),
+        ({"steps": 0}, "--steps 0"),
+        ({"workers": 0}, "--workers 0"),
+        ({"raf": Path("/nowhere")}, "/nowhere"),
+        ({"labels": "dgcnn", "weights": Path("/nowhere.safetensors")}, "/nowhere"),
+        ({"nist": 0, "esogu": 0, "random": 0}, "no arena"),
+    ],
+)
+def test_what_cannot_be_run_is_refused(flags, message):
+    with pytest.raises(InputError, match=message):
+        jobs(**flags)
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="--runs"):
+        ExplorationBenchmark(runs=tmp_path / "file" / "runs").measure()
+
+
+class Pretended:
+    """Stands for a process that has run a job at once."""
+
+    def __init__(self, job, folder, fails=()):
+        if job.name not in fails:
+            theirs = job.strategy != "ours"
+            content = report(0.95, 80.0 if theirs else 40.0, collisions=job.config.seed)
+            (folder / f"{job.name}.json").write_text(
+                json.dumps({"settings": job.settings, "report": content})
+            )
+            (folder / f"{job.name}.png").write_bytes(b"picture")
+
+    sentinel = 0
+
+    def is_alive(self):
+        return False
+
+
+@pytest.fixture
+def pretended(monkeypatch):
+    """Jobs that are done at once; gives the list of their names and the names of those to fail."""
+    started: list[str] = []
+    fails: list[str] = []
+
+    def start(function, job, folder):
+        assert function is run_job
+        started.append(job.name)
+        return Pretended(job, folder, fails)
+
+    monkeypatch.setattr(exploration_processes.processes, "start", start)
+    monkeypatch.setattr(exploration_processes.connection, "wait", lambda sentinels: sentinels)
+    return started, fails
+
+
+def test_figures_pictures_and_table(tmp_path, pretended):
+    file = tmp_path / "figures.json"
+    subject = ExplorationBenchmark(json=file, nist=3, esogu=0, random=1, runs=tmp_path / "runs", pictures=1)
+    result = subject.measure()
+    figures = result.figures
+    assert figures[RATIO] == figures[f"nist_6x4.{RATIO}.worst"] == 0.5
+    assert figures["nist_6x4.runs"] == figures["nist_6x4.seen90_runs"] == 3
+    assert figures["nist_6x4.navigation.legs.sum"] == 12
+    assert figures["random.exploration.explored_fraction.mean"] == 0.95
+    assert figures["nearest_frontier.nist_6x4.exploration.seen90_s.median"] == 80
+    assert "esogu_52x15.runs" not in figures
+    assert result.details["worst"] == {"nist_6x4": ["ours-nist_6x4-2"], "random": ["ours-random_0-0"]}
+    assert (tmp_path / "figures-ours-nist_6x4-2.png").read_bytes() == b"picture"
+    assert [column.header for column in result.table.columns] == ["", "nist_6x4", "random"]
+
+
+def test_it_goes_on_where_it_stopped(tmp_path, pretended):
+    started, fails = pretended
+    subject = ExplorationBenchmark(nist=2, esogu=0, random=0, runs=tmp_path, baselines=())
+    fails.append("ours-nist_6x4-1")
+    result = subject.measure()
+    assert result.details["failed"] == ["ours-nist_6x4-1"]
+    assert result.figures["nist_6x4.failed"] == 1
+    assert result.figures["nist_6x4.runs"] == 1
+    fails.clear()
+    assert subject.measure().figures["nist_6x4.failed"] == 0
+    assert started == ["ours-nist_6x4-0", "ours-nist_6x4-1", "ours-nist_6x4-1"]
+
+
+def test_results_of_other_settings_are_not_mixed_in(tmp_path, pretended):
+    subject = ExplorationBenchmark(nist=1, esogu=0, random=0, runs=tmp_path, baselines=())
+    subject.measure()
+    with pytest.raises(InputError, match="other settings"):
+        replace(subject, steps=5).measure()
+
+
+def test_a_broken_result_is_named(tmp_path, pretended):
+    (tmp_path / "ours-nist_6x4-0.json").write_text("{")
+    with pytest.raises(InputError, match=r"ours-nist_6x4-0\.json: not an episode's result"):
+        ExplorationBenchmark(nist=1, esogu=0, random=0, runs=tmp_path, baselines=()).measure()
+
+
+def test_a_job_leaves_its_report_and_its_picture(tmp_path):
+    job = Job("nist_6x4", "nearest_frontier", EpisodeConfig(steps=2))
+    run_job(job, tmp_path)
+    result = job.result(tmp_path)
+    assert result["report"]["steps"] == 2
+    assert 0 < result["report"]["exploration"]["explored_fraction"] < 0.5
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {f"nearest_frontier-nist_6x4-0.{kind}" for kind in ("json", "png", "log")}
+
+
+def test_an_arena_without_a_start_is_left_out(tmp_path):
+    job = Job("raf", "ours", EpisodeConfig(arena=str(tmp_path / "none.raf")))
+    run_job(job, tmp_path)
+    assert "none.raf" in job.result(tmp_path)["left_out"]
+
+
+def test_the_picture_shows_what_is_where():
+    drivable = np.zeros((40, 20), bool)
+    drivable[5:35, 5:15] = True
+    seen = np.zeros_like(drivable)
+    seen[5:20] = True
+    walls = np.zeros_like(drivable)
+    walls[0] = True
+    surface = TrueSurface(Grid(np.array([-1.0, 0.0]), 0.05, (40, 20)), np.zeros((40, 20)), drivable, walls)
+    way = np.array([(-0.5, 0.5), (-0.4, 0.5)])
+    picture = top_view(surface, seen, way, [np.array([0.5, 0.6])], [], "text")
+    assert picture.shape == (20 * MOST_PIXELS + BAND, 40 * MOST_PIXELS, 3)
+
+    def at(x, y):
+        """The colour at a place in m."""
+        return tuple(picture[round((1.0 - y) / 0.05 * MOST_PIXELS), round((x + 1) / 0.05 * MOST_PIXELS)])
+
+    assert at(-0.98, 0.5) == WALL
+    assert at(-0.7, 0.3) == SEEN
+    assert at(0.7, 0.3) == UNSEEN
+    assert at(0.5, 0.6) == (220, 0, 0)

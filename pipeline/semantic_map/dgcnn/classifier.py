@@ -37,11 +37,10 @@ class DgcnnClassifier:
         """Load weights that ``train.py`` wrote.
 
         Raises:
-            InputError: as of :func:`load_weights`, or the network tells other classes apart or has other channels.
+            InputError: as of :func:`load_classifier`.
         """
         self.config = config or DgcnnConfig()
-        network, metadata = load_weights(weights)
-        self._blocks = _block_config(weights, network, metadata)
+        network, self._blocks = load_classifier(weights)
         self._network = FastDgcnn(network, self.config.threads)
 
     def classify(self, frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -87,6 +86,16 @@ def camera_position(frame: Frame, points: NDArray[np.float32]) -> NDArray[np.flo
     u, _, vt = np.linalg.svd((here - here.mean(axis=0)).T @ (there - there.mean(axis=0)))
     rotation = (u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt).T
     return there.mean(axis=0) - rotation @ here.mean(axis=0)
+
+
+def load_classifier(path: Path) -> tuple[Dgcnn, BlockConfig]:
+    """The network of a file that :func:`save_classifier` wrote, and how it wants clouds cut.
+
+    Raises:
+        InputError: as of :func:`load_weights`, or the network tells other classes apart or has other channels.
+    """
+    network, metadata = load_weights(path)
+    return network, _block_config(path, network, metadata)
 
 
 def save_classifier(path: Path, network: Dgcnn, blocks: BlockConfig, training: dict[str, object]) -> None:

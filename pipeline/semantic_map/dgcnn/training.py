@@ -77,6 +77,7 @@ class Trainer:
         out: Path,
         worker: Worker,
         about: dict[str, Any],
+        initial: Dgcnn | None = None,
     ) -> None:
         """Begin, or go on from ``out``'s checkpoint where there is one.
 
@@ -87,6 +88,7 @@ class Trainer:
             out: file for the weights; checkpoint, table and picture get its name with other endings.
             worker: this process.
             about: what else is written into the weights' file on how they came about.
+            initial: a network to begin with, of six channels and :data:`CLASSES`; random weights if not given.
 
         Raises:
             InputError: there is nothing to learn from or to validate with, or the checkpoint is of another training.
@@ -96,7 +98,7 @@ class Trainer:
         torch.manual_seed(config.seed)
         self.config, self.out, self.worker = config, out, worker
         self._validation, self._about = validation, about
-        self.network = Dgcnn(channels=6, classes=len(CLASSES)).to(worker.device).train()
+        self.network = (initial or Dgcnn(channels=6, classes=len(CLASSES))).to(worker.device).train()
         self.network.dropout.p = config.dropout
         self._parallel = worker.share(RaggedDgcnn(self.network))
         self._optimizer = _optimizer(config, self.network)
@@ -106,16 +108,22 @@ class Trainer:
         if self._checkpoint.exists():
             self._resume()
 
-    def run(self, report: Callable[["Trainer"], object] = lambda trainer: None) -> None:
-        """Train to the end. ``report`` is called after every step. Interrupted, it leaves a checkpoint."""
-        with single_threaded():
-            try:
-                while self.step < self.config.steps:
+    def run(
+        self, report: Callable[["Trainer"], object] = lambda trainer: None, until: int | None = None
+    ) -> None:
+        """Train to the end, or until a step. ``report`` is called after every step.
+
+        Left before the end or interrupted, it leaves a checkpoint.
+        """
+        last = self.config.steps if until is None else min(until, self.config.steps)
+        try:
+            with single_threaded():
+                while self.step < last:
                     self._take_step()
                     report(self)
-            except KeyboardInterrupt:
+        finally:
+            if self.step < self.config.steps:
                 self._save()
-                raise
 
     def _take_step(self) -> None:
         self._losses.append(self._learn(self.step * self.worker.count + self.worker.rank))

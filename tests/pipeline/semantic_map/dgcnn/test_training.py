@@ -11,7 +11,7 @@ from safetensors.torch import load_file
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.semantic_map.dgcnn.blocks import BlockConfig
-from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier
+from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier, load_classifier
 from pipeline.semantic_map.dgcnn.clouds import LabelledCloud
 from pipeline.semantic_map.dgcnn.parallel import Worker
 from pipeline.semantic_map.dgcnn.sampling import SamplingConfig
@@ -75,6 +75,29 @@ def test_interrupted_and_taken_up_again_it_leaves_the_same_weights(clouds, tmp_p
     whole, left = (load_file(tmp_path / f"{name}.safetensors") for name in ("whole", "left"))
     assert all((whole[name] == left[name]).all() for name in whole)
     assert (tmp_path / "whole.csv").read_text() == (tmp_path / "left.csv").read_text()
+
+
+def test_left_at_a_step_and_taken_up_again_it_leaves_the_same_weights(clouds, tmp_path: Path) -> None:
+    trainer(clouds, tmp_path / "whole.safetensors").run()
+    trainer(clouds, tmp_path / "left.safetensors").run(until=7)
+    again = trainer(clouds, tmp_path / "left.safetensors")
+    assert again.step == 7
+    again.run(until=100)
+    assert again.step == CONFIG.steps
+    whole, left = (load_file(tmp_path / f"{name}.safetensors") for name in ("whole", "left"))
+    assert all((whole[name] == left[name]).all() for name in whole)
+
+
+def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> None:
+    first = tmp_path / "first.safetensors"
+    trainer(clouds, first, replace(CONFIG, steps=60, validate_every=30)).run()
+    losses = {}
+    for name, initial in (("random", None), ("trained", load_classifier(first)[0])):
+        out = tmp_path / f"{name}.safetensors"
+        training = Trainer(clouds[:3], clouds[3:], CONFIG, out, ALONE, {}, initial)
+        training.run(until=6)
+        losses[name] = training.curves.rows[0][1]
+    assert losses["trained"] < losses["random"] / 2
 
 
 def test_sgd_takes_steps(clouds, tmp_path: Path) -> None:

@@ -67,7 +67,8 @@ class NodeSet:
         if xy is not None:
             self._put(node.id, node.label, xy)
         if len(self.parts()) > parts and ground.grid.at(ground.target, node.position):
-            self.remove(node.id)
+            if xy is not None:
+                self.remove(node.id)
             self._put(node.id, node.label, node.position[:2])
 
     def add(self, label: Label, xy: NDArray[np.float64]) -> int:

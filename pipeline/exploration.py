@@ -10,6 +10,7 @@ from pipeline import exploration_kernels as kernels
 from pipeline.surface.drivable import DrivableSurface
 from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import wrap_angle, yaw_of
+from pipeline.view_areas import ViewAreas
 
 _HERE = 0.05
 """m; nothing nearer is worth turning towards first."""
@@ -99,6 +100,7 @@ class Exploration:
         self.frontiers = np.zeros((0, 3))
         self._misses: dict[tuple[float, float], _Miss] = {}
         self._expected: NDArray[np.float64] = np.zeros((0, 2))
+        self._areas: ViewAreas | None = None
 
     def next_view(
         self,
@@ -118,10 +120,12 @@ class Exploration:
         self._count_misses(surface, measured, T_map_base[:2, 3])
         ground = self._ground(surface, measured)
         self.frontiers = _frontiers(surface, paths, ground.target)
-        candidates, arrival = self._candidates(surface, paths, yaw_of(T_map_base))
-        if not len(candidates) or not ground.target.any():
+        if paths.start is None or not ground.target.any():
             return None
-        gains = self._gains(candidates, ground)
+        cells = self._lattice(surface, paths)
+        candidates = np.vstack([paths.start, surface.grid.centre_of(cells)])
+        arrival = self._arrival(candidates, surface, paths, yaw_of(T_map_base))
+        gains = self._gains(paths.start, cells, ground)
         seconds = self._seconds(candidates, surface, paths, T_map_base)
         worth = np.where(self._possible(arrival) & (gains >= self.config.min_gain), gains / seconds, 0.0)
         n, m = np.unravel_index(worth.argmax(), worth.shape)
@@ -148,11 +152,12 @@ class Exploration:
         target = np.isnan(measured) & (surface.to_hazard >= self.config.wall_margin)
         hope = np.ones(grid.shape, np.float32)
         missed_from = np.full((*grid.shape, 2), np.inf, np.float32)
-        for cell, miss in self._misses.items():
-            i, j = grid.cell_of(cell)
-            target[i, j] &= miss.count < self.config.max_misses
-            hope[i, j] = self.config.hope**miss.count
-            missed_from[i, j] = miss.position
+        if self._misses:
+            i, j = grid.cell_of(list(self._misses)).T
+            count = np.array([miss.count for miss in self._misses.values()])
+            target[i, j] &= count < self.config.max_misses
+            hope[i, j] = self.config.hope**count
+            missed_from[i, j] = [miss.position for miss in self._misses.values()]
         blind_radius = self.config.blind_radius
         return kernels.Ground(
             grid.origin,
@@ -179,25 +184,26 @@ class Exploration:
             config.max_unknown,
         )
 
-    def _candidates(
-        self, surface: DrivableSurface, paths: ShortestPaths, yaw: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Places to look from: here, and a coarse grid of the others.
+    def _lattice(self, surface: DrivableSurface, paths: ShortestPaths) -> NDArray[np.int64]:
+        """(N, 2) cells of a coarse grid to look from."""
+        stride = self._stride(surface.grid.cell)
+        sparse = (slice(None, None, stride),) * 2
+        stands = paths.reachable[sparse] & (paths.cost[sparse] > 0)
+        return np.argwhere(stands & (surface.turnable[sparse] | surface.ramp[sparse])) * stride
 
-        Returns:
-            (N, 2) positions, and (N,) the heading at which the robot arrives where it cannot turn, NaN elsewhere.
-        """
-        if paths.start is None:
-            return np.zeros((0, 2)), np.zeros(0)
-        stride = max(1, round(self.config.spacing / surface.grid.cell))
-        lattice = np.zeros_like(surface.turnable)
-        lattice[::stride, ::stride] = True
-        lattice &= paths.reachable & (paths.cost > 0) & (surface.turnable | surface.ramp)
-        places = surface.grid.centre_of(np.argwhere(lattice))
-        can_turn = surface.turnable | surface.slidable
-        arrival = np.where(can_turn[lattice], np.nan, paths.arrival_at(places))
-        here = np.nan if surface.grid.at(can_turn, paths.start) else yaw
-        return np.vstack([paths.start, places]), np.append(here, arrival)
+    def _stride(self, cell: float) -> int:
+        return max(1, round(self.config.spacing / cell))
+
+    def _arrival(
+        self,
+        candidates: NDArray[np.float64],
+        surface: DrivableSurface,
+        paths: ShortestPaths,
+        yaw: float,
+    ) -> NDArray[np.float64]:
+        """(N,) the heading at which the robot arrives at places, here first, where it cannot turn; NaN elsewhere."""
+        arrival = np.append(yaw, paths.arrival_at(candidates[1:]))
+        return np.where(surface.grid.at(surface.turnable | surface.slidable, candidates), np.nan, arrival)
 
     def _possible(self, arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N, rays) the directions in which the robot can look from each place."""
@@ -205,10 +211,16 @@ class Exploration:
         nearest = np.abs(_wrap(bearing - arrival[:, None])) <= np.pi / self.config.rays
         return np.isnan(arrival)[:, None] | nearest
 
-    def _gains(self, candidates: NDArray[np.float64], ground: kernels.Ground) -> NDArray[np.float64]:
-        """(N, rays) m² that each view should show."""
-        rays_in_view = round(self.config.field_of_view / (2 * np.pi) * self.config.rays)
-        return kernels.view_gains(candidates, self.config.rays, rays_in_view, self._sight, ground)
+    def _gains(
+        self, here: NDArray[np.float64], cells: NDArray[np.int64], ground: kernels.Ground
+    ) -> NDArray[np.float64]:
+        """(1 + N, rays) m² that each view should show, from here and from the cells (N, 2)."""
+        rays = self.config.rays
+        if self._areas is None:
+            self._areas = ViewAreas(rays, self._stride(ground.cell), self._sight)
+        areas = [kernels.ray_areas(here[None], rays, self._sight, ground), self._areas.of(cells, ground)]
+        rays_in_view = round(self.config.field_of_view / (2 * np.pi) * rays)
+        return kernels.view_gains(np.vstack(areas), rays_in_view)
 
     def _in_view(self, view: View, ground: kernels.Ground) -> NDArray[np.bool_]:
         """(nx, ny) the target cells that the view should show."""
@@ -225,7 +237,7 @@ class Exploration:
     ) -> NDArray[np.float64]:
         """(N, rays) time to each view."""
         config = self.config
-        distance = np.array([paths.cost_to(c) for c in candidates])
+        distance = surface.grid.at(paths.cost, candidates).astype(np.float64)
         distance[0] = 0
         bearing = np.arange(config.rays) * 2 * np.pi / config.rays
         way = candidates - T_map_base[:2, 3]
@@ -245,10 +257,10 @@ def _frontiers(
 ) -> NDArray[np.float64]:
     """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground."""
     around = ndimage.binary_dilation(target, np.ones((3, 3)), iterations=round(0.35 / surface.grid.cell))
-    pieces, number = ndimage.label(around & paths.reachable & ~target, np.ones((3, 3)))
+    pieces, _ = ndimage.label(around & paths.reachable & ~target, np.ones((3, 3)))
     centres = []
-    for piece in range(1, number + 1):
-        cells = np.argwhere(pieces == piece)
+    for piece, box in enumerate(ndimage.find_objects(pieces), start=1):
+        cells = np.argwhere(pieces[box] == piece) + [side.start for side in box]
         middle = cells[np.linalg.norm(cells - cells.mean(axis=0), axis=1).argmin()]
         centres.append([*surface.grid.centre_of(middle), surface.elevation[tuple(middle)]])
     return np.array(centres).reshape(-1, 3)

@@ -26,6 +26,11 @@ class Sight(NamedTuple):
     min_grazing: float
     max_unknown: float
 
+    @property
+    def reach(self) -> float:
+        """m; nothing farther from the robot is seen, however it leans."""
+        return self.far + self.camera_height + self.camera_ahead
+
 
 class Ground(NamedTuple):
     """What is known of the ground, and what is worth a look; layers are (nx, ny) on one grid.
@@ -118,20 +123,27 @@ def is_blind(x, y, i, j, ground):
 
 
 @njit(cache=True)
-def view_gains(views, rays, rays_in_view, sight, ground):
-    """(N, rays) m² of target area expected in view from each of (N, 2) points, looking along ray m of the circle."""
-    gains = np.zeros((len(views), rays))
+def ray_areas(places, rays, sight, ground):
+    """(N, rays) m² of target area that each ray of the circle is expected to show from each of (N, 2) points."""
+    areas = np.zeros((len(places), rays))
     seen = np.zeros(int(sight.far / ground.cell) + 9, np.int64)
-    area = np.zeros(rays)
     step = 2 * np.pi / rays
-    half = rays_in_view // 2
-    for n in range(len(views)):
+    for n in range(len(places)):
         for m in range(rays):
-            total, _ = cast_ray(views[n, 0], views[n, 1], m * step, sight, ground, seen)
-            area[m] = total * ground.cell * step
+            total, _ = cast_ray(places[n, 0], places[n, 1], m * step, sight, ground, seen)
+            areas[n, m] = total * ground.cell * step
+    return areas
+
+
+@njit(cache=True)
+def view_gains(areas, rays_in_view):
+    """(N, rays) m² in view along each ray of the circle, the middle one of ``rays_in_view``."""
+    gains = np.zeros_like(areas)
+    rays, half = areas.shape[1], rays_in_view // 2
+    for n in range(len(areas)):
         for m in range(rays):
             for k in range(-half, half + 1):
-                gains[n, m] += area[(m + k) % rays]
+                gains[n, m] += areas[n, (m + k) % rays]
     return gains
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import mujoco
 import numpy as np
@@ -26,6 +27,8 @@ OUTSIDE_SHARE = 0.02
 """What a cell counts in the choice of the piece to start in if it lies beside the arena."""
 MOST_PLACES = 2000
 """that are compared."""
+MOST_GROUNDS = 10
+"""that are looked at, those with the largest patches of floor."""
 MIN_AREA = 0.25
 """m² in which the robot's middle may be; a tile between four walls has 0.35."""
 
@@ -68,7 +71,7 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
     """
     survey = Survey(model, data, None)
     best: tuple[float, FreeGround, NDArray[np.bool_]] | None = None
-    for ground in survey.grounds(Label.TERRAIN, MIN_AREA):
+    for ground in islice(survey.grounds(Label.TERRAIN, MIN_AREA), MOST_GROUNDS):
         for floor, size in _pieces(ground):
             if best is None or size > best[0]:
                 best = (size, ground, floor)

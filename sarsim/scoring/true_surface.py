@@ -66,14 +66,19 @@ class FreeGround:
 
 
 class Survey:
-    """The arena cut into cells, ready to be searched for ground."""
+    """The arena cut into cells, ready to be searched for ground.
+
+    Attributes:
+        bodies: of the arena.
+        grid: where the cells lie.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None):
         """``robot_body``: id of the robot's root body, which is transparent; None if there is no robot."""
-        self._bodies = convex_bodies(model, data, robot_body)
-        self.grid = _grid_around(self._bodies)
-        self._columns = columns(self._bodies, self.grid)
-        self._is_obstacle = np.isin(self._bodies.label, OBSTACLES)
+        self.bodies = convex_bodies(model, data, robot_body)
+        self.grid = _grid_around(self.bodies)
+        self._columns = columns(self.bodies, self.grid)
+        self._is_obstacle = np.isin(self.bodies.label, OBSTACLES)
 
     def place(self, start: NDArray[np.float64], reach: float = START_REACH) -> float | None:
         """Height in m of the ground with headroom that is nearest to a point (3,); None if none is in reach."""
@@ -81,21 +86,26 @@ class Survey:
         return None if body is None else float(self._columns.top[body])
 
     def grounds(self, label: Label, min_area: float) -> Iterator[FreeGround]:
-        """All ground that is joined to a place of a label, but for patches below ``min_area`` m²."""
+        """All ground that is joined to a patch of a label larger than ``min_area`` m², the largest patch first."""
         height = self._lowest(label)
         unseen = ~np.isnan(height)
-        while unseen.sum() * CELL**2 > min_area:
-            i, j = np.unravel_index(unseen.argmax(), unseen.shape)
-            unseen[i, j] = False
-            ground = self.ground_from(np.array([*self.grid.centre_of((i, j)), height[i, j]]))
-            if ground is not None:
-                yield ground
-                unseen &= np.isnan(ground.height)
+        patches, _ = ndimage.label(unseen, np.ones((3, 3)))
+        sizes = np.bincount(patches.ravel())[1:] * CELL**2
+        for patch in 1 + np.argsort(-sizes, kind="stable")[: np.count_nonzero(sizes > min_area)]:
+            cells = unseen & (patches == patch)
+            while cells.sum() * CELL**2 > min_area:
+                i, j = np.unravel_index(cells.argmax(), cells.shape)
+                cells[i, j] = False
+                ground = self.ground_from(np.array([*self.grid.centre_of((i, j)), height[i, j]]))
+                if ground is not None:
+                    yield ground
+                    unseen &= np.isnan(ground.height)
+                    cells &= unseen
 
     def _lowest(self, label: Label) -> NDArray[np.float64]:
         """(nx, ny) m of the lowest place of a label with headroom in each cell; NaN where there is none."""
         c, height = self._columns, np.full(self.grid.shape, np.nan)
-        chosen = self._bodies.label == label
+        chosen = self.bodies.label == label
         kernels.lowest_places(c.start, c.count, c.bottom, c.top, c.owner, chosen, HEADROOM, height)
         return height
 
@@ -110,8 +120,22 @@ class Survey:
         clear = ndimage.distance_transform_edt(~hazard) * CELL > CLEARANCE
         to_obstacle = self._to_obstacle(height, self._is_obstacle)
         pieces, _ = ndimage.label(known & clear & (to_obstacle > CLEARANCE), np.ones((3, 3)))
-        walls = self._to_obstacle(height, self._bodies.label == Label.WALL) < CELL / 2 - 1e-6
+        walls = self._to_obstacle(height, self.bodies.label == Label.WALL) < CELL / 2 - 1e-6
         return FreeGround(self.grid, height, self._label(height), pieces, to_obstacle, walls)
+
+    def surface_from(self, start: NDArray[np.float64]) -> TrueSurface:
+        """The surface around a robot at ``start`` (3,) m; InputError if it is not drivable there."""
+        ground = self.ground_from(start)
+        if ground is None:
+            raise InputError(
+                f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m is not above free ground"
+            )
+        piece = ground.pieces[tuple(ground.grid.cell_of(start))]
+        if not piece:
+            raise InputError(
+                f"the arena has no free start: the robot cannot stand at ({start[0]:g}, {start[1]:g}) m"
+            )
+        return TrueSurface(ground.grid, ground.height, ground.pieces == piece, ground.walls)
 
     def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
         return self._columns.place_near(start, float(start[2]), reach, HEADROOM)
@@ -131,11 +155,11 @@ class Survey:
         c = self._columns
         owner = np.full(self.grid.shape, -1)
         kernels.owners(c.start, c.count, c.top, c.owner, height, owner)
-        return np.append(self._bodies.label, np.uint8(Label.UNLABELLED))[owner]
+        return np.append(self.bodies.label, np.uint8(Label.UNLABELLED))[owner]
 
     def _to_obstacle(self, height: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(nx, ny) m to the nearest of the chosen bodies that is in the way; inf beyond ``CLEARANCE``."""
-        b, distance = self._bodies, np.full(self.grid.shape, np.inf)
+        b, distance = self.bodies, np.full(self.grid.shape, np.inf)
         windows = b.windows(self.grid, CLEARANCE + CELL)
         windows[~chosen, 1] = 0
         kernels.lower_distance(
@@ -153,17 +177,7 @@ def true_surface(
     Raises:
         InputError: the start itself is not drivable.
     """
-    ground = Survey(model, data, robot_body).ground_from(start)
-    if ground is None:
-        raise InputError(
-            f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m is not above free ground"
-        )
-    piece = ground.pieces[tuple(ground.grid.cell_of(start))]
-    if not piece:
-        raise InputError(
-            f"the arena has no free start: the robot cannot stand at ({start[0]:g}, {start[1]:g}) m"
-        )
-    return TrueSurface(ground.grid, ground.height, ground.pieces == piece, ground.walls)
+    return Survey(model, data, robot_body).surface_from(start)
 
 
 def _grid_around(bodies: ConvexBodies) -> Grid:

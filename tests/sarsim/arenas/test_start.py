@@ -5,10 +5,12 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.labels import Label
 from pipeline.transforms import yaw_of
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.start import find_start, start_at
+from sarsim.scoring.true_surface import CELL, Survey
 
 
 def compiled(builder):
@@ -70,3 +72,17 @@ def test_any_arena_takes_a_start(name):
     T = load_arena(name, (x, y, 30.0)).T_world_start
     np.testing.assert_allclose(T[:2, 3], (x, y))
     assert yaw_of(T) == pytest.approx(np.radians(30))
+
+
+def test_floors_come_largest_first_and_small_patches_not_at_all():
+    floors = [(0.5, 0.0), (1.0, 3.0), (0.1, 5.0), (0.75, 7.0)]
+    geoms = "".join(f'<geom type="box" size="{h} {h} 0.1" pos="{x} 0 0" user="2"/>' for h, x in floors)
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><size nuser_geom="1"/><worldbody>{geoms}</worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    sizes = [
+        np.isfinite(g.height).sum() * CELL**2 for g in Survey(model, data, None).grounds(Label.TERRAIN, 0.25)
+    ]
+    np.testing.assert_allclose(sizes, [4.0, 2.25, 1.0], rtol=0.1)

@@ -1,0 +1,207 @@
+"""Victims on the map: what was seen of each from where, and whether that is enough to report one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.transforms import inverse, transform_points
+from pipeline.victim_detection.detector import Detection
+from pipeline.victim_detection.observation import (
+    Observation,
+    ObservationConfig,
+    Refusal,
+    depth_noise,
+    middle,
+    observe,
+)
+
+
+@dataclass(frozen=True)
+class VictimsConfig:
+    """Settings of the victims on the map.
+
+    Attributes:
+        observation: what counts as a person.
+        gate: largest squared Mahalanobis distance of an observation from the victim that it may be of; 11.34 holds
+            99 % of them (χ² of three degrees of freedom).
+        looks: at least, that found a victim before it is confirmed.
+        apart: m at least between the farthest two places of these looks.
+        in_view: m within which someone who is not hidden ought to be found again.
+        voxel: m, of which one point of a victim is kept.
+    """
+
+    observation: ObservationConfig = field(default_factory=ObservationConfig)
+    gate: float = 11.34
+    looks: int = 2
+    apart: float = 0.3
+    in_view: float = 3.0
+    voxel: float = 0.03
+
+
+@dataclass(eq=False)
+class Victim:
+    """Someone on the map.
+
+    Attributes:
+        points: (N, 3) float32 all that was seen of the person, in ``map``.
+        information: (3, 3) inverse of the position's covariance, 1/m².
+        cameras: where the camera stood when the person was found.
+        confidences: of these detections.
+        photo: (h, w, 3) uint8 of the most confident one.
+        missed: looks that showed the place, not hidden, without finding anyone there.
+    """
+
+    points: NDArray[np.float32]
+    information: NDArray[np.float64]
+    cameras: list[NDArray[np.float64]]
+    confidences: list[float]
+    photo: NDArray[np.uint8]
+    missed: int = 0
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """(3,) middle of what was seen."""
+        return middle(self.points)
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(3, 3) of the position, m²."""
+        return _inverse(self.information)
+
+    @property
+    def extent(self) -> NDArray[np.float64]:
+        """(3,) m along x, y and z of what was seen."""
+        return np.ptp(self.points.astype(np.float64), axis=0)
+
+    @property
+    def confidence(self) -> float:
+        """Mean over the looks that ought to have found the person, 0 for those that did not."""
+        return sum(self.confidences) / (len(self.confidences) + self.missed)
+
+    @property
+    def apart(self) -> float:
+        """m between the farthest two places from which the person was found."""
+        cameras = np.array(self.cameras)
+        return float(np.linalg.norm(cameras[:, None] - cameras[None], axis=2).max())
+
+
+class Victims:
+    """All victims that were seen, confirmed or not.
+
+    Attributes:
+        all: in the order in which they were found.
+        refusals: detections of the last look that are no person.
+    """
+
+    def __init__(self, config: VictimsConfig | None = None) -> None:
+        """None yet."""
+        self.config = config or VictimsConfig()
+        self.all: list[Victim] = []
+        self.refusals: list[Refusal] = []
+
+    @property
+    def confirmed(self) -> list[Victim]:
+        """Those found by enough looks from different places, and by more than missed them."""
+        return [victim for victim in self.all if self.is_confirmed(victim)]
+
+    @property
+    def unconfirmed(self) -> list[Victim]:
+        """Those worth a second look from elsewhere."""
+        return [victim for victim in self.all if not self.is_confirmed(victim)]
+
+    def is_confirmed(self, victim: Victim) -> bool:
+        """Whether it was found often enough, from different places, and more often than missed."""
+        found = len(victim.cameras)
+        return found >= self.config.looks and found > victim.missed and victim.apart >= self.config.apart
+
+    def update(
+        self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64]
+    ) -> None:
+        """Add what a look at ``T_map_camera`` has found; of none, that it found none."""
+        seen = [observe(frame, d, T_map_camera, self.config.observation) for d in detections]
+        self.refusals = [item for item in seen if isinstance(item, Refusal)]
+        before, found = list(self.all), set[int]()
+        for observation in (item for item in seen if isinstance(item, Observation)):
+            found.add(id(self._add(observation, frame)))
+        for victim in before:
+            if id(victim) not in found and self._in_view(victim, frame, T_map_camera):
+                victim.missed += 1
+        self._merge()
+        self.all = [victim for victim in self.all if victim.missed <= 2 * len(victim.cameras)]
+
+    def _add(self, observation: Observation, frame: Frame) -> Victim:
+        """To the nearest victim inside the gate, or as a new one."""
+        new = Victim(
+            self._thinned(observation.points),
+            _inverse(observation.covariance),
+            [observation.camera],
+            [observation.detection.confidence],
+            _crop(frame.rgb, observation.detection.box),
+        )
+        near = min(self.all, key=lambda victim: self._distance(victim, new), default=None)
+        if near is None or self._distance(near, new) > self.config.gate:
+            self.all.append(new)
+            return new
+        self._join(near, new)
+        return near
+
+    def _distance(self, one: Victim, other: Victim) -> float:
+        """Squared Mahalanobis distance of two positions."""
+        apart = one.position - other.position
+        return float(apart @ np.linalg.solve(one.covariance + other.covariance, apart))
+
+    def _join(self, victim: Victim, other: Victim) -> None:
+        """Add to a victim what is known of another, who is the same."""
+        if max(other.confidences) > max(victim.confidences):
+            victim.photo = other.photo
+        victim.points = self._thinned(np.concatenate([victim.points, other.points]))
+        # Looks from one place err alike: a victim is never more certain than the best of them by much.
+        floor = np.eye(3) * self.config.observation.skin_to_middle**2 / 4
+        joint = _inverse(victim.information + other.information)
+        victim.information = _inverse(joint + floor)
+        victim.cameras += other.cameras
+        victim.confidences += other.confidences
+        victim.missed = min(victim.missed, other.missed)
+
+    def _merge(self) -> None:
+        """Join victims that have grown together: of someone seen in parts."""
+        kept: list[Victim] = []
+        for victim in self.all:
+            near = min(kept, key=lambda other: self._distance(other, victim), default=None)
+            if near is not None and self._distance(near, victim) <= self.config.gate / 4:
+                self._join(near, victim)
+            else:
+                kept.append(victim)
+        self.all = kept
+
+    def _in_view(self, victim: Victim, frame: Frame, T_map_camera: NDArray[np.float64]) -> bool:
+        """Whether most of a victim's points lie in the image, near enough, with nothing before them."""
+        points = transform_points(inverse(T_map_camera), victim.points)
+        k = frame.intrinsics
+        depth = np.maximum(points[:, 2], 1e-6)
+        u = np.floor(points[:, 0] / depth * k.fx + k.cx).astype(int)
+        v = np.floor(points[:, 1] / depth * k.fy + k.cy).astype(int)
+        inside = (points[:, 2] > 0) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+        if np.median(depth) > self.config.in_view:
+            return False
+        measured = frame.depth[v[inside], u[inside]]
+        open_view = (measured > 0) & (measured > depth[inside] - 0.1 - 2 * depth_noise(depth[inside]))
+        return bool(open_view.sum() > 0.7 * len(points))
+
+    def _thinned(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
+        """One point of each voxel."""
+        voxels = np.floor(points / self.config.voxel).astype(np.int64)
+        _, first = np.unique(voxels, axis=0, return_index=True)
+        return points[np.sort(first)]
+
+
+def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.linalg.inv(matrix).astype(np.float64)
+
+
+def _crop(rgb: NDArray[np.uint8], box: tuple[float, float, float, float]) -> NDArray[np.uint8]:
+    x0, y0, x1, y1 = box
+    return rgb[int(y0) : int(np.ceil(y1)), int(x0) : int(np.ceil(x1))].copy()

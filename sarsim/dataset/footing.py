@@ -1,13 +1,12 @@
 """How a Pioneer 3-AT stands on the ground, from the places where its wheels touch."""
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.surface.grid import Grid
 from pipeline.transforms import from_rotation
 from sarsim.dataset import footing_kernels as kernels
-from sarsim.scoring.columns import ConvexBodies, convex_bodies
+from sarsim.scoring.columns import ConvexBodies
 
 AXLES = np.array(
     [(0.135, 0.199, 0.111), (0.135, -0.199, 0.111), (-0.135, 0.199, 0.111), (-0.135, -0.199, 0.111)]
@@ -26,9 +25,9 @@ REACH = 0.2
 class Footing:
     """The ground of an arena as the robot's wheels meet it."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None, grid: Grid):
-        """``robot_body``: id of the robot's root body, which is no ground; ``grid``: of the arena."""
-        self._ground = _ground(convex_bodies(model, data, robot_body), grid)
+    def __init__(self, bodies: ConvexBodies, grid: Grid):
+        """``bodies``: of the arena without the robot; ``grid``: over them."""
+        self._ground = _ground(bodies, grid)
 
     def stand(self, x: float, y: float, yaw: float, height: float) -> NDArray[np.float64] | None:
         """4×4 pose of ``base_link`` at (x, y) m that looks along ``yaw`` rad, at rest and without play in the tyres.

@@ -28,7 +28,7 @@ from sarsim.lighting import set_lighting
 from sarsim.pioneer3at import Pioneer3AT
 from sarsim.pose import Pose
 from sarsim.rendering import Renderer
-from sarsim.scoring.true_surface import true_surface
+from sarsim.scoring.true_surface import Survey
 from sarsim.victims import victims_of
 
 ATTEMPTS = 10
@@ -140,9 +140,9 @@ class World(Closing):
 
     def drive(self, recipe: Recipe, rng: np.random.Generator) -> Drive:
         """A drive from the arena's start."""
-        body = self.camera.base_body
-        surface = true_surface(self.model, self.data, body, self._T_world_start[:3, 3])
-        footing = Footing(self.model, self.data, body, surface.grid)
+        survey = Survey(self.model, self.data, self.camera.base_body)
+        surface = survey.surface_from(self._T_world_start[:3, 3])
+        footing = Footing(survey.bodies, survey.grid)
         return Drive(surface, footing, self._T_world_start, recipe.drive, rng)
 
     def look(self, pose: Pose, rng: np.random.Generator) -> SceneFrame:

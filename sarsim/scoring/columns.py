@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -214,8 +215,13 @@ def _box(centre: NDArray[np.float64], half: NDArray[np.float64]) -> _Shape:
 
 
 def _hull(vertices: NDArray[np.float64]) -> _Shape:
-    equations = np.unique(ConvexHull(vertices).equations.round(6), axis=0)
-    return _Shape(equations * [1, 1, 1, -1], vertices)
+    return _Shape(_faces(vertices.tobytes()) * [1, 1, 1, -1], vertices)
+
+
+@lru_cache(256)
+def _faces(points: bytes) -> NDArray[np.float64]:
+    """(M, 4) of the convex hull of (N, 3) float64 points; arenas are surveyed again and again."""
+    return np.unique(ConvexHull(np.frombuffer(points).reshape(-1, 3)).equations.round(6), axis=0)
 
 
 def _cylinder(size: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from sarsim.dataset.drive import DeadReckoning, Drive, DriveConfig, rotation_vec
 from sarsim.dataset.footing import Footing
 from sarsim.odometry import OdometryConfig
 from sarsim.pose import Pose
+from sarsim.scoring.columns import convex_bodies
 from sarsim.scoring.true_surface import TrueSurface, true_surface
 
 COUNT = 120
@@ -29,7 +30,7 @@ class Nist:
         mujoco.mj_kinematics(model, data)
         self.start = arena.T_world_start
         self.surface: TrueSurface = true_surface(model, data, None, self.start[:3, 3])
-        self.footing = Footing(model, data, None, self.surface.grid)
+        self.footing = Footing(convex_bodies(model, data, None), self.surface.grid)
 
     def looks(self, seed: int, count: int = COUNT, **config: float) -> list[Pose]:
         """A drive from the start."""

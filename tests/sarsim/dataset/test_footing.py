@@ -13,6 +13,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.assets import asset
 from sarsim.dataset import footing
 from sarsim.dataset.footing import Footing
+from sarsim.scoring.columns import convex_bodies
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 GRID = Grid(np.array([-3.0, -3.0]), 0.05, (120, 120))
@@ -25,7 +26,7 @@ def footing_on(geoms: str) -> Footing:
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{geoms}</worldbody></mujoco>")
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    return Footing(model, data, None, GRID)
+    return Footing(convex_bodies(model, data, None), GRID)
 
 
 def slope(climb: float, rise: float) -> str:
@@ -94,7 +95,7 @@ def test_over_the_ridge_it_leans_as_the_driven_robot_does() -> None:
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
     try:
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
-        ground = Footing(model, data, robot.base_body, GRID)
+        ground = Footing(convex_bodies(model, data, robot.base_body), GRID)
         robot.robot.set_pose(robot.physics, (-1.2, -1.39, 0), (1, 0, 0, 0))
         heights, angles, steepest = [], [], 0.0
         while (T := robot.trajectory[-1].T_world_base)[0, 3] < 1.1 or len(heights) < 50:

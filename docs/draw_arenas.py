@@ -22,6 +22,7 @@ SIZE = (800, 600)
 
 def main() -> None:
     draw_library()
+    save("arena-nist.jpg", [overview("nist_6x4"), eye("nist_6x4", None)])
     save(
         "arena-raf.jpg",
         [overview(str(DOCS / "example.raf")), eye(str(DOCS / "example.raf"), (6.0, 1.1, 100.0))],
@@ -31,15 +32,19 @@ def main() -> None:
     large = RandomArenaConfig(columns=12, rows=9, victims=6, difficulty=3)
     roofed = RandomArenaConfig(ceiling=True, difficulty=1)
     save("arenas-more.jpg", [overview("random:11", large), eye("random:3", None, roofed)])
+    furnished = RandomArenaConfig(columns=9, rows=7, furniture=0.25)
+    save("arenas-furniture.jpg", [overview("random:5", furnished), eye("random:5", None, furnished)])
 
 
 def draw_library() -> None:
-    """The element library as MuJoCo's viewer shows it."""
+    """All of the element library."""
     model = mujoco.MjModel.from_xml_path(str(asset("arenas", "elements.xml")))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
+    view = mujoco.MjvCamera()
+    view.lookat[:], view.distance, view.azimuth, view.elevation = (7, 6.2, 0), 21, 90, -52
     with Renderer(model, 1600, 1000) as renderer:
-        save("arena-elements.jpg", [renderer.colour(data, "overview")])
+        save("arena-elements.jpg", [renderer.colour(data, view)])
 
 
 def overview(name: str, random: RandomArenaConfig | None = None) -> NDArray[np.uint8]:

@@ -64,10 +64,10 @@ def robots_eye(places: list[tuple[float, float, float]], config: SimulationConfi
     for x, y, yaw in places:
         robot.robot.set_pose(robot.physics, (x, y, 0), (np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))
         robot.physics.forward()
-        look = camera.look(robot.physics.data.ptr)
+        label = camera.look(robot.physics.data.ptr).label
         small = [
             cv2.resize(p[..., ::-1], (400, 300), interpolation=cv2.INTER_AREA)
-            for p in (look.rgb, COLOURS[look.label])
+            for p in (robot.sense().rgb, COLOURS[label])
         ]
         pictures.append(np.vstack(small))
     robot.close()

@@ -57,6 +57,7 @@ class Worker:
 
     Attributes:
         index: of the scene that it makes.
+        process: in which it works.
     """
 
     def __init__(self, recipe: Recipe, folder: Path, lock: FolderLock):
@@ -64,7 +65,7 @@ class Worker:
         self.index = -1
         self.connection, theirs = Pipe()
         their_lifeline, self._lifeline = Pipe(duplex=False)
-        self._process = processes.start(_serve, theirs, their_lifeline, lock, recipe, folder)
+        self.process = processes.start(_serve, theirs, their_lifeline, lock, recipe, folder)
         theirs.close()
         their_lifeline.close()
 
@@ -90,12 +91,12 @@ class Worker:
 
     def end(self) -> int | None:
         """Stop it; return its exit code, negative for a signal."""
-        self._process.join(0.1)
-        self._process.kill()
-        self._process.join()
+        self.process.join(0.1)
+        self.process.kill()
+        self.process.join()
         self.connection.close()
         self._lifeline.close()
-        return self._process.exitcode
+        return self.process.exitcode
 
 
 def wait_for(workers: Sequence[Worker]) -> list[Worker]:

@@ -18,12 +18,14 @@ from sarsim.arenas.promises import broken_promises
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
 from sarsim.arenas.random_furniture import (
     AGAINST_WALL,
+    BULKY,
     FREESTANDING,
     ON_WALLS,
     OTHER_WALLS,
     RAMPS,
     SMALL,
     hang_on_walls,
+    place_bulky,
     place_furniture,
 )
 from sarsim.camera import geom_labels
@@ -100,7 +102,7 @@ def test_parameters_say_how_large_how_full_and_whether_there_is_a_ceiling():
     assert len(victims_of(model, data)) == 1
 
 
-FURNISHED = RandomArenaConfig(furniture=0.3, victims=1)
+FURNISHED = RandomArenaConfig(furniture=0.25, bulky=0.2, victims=1)
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +124,14 @@ def test_furniture_breaks_no_promise(seed, furnished):
 def test_furniture_stands_hangs_and_replaces_walls(furnished):
     kinds = set().union(*map(elements_of, furnished.values()))
     standing = {kind for kind, _ in AGAINST_WALL} | set(FREESTANDING)
-    for sort in (standing, set(SMALL), set(ON_WALLS), set(OTHER_WALLS), {kind for kind, _ in RAMPS}):
+    for sort in (
+        standing,
+        set(SMALL),
+        set(BULKY),
+        set(ON_WALLS),
+        set(OTHER_WALLS),
+        {kind for kind, _ in RAMPS},
+    ):
         assert len(kinds & sort) > len(sort) / 2
 
 
@@ -133,6 +142,26 @@ def test_furniture_has_a_share_of_the_tiles():
     assert len(tiles) == 16
     assert all(layout.ground(tile) == BLOCKED for tile in tiles)
     assert {item.kind for item in items} <= element_library().types
+
+
+def test_bulky_things_take_tiles_but_raised_floors_leave_them_to_the_robot():
+    layout = Layout(8, 8)
+    items = place_bulky(layout, Dice(np.random.default_rng(0)), 0.25)
+    assert len({item.tile for item in items}) == len(items) >= 16
+    for item in items:
+        assert (layout.ground(item.tile) == BLOCKED) == (item.kind != "raised_floor_120")
+    assert {item.kind for item in items} <= element_library().types
+
+
+def test_below_a_raised_floor_the_robot_drives_and_above_it_cannot():
+    builder = room()
+    builder.add_element("raised_floor_120", (1.2, 0, 0), 90)
+    builder.set_start((0, 0, 0), 0)
+    assert broken_promises(builder.to_xml()) == []
+    model, data = compiled(builder.to_xml())
+    surface = true_surface(model, data, None, data.site("start").xpos)
+    assert surface.drivable[tuple(surface.grid.cell_of((1.2, 0)))]
+    assert np.nanmax(surface.height) < 0.01
 
 
 def test_one_wall_alone_bears_something():
@@ -151,6 +180,7 @@ def test_one_wall_alone_bears_something():
         ({"rows": 1000}, "rows is 1000"),
         ({"wall_density": 1.5}, "wall_density is 1.5"),
         ({"furniture": -0.1}, "furniture is -0.1"),
+        ({"bulky": 1.1}, "bulky is 1.1"),
         ({"difficulty": 4}, "difficulty is 4"),
         ({"columns": 3, "rows": 3, "victims": 40}, "do not fit"),
     ],

@@ -33,11 +33,12 @@ def test_random_arenas_are_within_their_ranges() -> None:
 def test_furniture_is_drawn_last_and_only_where_it_is_wanted() -> None:
     bare, furnished = np.random.default_rng(0), np.random.default_rng(0)
     without = ArenaRange().draw(bare)
-    with_some = ArenaRange(furniture=(0.1, 0.2)).draw(furnished)
-    assert without.furniture == 0
+    with_some = ArenaRange(furniture=(0.1, 0.2), bulky=(0.3, 0.4)).draw(furnished)
+    assert without.furniture == without.bulky == 0
     assert 0.1 <= with_some.furniture <= 0.2
-    assert replace(with_some, furniture=0.0) == without
-    bare.random()
+    assert 0.3 <= with_some.bulky <= 0.4
+    assert replace(with_some, furniture=0.0, bulky=0.0) == without
+    bare.random(2)
     assert bare.random() == furnished.random()
 
 

@@ -135,10 +135,9 @@ def nodes(topology: TopologicalMap) -> rr.Points3D:
 
 
 def edges(topology: TopologicalMap) -> rr.LineStrips3D:
-    """The edges of the spanning tree."""
-    known = topology.nodes
-    ends = [(known[a].position, known[b].position) for a, b in topology.graph.edges if {a, b} <= known.keys()]
-    return rr.LineStrips3D([np.array(pair) + _LIFT for pair in ends], colors=EDGE_COLOUR, radii=0.015)
+    """The edges that plans are made on."""
+    ways = [topology.way(a, b) for a, b in topology.graph.edges]
+    return rr.LineStrips3D([way + _LIFT for way in ways], colors=EDGE_COLOUR, radii=0.015)
 
 
 def path(T_map_base: NDArray[np.float64], plan: PathPlan | None, view: View | None) -> rr.LineStrips3D:

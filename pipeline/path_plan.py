@@ -1,6 +1,8 @@
 """Path plan (thesis 3.4): Dijkstra's algorithm on the topological map."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -8,7 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.surface.drivable import DrivableSurface
 from pipeline.surface.paths import ShortestPaths, simplify
+from pipeline.topological_map.links import drive_seconds
 from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.tour import visiting_order
+
+_START, _GOAL = "start", "goal"
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +23,7 @@ class PathPlan:
 
     Attributes:
         way_points: (N, 3) m in ``map``, from the first place to drive to up to the goal.
-        nodes: ids of the nodes that the way leads over.
+        nodes: ids of the nodes that the way leads over or past.
         length: m along the ground plan, from where the robot is.
     """
 
@@ -25,47 +31,128 @@ class PathPlan:
     nodes: list[int]
     length: float
 
+    def still_holds(self, surface: DrivableSurface, position: ArrayLike) -> bool:
+        """Whether a newer surface still lets the robot drive from ``position`` (2,) along all way points."""
+        way = np.vstack([np.asarray(position, np.float64)[:2], self.way_points[:, :2]])
+        return bool(surface.lines_are_drivable(way[:-1], way[1:]).all())
+
 
 def plan_path(
     topology: TopologicalMap, surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike
 ) -> PathPlan | None:
-    """The shortest way over the topological map from where ``paths`` start.
+    """The quickest way over the topological map from where ``paths`` start.
 
-    The robot and the goal are joined to every node that a straight drive reaches; if there is none, the bends of
-    the shortest way over the grid become nodes. Returns None if no way leads to the goal.
+    The robot and the goal are joined to every node that a straight drive reaches; if no way leads over nodes, the
+    shortest way over the grid is taken. Way points that a straight drive can pass by are left out. Returns None if
+    no way leads to the goal: :func:`obstacle_to` says why.
     """
     goal = np.asarray(goal, np.float64)[:2]
-    if paths.start is None or not np.isfinite(paths.cost_to(goal)):
+    if obstacle_to(surface, paths, goal) is not None:
         return None
-    start = paths.start
-    if surface.lines_are_drivable(start[None], goal[None])[0]:
-        return _plan(surface, start, [goal], [])
-    nodes = _nodes_between(topology, surface, start, goal)
+    assert paths.start is not None
+    if surface.lines_are_drivable(paths.start[None], goal[None])[0]:
+        return _plan(surface, np.stack([paths.start, goal]), [])
+    nodes = _nodes_between(topology, surface, paths.start, goal)
     if nodes is None:
-        way = simplify(surface, paths.path_to(goal))[1:]
-        return _plan(surface, start, [*way[:-1], goal], [])
-    return _plan(surface, start, [*(topology.nodes[n].position[:2] for n in nodes), goal], nodes)
+        way = simplify(surface, paths.path_to(goal))
+        return _plan(surface, np.vstack([paths.start, way[1:-1], goal]), [])
+    legs = [topology.way(a, b)[:, :2] for a, b in pairwise(nodes)]
+    places = np.vstack([topology.nodes[nodes[0]].position[None, :2], *(leg[1:] for leg in legs)])
+    return _plan(surface, _shortened(surface, np.vstack([paths.start, places, goal])), nodes)
+
+
+def obstacle_to(surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike) -> str | None:
+    """Why the robot cannot drive to a goal (2,), in a line for the log; None if it can."""
+    goal = np.asarray(goal, np.float64)[:2]
+    grid = surface.grid
+    name = f"the goal ({goal[0]:.2f}, {goal[1]:.2f}) m"
+    if not np.isfinite(goal).all():
+        return f"{name} is not a place"
+    if paths.start is None:
+        return f"{name} cannot be driven to: the robot stands where it cannot drive"
+    if np.isnan(grid.at(surface.elevation, goal, outside=np.nan)):
+        return f"{name} is off the map: nobody has seen the ground there"
+    if grid.at(surface.hazard, goal):
+        return f"{name} is in a wall, on a step or on ground too steep"
+    if not grid.at(surface.drivable, goal):
+        return f"{name} is too near to an obstacle or to unknown ground"
+    if not np.isfinite(paths.cost_to(goal)):
+        return f"{name} cannot be reached from ({paths.start[0]:.2f}, {paths.start[1]:.2f}) m"
+    return None
+
+
+def order_goals(
+    topology: TopologicalMap, surface: DrivableSurface, paths: ShortestPaths, goals: Sequence[ArrayLike]
+) -> list[int]:
+    """The order in which to visit several goals so that the drive from where ``paths`` start is short.
+
+    Times come from the topological map where it links the goals, and from the length of the way over the grid where
+    it links none. Goals that the robot cannot drive to are left out: :func:`obstacle_to` says why.
+
+    Returns:
+        Indices of ``goals``.
+    """
+    places = [np.asarray(goal, np.float64)[:2] for goal in goals]
+    wanted = [k for k, place in enumerate(places) if obstacle_to(surface, paths, place) is None]
+    if not wanted or paths.start is None:
+        return []
+    seconds = _seconds_between(topology, surface, [paths.start, *(places[k] for k in wanted)])
+    return [wanted[k - 1] for k in visiting_order(seconds)]
+
+
+def _seconds_between(
+    topology: TopologicalMap, surface: DrivableSurface, places: list[NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """(N, N) s from place to place: straight on, over the map, or else as long as a way around is likely to take."""
+    graph, names = topology.graph.copy(), [f"place {k}" for k in range(len(places))]
+    for name, place in zip(names, places, strict=True):
+        _link(graph, name, place, topology, surface)
+    result = np.zeros((len(places), len(places)))
+    for k, name in enumerate(names):
+        others = np.array(places)
+        starts = np.repeat(places[k][None], len(others), axis=0)
+        straight = drive_seconds(surface, starts, others, topology.config.links)
+        reach = nx.single_source_dijkstra_path_length(graph, name)
+        over = np.array([reach.get(other, np.inf) for other in names])
+        direct = np.where(surface.lines_are_drivable(starts, others), straight, np.inf)
+        least = np.minimum(over, direct)
+        result[k] = np.where(np.isfinite(least), least, 2 * straight)
+    return result
 
 
 def _nodes_between(
     topology: TopologicalMap, surface: DrivableSurface, start: NDArray[np.float64], goal: NDArray[np.float64]
 ) -> list[int] | None:
-    """Ids of the nodes on the shortest way, by Dijkstra's algorithm; None if there is no way over nodes."""
+    """Ids of the nodes on the quickest way, by Dijkstra's algorithm; None if there is no way over nodes."""
     graph = topology.graph.copy()
-    for name, xy in (("start", start), ("goal", goal)):
-        graph.add_node(name)
-        for n in topology.linkable(xy, surface):
-            if n in topology.graph:
-                graph.add_edge(name, n, weight=float(np.linalg.norm(topology.nodes[n].position[:2] - xy)))
+    for name, xy in ((_START, start), (_GOAL, goal)):
+        _link(graph, name, xy, topology, surface)
     try:
-        return nx.dijkstra_path(graph, "start", "goal")[1:-1]
+        return nx.dijkstra_path(graph, _START, _GOAL)[1:-1]
     except nx.NetworkXNoPath:
         return None
 
 
-def _plan(
-    surface: DrivableSurface, start: NDArray[np.float64], way: list[NDArray[np.float64]], nodes: list[int]
-) -> PathPlan:
-    xy = np.array(way)
-    length = float(np.linalg.norm(np.diff(np.vstack([start, xy]), axis=0), axis=1).sum())
-    return PathPlan(np.column_stack([xy, surface.grid.at(surface.elevation, xy)]), nodes, length)
+def _link(
+    graph: nx.Graph, name: str, xy: NDArray[np.float64], topology: TopologicalMap, surface: DrivableSurface
+) -> None:
+    """Join a place (2,) to every node that a straight drive reaches."""
+    graph.add_node(name)
+    for n, seconds in topology.links_from(xy, surface).items():
+        graph.add_edge(name, n, weight=seconds)
+
+
+def _shortened(surface: DrivableSurface, way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(M, 2) the way (N, 2) without the points that straight drives pass by."""
+    kept = [0]
+    while kept[-1] < len(way) - 1:
+        rest = np.arange(kept[-1] + 1, len(way))
+        ahead = surface.lines_are_drivable(np.repeat(way[kept[-1]][None], len(rest), axis=0), way[rest])
+        kept.append(int(rest[ahead][-1]) if ahead.any() else int(rest[0]))
+    return way[kept]
+
+
+def _plan(surface: DrivableSurface, way: NDArray[np.float64], nodes: list[int]) -> PathPlan:
+    """The plan for a way (N, 2) that begins where the robot is."""
+    length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+    return PathPlan(surface.on_ground(way[1:]), nodes, length)

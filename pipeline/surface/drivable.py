@@ -85,6 +85,10 @@ class DrivableSurface:
             self.rules(self.ramp_alignment),
         )
 
+    def on_ground(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """(N, 3) the points of the ground at (N, 2) m."""
+        return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
+
     def rules(self, ramp_alignment: float) -> path_kernels.Rules:
         """Where the robot may go if ramps must be met within ``ramp_alignment`` rad of their slope."""
         return path_kernels.Rules(

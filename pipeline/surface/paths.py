@@ -70,6 +70,15 @@ class ShortestPaths:
         step = np.where(flat[:, None] >= 0, cells - before, (1, 0))
         return np.arctan2(step[:, 1], step[:, 0])
 
+    def sources(self) -> NDArray[np.int64]:
+        """(nx, ny) flat index of the cell of that start from which the path to each cell comes; -1 if none leads."""
+        source = np.arange(self.cost.size)
+        if np.isfinite(self.cost).any():
+            source = np.where(self._parent.ravel() >= 0, self._parent.ravel(), source)
+        while (source != source[source]).any():
+            source = source[source]
+        return np.where(self.reachable, source.reshape(self.cost.shape), -1)
+
     def path_to(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 2) cell centres from the (nearest) start to a reachable point, m."""
         flat = np.ravel_multi_index(tuple(self._surface.grid.cell_of(xy)), self.cost.shape)

@@ -66,10 +66,6 @@ class Ground:
             changed |= difference
         return changed
 
-    def on_ground(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 3) the points of the ground at (N, 2) m."""
-        return np.column_stack([xy, self.grid.at(self.surface.elevation, xy)])
-
     def candidates(self, mask: NDArray[np.bool_], within: float) -> NDArray[np.float64]:
         """(K, 2) m, places near a mask: of every block of standable cells the one farthest from hazards."""
         if not mask.any():

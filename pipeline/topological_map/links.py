@@ -57,9 +57,15 @@ class Links:
         return free
 
     def seconds(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N,) expected time to drive the lines between points (N, 3) and to stop at their ends."""
-        config, grid = self._config, self._surface.grid
-        length = np.linalg.norm((ends - starts)[:, :2], axis=1)
-        a, b = np.ascontiguousarray(starts[:, :2]), np.ascontiguousarray(ends[:, :2])
-        on_ramp = metres_on(a, b, grid.origin, grid.cell, self._surface.ramp)
-        return (length - on_ramp) / config.speed + on_ramp / config.ramp_speed + config.stop_time
+        """(N,) expected time to drive the lines between points (N, 2 or 3)."""
+        return drive_seconds(self._surface, starts, ends, self._config)
+
+
+def drive_seconds(
+    surface: DrivableSurface, starts: NDArray[np.float64], ends: NDArray[np.float64], config: LinkConfig
+) -> NDArray[np.float64]:
+    """(N,) expected time in s to drive the lines between points (N, 2 or 3), and to stop once."""
+    a, b = np.ascontiguousarray(starts[:, :2]), np.ascontiguousarray(ends[:, :2])
+    on_ramp = metres_on(a, b, surface.grid.origin, surface.grid.cell, surface.ramp)
+    level = np.linalg.norm(b - a, axis=1) - on_ramp
+    return level / config.speed + on_ramp / config.ramp_speed + config.stop_time

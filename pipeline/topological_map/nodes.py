@@ -64,6 +64,14 @@ def thesis_places(
     return places
 
 
+def label_at(point: NDArray[np.float64], segments: Segments) -> Label:
+    """What a node at a point (3,) of the ground stands on: a straight ramp, or else the terrain."""
+    for segment in segments.of(Label.STRAIGHT_RAMP):
+        if segment.tree.query(point)[0] <= LEVEL:
+            return Label.STRAIGHT_RAMP
+    return Label.TERRAIN
+
+
 def segment_nodes(segment: Segment, config: NodeConfig) -> NDArray[np.float64]:
     """(N, 3) places in ``map`` for the nodes of a straight or an inclined ramp; none on other segments."""
     if segment.box.area < config.min_area or segment.plane.normal[2] < np.cos(config.max_slope):

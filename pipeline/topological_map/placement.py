@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.labels import Label
+from pipeline.semantic_map.segments import Segments
 from pipeline.surface.paths import ShortestPaths, simplify
 from pipeline.topological_map.cover import Views
 from pipeline.topological_map.node_set import NodeSet
-from pipeline.topological_map.nodes import Place
+from pipeline.topological_map.nodes import Place, label_at
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,9 @@ class CoverConfig:
 class Placement:
     """Places nodes on the ground of one look."""
 
-    def __init__(self, nodes: NodeSet, places: Sequence[Place], config: CoverConfig):
+    def __init__(self, nodes: NodeSet, places: Sequence[Place], segments: Segments, config: CoverConfig):
         """``places``: where the thesis's rules want nodes; they come before all others."""
-        self._nodes, self._places, self._config = nodes, places, config
+        self._nodes, self._places, self._segments, self._config = nodes, places, segments, config
         self._spare = int(config.min_gain / nodes.ground.grid.cell**2)
 
     def add_places(self) -> None:
@@ -171,4 +172,4 @@ class Placement:
         for place in self._places:
             if (place.xy == xy).all():
                 return place.label
-        return Label.TERRAIN
+        return label_at(self._nodes.ground.surface.on_ground(xy[None])[0], self._segments)

@@ -1,27 +1,86 @@
 """The roadmap: the spanning tree and those loops that shorten detours."""
 
+from collections.abc import Mapping
+
 import networkx as nx
 import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.surface.drivable import DrivableSurface
+from pipeline.surface.paths import ShortestPaths, simplify
+from pipeline.topological_map.links import Links
+from pipeline.topological_map.node_set import Node
 
 
-def roadmap(free: nx.Graph, max_detour: float) -> nx.Graph:
-    """The greedy spanner of a graph: no way over it is longer than ``max_detour`` times the shortest one.
+def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
+    """The tree, and as many more drives as no way over the graph needs to be ``max_detour`` times the shortest one.
 
-    Edges come in order of their weight, and one stays if the way between its ends over those that stayed before is
-    longer than ``max_detour`` times its own (Althöfer et al. 1993). So it holds a minimum spanning tree.
+    A greedy spanner (Althöfer et al. 1993) that begins with the tree: drives come in order of their weight, and one
+    is added if the way between its ends so far is longer than ``max_detour`` times its own.
 
     Args:
-        free: edges that can be driven, with ``weight``.
+        tree: all the nodes, and some of the drives.
+        drives: between these nodes, with ``weight``.
         max_detour: at least 1.
     """
-    graph = nx.Graph()
-    graph.add_nodes_from(sorted(free))
+    graph = tree.copy()
     row = {n: k for k, n in enumerate(graph)}
     way = np.where(np.eye(len(row), dtype=bool), 0.0, np.inf)
-    for a, b, data in sorted(free.edges(data=True), key=lambda edge: (edge[2]["weight"], *sorted(edge[:2]))):
-        i, j, weight = row[a], row[b], data["weight"]
-        if way[i, j] > max_detour * weight:
+    for a, b, weight in graph.edges(data="weight"):
+        _open(way, row[a], row[b], weight)
+    for a, b, data in sorted(drives.edges(data=True), key=lambda d: (d[2]["weight"], *sorted(d[:2]))):
+        if way[row[a], row[b]] > max_detour * data["weight"]:
             graph.add_edge(a, b, **data)
-            through = np.minimum(way[:, [i]] + way[[j]], way[:, [j]] + way[[i]]) + weight
-            np.minimum(way, through, out=way)
+            _open(way, row[a], row[b], data["weight"])
     return graph
+
+
+def _open(way: NDArray[np.float64], i: int, j: int, weight: float) -> None:
+    """Let all ways (N, N) use a new edge between i and j."""
+    through = np.minimum(way[:, [i]] + way[[j]], way[:, [j]] + way[[i]]) + weight
+    np.minimum(way, through, out=way)
+
+
+def add_passages(drives: nx.Graph, nodes: Mapping[int, Node], surface: DrivableSurface, links: Links) -> None:
+    """Join neighbours that no straight drive joins by the shortest way between them.
+
+    Neighbours are nodes whose shares of the ground touch, each cell being the share of the node nearest to it by
+    drive. The edge keeps the ``bends`` of its way: (M, 3) m, from the node of the lower id to the other.
+    """
+    starts = [nodes[n].position for n in sorted(nodes)]
+    paths = ShortestPaths(surface, starts)
+    for p, q in _meetings(paths):
+        there, back = (paths.path_to(surface.grid.centre_of(cell)) for cell in (p, q))
+        a, b = (_nearest(nodes, way[0]) for way in (there, back))
+        if a == b or drives.has_edge(a, b):
+            continue
+        way = simplify(surface, np.vstack([there, back[::-1]]))
+        points = np.vstack([nodes[a].position, surface.on_ground(way[1:-1]), nodes[b].position])
+        if links.are_free(points[:-1], points[1:]).all():
+            length = float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
+            seconds = float(links.seconds(points[:-1], points[1:]).sum())
+            bends = points[1:-1] if a < b else points[-2:0:-1]
+            drives.add_edge(a, b, weight=seconds, length=length, bends=bends)
+
+
+def _nearest(nodes: Mapping[int, Node], xy: NDArray[np.float64]) -> int:
+    return min(nodes, key=lambda n: float(np.linalg.norm(nodes[n].position[:2] - xy)))
+
+
+def _meetings(paths: ShortestPaths) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Of every two touching shares the two neighbouring cells (2,) where the way between their nodes is shortest."""
+    source = paths.sources()
+    cells, costs, keys = [], [], []
+    for step in ((1, 0), (0, 1)):
+        here = tuple(slice(None, -1) if s else slice(None) for s in step)
+        there = tuple(slice(1, None) if s else slice(None) for s in step)
+        a, b = source[here], source[there]
+        border = (a != b) & (a >= 0) & (b >= 0)
+        p = np.argwhere(border)
+        cells.append(np.stack([p, p + step], axis=1))
+        costs.append((paths.cost[here] + paths.cost[there])[border])
+        keys.append(np.sort(np.stack([a[border], b[border]], axis=1), axis=1))
+    pairs, cost = np.concatenate(cells), np.concatenate(costs)
+    order = np.argsort(cost, kind="stable")
+    _, first = np.unique(np.concatenate(keys)[order], axis=0, return_index=True)
+    return [(pairs[k, 0], pairs[k, 1]) for k in order[np.sort(first)]]

@@ -18,11 +18,12 @@ from pipeline.surface.drivable import DrivableSurface
 from pipeline.surface.paths import ShortestPaths
 from pipeline.topological_map.cover import Cover
 from pipeline.topological_map.ground import Ground
-from pipeline.topological_map.links import LinkConfig, Links
+from pipeline.topological_map.links import LinkConfig, Links, drive_seconds
 from pipeline.topological_map.node_set import Node, NodeSet
 from pipeline.topological_map.nodes import NodeConfig, thesis_places
 from pipeline.topological_map.placement import CoverConfig, Placement
-from pipeline.topological_map.roadmap import roadmap
+from pipeline.topological_map.roadmap import add_passages, roadmap
+from pipeline.topological_map.spanning_tree import collision_free_tree
 
 
 @dataclass(frozen=True)
@@ -82,22 +83,27 @@ class TopologicalMap:
         changed = ground.changed_since(self._set.ground if self._set else None)
         nodes = self._renewed(ground, Links(surface, walls, self.config.links), changed)
         places = thesis_places(patches, segments, ground, self.config.nodes)
-        placement = Placement(nodes, places, self.config.cover)
+        placement = Placement(nodes, places, segments, self.config.cover)
         old = set(nodes.nodes)
         placement.add_places()
         placement.cover_rest()
         placement.join()
         placement.thin_out({n for n in nodes.nodes if n not in old or nodes.cover.is_near(n, changed)})
-        self.graph = self._span(nodes.free)
+        self.graph = self._span(nodes)
 
-    def linkable(self, xy: NDArray[np.float64], surface: DrivableSurface) -> list[int]:
-        """Ids of the nodes that a straight drive joins to a point."""
+    def way(self, a: int, b: int) -> NDArray[np.float64]:
+        """(N, 3) m, the points that an edge leads over, from node ``a`` to node ``b``."""
+        bends = self.graph.edges[a, b].get("bends", np.zeros((0, 3)))
+        return np.vstack([self.nodes[a].position, bends if a < b else bends[::-1], self.nodes[b].position])
+
+    def links_from(self, xy: NDArray[np.float64], surface: DrivableSurface) -> dict[int, float]:
+        """Seconds to each of the nodes, by id, that a straight drive joins to a point (2,)."""
         ids = list(self.nodes)
-        if not ids:
-            return []
-        ends = np.array([self.nodes[n].position for n in ids])
-        free = surface.lines_are_drivable(np.repeat(np.asarray(xy)[None, :2], len(ids), axis=0), ends)
-        return [n for n, is_free in zip(ids, free, strict=True) if is_free]
+        ends = np.array([self.nodes[n].position[:2] for n in ids]).reshape(-1, 2)
+        starts = np.repeat(xy[None], len(ids), axis=0)
+        seconds = drive_seconds(surface, starts, ends, self.config.links)
+        free = surface.lines_are_drivable(starts, ends)
+        return {n: float(s) for n, s, is_free in zip(ids, seconds, free, strict=True) if is_free}
 
     def save(self, path: Path) -> None:
         """Write nodes and edges as JSON."""
@@ -106,7 +112,12 @@ class TopologicalMap:
             for n in self.nodes.values()
         ]
         edges = [
-            {"nodes": [a, b], "length": round(e["length"], 4), "seconds": round(e["weight"], 2)}
+            {
+                "nodes": [a, b],
+                "length": round(e["length"], 4),
+                "seconds": round(e["weight"], 2),
+                "way": self.way(a, b).round(4).tolist(),
+            }
             for a, b, e in self.graph.edges(data=True)
         ]
         with whole_file(path) as partial:
@@ -126,7 +137,10 @@ class TopologicalMap:
             self._set.renew(ground, links, changed, self.config.cover.snap)
         return self._set
 
-    def _span(self, free: nx.Graph) -> nx.Graph:
-        if self.config.graph == "mst":
-            return nx.minimum_spanning_tree(free)
-        return roadmap(free, self.config.max_detour)
+    def _span(self, nodes: NodeSet) -> nx.Graph:
+        tree = collision_free_tree(nodes.free)
+        if self.config.graph == "mst" or len(nodes.nodes) < 2:
+            return tree
+        drives = nodes.free.copy()
+        add_passages(drives, nodes.nodes, nodes.ground.surface, nodes.links)
+        return roadmap(tree, drives, self.config.max_detour)

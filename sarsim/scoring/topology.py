@@ -21,16 +21,16 @@ MIN_GAIN = 0.01
 def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, Any]:
     """Size, soundness and coverage of a topological map, and its size against a greedy cover."""
     positions = np.array([node.position[:2] for node in topology.nodes.values()]).reshape(-1, 2)
-    edges = [(topology.nodes[a].position, topology.nodes[b].position) for a, b in topology.graph.edges]
-    through = sum(not _in_sight(truth, a[None, :2], b[None, :2])[0] for a, b in edges)
+    ways = [topology.way(a, b)[:, :2] for a, b in topology.graph.edges]
+    through = sum(not _in_sight(truth, way[:-1], way[1:]).all() for way in ways)
     cells = truth.grid.centre_of(np.argwhere(truth.drivable))
     seen = _cells_seen(positions, cells, truth).sum(axis=0) > 0
     greedy = _greedy_cover(cells, truth, seen)
     return {
         "nodes": len(topology.nodes),
-        "edges": len(edges),
+        "edges": len(ways),
         "components": nx.number_connected_components(topology.graph),
-        "edges_through_walls": int(through),
+        "edges_through_walls": through,
         "coverage": float(seen.mean()),
         "nodes_vs_greedy": len(topology.nodes) / max(greedy, 1),
     }
@@ -56,7 +56,7 @@ def _cells_seen(positions: NDArray[np.float64], cells: NDArray[np.float64], trut
 
 
 def _greedy_cover(cells: NDArray[np.float64], truth: TrueSurface, area: NDArray[np.bool_]) -> int:
-    """Nodes that a greedy cover by drivable cells, every fourth along x and y, needs for an area: (N,) of the cells."""
+    """Nodes that a greedy cover by every fourth drivable cell along x and y needs for an area: (N,) of the cells."""
     candidates = cells[(truth.grid.cell_of(cells) % 4 == 0).all(axis=1)]
     sees = _cells_seen(candidates, cells, truth)
     missing = area.astype(np.int32)

@@ -24,7 +24,9 @@ def topology_of(positions, edges):
     nodes = {n: Node(n, Label.TERRAIN, np.array([*p, 0.0])) for n, p in enumerate(positions)}
     graph = nx.Graph(edges)
     graph.add_nodes_from(nodes)
-    return SimpleNamespace(nodes=nodes, graph=graph)
+    return SimpleNamespace(
+        nodes=nodes, graph=graph, way=lambda a, b: np.array([nodes[a].position, nodes[b].position])
+    )
 
 
 def test_edges_through_walls_are_counted(two_rooms):

@@ -1,0 +1,58 @@
+"""In which order to visit several places."""
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+EXACT = 9
+"""Up to so many places the order is the best there is; beyond, it is one that 2-opt cannot better."""
+
+
+def visiting_order(cost: NDArray[np.float64]) -> list[int]:
+    """The order of the places 1 … N - 1 that makes the way from place 0 over all of them cheap; it ends anywhere.
+
+    Args:
+        cost: (N, N) finite, of going from each place to each other.
+    """
+    if len(cost) - 1 <= EXACT:
+        return _best_order(cost)
+    return _two_opt(cost, _nearest_first(cost))
+
+
+def _best_order(cost: NDArray[np.float64]) -> list[int]:
+    """By dynamic programming over sets of places (Held and Karp 1962)."""
+    places = range(1, len(cost))
+    best = {(frozenset([k]), k): (float(cost[0, k]), [k]) for k in places}
+    for size in range(2, len(cost)):
+        for group in map(frozenset, combinations(places, size)):
+            for last in group:
+                ways = (best[group - {last}, before] for before in group - {last})
+                total, order = min((c + float(cost[way[-1], last]), way) for c, way in ways)
+                best[group, last] = (total, [*order, last])
+    return min((best[frozenset(places), last] for last in places), default=(0.0, []))[1]
+
+
+def _nearest_first(cost: NDArray[np.float64]) -> list[int]:
+    left, order, here = set(range(1, len(cost))), [], 0
+    while left:
+        here = min(left, key=lambda k: (cost[here, k], k))
+        left.remove(here)
+        order.append(here)
+    return order
+
+
+def _two_opt(cost: NDArray[np.float64], order: list[int]) -> list[int]:
+    """Reverse stretches of the order as long as that makes it cheaper."""
+    improved = True
+    while improved:
+        improved = False
+        for i, j in combinations(range(len(order)), 2):
+            other = order[:i] + order[i : j + 1][::-1] + order[j + 1 :]
+            if _total(cost, other) < _total(cost, order) - 1e-9:
+                order, improved = other, True
+    return order
+
+
+def _total(cost: NDArray[np.float64], order: list[int]) -> float:
+    return float(cost[[0, *order[:-1]], order].sum())

@@ -9,7 +9,7 @@ from pipeline.exploration import Exploration, ExplorationConfig, View
 from pipeline.frame import Frame
 from pipeline.localisation import OdometryLocalisation
 from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
-from pipeline.navigation import Halt, NavigationConfig, Navigator
+from pipeline.navigation import Halt, NavigationConfig, Navigator, Outcome
 from pipeline.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier
@@ -33,10 +33,11 @@ class ExplorerConfig:
     """The settings of every stage.
 
     Attributes:
-        start_radius: ground that is taken for flat around the robot's start until it is seen, m: whoever set it
-            down saw to that, and the camera sees nothing nearer than a metre.
+        start_radius: ground that is taken for flat around where the robot was set down until it is seen, m: whoever
+            did so saw to that, and the camera sees nothing nearer than a metre.
         start_ahead: the same in a strip before the robot, m.
         start_width: of that strip, m.
+        lifted: a robot that is elsewhere by this without having driven was set down anew, m.
     """
 
     metric_map: MetricMapConfig = field(default_factory=MetricMapConfig)
@@ -51,6 +52,7 @@ class ExplorerConfig:
     start_radius: float = 0.5
     start_ahead: float = 1.4
     start_width: float = 0.8
+    lifted: float = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +104,7 @@ class Explorer:
         self.navigator = Navigator(robot, self.config.navigation)
         self.stopwatch = Stopwatch()
         self.steps = 0
+        self._T_map_last: NDArray[np.float64] | None = None
         self._seed = seed
 
     def look(self) -> Look:
@@ -142,6 +145,8 @@ class Explorer:
         with self.stopwatch("navigation"):
             heading = look.view.heading if look.view.turn else None
             reached = self.navigator.follow(look.plan.way_points, heading)
+        was_lifted = self.navigator.legs[-1].outcome is Outcome.MOVED
+        self._T_map_last = None if was_lifted else self.navigator.T_map_base
         for halt in self.navigator.halts:
             if halt.command.v != 0:
                 self.surface_map.add_obstacle(bumper(halt))
@@ -150,10 +155,11 @@ class Explorer:
     def _update_surface(
         self, points: NDArray[np.float32], missing: NDArray[np.float32], T_map_base: NDArray[np.float64]
     ) -> DrivableSurface:
-        if self.steps == 0:
-            config = self.config
+        config, last = self.config, self._T_map_last
+        if last is None or np.linalg.norm(T_map_base[:3, 3] - last[:3, 3]) > config.lifted:
             self.surface_map.assume_ground(
                 T_map_base, config.start_radius, config.start_ahead, config.start_width
             )
+        self._T_map_last = T_map_base
         self.surface_map.update(points, missing, T_map_base[:2, 3])
         return drivable_surface(self.surface_map, self.config.drivable)

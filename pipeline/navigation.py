@@ -36,6 +36,7 @@ class NavigationConfig:
         blocked_share: of the commanded speed; a slower robot is held.
         stuck_time: s without progress after which the robot gives the leg up.
         stuck_distance: m that count as progress.
+        jump: m; a robot that is elsewhere by this from one control period to the next was lifted.
         back_out: m that the robot backs out after it gave up.
         back_turn: rad that it turns back.
     """
@@ -60,6 +61,7 @@ class NavigationConfig:
     blocked_share: float = 0.35
     stuck_time: float = 4.0
     stuck_distance: float = 0.02
+    jump: float = 0.15
     back_out: float = 0.3
     back_turn: float = np.deg2rad(20)
 
@@ -70,6 +72,7 @@ class Outcome(Enum):
     REACHED = "reached"
     STUCK = "stuck"
     TILTED = "tilted"
+    MOVED = "moved"
 
 
 @dataclass
@@ -189,7 +192,7 @@ class Navigator:
         backwards = on_ramp and error > config.back_limit
         if not on_ramp or config.turn_limit < error <= config.back_limit:
             yield from self._turn_to(lambda T: _bearing(T[:2, 3], target))
-        yield from self._straight_to(self._T_map_base[:2, 3].copy(), target, backwards)
+        yield from self._straight_to(self.T_map_base[:2, 3].copy(), target, backwards)
 
     @property
     def _on_ramp(self) -> bool:
@@ -199,7 +202,7 @@ class Navigator:
         """Commands that turn on the spot, the shorter way, to the heading wanted at each pose."""
         config = self.config
         while True:
-            T = self._T_map_base
+            T = self.T_map_base
             error = wrap_angle(heading(T) - yaw_of(T))
             if abs(error) < config.heading_tolerance:
                 return
@@ -217,7 +220,7 @@ class Navigator:
         left = np.array([-along[1], along[0]])
         bearing = np.arctan2(along[1], along[0]) + (np.pi if backwards else 0.0)
         while True:
-            T = self._T_map_base
+            T = self.T_map_base
             remaining = float(length - (T[:2, 3] - start) @ along)
             if remaining < config.position_tolerance:
                 return
@@ -230,9 +233,12 @@ class Navigator:
 
     def _finish(self, commands: Iterator[Velocity]) -> Outcome:
         """Give commands until they end, the robot leans too far, or something holds it; then it backs out."""
-        progress = _Progress(self.config, self._T_map_base, self._time)
+        progress = _Progress(self.config, self.T_map_base, self._time)
         for command in commands:
-            T = self._drive(command)
+            before, T = self.T_map_base, self._drive(command)
+            if np.linalg.norm(T[:3, 3] - before[:3, 3]) > self.config.jump:
+                self._drive(Velocity())
+                return Outcome.MOVED
             leans = self.attitude.tilt_in(self.config.tilt_lead) > self.config.max_tilt
             if leans or progress.is_stuck(T, self._time, command):
                 self.halts.append(Halt(T, command))
@@ -262,10 +268,11 @@ class Navigator:
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)
         self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
-        return self._T_map_base
+        return self.T_map_base
 
     @property
-    def _T_map_base(self) -> NDArray[np.float64]:
+    def T_map_base(self) -> NDArray[np.float64]:
+        """4×4 pose of the robot after its newest motion."""
         assert self.motion is not None
         return self.T_map_odom @ self.motion.T_odom_base
 

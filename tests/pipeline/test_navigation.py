@@ -109,6 +109,24 @@ def test_a_blocked_look_is_a_leg_that_failed():
     assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]
 
 
+def test_a_robot_that_was_lifted_stops():
+    robot = KinematicRobot()
+    drive = robot.drive
+
+    def lifted(command):
+        if len(robot.commands) == 60:
+            robot.T = from_yaw(3, 3, 0, 1)
+        return drive(command)
+
+    robot.drive = lifted
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(2, 0), (2, 2)]))
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.MOVED]
+    assert not navigator.halts
+    assert robot.commands[-1] == Velocity()
+    np.testing.assert_allclose(robot.T[:2, 3], (3, 3), atol=0.02)
+
+
 def test_a_slow_drive_is_no_blocked_one():
     robot = KinematicRobot()
     drive = robot.drive

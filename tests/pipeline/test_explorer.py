@@ -1,0 +1,60 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.exploration import View
+from pipeline.explorer import Explorer
+from pipeline.frame import Frame
+from pipeline.navigation import Outcome
+from pipeline.path_plan import PathPlan
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import from_yaw
+from tests.pipeline.still_robot import StillRobot
+
+
+class PlacedRobot(StillRobot):
+    """A robot that is where it was put, whatever it is told."""
+
+    def __init__(self):
+        super().__init__()
+        self.T = np.eye(4)
+
+    def sense(self) -> Frame:
+        return replace(super().sense(), T_odom_base=self.T)
+
+
+@pytest.fixture
+def explorer():
+    return Explorer(PlacedRobot(), TruthClassifier())
+
+
+def test_what_holds_the_robot_is_an_obstacle_from_then_on(explorer):
+    look = explorer.look()
+    assert look.surface.grid.at(look.surface.drivable, [0.3, 0.0])
+    ahead = PathPlan(np.array([(1.2, 0.0, 0.0)]), [], 1.2)
+    view = View(np.array([1.2, 0.0]), 0.0, turn=False, gain=1.0)
+    assert not explorer.drive(replace(look, plan=ahead, view=view))
+    assert explorer.navigator.legs[-1].outcome is Outcome.STUCK
+    surface = explorer.look().surface
+    assert surface.grid.at(surface.hazard, [0.29, 0.0])
+    assert not surface.lines_are_drivable([(-0.2, 0.0)], [(1.2, 0.0)])[0]
+
+
+@pytest.mark.parametrize("moved", [(5.0, 5.0), (0.0, 0.1)])
+def test_ground_is_level_wherever_the_robot_is_set_down(explorer, moved):
+    explorer.look()
+    explorer.robot.T = from_yaw(*moved, 0, np.pi)
+    surface = explorer.look().surface
+    assert surface.grid.at(surface.drivable, moved)
+
+
+def test_a_robot_that_was_not_lifted_trusts_what_it_saw(explorer):
+    explorer.look()
+    known = explorer.surface_map.elevation.copy()
+    explorer.robot.T = from_yaw(-0.25, 0.0, 0, np.pi)
+    explorer.robot.sense = lambda sense=explorer.robot.sense: replace(
+        sense(), depth=np.zeros((120, 160), np.float32)
+    )
+    explorer.look()
+    assert np.isnan(explorer.surface_map.elevation[np.isnan(known)]).all()

@@ -68,6 +68,44 @@ def test_it_drives_over_ramps_and_the_seams_between_them(name):
     assert slowest > 0.4 * SPEED
 
 
+def field(kind, yaw_deg):
+    """Ridges side by side and one after another, 2 cm apart; the robot starts west of them and heads across."""
+    builder = ArenaBuilder("field")
+    for column in range(1, 5):
+        for row in range(-1, 3):
+            for turn in RIDGES[kind][column % 2]:
+                builder.add_element(kind, (1.2 * column, 1.2 * row, 0), turn)
+    low, high = builder.bounds
+    builder.add_floor(low - 3, high + 3)
+    builder.add_surroundings(low, high)
+    builder.set_start((0, -0.7, 0), np.radians(yaw_deg))
+    return RescueArena(mjcf.from_xml_string(builder.to_xml()))
+
+
+RIDGES = {"half_ramp": ((90, -90), (90, -90)), "full_ramp": ((-90,), (90,))}
+"""Degrees of the elements in even and in odd columns."""
+
+
+@pytest.mark.parametrize("kind", sorted(RIDGES))
+@pytest.mark.parametrize("yaw_deg", [10, 25])
+def test_no_wheel_is_caught_in_a_seam_that_it_crosses_aslant(kind, yaw_deg):
+    environment = rescue_environment(field(kind, yaw_deg), seed=0)
+    environment.reset()
+    robot, physics = environment.task.robot, environment.physics
+    deepest, slowest = 0.0, np.inf
+    for step in range(round(24 / CONTROL_TIMESTEP)):
+        before = robot.T_world_base(physics)[:3, 3]
+        environment.step(np.array([SPEED, 0.0]))
+        place = robot.T_world_base(physics)[:3, 3]
+        deepest = min(deepest, physics.data.contact.dist.min(initial=0))
+        if step * CONTROL_TIMESTEP > 1.5:
+            slowest = min(slowest, np.linalg.norm(place - before) / CONTROL_TIMESTEP)
+    environment.close()
+    assert place[0] > 4.0
+    assert slowest > 0.8 * SPEED
+    assert deepest > -SINKS
+
+
 @pytest.mark.parametrize("name", ["random:1", "random:2", "random:3"])
 def test_it_stands_still_and_nothing_sinks_in(name):
     environment = rescue_environment(load_arena(name), seed=0)

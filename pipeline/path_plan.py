@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.surface.drivable import DrivableSurface
 from pipeline.surface.paths import ShortestPaths, simplify
 from pipeline.topological_map.links import drive_seconds
-from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.tour import visiting_order
 
 _START, _GOAL = "start", "goal"
@@ -43,8 +43,9 @@ def plan_path(
     """The quickest way over the topological map from where ``paths`` start.
 
     The robot and the goal are joined to every node that a straight drive reaches; if no way leads over nodes, the
-    shortest way over the grid is taken. Way points that a straight drive can pass by are left out. Returns None if
-    no way leads to the goal: :func:`obstacle_to` says why.
+    shortest way over the grid is taken, and on a roadmap also where it is quicker by more than the roadmap's
+    greatest detour: few nodes lie in wide curves. Way points that a straight drive can pass by are left out.
+    Returns None if no way leads to the goal: :func:`obstacle_to` says why.
     """
     goal = np.asarray(goal, np.float64)[:2]
     if obstacle_to(surface, paths, goal) is not None:
@@ -53,12 +54,13 @@ def plan_path(
     if surface.lines_are_drivable(paths.start[None], goal[None])[0]:
         return _plan(surface, np.stack([paths.start, goal]), [])
     nodes = _nodes_between(topology, surface, paths.start, goal)
+    over_grid = np.vstack([paths.start, simplify(surface, paths.path_to(goal))[1:-1], goal])
     if nodes is None:
-        way = simplify(surface, paths.path_to(goal))
-        return _plan(surface, np.vstack([paths.start, way[1:-1], goal]), [])
-    legs = [topology.way(a, b)[:, :2] for a, b in pairwise(nodes)]
-    places = np.vstack([topology.nodes[nodes[0]].position[None, :2], *(leg[1:] for leg in legs)])
-    return _plan(surface, _shortened(surface, np.vstack([paths.start, places, goal])), nodes)
+        return _plan(surface, over_grid, [])
+    over_nodes = _shortened(surface, np.vstack([paths.start, _way_over(topology, nodes), goal]))
+    if topology.config.graph == "roadmap" and _is_quicker(over_grid, over_nodes, surface, topology.config):
+        return _plan(surface, over_grid, nodes)
+    return _plan(surface, over_nodes, nodes)
 
 
 def obstacle_to(surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike) -> str | None:
@@ -131,6 +133,23 @@ def _nodes_between(
         return nx.dijkstra_path(graph, _START, _GOAL)[1:-1]
     except nx.NetworkXNoPath:
         return None
+
+
+def _way_over(topology: TopologicalMap, nodes: list[int]) -> NDArray[np.float64]:
+    """(N, 2) the places that the edges from node to node lead over."""
+    legs = [topology.way(a, b)[1:, :2] for a, b in pairwise(nodes)]
+    return np.vstack([topology.nodes[nodes[0]].position[None, :2], *legs])
+
+
+def _is_quicker(
+    way: NDArray[np.float64],
+    other: NDArray[np.float64],
+    surface: DrivableSurface,
+    config: TopologicalMapConfig,
+) -> bool:
+    """Whether a way (N, 2) that can be driven takes less time than another one by more than the greatest detour."""
+    seconds, longer = (drive_seconds(surface, w[:-1], w[1:], config.links).sum() for w in (way, other))
+    return bool(config.max_detour * seconds < longer and surface.lines_are_drivable(way[:-1], way[1:]).all())
 
 
 def _link(

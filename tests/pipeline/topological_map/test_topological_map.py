@@ -6,22 +6,14 @@ import pytest
 
 from pipeline.labels import Label
 from pipeline.path_plan import plan_path
-from pipeline.semantic_map.cells import cells_of
-from pipeline.semantic_map.plane import Moments
 from pipeline.semantic_map.planes import PlanePatch
 from pipeline.semantic_map.segments import Segments
 from pipeline.surface.drivable import drivable_surface
 from pipeline.surface.paths import ShortestPaths
 from pipeline.topological_map.nodes import NodeConfig, segment_nodes
 from pipeline.topological_map.topological_map import TopologicalMap
+from tests.pipeline.topological_map.grounds import patch, room, topology_of
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
-
-
-def patch(label: Label, points: np.ndarray, seen_from: tuple[float, float, float]) -> PlanePatch:
-    moments = Moments.of(points)
-    plane = moments.fit()[0]
-    viewer = np.array(seen_from) - moments.centroid
-    return PlanePatch(label, plane.facing(viewer), moments, points, cells_of(points)[0])
 
 
 def ramp_patches() -> list[PlanePatch]:
@@ -115,9 +107,74 @@ def test_components_that_straight_drives_leave_apart_are_joined_around_the_wall(
     assert nx.is_connected(topology.graph)
 
 
+def test_all_ground_is_seen_by_few_nodes_that_can_turn():
+    surface, segments = room((-3, 3), (-2, 2), [((0, -2), (0, 0.8))])
+    topology = topology_of(surface, segments, (-2, 0))
+    places = np.array([node.position for node in topology.nodes.values()])
+    assert 3 <= len(places) <= 5
+    assert surface.grid.at(surface.turnable, places).all()
+    cells = surface.grid.centre_of(np.argwhere(surface.drivable))
+    nearest = np.linalg.norm(cells[:, None] - places[None, :, :2], axis=-1).min(axis=1)
+    assert np.quantile(nearest, 0.99) <= 2.0
+    assert nx.is_connected(topology.graph)
+
+
+def test_a_passage_too_narrow_to_turn_in_joins_two_rooms_and_keeps_doing_so():
+    bend = [((0, -2), (0, -0.35)), ((0, 0.35), (0, 2)), ((0.7, -0.9), (0.7, 2))]
+    surface, segments = room((-3, 3), (-2, 2), bend)
+    topology = topology_of(surface, segments, (-2, 0))
+    assert nx.is_connected(topology.graph)
+    before = {n: node.position.tolist() for n, node in topology.nodes.items()}
+    assert any(x > 1 for x, _, _ in before.values())
+    topology.update([], segments, surface, ShortestPaths(surface, (-2, 0)))
+    assert {n: node.position.tolist() for n, node in topology.nodes.items()} == before
+
+
+def test_the_map_grows_with_the_ground_and_stays_few():
+    whole, _ = room((-3, 9), (-2, 2), [((3, -2), (3, 0.8)), ((6, -0.8), (6, 2))])
+    first, segments = room((-3, 3), (-2, 2), [])
+    topology = topology_of(first, segments, (-2, 0))
+    before = topology.nodes.copy()
+    for x in (5, 7, 9):
+        surface, segments = room((-3, x), (-2, 2), [((3, -2), (3, 0.8)), ((6, -0.8), (6, 2))][: x // 3])
+        topology.update([], segments, surface, ShortestPaths(surface, (-2, 0)))
+        assert nx.is_connected(topology.graph)
+    assert any(node is before.get(n) for n, node in topology.nodes.items())
+    at_once = topology_of(whole, segments, (-2, 0))
+    assert len(topology.nodes) <= len(at_once.nodes) + 2
+
+
+def test_nodes_where_a_wall_turns_out_to_stand_move_away():
+    surface, segments = room((-3, 3), (-2, 2), [])
+    topology = topology_of(surface, segments, (-2, 0))
+    x, y, _ = next(iter(topology.nodes.values())).position
+    surface, segments = room((-3, 3), (-2, 2), [((x - 0.5, y), (x + 0.5, y))])
+    topology.update([], segments, surface, ShortestPaths(surface, (-2.5, -1.5)))
+    for node in topology.nodes.values():
+        assert surface.grid.at(surface.turnable, node.position)
+    assert nx.is_connected(topology.graph)
+
+
+def test_a_robot_that_stands_where_it_reaches_nothing_forgets_nothing():
+    surface, segments = room((-3, 3), (-2, 2), [])
+    topology = topology_of(surface, segments, (-2, 0))
+    before = set(topology.nodes)
+    topology.update([], segments, surface, ShortestPaths(surface, (30.0, 30.0)))
+    assert set(topology.nodes) == before
+
+
+def test_no_ground_no_nodes():
+    surface, segments = room((-3, 3), (-2, 2), [])
+    topology = topology_of(surface, segments, (30.0, 30.0))
+    assert len(topology.nodes) == len(topology.graph) == 0
+
+
 def test_the_file_holds_every_node_and_edge(ramp_world, tmp_path):
     topology = ramp_world[3]
     topology.save(tmp_path / "topology.json")
     content = json.loads((tmp_path / "topology.json").read_text())
     assert {n["id"] for n in content["nodes"]} == set(topology.nodes)
     assert len(content["edges"]) == topology.graph.number_of_edges()
+    positions = {n["id"]: n["position"] for n in content["nodes"]}
+    for edge in content["edges"]:
+        assert [edge["way"][0], edge["way"][-1]] == [positions[n] for n in edge["nodes"]]

@@ -1,0 +1,45 @@
+"""Small maps for the tests of the topological map."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+from pipeline.semantic_map.cells import cells_of
+from pipeline.semantic_map.plane import Moments
+from pipeline.semantic_map.planes import PlanePatch
+from pipeline.semantic_map.segments import Segments
+from pipeline.surface.drivable import DrivableSurface, drivable_surface
+from pipeline.surface.paths import ShortestPaths
+from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
+from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
+
+Wall = tuple[tuple[float, float], tuple[float, float]]
+
+U_TURN: list[Wall] = [((0, -2), (0, 0.8))]
+"""A wall that ends 1.2 m before the north end of the room it stands in."""
+
+
+def patch(label: Label, points: NDArray, seen_from: tuple[float, float, float]) -> PlanePatch:
+    moments = Moments.of(points)
+    plane = moments.fit()[0]
+    return PlanePatch(
+        label, plane.facing(np.array(seen_from) - moments.centroid), moments, points, cells_of(points)[0]
+    )
+
+
+def room(
+    x: tuple[float, float], y: tuple[float, float], walls: list[Wall]
+) -> tuple[DrivableSurface, Segments]:
+    """Level ground with walls in it, as a surface and as segments."""
+    clouds = [wall_points(a, b) for a, b in walls]
+    segments = Segments()
+    segments.update([patch(Label.WALL, cloud, (x[0], y[0], 1)) for cloud in clouds], 0)
+    return drivable_surface(surface_of(ground_points(flat, x, y), *clouds)), segments
+
+
+def topology_of(
+    surface: DrivableSurface, segments: Segments, start: tuple[float, float], **config: object
+) -> TopologicalMap:
+    topology = TopologicalMap(TopologicalMapConfig(**config))  # type: ignore[arg-type]
+    topology.update([], segments, surface, ShortestPaths(surface, start))
+    return topology

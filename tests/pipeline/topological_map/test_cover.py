@@ -1,0 +1,109 @@
+"""What nodes see, against a line drawn to every cell."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.surface.path_kernels import free_rules, lines_are_drivable
+from pipeline.topological_map import sight_kernels as kernels
+from pipeline.topological_map.cover import Cover
+from pipeline.topological_map.ground import Ground
+from tests.pipeline.topological_map.grounds import U_TURN, room
+
+REACH = 12
+
+
+def seen_by_lines(place, walls, reach):
+    cells = np.argwhere(np.ones_like(walls))
+    ends = cells + 0.5
+    starts = np.repeat(place[None], len(ends), axis=0)
+    clear = lines_are_drivable(starts, ends, np.zeros(2), 1.0, free_rules(~walls))
+    near = np.linalg.norm(ends - place, axis=1) <= reach
+    return (clear & near).reshape(walls.shape)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_view_is_what_lines_reach(seed):
+    rng = np.random.default_rng(seed)
+    walls = np.zeros((40, 30), np.bool_)
+    for _ in range(4):
+        i, j = rng.integers(0, 40), rng.integers(0, 30)
+        walls[i : i + rng.integers(1, 12), j : j + 1] = True
+    place = rng.uniform((0, 0), (40, 30))
+    walls[tuple(place.astype(int))] = False
+    seen, corners = kernels.views(place[None], np.ones_like(walls), walls, REACH)
+    mask = np.zeros((40 + 2 * REACH + 2, 30 + 2 * REACH + 2), np.bool_)
+    i, j = corners[0] + REACH
+    mask[i : i + 2 * REACH + 1, j : j + 2 * REACH + 1] = seen[0]
+    view = mask[REACH : REACH + 40, REACH : REACH + 30]
+    expected = seen_by_lines(place, walls, REACH)
+    assert not view[walls].any()
+    # A ray to the rim and a line to the cell's centre may pass a corner on different sides.
+    assert (view != expected).sum() <= 0.1 * expected.sum() + 4
+
+
+@pytest.fixture
+def ground():
+    surface, segments = room((-3, 3), (-2, 2), U_TURN)
+    return Ground.of(surface, surface.drivable, list(segments))
+
+
+def test_a_wall_hides_and_distance_too(ground):
+    cover = Cover(ground, 2.0)
+    cover.add(0, np.array([-1.0, -1.0]))
+    x, y = np.moveaxis(ground.grid.centre_of(np.argwhere(cover.missing)), -1, 0)
+    assert not ((x < -0.4) & (np.hypot(x + 1, y + 1) < 1.9)).any()
+    cells = ground.grid.centre_of(np.argwhere(cover.count > 0))
+    assert not (cells[:, 0] > 0.1).any()
+    assert np.linalg.norm(cells - (-1, -1), axis=1).max() <= 2.0
+
+
+def test_gains_and_losses_are_the_change_in_what_is_missing(ground):
+    cover = Cover(ground, 2.0)
+    cover.add(0, np.array([-1.0, 0.0]))
+    before = cover.missing.sum()
+    views = cover.see(np.array([(1.0, 0.0), (-1.2, 0.3)]))
+    gains = cover.gains(views)
+    cover.add(1, views.places[0])
+    assert before - cover.missing.sum() == gains[0] > gains[1]
+    lost = cover.lost_without([1])
+    assert len(lost) == gains[0]
+    assert cover.see_all(views, lost, 0).tolist() == [True, False]
+    cover.remove(1)
+    assert cover.missing.sum() == before
+
+
+def test_what_is_renewed_is_what_is_made_anew(ground):
+    cover = Cover(ground, 2.0)
+    for n, place in enumerate([(-1.0, 0.0), (1.0, 1.0), (2.4, -1.4)]):
+        cover.add(n, np.array(place))
+    surface, segments = room((-3, 7), (-2, 9), [*U_TURN, ((1.5, -2), (1.5, 0))])
+    grown = Ground.of(surface, surface.drivable, list(segments))
+    assert grown.grid.shape != ground.grid.shape
+    renewed, anew = cover.renewed(grown, grown.changed_since(ground)), Cover(grown, 2.0)
+    for n, place in enumerate([(-1.0, 0.0), (1.0, 1.0), (2.4, -1.4)]):
+        anew.add(n, np.array(place))
+    np.testing.assert_array_equal(renewed.count, anew.count)
+
+
+def test_only_what_is_new_has_changed(ground):
+    assert ground.changed_since(None).all()
+    assert not ground.changed_since(ground).any()
+    surface, segments = room((-3, 3), (-2, 2), [*U_TURN, ((1.5, -2), (1.5, -1))])
+    changed = Ground.of(surface, surface.drivable, list(segments)).changed_since(ground)
+    x, y = np.moveaxis(ground.grid.centre_of(np.argwhere(changed)), -1, 0)
+    assert len(x) > 0
+    assert x.min() > 1.0
+    assert y.max() < -0.5
+
+
+def test_candidates_stand_where_the_robot_can_turn_and_near_the_mask(ground):
+    mask = np.zeros(ground.grid.shape, np.bool_)
+    mask[tuple(ground.grid.cell_of((2.0, 1.0)))] = True
+    places = ground.candidates(mask, 0.8)
+    assert len(places) > 20
+    assert ground.grid.at(ground.standable, places).all()
+    assert np.linalg.norm(places - (2.0, 1.0), axis=1).max() < 0.85
+    assert len(ground.candidates(np.zeros_like(mask), 0.8)) == 0

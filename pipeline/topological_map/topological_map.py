@@ -4,10 +4,11 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import networkx as nx
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 
 from pipeline.files import whole_file
@@ -39,7 +40,7 @@ class TopologicalMapConfig:
         links: the edges.
     """
 
-    graph: Literal["mst", "roadmap"] = "roadmap"
+    graph: Annotated[Literal["mst", "roadmap"], tyro.conf.arg(prefix_name=False)] = "roadmap"
     max_detour: float = 1.1
     nodes: NodeConfig = field(default_factory=NodeConfig)
     cover: CoverConfig = field(default_factory=CoverConfig)

@@ -1,6 +1,7 @@
 """Whole episodes, as the command runs them."""
 
 import json
+import pickle
 import re
 import signal
 import subprocess
@@ -13,7 +14,7 @@ import pytest
 
 from pipeline.metric_map.metric_map import MetricMap
 from sarsim.scripts import run_episode
-from sarsim.scripts.run_episode import Episode, EpisodeConfig
+from sarsim.scripts.run_episode import WEIGHTS, Episode, EpisodeConfig
 
 CHECK_REPORT = Path(__file__).parents[3] / "shared" / "check_report.py"
 
@@ -22,7 +23,7 @@ CHECK_REPORT = Path(__file__).parents[3] / "shared" / "check_report.py"
 def episode(tmp_path_factory) -> Path:
     """The folder of a whole episode in the NIST arena."""
     out = tmp_path_factory.mktemp("episode")
-    assert Episode(EpisodeConfig(out=out)).run()
+    assert Episode(EpisodeConfig(labels="truth", out=out)).run()
     return out
 
 
@@ -88,7 +89,7 @@ def test_the_report_has_the_agreed_names(episode):
 
 
 def short_report(out: Path, seed: int, **changes: object) -> dict:
-    episode = Episode(EpisodeConfig(seed=seed, steps=5, out=out, **changes))
+    episode = Episode(EpisodeConfig(seed=seed, steps=5, out=out, **({"labels": "truth"} | changes)))
     assert episode.run()
     return json.loads((out / "report.json").read_text())
 
@@ -105,6 +106,22 @@ def test_the_same_seed_gives_the_same_episode(tmp_path):
     assert (tmp_path / "a" / "trajectory_true.tum").read_bytes() == (
         tmp_path / "b" / "trajectory_true.tum"
     ).read_bytes()
+
+
+@pytest.mark.skipif(not WEIGHTS.exists(), reason="no network has been trained")
+def test_the_network_labels_and_the_robot_goes_on(tmp_path):
+    report = short_report(tmp_path, 0, labels="dgcnn")
+    assert report["steps"] == 5
+    assert 0.6 < report["semantic_map"]["miou_four"] < 1
+    assert report["segments"]["angle_error_deg"]["median"] < 1
+    assert report["topological_map"]["edges_through_walls"] == 0
+
+
+def test_a_pickle_for_weights_is_refused(tmp_path, monkeypatch, capsys):
+    weights = tmp_path / "w.safetensors"
+    weights.write_bytes(pickle.dumps({"conv1.0.weight": 1}))
+    flags = ["--labels", "dgcnn", "--weights", str(weights), "--out", str(tmp_path / "out")]
+    assert_refused(flags, "a pickle, which could run code", monkeypatch, capsys)
 
 
 def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsys):
@@ -168,6 +185,7 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--arena", "atlantis"], "unknown arena 'atlantis'"),
         (["--odometry", "stars"], "'stars'"),
         (["--seed", "-1"], "--seed -1"),
+        (["--labels", "dgcnn", "--weights", "none.st"], "none.st: no such file; train.py dgcnn makes one"),
         (["--steps", "0"], "--steps 0"),
         (["--steps", "many"], "--steps"),
         (["--out", "/dev/null/x"], "/dev/null/x"),

@@ -16,7 +16,7 @@ class ObservationConfig:
 
     Attributes:
         min_returns: share of a box's pixels that must have a depth.
-        margin: of the box, inside and outside, in which the background is looked for, as a share of its size.
+        margin: around the box, in which the background is looked for, as a share of its size.
         min_plane: share of that margin's points that a background plane must have.
         planes: of background, at most: floor and wall.
         trials: to find each of them.
@@ -30,12 +30,12 @@ class ObservationConfig:
     """
 
     min_returns: float = 0.2
-    margin: float = 0.15
+    margin: float = 0.3
     min_plane: float = 0.2
     planes: int = 2
     trials: int = 60
     tolerance: float = 0.015
-    min_relief: float = 0.15
+    min_relief: float = 0.1
     min_size: float = 0.18
     max_size: float = 2.3
     depth_reach: float = 0.8
@@ -91,7 +91,9 @@ def observe(
     person = person[np.abs(person[:, 2] - np.median(person[:, 2])) < config.depth_reach]
     size = float(np.linalg.norm(np.subtract(*np.percentile(person, [95, 5], axis=0))))
     if not config.min_size <= size <= config.max_size:
-        return Refusal(detection, f"{size:.2f} m large: {'less' if size < 1 else 'more'} than a person")
+        return Refusal(
+            detection, f"{size:.2f} m: {'less' if size < config.min_size else 'more'} than a person"
+        )
     return _observation(detection, transform_points(T_map_camera, person), T_map_camera, config)
 
 
@@ -106,7 +108,7 @@ def _observation(
     T_map_camera: NDArray[np.float64],
     config: ObservationConfig,
 ) -> Observation:
-    """The middle is as uncertain as a quarter of what is seen is large, for there may be more that is not seen."""
+    """The middle deviates half as much as the points do, for there may be more that is not seen."""
     spread = np.cov(points.T.astype(np.float64)) / 4 + np.eye(3) * config.skin_to_middle**2
     return Observation(detection, points, middle(points), spread, T_map_camera[:3, 3])
 
@@ -119,7 +121,7 @@ def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
 def _windows(
     frame: Frame, detection: Detection, margin: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(H, W) bool: the pixels of the box, and those near its edges inside and outside."""
+    """(H, W) bool: the pixels of the box, and those around it."""
     x0, y0, x1, y1 = detection.box
     u, v = np.arange(frame.intrinsics.width) + 0.5, np.arange(frame.intrinsics.height) + 0.5
 
@@ -128,7 +130,7 @@ def _windows(
         columns = (u >= x0 - dx) & (u <= x1 + dx)
         return ((v >= y0 - dy) & (v <= y1 + dy))[:, None] & columns
 
-    return window(0), window(margin) & ~window(-margin)
+    return window(0), window(margin) & ~window(margin / 10)
 
 
 def _stands_out(

@@ -51,6 +51,7 @@ class TrainingConfig:
         weight_decay: of kernels.
         warm_up: share of the steps in which the learning rate rises; then it falls as a cosine.
         average: share that the average of the weights keeps of itself in a step; the average is what is written.
+        bfloat16: convolve in half precision: faster on a processor that can, slower on any other.
         validate_every: steps.
     """
 
@@ -65,6 +66,7 @@ class TrainingConfig:
     weight_decay: float = 1e-2
     warm_up: float = 0.05
     average: float = 0.998
+    bfloat16: bool = False
     validate_every: int = 500
 
     def __post_init__(self) -> None:
@@ -143,7 +145,9 @@ class Trainer:
         for group in self._optimizer.param_groups:
             group["lr"] = config.learning_rate * schedule((self.step + 1) / config.steps, config.warm_up)
         images = to_tensor(np.stack([image.rgb for image in batch])).to(self._device)
-        loss = self._loss(self.network.train()(images), batch)
+        with torch.autocast(self._device.type, torch.bfloat16, enabled=config.bfloat16):
+            heads = self.network.train()(images)
+        loss = self._loss(heads, batch)
         self._optimizer.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(self.network.parameters(), 10.0)
@@ -228,6 +232,7 @@ def new_network(text: str) -> DarknetNetwork:
     network = DarknetNetwork(DarknetCfg.parse(text))
     for layer in network.convolutions:
         nn.init.kaiming_normal_(layer.conv.weight, 0.1, mode="fan_out")
+        layer.conv.weight.data = layer.conv.weight.data.contiguous(memory_format=torch.channels_last)
     heads = [i for i, layer in enumerate(network.cfg.layers) if isinstance(layer, Yolo)]
     for index, yolo in zip(heads, network.cfg.heads, strict=True):
         conv = cast(DarknetConvolution, network.layers[index - 1]).conv

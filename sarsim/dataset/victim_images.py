@@ -1,5 +1,6 @@
 """The frames of a dataset as images to learn from in which people are."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +17,19 @@ MIN_AREA = 100
 class VictimImages:
     """All frames of one split, read when asked for."""
 
-    def __init__(self, folder: Path, split: str, stride: int = 1) -> None:
-        """Of a dataset's folder; every ``stride``-th frame of a scene.
+    def __init__(self, folders: Sequence[Path], split: str, stride: int = 1) -> None:
+        """Of datasets' folders; every ``stride``-th frame of a scene.
 
         Raises:
             InputError: no dataset, or a scene is missing or broken.
         """
-        dataset = Dataset(folder)
-        entries = [entry for entry in dataset.entries if entry.split == split]
-        self._scenes = [Scene(dataset.folder / entry.file) for entry in entries]
+        files = [
+            dataset.folder / entry.file
+            for dataset in map(Dataset, folders)
+            for entry in dataset.entries
+            if entry.split == split
+        ]
+        self._scenes = [Scene(file) for file in files]
         self._frames = [(scene, index) for scene in self._scenes for index in range(0, len(scene), stride)]
 
     def __len__(self) -> int:

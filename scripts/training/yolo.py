@@ -16,17 +16,17 @@ from sarsim.scripts.cli import Interruptible
 
 @dataclass(frozen=True)
 class TrainYolo:
-    """The network that finds victims, from a dataset of generate_dataset.py.
+    """The network that finds victims, from datasets of generate_dataset.py.
 
     Attributes:
-        data: folder of the dataset; its scenes of the split train are learned from, those of val validated with.
+        data: their folders; scenes of the split train are learned from, those of val validated with.
         out: file for the weights (.weights); the network (.cfg), a checkpoint and a table get its name with other
             endings. A training that was left is taken up from its checkpoint.
         stride: take every so manieth frame of a scene.
         training: settings.
     """
 
-    data: Path
+    data: tuple[Path, ...]
     out: Path
     stride: int = 1
     training: Annotated[TrainingConfig, tyro.conf.arg(name="")] = field(default_factory=TrainingConfig)

@@ -18,7 +18,7 @@ def data(tmp_path: Path) -> Path:
 
 
 def test_frames_come_with_their_boxes(data: Path) -> None:
-    images = VictimImages(data, "train")
+    images = VictimImages([data], "train")
     assert len(images) == 4 * 4
     first, second, third, fourth = (images[4 + i] for i in range(4))  # scene 1
     np.testing.assert_array_equal(second.rgb, frame(1).rgb)
@@ -31,16 +31,17 @@ def test_frames_come_with_their_boxes(data: Path) -> None:
 
 
 def test_sizes_are_those_of_the_people_to_be_found(data: Path) -> None:
-    images = VictimImages(data, "train")
+    images = VictimImages([data], "train")
     np.testing.assert_allclose(images.people(4), [[3 / 8, 2 / 6]])
     np.testing.assert_allclose(images.people(5), [[6 / 8, 3 / 6]])
     assert [len(images.people(i)) for i in (6, 7)] == [0, 0]
 
 
 def test_splits_and_strides(data: Path) -> None:
-    assert len(VictimImages(data, "val")) == 4
-    assert len(VictimImages(data, "test")) == 0
-    strided = VictimImages(data, "train", stride=3)
+    assert len(VictimImages([data], "val")) == 4
+    assert len(VictimImages([data], "test")) == 0
+    assert len(VictimImages([data, data], "val")) == 8
+    strided = VictimImages([data], "train", stride=3)
     assert len(strided) == 4 * 2
     np.testing.assert_array_equal(strided[1].rgb, frame(3).rgb)
 
@@ -48,4 +49,4 @@ def test_splits_and_strides(data: Path) -> None:
 def test_a_missing_scene_is_noticed(data: Path) -> None:
     (data / "scenes" / "00002.h5").unlink()
     with pytest.raises(InputError, match=r"00002\.h5"):
-        VictimImages(data, "train")
+        VictimImages([data], "train")

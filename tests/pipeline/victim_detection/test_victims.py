@@ -1,0 +1,136 @@
+"""Victims on the map, in a room of balls."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.victim_detection.detector import Detection
+from pipeline.victim_detection.observation import Observation, ObservationConfig, Refusal, observe
+from pipeline.victim_detection.victims import Victims
+from tests.pipeline.victim_detection.rooms import Ball, camera_at, detection_of, look
+
+PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
+OTHER: Ball = (2.4, 1.5, 0.3, 0.25)
+CONFIG = ObservationConfig()
+
+
+def refusal(balls: list[Ball], detection: Detection) -> str:
+    result = observe(look(camera_at(0, 0), balls), detection, camera_at(0, 0), CONFIG)
+    assert isinstance(result, Refusal)
+    return result.reason
+
+
+def walk(victims: Victims, places: list[tuple[float, float]], balls: list[Ball], found: list[Ball]) -> None:
+    for place in places:
+        T = camera_at(*place)
+        victims.update(look(T, balls), [detection_of(T, ball) for ball in found], T)
+
+
+def test_a_person_is_where_it_is() -> None:
+    T = camera_at(0, 0)
+    result = observe(look(T, [PERSON]), detection_of(T, PERSON), T, CONFIG)
+    assert isinstance(result, Observation)
+    assert result.position == pytest.approx(PERSON[:3], abs=0.16)  # the front of it
+    np.testing.assert_allclose(np.linalg.norm(result.points - PERSON[:3], axis=1), 0.25, atol=0.01)
+    deviation = result.position - PERSON[:3]
+    assert deviation @ np.linalg.solve(result.covariance, deviation) < 11.34
+    assert result.camera.tolist() == [0, 0, 0.6]
+
+
+def test_the_map_may_lie_anywhere() -> None:
+    T = camera_at(0, 0)
+    moved = T.copy()
+    moved[:3, 3] += [5, -3, 1]
+    here, there = (observe(look(T, [PERSON]), detection_of(T, PERSON), pose, CONFIG) for pose in (T, moved))
+    assert isinstance(here, Observation)
+    assert isinstance(there, Observation)
+    np.testing.assert_allclose(there.position - here.position, [5, -3, 1], atol=1e-5)
+    np.testing.assert_allclose(there.covariance, here.covariance, atol=1e-6)
+
+
+def test_what_is_no_person_is_refused() -> None:
+    assert "flat" in refusal([], Detection((70, 30, 100, 70), 0.9))  # a picture on the wall
+    assert "flat" in refusal([], Detection((40, 90, 120, 118), 0.9))  # and on the floor
+    small: Ball = (1.5, 0, 0.05, 0.05)
+    assert "less than a person" in refusal([small], detection_of(camera_at(0, 0), small))
+    small_people = replace(CONFIG, max_size=0.2)
+    T = camera_at(0, 0)
+    large = observe(look(T, [PERSON]), detection_of(T, PERSON), T, small_people)
+    assert isinstance(large, Refusal)
+    assert "more than a person" in large.reason
+
+
+def test_a_hole_in_the_depth_is_refused() -> None:
+    T = camera_at(0, 0)
+    frame = look(T, [PERSON])
+    detection = detection_of(T, PERSON)
+    x0, y0, x1, y1 = map(int, detection.box)
+    depth = frame.depth.copy()
+    depth[y0 : y1 + 1, x0 : x1 + 1] = 0
+    result = observe(replace(frame, depth=depth), detection, T, CONFIG)
+    assert isinstance(result, Refusal)
+    assert result.reason == "no depth where it is"
+    outside = observe(frame, Detection((500, 500, 600, 600), 0.9), T, CONFIG)
+    assert isinstance(outside, Refusal)
+
+
+def test_two_looks_from_different_places_confirm() -> None:
+    victims = Victims()
+    walk(victims, [(0, 0)], [PERSON, OTHER], [PERSON])
+    assert len(victims.unconfirmed) == 1
+    walk(victims, [(0.1, 0)], [PERSON, OTHER], [PERSON])
+    assert victims.confirmed == []
+    walk(victims, [(0.1, 0.4)], [PERSON, OTHER], [PERSON])
+    (victim,) = victims.confirmed
+    assert victim.position == pytest.approx(PERSON[:3], abs=0.15)
+    assert victim.apart == pytest.approx(np.hypot(0.1, 0.4))
+    assert victim.confidence == pytest.approx(0.9)
+    assert np.sqrt(np.diag(victim.covariance)).max() < 0.2
+
+
+def test_two_people_stay_two() -> None:
+    victims = Victims()
+    walk(victims, [(0, 0.7), (0, 1.2), (0.2, 0.5)], [PERSON, OTHER], [PERSON, OTHER])
+    assert len(victims.all) == 2
+    positions = sorted((victim.position for victim in victims.confirmed), key=lambda p: p[1])
+    assert positions[0] == pytest.approx(PERSON[:3], abs=0.16)
+    assert positions[1] == pytest.approx(OTHER[:3], abs=0.16)
+
+
+def test_someone_who_is_not_found_again_is_dropped() -> None:
+    victims = Victims()
+    walk(victims, [(0, 0)], [PERSON], [PERSON])
+    walk(victims, [(0, 0.1), (0, 0.2)], [PERSON], [])
+    assert victims.all[0].missed == 2
+    walk(victims, [(0, 0.3)], [PERSON], [])
+    assert victims.all == []
+
+
+def test_someone_hidden_or_out_of_sight_is_not_missed() -> None:
+    victims = Victims()
+    walk(victims, [(0, 0)], [PERSON], [PERSON])
+    walk(victims, [(0, 0)], [PERSON, (1.2, 0, 0.4, 0.35)], [])  # something stands before it
+    walk(victims, [(0, 3), (3, 0)], [PERSON], [])  # beside it and past it
+    assert victims.all[0].missed == 0
+
+
+def test_refusals_are_told() -> None:
+    victims = Victims()
+    T = camera_at(0, 0)
+    victims.update(look(T), [Detection((70, 30, 100, 70), 0.9)], T)
+    assert victims.all == []
+    assert "flat" in victims.refusals[0].reason
+
+
+def test_the_best_photo_is_kept() -> None:
+    victims = Victims()
+    for y, confidence, colour in ((0.0, 0.6, 10), (0.4, 0.8, 20), (0.2, 0.7, 30)):
+        T = camera_at(0, y)
+        frame = look(T, [PERSON])
+        frame.rgb[:] = colour
+        victims.update(frame, [detection_of(T, PERSON, confidence)], T)
+    (victim,) = victims.all
+    assert (victim.photo == 20).all()
+    assert victim.photo.size
+    assert victim.confidence == pytest.approx(0.7)

@@ -1,10 +1,11 @@
 """``index.html``: a dataset at a glance, in one file that needs no other."""
 
 import base64
-import json
 from collections import Counter
+from collections.abc import Iterator
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -27,7 +28,8 @@ STYLE = """
 body { font: 15px/1.5 sans-serif; max-width: 1060px; margin: 2em auto; padding: 0 1em; color: #222; }
 table { border-collapse: collapse; } td, th { padding: .15em .9em .15em 0; text-align: left; vertical-align: top; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; }
-figure { margin: 0 0 1em; } figcaption { color: #555; } img { width: 32.8%; } code { white-space: pre-wrap; }
+figure { margin: 0 0 1em; } figcaption { color: #555; } img { width: 32.8%; }
+i { padding: 0 .5em; margin-right: .5em; }
 """
 
 
@@ -44,9 +46,10 @@ def write_summary(folder: Path) -> None:
         _contents(dataset),
         "<h2>Class balance</h2>",
         _balance(dataset),
-        "<h2>Frames</h2><p>Colour, depth (blue is near, dark red 3.5 m, black no return) and label.</p>",
+        "<h2>Frames</h2>",
+        "<p>Colour with the victims' boxes, depth (blue is near, dark red 3.5 m, black no return) and label.</p>",
         *_pictures(dataset),
-        f"<h2>Recipe</h2><code>{escape(json.dumps(dataset.recipe, indent=1))}</code></html>\n",
+        f"<h2>Recipe</h2><table>{''.join(_settings(dataset.recipe))}</table></html>\n",
     ]
     with whole_file(folder / FILE) as partial:
         partial.write_text("\n".join(parts))
@@ -69,36 +72,46 @@ def _balance(dataset: Dataset) -> str:
     for entry in dataset.entries:
         points.update(entry.points)
     total = max(sum(points.values()), 1)
+    counts = [points[label.name.lower()] for label in Label]
     rows = [
-        _row(
-            label.name.lower(), f"{points[label.name.lower()]:,}", f"{points[label.name.lower()] / total:.2%}"
-        )
-        for label in Label
+        _row(label.name.lower(), f"{count:,}", f"{count / total:.2%}", colour=_colour(label))
+        for label, count in zip(Label, counts, strict=True)
     ]
-    return (
-        _bar([points[label.name.lower()] / total for label in Label])
-        + "<table><tr><th>label<th>points<th>share</tr>"
-        + "".join(rows)
-        + "</table>"
-    )
+    table = "<table><tr><th>label<th>points<th>share</tr>" + "".join(rows) + "</table>"
+    return _bar([count / total for count in counts]) + table
 
 
 def _bar(shares: list[float], width: int = 1000, height: int = 36) -> str:
     """All labels side by side, as wide as their shares."""
     boxes, x = [], 0.0
     for label, share in zip(Label, shares, strict=True):
-        colour = "#" + bytes(COLOURS[label].tolist()).hex()
         title = f"<title>{label.name.lower()} {share:.1%}</title>"
         boxes.append(
-            f"<rect x='{x:.1f}' width='{share * width:.1f}' height='{height}' fill='{colour}'>{title}</rect>"
+            f"<rect x='{x:.1f}' width='{share * width:.1f}' height='{height}' fill='{_colour(label)}'>{title}</rect>"
         )
         x += share * width
     return f"<svg viewBox='0 0 {width} {height}' width='100%' role='img'>{''.join(boxes)}</svg>"
 
 
-def _row(name: str, *values: object) -> str:
+def _colour(label: Label) -> str:
+    return "#" + bytes(COLOURS[label].tolist()).hex()
+
+
+def _row(name: str, *values: object, colour: str = "") -> str:
+    patch = f"<i style='background:{colour}'></i>" if colour else ""
     cells = (f"<td{'' if index > 1 else ' class=number'}>{value}" for index, value in enumerate(values))
-    return f"<tr><td>{escape(name)}{''.join(cells)}</tr>"
+    return f"<tr><td>{patch}{escape(name)}{''.join(cells)}</tr>"
+
+
+def _settings(values: dict[str, Any], prefix: str = "") -> Iterator[str]:
+    """A row for each setting of a recipe, as the command's flags name it."""
+    for key, value in values.items():
+        name = f"{prefix}{key.replace('_', '-')}"
+        if isinstance(value, dict):
+            yield from _settings(value, f"{name}.")
+        else:
+            words = " ".join(map(str, value if isinstance(value, list) else [value]))
+            yield f"<tr><td>--{escape(name)}<td>{escape(words)}</tr>"
 
 
 def _pictures(dataset: Dataset) -> list[str]:
@@ -114,9 +127,18 @@ def _pictures(dataset: Dataset) -> list[str]:
 def _figure(entry: SceneEntry, scene: Scene) -> str:
     index = max(range(len(scene)), key=lambda i: (len(np.unique(scene.label(i))), -i))
     frame = scene.frame(index)
-    pictures = (frame.rgb, depth_picture(frame.depth), COLOURS[scene.label(index)])
+    boxes = scene.victim_pixels[index][scene.victim_area[index] > 0]
+    pictures = (with_boxes(frame.rgb, boxes), depth_picture(frame.depth), COLOURS[scene.label(index)])
     caption = f"{entry.file}, look {index}: {entry.arena}, {entry.lighting}, dust {scene.settings['dust']:g}"
     return f"<figure>{''.join(map(_image, pictures))}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def with_boxes(rgb: NDArray[np.uint8], boxes: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """(H, W, 3) the picture with (N, 4) boxes u0, v0, u1, v1 in the colour of victims."""
+    picture, thickness = rgb.copy(), max(1, rgb.shape[1] // 200)
+    for u0, v0, u1, v1 in boxes.tolist():
+        cv2.rectangle(picture, (u0, v0), (u1 - 1, v1 - 1), COLOURS[Label.VICTIM].tolist(), thickness)
+    return picture
 
 
 def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:

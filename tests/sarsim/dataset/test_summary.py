@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.labels import Label
-from sarsim.dataset.summary import depth_picture, write_summary
+from pipeline.labels import COLOURS, Label
+from sarsim.dataset.summary import depth_picture, with_boxes, write_summary
 from tests.sarsim.dataset.test_generate import toys
 
 
@@ -54,6 +54,20 @@ def test_the_balance_adds_up(page: str) -> None:
 def test_splits_are_told(page: str) -> None:
     assert "<tr><td>train<td class=number>12<td class=number>36<td>12 dim</tr>" in page
     assert "<tr><td>val<td class=number>1<td class=number>3<td>1 dim</tr>" in page
+
+
+def test_the_recipe_is_told_as_flags(page: str) -> None:
+    for flag, words in (("seed", "3"), ("arenas", "nist_6x4"), ("random.wall-density", "0.2 0.7")):
+        assert f"<tr><td>--{flag}<td>{words}</tr>" in page
+
+
+def test_victims_are_boxed() -> None:
+    grey = np.full((6, 8, 3), 90, np.uint8)
+    boxed = with_boxes(grey, np.array([[1, 2, 5, 6]], np.int32))
+    frame = np.zeros((6, 8), np.bool_)
+    frame[2:6, 1:5], frame[3:5, 2:4] = True, False
+    np.testing.assert_array_equal((boxed == COLOURS[Label.VICTIM]).all(axis=2), frame)
+    assert (boxed[~frame] == 90).all() and (grey == 90).all()
 
 
 def test_no_return_is_black() -> None:

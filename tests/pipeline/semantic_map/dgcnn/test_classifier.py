@@ -8,6 +8,7 @@ import pytest
 from scipy.special import softmax
 
 from pipeline.errors import InputError
+from pipeline.frame import Intrinsics
 from pipeline.labels import Label
 from pipeline.semantic_map.dgcnn.blocks import CLASSES, BlockConfig, cut
 from pipeline.semantic_map.dgcnn.classifier import (
@@ -111,6 +112,15 @@ def test_tiny_clouds_get_probabilities(weights: Path, count: int) -> None:
     probabilities = classifier(weights).classify(frame, frame.points(EYE))
     assert probabilities.shape == (count, len(Label))
     assert probabilities.sum(axis=1) == pytest.approx(np.ones(count), abs=1e-5)
+
+
+def test_millions_of_returns_are_classified(weights: Path) -> None:
+    intrinsics = Intrinsics(1500, 1400, 1200.0, 1200.0, 750.0, 700.0)
+    depth = np.full((1400, 1500), 2.0, np.float32)
+    frame = replace(FRAME, depth=depth, rgb=np.zeros((*depth.shape, 3), np.uint8), intrinsics=intrinsics)
+    probabilities = classifier(weights).classify(frame, frame.points(EYE))
+    assert len(probabilities) == 2_100_000
+    assert probabilities[::1000].sum(axis=1) == pytest.approx(np.ones(2100), abs=1e-5)
 
 
 def test_points_that_are_nowhere_are_unlabelled(weights: Path) -> None:

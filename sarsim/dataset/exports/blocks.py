@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sarsim.dataset.exports.clouds import Cloud
-from sarsim.dataset.exports.export import Export
+from sarsim.dataset.exports.export import Export, check
 from sarsim.dataset.exports.s3dis import AREAS, room
 from sarsim.dataset.hdf5 import NewFile
 from sarsim.dataset.manifest import SceneEntry
@@ -30,6 +30,12 @@ class Blocks(Export):
     """blocks with fewer are left out."""
     seed: int = 0
     """of the draw."""
+
+    def __post_init__(self) -> None:
+        check("size", self.size, 0.01)
+        check("points", self.points, 1)
+        check("min-points", self.min_points, 1)
+        check("seed", self.seed, 0)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """One file a scene; each look is a room of its own, as the robot sees it."""

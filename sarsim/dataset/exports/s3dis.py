@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.labels import Label
 from sarsim.dataset.exports.clouds import Cloud
-from sarsim.dataset.exports.export import Export
+from sarsim.dataset.exports.export import Export, check
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 
@@ -23,6 +23,9 @@ class S3dis(Export):
 
     voxel: float = 0.02
     """m; of the returns of a scene one is kept in each cube of this size."""
+
+    def __post_init__(self) -> None:
+        check("voxel", self.voxel, 0.001)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """A room for each scene, a file for each geom or victim that is seen in it."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sarsim.dataset.exports.export import Export
+from sarsim.dataset.exports.export import Export, check
 from sarsim.dataset.exports.images import write_image
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SPLITS, SceneEntry
@@ -21,6 +21,10 @@ class Yolo(Export):
     """pixels; of a victim that shows fewer there is no box."""
     quality: int = 95
     """of the JPEG files, up to 100."""
+
+    def __post_init__(self) -> None:
+        check("min-area", self.min_area, 1)
+        check("quality", self.quality, 0, 100)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """An image and a text for each look."""

@@ -212,6 +212,24 @@ def test_an_export_is_whole_or_not_there(data: Path, tmp_path: Path, monkeypatch
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("export", "flag", "value", "limits"),
+    [
+        (S3dis, "voxel", 0, "at least 0.001"),
+        (S3dis, "voxel", float("nan"), "at least 0.001"),
+        (Blocks, "size", -1, "at least 0.01"),
+        (Blocks, "points", 0, "at least 1"),
+        (Blocks, "min_points", 0, "at least 1"),
+        (Blocks, "seed", -1, "at least 0"),
+        (Yolo, "min_area", -5, "at least 1"),
+        (Yolo, "quality", 101, "from 0 to 100"),
+    ],
+)
+def test_settings_that_make_no_export(export: type[Export], flag: str, value: float, limits: str) -> None:
+    with pytest.raises(InputError, match=f"--{flag.replace('_', '-')} {value:g}: {limits}"):
+        export(Path(), Path(), **{flag: value})
+
+
 def test_nothing_is_overwritten(data: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="already there"):
         list(Tum(data, tmp_path).run())

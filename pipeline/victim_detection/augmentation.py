@@ -77,7 +77,7 @@ def place(
     x0, y0, x1, y1 = region
     rows, columns = image.rgb.shape[:2]
     extent = max(1, round(columns * ratio)), max(1, round(rows * ratio))
-    how = cv2.INTER_AREA if ratio < 1 else cv2.INTER_LINEAR
+    how = cv2.INTER_AREA if ratio < 0.5 else cv2.INTER_LINEAR  # as Letterbox.fit
     drawn = cv2.resize(image.rgb, extent, interpolation=how)
     # Where the image is larger than its region a part of it is cut out; else it lies somewhere inside.
     left, top = (

@@ -31,7 +31,7 @@ class Letterbox:
         ratio = min(width / columns, height / rows)
         w, h = max(1, round(columns * ratio)), max(1, round(rows * ratio))
         left, top = (width - w) // 2, (height - h) // 2
-        small = cv2.resize(image, (w, h), interpolation=cv2.INTER_AREA if ratio < 1 else cv2.INTER_LINEAR)
+        small = cv2.resize(image, (w, h), interpolation=cv2.INTER_AREA if ratio < 0.5 else cv2.INTER_LINEAR)
         canvas = np.full((height, width, 3), GREY, np.uint8)
         canvas[top : top + h, left : left + w] = small
         return cls((w / columns, h / rows), (left, top), (columns, rows)), canvas

@@ -122,13 +122,11 @@ def bridge_gaps(elevation, doubted, max_gap, max_spread):
             for j in range(ny):
                 if np.isnan(elevation[i, j]):
                     continue
-                for gap in range(2, max_gap + 2):
+                for gap in range(1, max_gap + 2):
                     a, b = i + gap * di, j + gap * dj
-                    if not (a < nx and 0 <= b < ny):
+                    if not (a < nx and 0 <= b < ny) or doubted[a, b]:
                         break
                     rise = elevation[a, b] - elevation[i, j]
-                    if doubted[a, b]:
-                        break
                     if np.isnan(rise):
                         continue
                     for k in range(1, gap):

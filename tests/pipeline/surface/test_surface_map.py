@@ -77,7 +77,8 @@ def test_where_ground_is_missing_it_is_unknown_whatever_the_returns():
     surface = seen_along_a_panel()
     for layer in (surface.measured, surface.elevation):
         assert np.isnan(surface.grid.at(layer, [(0.0, -0.005), (0.0, 0.005)], np.nan)).all()
-    assert surface.grid.at(surface.doubted, [0.5, 0.005])
+    # The cells beside the axis are doubted; nobody bridges them from their neighbours.
+    assert surface.grid.at(surface.doubted, [(0.5, 0.005), (0.5, -0.005)]).all()
     assert surface.grid.at(surface.elevation, [0.0, 0.06], np.nan) == 0
 
 
@@ -86,6 +87,13 @@ def test_doubted_ground_is_believed_when_seen_from_another_side(camera, is_belie
     surface = seen_along_a_panel()
     surface.update(ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera))
     assert np.isfinite(surface.grid.at(surface.elevation, [0.0, 0.005], np.nan)) == is_believed
+
+
+def test_a_single_doubted_cell_is_not_bridged():
+    surface, cell = SurfaceMap(), STRIPE[np.abs(STRIPE[:, 0] - 0.025) < 0.024] + np.float32([0, 0.025, 0])
+    surface.update(ground_points(flat, (-1, 1), (-1, 1)), cell, np.array([-2.0, 0.0]))
+    assert surface.doubted.sum() == 1
+    assert np.isnan(surface.grid.at(surface.elevation, [0.025, 0.025], np.nan))
 
 
 def test_no_gap_is_bridged_across_doubted_ground():

@@ -48,6 +48,23 @@ class DriveConfig:
     tilt_vibration: float = 0.003
     height_vibration: float = 0.001
 
+    def __post_init__(self) -> None:
+        for name, (low, high) in _LIMITS.items():
+            if not low <= getattr(self, name) <= high:
+                flag = f"--drive.{name.replace('_', '-')} {getattr(self, name):g}"
+                raise InputError(f"{flag}: from {low:g} to {high:g}")
+
+
+_LIMITS = {
+    "speed": (0.01, 2.0),
+    "turn_rate": (0.01, 6.0),
+    "period": (0.01, 2.0),
+    "look_distance": (0.01, 10.0),
+    "look_turn": (0.01, 6.3),
+    "tilt_vibration": (0.0, 0.2),
+    "height_vibration": (0.0, 0.1),
+}
+
 
 class Drive:
     """A drive of a robot that goes on and on to places where it has not been."""

@@ -19,6 +19,8 @@ PREFIX = "random:"
 """of the names of random arenas; the seed follows."""
 MIN_SIZE = 16
 """pixels of an image."""
+MAX_LATERAL_SIGMA = 10
+"""pixels."""
 Purpose = Literal["conditions", "arena", "drive", "noise"]
 """Of random numbers."""
 
@@ -117,6 +119,10 @@ class SensorRange:
         _check_share("sensor.ideal", self.ideal)
         _check_order("sensor.lateral-sigma", self.lateral_sigma)
         _check_order("sensor.dropout", self.dropout)
+        if not (self.lateral_sigma[0] >= 0 and self.lateral_sigma[1] <= MAX_LATERAL_SIGMA):
+            raise InputError(f"--sensor.lateral-sigma: from 0 to {MAX_LATERAL_SIGMA} pixels")
+        for share in self.dropout:
+            _check_share("sensor.dropout", share)
 
     def draw(self, rng: np.random.Generator) -> Xtion:
         """One of these sensors."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from sarsim.dataset.drive import DriveConfig
 from sarsim.dataset.recipe import ArenaRange, DustRange, LightingShares, Recipe, SceneRecipe, SensorRange
 from sarsim.lighting import Lighting
 
@@ -83,6 +84,14 @@ def test_purposes_have_numbers_of_their_own() -> None:
     ("make", "message"),
     [
         (lambda: Recipe(frames=0), "--frames 0: at least 1"),
+        (lambda: SensorRange(dropout=(-1, 0)), "--sensor.dropout -1: a share is from 0 to 1"),
+        (lambda: SensorRange(dropout=(0, 5)), "--sensor.dropout 5: a share is from 0 to 1"),
+        (lambda: SensorRange(lateral_sigma=(-3, -2)), "--sensor.lateral-sigma: from 0 to 10 pixels"),
+        (lambda: SensorRange(lateral_sigma=(0, 1e9)), "--sensor.lateral-sigma: from 0 to 10 pixels"),
+        (lambda: DriveConfig(speed=0), "--drive.speed 0: from 0.01 to 2"),
+        (lambda: DriveConfig(period=float("nan")), "--drive.period nan: from 0.01 to 2"),
+        (lambda: DriveConfig(look_distance=float("inf")), "--drive.look-distance inf: from 0.01 to 10"),
+        (lambda: DriveConfig(tilt_vibration=-1), "--drive.tilt-vibration -1: from 0 to 0.2"),
         (lambda: Recipe(seed=-1), "--seed -1: at least 0"),
         (lambda: Recipe(width=8), "--width 8: at least 16"),
         (lambda: Recipe(arenas=()), "--arenas: name at least one"),

@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import asdict, dataclass, field
 from math import cos, log, pi
 from pathlib import Path
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 import torch
@@ -84,7 +84,8 @@ class Trainer:
 
     Attributes:
         config: settings.
-        out: file for the weights; the network's ``.cfg``, a checkpoint and a table get its name with other endings.
+        out: file for the weights; the network (.cfg), their card (.json), a checkpoint and a table (.csv) get its
+            name with other endings.
         network: as it learns.
         average: of its weights over the steps: what is validated and written.
         step: batches so far.
@@ -93,9 +94,21 @@ class Trainer:
     """
 
     def __init__(
-        self, training: LabelledImages, validation: LabelledImages, config: TrainingConfig, out: Path
+        self,
+        training: LabelledImages,
+        validation: LabelledImages,
+        config: TrainingConfig,
+        out: Path,
+        about: dict[str, Any],
     ) -> None:
         """Begin, or go on from ``out``'s checkpoint where there is one.
+
+        Args:
+            training: images to learn from.
+            validation: images by which the best weights are chosen.
+            config: settings.
+            out: file for the weights.
+            about: what else the card says of how they came about.
 
         Raises:
             InputError: no one is to be found in the images, or the checkpoint is of another training.
@@ -103,7 +116,7 @@ class Trainer:
         if not any(len(validation.people(index)) for index in range(len(validation))):
             raise InputError("no one is to be found in the images to validate with")
         torch.manual_seed(config.seed)
-        self.config, self.out = config, out
+        self.config, self.out, self._about = config, out, about
         self._sampler = CanvasSampler(training, (config.width, config.height), config.sampling, config.seed)
         self._validation = validation
         self._text = fitted_cfg(training, config)
@@ -170,12 +183,18 @@ class Trainer:
         self._losses = []
         if precision > self.best:
             self.best = precision
-            write_weights(self.out, self.average, self.step * self.config.sampling.batch)
-            with whole_file(self.out.with_suffix(".cfg")) as file:
-                file.write_text(self._text)
+            self._write()
         with whole_file(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
             csv.writer(stream).writerows([COLUMNS, *self.rows])
         self._save()
+
+    def _write(self) -> None:
+        """The average's weights, its network and their card."""
+        write_weights(self.out, self.average, self.step * self.config.sampling.batch)
+        card = self._about | {"step": self.step, "ap50": self.best, "config": asdict(self.config)}
+        for ending, text in ((".cfg", self._text), (".json", json.dumps(card, indent=1) + "\n")):
+            with whole_file(self.out.with_suffix(ending)) as file:
+                file.write_text(text)
 
     @property
     def _checkpoint(self) -> Path:

@@ -20,8 +20,8 @@ class TrainYolo:
 
     Attributes:
         data: their folders; scenes of the split train are learned from, those of val validated with.
-        out: file for the weights (.weights); the network (.cfg), a checkpoint and a table get its name with other
-            endings. A training that was left is taken up from its checkpoint.
+        out: file for the weights (.weights); the network (.cfg), their card (.json), a table (.csv) and a checkpoint
+            get its name with other endings. A training that was left is taken up from its checkpoint.
         stride: take every so manieth frame of a scene.
         training: settings.
     """
@@ -41,7 +41,8 @@ class TrainYolo:
             raise InputError(f"--out {self.out}: there is no folder {self.out.absolute().parent}")
         images = [VictimImages(self.data, split, self.stride) for split in ("train", "val")]
         try:
-            trainer = Trainer(images[0], images[1], self.training, self.out)
+            about = {"data": list(map(str, self.data)), "images": [len(source) for source in images]}
+            trainer = Trainer(images[0], images[1], self.training, self.out, about | {"stride": self.stride})
             self._train(trainer)
         finally:
             for source in images:

@@ -1,5 +1,6 @@
 """The command that trains YOLO, on a small dataset."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,10 @@ def test_the_command_leaves_a_network_that_the_robot_can_use(
     call(monkeypatch, "--data", data, "--out", out, *QUICK)
     assert str(out) in capsys.readouterr().out
     assert VictimDetector.load(out.with_suffix(".cfg"), out)
+    card = json.loads(out.with_suffix(".json").read_text())
+    assert card["data"] == [str(data)]
+    assert card["images"] == [16, 4]
+    assert card["config"]["steps"] == 2
     assert out.with_suffix(".csv").read_text().startswith("step,loss,ap50\n2,")
 
 

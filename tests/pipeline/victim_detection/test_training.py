@@ -90,15 +90,15 @@ def test_a_new_network_expects_no_one() -> None:
 
 def test_a_training_that_was_left_ends_with_the_same_weights(tmp_path: Path) -> None:
     whole, parts = tmp_path / "whole.weights", tmp_path / "parts.weights"
-    Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, whole).run()
+    Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, whole, {}).run()
 
     def leave(trainer: Trainer) -> None:
         if trainer.step == 4:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts).run(leave)
-    resumed = Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts)
+        Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts, {}).run(leave)
+    resumed = Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts, {})
     assert resumed.step == 4
     resumed.run()
     assert whole.read_bytes() == parts.read_bytes()
@@ -108,18 +108,18 @@ def test_a_training_that_was_left_ends_with_the_same_weights(tmp_path: Path) -> 
 
 def test_another_training_does_not_take_it_up(tmp_path: Path) -> None:
     out = tmp_path / "w.weights"
-    Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out).run()
+    Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out, {}).run()
     with pytest.raises(InputError, match="other settings or data"):
-        Trainer(WhiteBoxes(40), WhiteBoxes(6, 1), CONFIG, out)
+        Trainer(WhiteBoxes(40), WhiteBoxes(6, 1), CONFIG, out, {})
     out.with_suffix(".checkpoint").write_bytes(b"nothing")
     with pytest.raises(InputError, match="not a checkpoint"):
-        Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out)
+        Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out, {})
 
 
 def test_it_learns(tmp_path: Path) -> None:
     sampling = SamplingConfig(batch=8, augmentation=AugmentationConfig(mosaic=0))
     config = TrainingConfig(width=64, height=64, steps=60, validate_every=60, average=0.9, sampling=sampling)
-    trainer = Trainer(WhiteBoxes(60), WhiteBoxes(30, 1), config, tmp_path / "w.weights")
+    trainer = Trainer(WhiteBoxes(60), WhiteBoxes(30, 1), config, tmp_path / "w.weights", {})
     before = validate(trainer.average, WhiteBoxes(30, 1))
     trainer.run()
     assert before < 0.1
@@ -131,7 +131,7 @@ def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError):
             TrainingConfig(**wrong)
     with pytest.raises(InputError, match="no one is to be found in the images to validate"):
-        Trainer(WhiteBoxes(30), WhiteBoxes(0), CONFIG, tmp_path / "w.weights")
+        Trainer(WhiteBoxes(30), WhiteBoxes(0), CONFIG, tmp_path / "w.weights", {})
 
 
 def test_the_learning_rate_rises_and_falls() -> None:

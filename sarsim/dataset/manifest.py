@@ -89,7 +89,8 @@ class Manifest:
             )
         try:
             entries = [SceneEntry(**entry) for entry in content["scenes"]]
-            return cls(content["recipe"], {entry.index: entry for entry in entries}, content["generator"])
+            recipe = dict(**content["recipe"])
+            return cls(recipe, {entry.index: entry for entry in entries}, content["generator"])
         except (KeyError, TypeError) as error:
             raise InputError(f"{path}: broken: {error}") from error
 

@@ -217,6 +217,8 @@ def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> Non
         ('{"format": "coco"}', "not the dataset.json of a dataset"),
         ('{"format": "sarsim-dataset", "version": 9}', "format version 9; this program reads version 1"),
         ('{"format": "sarsim-dataset", "version": 1}', "broken: 'scenes'"),
+        ('{"format": "sarsim-dataset", "version": 1, "scenes": [{}], "recipe": {}}', "broken: "),
+        ('{"format": "sarsim-dataset", "version": 1, "scenes": [], "recipe": []}', "broken: "),
     ],
 )
 def test_a_manifest_that_is_none(tmp_path: Path, text: str, message: str) -> None:

@@ -1,7 +1,7 @@
 """Images to train on: alone or four as a mosaic, at random scales and places, mirrored, in random colours."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pipeline.victim_detection.boxes import areas
 from pipeline.victim_detection.labelled_image import LabelledImage
 from pipeline.victim_detection.letterbox import GREY
+from pipeline.victim_detection.pasting import pasted
 
 Region = tuple[int, int, int, int]  # x0, y0, x1, y1 of the canvas
 
@@ -25,6 +26,8 @@ class AugmentationConfig:
         hue: largest turn of the colours, as a share of the circle, as Darknet's ``hue``.
         saturation: largest factor, and 1 over it the smallest, as Darknet's.
         exposure: the same of brightness.
+        paste: share of canvases onto which people of one more image are pasted.
+        paste_scale: as ``scale``, of these people.
         kept: least share of a box that must be left at an edge for its person to count.
     """
 
@@ -34,26 +37,39 @@ class AugmentationConfig:
     hue: float = 0.05
     saturation: float = 1.5
     exposure: float = 1.5
+    paste: float = 0.4
+    paste_scale: tuple[float, float] = (0.4, 1.2)
     kept: float = 0.3
 
 
 def augmented(
     images: Sequence[LabelledImage],
+    donors: Sequence[LabelledImage],
     size: tuple[int, int],
     config: AugmentationConfig,
     rng: np.random.Generator,
 ) -> LabelledImage:
-    """A canvas of ``size`` (width, height) with one image, or with four."""
+    """A canvas of ``size`` (width, height) with one image, or with four, and the donors' people pasted onto it."""
     canvas = np.full((size[1], size[0], 3), GREY, np.uint8)
     boxes, ignored = [np.zeros((0, 4), np.float32)], [np.zeros(0, bool)]
     scale = config.scale if len(images) == 1 else config.mosaic_scale
     for image, region in zip(images, regions(len(images), size, rng), strict=True):
-        ratio = np.exp(rng.uniform(*np.log(scale))) * min(np.divide(size, image.rgb.shape[1::-1]))
+        ratio = _ratio(image, size, scale, rng)
         placed = place(recoloured(image, config, rng), canvas, region, ratio, config.kept, rng)
         boxes.append(placed.boxes)
         ignored.append(placed.ignored)
     whole = LabelledImage(canvas, np.concatenate(boxes), np.concatenate(ignored))
+    for donor in donors:
+        ratio = _ratio(donor, size, config.paste_scale, rng)
+        whole = pasted(whole, recoloured(donor, config, rng), ratio, rng)
     return mirrored(whole) if rng.random() < 0.5 else whole
+
+
+def _ratio(
+    image: LabelledImage, size: tuple[int, int], scale: tuple[float, float], rng: np.random.Generator
+) -> float:
+    """A random factor of size, relative to the one that makes the image just fit."""
+    return float(np.exp(rng.uniform(*np.log(scale))) * min(np.divide(size, image.rgb.shape[1::-1])))
 
 
 def regions(count: int, size: tuple[int, int], rng: np.random.Generator) -> list[Region]:
@@ -124,4 +140,4 @@ def recoloured(image: LabelledImage, config: AugmentationConfig, rng: np.random.
     table = np.stack(tables, axis=1).astype(np.uint8)[None]
     changed = cv2.LUT(cv2.cvtColor(image.rgb, cv2.COLOR_RGB2HSV), table)
     rgb = cv2.cvtColor(changed, cv2.COLOR_HSV2RGB).astype(np.uint8, copy=False)
-    return LabelledImage(rgb, image.boxes, image.ignored)
+    return replace(image, rgb=rgb)

@@ -15,11 +15,13 @@ class LabelledImage:
         rgb: (H, W, 3) uint8.
         boxes: (N, 4) float32 x0, y0, x1, y1 around what is seen of each person, pixels.
         ignored: (N,) bool: so little is seen that finding the person is neither right nor wrong.
+        shown: (H, W) bool: the pixels that show people, where that is known.
     """
 
     rgb: NDArray[np.uint8]
     boxes: NDArray[np.float32]
     ignored: NDArray[np.bool_]
+    shown: NDArray[np.bool_] | None = None
 
 
 class LabelledImages(Protocol):

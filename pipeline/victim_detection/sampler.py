@@ -55,7 +55,9 @@ class CanvasSampler:
         augmentation, rng = self._config.augmentation, np.random.default_rng([self._seed, number])
         count = 4 if rng.random() < augmentation.mosaic else 1
         images = [self._images[self._draw(rng)] for _ in range(count)]
-        return augmented(images, self._size, augmentation, rng)
+        pasted = [rng.choice(self._shown)] if rng.random() < augmentation.paste else []
+        donors = [self._images[int(index)] for index in pasted]
+        return augmented(images, donors, self._size, augmentation, rng)
 
     def _draw(self, rng: np.random.Generator) -> int:
         empty = len(self._empty) > 0 and rng.random() < self._config.empty

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.labels import Label
 from pipeline.victim_detection.labelled_image import LabelledImage
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.scene_file import Scene
@@ -40,7 +41,8 @@ class VictimImages:
         area = scene.victim_area[frame]
         seen = area > 0
         boxes = scene.victim_pixels[frame][seen].astype(np.float32)
-        return LabelledImage(scene.rgb(frame), boxes, area[seen] < MIN_AREA)
+        shown = scene.label(frame) == Label.VICTIM if seen.any() else None
+        return LabelledImage(scene.rgb(frame), boxes, area[seen] < MIN_AREA, shown)
 
     def people(self, index: int) -> NDArray[np.floating]:
         """(N, 2) widths and heights of the people to be found in one, as shares of the image's."""

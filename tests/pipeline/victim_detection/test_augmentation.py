@@ -1,5 +1,7 @@
 """Augmentation: boxes stay on what they were drawn around."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from pipeline.errors import InputError
 from pipeline.victim_detection.augmentation import AugmentationConfig, augmented, cut, mirrored, recoloured
 from pipeline.victim_detection.labelled_image import LabelledImage
+from pipeline.victim_detection.pasting import pasted
 from pipeline.victim_detection.sampler import CanvasSampler, SamplingConfig
 from tests.pipeline.victim_detection.people import WhiteBoxes
 
@@ -21,7 +24,7 @@ def images(count: int, seed: int) -> list[LabelledImage]:
 
 @given(seed=st.integers(0, 9999), count=st.sampled_from([1, 4]))
 def test_boxes_hold_all_white_and_little_else(seed: int, count: int) -> None:
-    canvas = augmented(images(count, seed), (96, 64), PLAIN, np.random.default_rng(seed))
+    canvas = augmented(images(count, seed), [], (96, 64), PLAIN, np.random.default_rng(seed))
     assert canvas.rgb.shape == (64, 96, 3)
     white = canvas.rgb.min(axis=2) > 200
     outside = white.copy()
@@ -36,7 +39,9 @@ def test_boxes_hold_all_white_and_little_else(seed: int, count: int) -> None:
 
 @given(seed=st.integers(0, 999))
 def test_boxes_lie_on_the_canvas(seed: int) -> None:
-    canvas = augmented(images(4, seed), (96, 64), AugmentationConfig(), np.random.default_rng(seed))
+    canvas = augmented(
+        images(4, seed), images(1, seed + 1), (96, 64), AugmentationConfig(), np.random.default_rng(seed)
+    )
     assert (canvas.boxes >= 0).all()
     assert (canvas.boxes <= [96, 64, 96, 64]).all()
     assert len(canvas.boxes) == len(canvas.ignored)
@@ -79,7 +84,9 @@ def test_a_canvas_depends_on_its_number_alone() -> None:
 
 
 def test_the_share_of_images_without_anyone_is_as_set() -> None:
-    config = SamplingConfig(batch=300, empty=0.2, augmentation=AugmentationConfig(mosaic=0, scale=(1, 1)))
+    config = SamplingConfig(
+        batch=300, empty=0.2, augmentation=AugmentationConfig(mosaic=0, scale=(1, 1), paste=0)
+    )
     batch = CanvasSampler(WhiteBoxes(30), (64, 48), config, 0).batch(0)
     assert sum(len(image.boxes) == 0 for image in batch) == pytest.approx(60, abs=20)
 
@@ -93,3 +100,40 @@ def test_images_without_anyone_are_refused() -> None:
         CanvasSampler(Empty(3), (64, 48), SamplingConfig(), 0)
     with pytest.raises(InputError, match="empty"):
         SamplingConfig(empty=1.0)
+
+
+def cut_out(seed: int) -> LabelledImage:
+    """Someone who is known pixel by pixel."""
+    (image,) = images(1, seed)
+    return replace(image, shown=image.rgb.min(axis=2) > 200)
+
+
+@given(seed=st.integers(0, 999), ratio=st.sampled_from([0.5, 1.0]))
+def test_pasted_people_stand_where_their_box_is(seed: int, ratio: float) -> None:
+    black = LabelledImage(np.zeros((64, 96, 3), np.uint8), np.zeros((0, 4), np.float32), np.zeros(0, bool))
+    result = pasted(black, cut_out(seed), ratio, np.random.default_rng(seed))
+    y, x = np.nonzero(result.rgb.min(axis=2) > 200)
+    np.testing.assert_allclose(result.boxes, [[x.min(), y.min(), x.max() + 1, y.max() + 1]], atol=1)
+    assert not result.ignored.any()
+    assert not black.rgb.any()
+
+
+def test_who_is_pasted_over_is_ignored() -> None:
+    donor = cut_out(0)
+    x0, y0, x1, y1 = donor.boxes[0]
+    size = int(x1 - x0), int(y1 - y0)
+    boxes = np.array([[0, 0, *size], [0, 0, 4 * size[0], 4 * size[1]]], np.float32)
+    canvas = LabelledImage(np.zeros((size[1], size[0], 3), np.uint8), boxes, np.zeros(2, bool))
+    result = pasted(canvas, donor, 1.0, np.random.default_rng(0))
+    assert result.ignored.tolist() == [
+        True,
+        True,
+        False,
+    ]  # the second one's part on the canvas is all covered
+    np.testing.assert_allclose(result.boxes[2], [0, 0, *size])
+
+
+def test_who_does_not_fit_or_is_not_known_is_not_pasted() -> None:
+    (canvas,) = images(1, 3)
+    assert pasted(canvas, cut_out(0), 9.0, np.random.default_rng(0)) is canvas
+    assert pasted(canvas, images(1, 0)[0], 1.0, np.random.default_rng(0)) is canvas

@@ -25,7 +25,9 @@ def test_frames_come_with_their_boxes(data: Path) -> None:
     np.testing.assert_array_equal(first.boxes, [[1, 2, 4, 4], [0, 1, 6, 4]])
     assert first.ignored.tolist() == [False, True]
     assert second.ignored.tolist() == [False]
+    np.testing.assert_array_equal(first.shown, frame(0).label == 6)
     assert len(third.boxes) == 0
+    assert third.shown is None
     assert fourth.ignored.tolist() == [True]
     images.close()
 

@@ -148,7 +148,8 @@ class Explorer:
         was_lifted = self.navigator.legs[-1].outcome is Outcome.MOVED
         self._T_map_last = None if was_lifted else self.navigator.T_map_base
         for halt in self.navigator.halts:
-            if halt.command.v != 0:
+            # An obstacle beside a robot that cannot leave would only shut it in.
+            if halt.command.v != 0 and halt.freed:
                 self.surface_map.add_obstacle(bumper(halt))
         return reached
 

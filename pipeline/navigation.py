@@ -57,7 +57,7 @@ class NavigationConfig:
     ramp_turn_rate: float = 0.4
     acceleration: float = 0.3
     turn_acceleration: float = np.deg2rad(100)
-    blocked_time: float = 0.7
+    blocked_time: float = 0.5
     blocked_share: float = 0.35
     stuck_time: float = 4.0
     stuck_distance: float = 0.02
@@ -97,10 +97,12 @@ class Halt:
     Attributes:
         T_map_base: 4×4 pose where it stopped.
         command: that it could not follow.
+        freed: whether the robot got away from there.
     """
 
     T_map_base: NDArray[np.float64]
     command: Velocity
+    freed: bool
 
 
 class _Progress:
@@ -113,9 +115,9 @@ class _Progress:
         # Speeds forward and of turning: as commanded and so far come true, and the averages of what is and should be.
         self._due, self._wanted, self._felt = np.zeros(2), np.zeros(2), np.zeros(2)
 
-    def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity) -> bool:
-        """Whether the newest pose shows that the command cannot be followed."""
-        held = self._is_held(T, time - self._time, command)
+    def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity, on_ramp: bool = False) -> bool:
+        """Whether the newest pose shows that the command cannot be followed; on ramps the wheels skid for a while."""
+        held = self._is_held(T, time - self._time, command) and not on_ramp
         moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > self._config.stuck_distance
         turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > np.deg2rad(3)
         if moved or turned:
@@ -240,9 +242,10 @@ class Navigator:
                 self._drive(Velocity())
                 return Outcome.MOVED
             leans = self.attitude.tilt_in(self.config.tilt_lead) > self.config.max_tilt
-            if leans or progress.is_stuck(T, self._time, command):
-                self.halts.append(Halt(T, command))
+            if leans or progress.is_stuck(T, self._time, command, self._on_ramp):
                 self._back_out(command)
+                backed = np.linalg.norm(self.T_map_base[:3, 3] - T[:3, 3])
+                self.halts.append(Halt(T, command, bool(backed > self.config.back_out / 2)))
                 return Outcome.TILTED if leans else Outcome.STUCK
         self._drive(Velocity())
         return Outcome.REACHED
@@ -261,7 +264,7 @@ class Navigator:
         T = self._drive(Velocity())
         progress = _Progress(config, T, self._time)
         for _ in range(round(seconds / self.robot.control_period)):
-            if progress.is_stuck(self._drive(undo), self._time, undo):
+            if progress.is_stuck(self._drive(undo), self._time, undo, self._on_ramp):
                 break
         self._drive(Velocity())
 

@@ -6,8 +6,9 @@ import pytest
 from pipeline.exploration import View
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
-from pipeline.navigation import Outcome
+from pipeline.navigation import Halt, Leg, Outcome
 from pipeline.path_plan import PathPlan
+from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
 from tests.pipeline.still_robot import StillRobot
@@ -29,16 +30,21 @@ def explorer():
     return Explorer(PlacedRobot(), TruthClassifier())
 
 
-def test_what_holds_the_robot_is_an_obstacle_from_then_on(explorer):
+@pytest.mark.parametrize("freed", [True, False])
+def test_what_holds_the_robot_is_an_obstacle_once_it_got_away(explorer, freed):
+    explorer.navigator.follow = lambda way_points, heading: (
+        explorer.navigator.legs.append(Leg(way_points[-1, :2], Outcome.STUCK, 1.0))
+        or explorer.navigator.halts.append(Halt(np.eye(4), Velocity(0.2), freed))
+    )
+    explorer.navigator.motion = explorer.robot.drive(Velocity())
     look = explorer.look()
     assert look.surface.grid.at(look.surface.drivable, [0.3, 0.0])
     ahead = PathPlan(np.array([(1.2, 0.0, 0.0)]), [], 1.2)
     view = View(np.array([1.2, 0.0]), 0.0, turn=False, gain=1.0)
     assert not explorer.drive(replace(look, plan=ahead, view=view))
-    assert explorer.navigator.legs[-1].outcome is Outcome.STUCK
     surface = explorer.look().surface
-    assert surface.grid.at(surface.hazard, [0.29, 0.0])
-    assert not surface.lines_are_drivable([(-0.2, 0.0)], [(1.2, 0.0)])[0]
+    assert surface.grid.at(surface.hazard, [0.29, 0.0]) == freed
+    assert surface.lines_are_drivable([(-0.1, 0.0)], [(1.0, 0.0)])[0] != freed
 
 
 @pytest.mark.parametrize("moved", [(5.0, 5.0), (0.0, 0.1)])

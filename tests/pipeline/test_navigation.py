@@ -73,7 +73,7 @@ def test_it_follows_the_line_not_only_the_bearing():
 
 
 def test_stuck_is_noticed_and_the_robot_backs_out():
-    robot = KinematicRobot(blocked=lambda time: 3 < time < 4)
+    robot = KinematicRobot(blocked=lambda time: 3 < time < 3.5)
     navigator = Navigator(robot)
     assert not navigator.follow(np.array([(2, 0), (2, 2)]))
     assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]
@@ -81,6 +81,7 @@ def test_stuck_is_noticed_and_the_robot_backs_out():
     assert robot.commands[-1].v == 0
     (halt,) = navigator.halts
     assert halt.command.v > 0
+    assert halt.freed
     assert robot.T[0, 3] == pytest.approx(halt.T_map_base[0, 3] - NavigationConfig().back_out, abs=0.04)
 
 
@@ -91,6 +92,18 @@ def test_it_pushes_for_less_than_a_second():
     assert len(pushing) * robot.control_period < 1
     backing = [c for c in robot.commands if c.v < 0]  # held there too, it gives up as soon
     assert len(backing) * robot.control_period < 1.5
+
+
+def test_a_robot_that_is_held_on_both_sides_is_not_freed():
+    robot = KinematicRobot(blocked=lambda time: time > 3)
+    navigator = Navigator(robot)
+    navigator.follow(np.array([(2, 0)]))
+    assert [halt.freed for halt in navigator.halts] == [False]
+
+
+def test_on_a_ramp_it_has_time_to_break_loose():
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16), blocked=lambda time: 3 < time < 5)
+    assert Navigator(robot).follow(np.array([(1, 0)]))
 
 
 def test_a_turn_that_is_blocked_is_turned_back():

@@ -51,12 +51,13 @@ class TopologicalMap:
     """Nodes and edges, renewed with every look where it changed the ground.
 
     Attributes:
-        graph: networkx graph of node ids that plans are made on: ``weight`` in s, ``length`` in m.
+        tree: networkx graph of node ids, the minimum spanning tree: ``weight`` in s, ``length`` in m.
+        graph: what plans are made on, the tree itself or the roadmap, whose loops may have ``bends`` as well.
     """
 
     def __init__(self, config: TopologicalMapConfig | None = None):
         self.config = config or TopologicalMapConfig()
-        self.graph = nx.Graph()
+        self.tree = self.graph = nx.Graph()
         self._set: NodeSet | None = None
 
     @property
@@ -90,7 +91,8 @@ class TopologicalMap:
         placement.cover_rest()
         placement.join()
         placement.thin_out({n for n in nodes.nodes if n not in old or nodes.cover.is_near(n, changed)})
-        self.graph = self._span(nodes)
+        self.tree = collision_free_tree(nodes.free)
+        self.graph = self.tree if self.config.graph == "mst" else self._roadmap(nodes)
 
     def way(self, a: int, b: int) -> NDArray[np.float64]:
         """(N, 3) m, the points that an edge leads over, from node ``a`` to node ``b``."""
@@ -117,6 +119,7 @@ class TopologicalMap:
                 "nodes": [a, b],
                 "length": round(e["length"], 4),
                 "seconds": round(e["weight"], 2),
+                "tree": self.tree.has_edge(a, b),
                 "way": self.way(a, b).round(4).tolist(),
             }
             for a, b, e in self.graph.edges(data=True)
@@ -138,10 +141,8 @@ class TopologicalMap:
             self._set.renew(ground, links, changed, self.config.cover.snap)
         return self._set
 
-    def _span(self, nodes: NodeSet) -> nx.Graph:
-        tree = collision_free_tree(nodes.free)
-        if self.config.graph == "mst" or len(nodes.nodes) < 2:
-            return tree
+    def _roadmap(self, nodes: NodeSet) -> nx.Graph:
         drives = nodes.free.copy()
-        add_passages(drives, nodes.nodes, nodes.ground.surface, nodes.links)
-        return roadmap(tree, drives, self.config.max_detour)
+        if len(nodes.nodes) > 1:
+            add_passages(drives, nodes.nodes, nodes.ground.surface, nodes.links)
+        return roadmap(self.tree, drives, self.config.max_detour)

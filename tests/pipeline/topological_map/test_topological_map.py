@@ -3,7 +3,9 @@ import json
 import networkx as nx
 import numpy as np
 import pytest
+import tyro
 
+from pipeline.explorer import ExplorerConfig
 from pipeline.labels import Label
 from pipeline.path_plan import plan_path
 from pipeline.semantic_map.planes import PlanePatch
@@ -163,6 +165,11 @@ def test_a_robot_that_stands_where_it_reaches_nothing_forgets_nothing():
     assert set(topology.nodes) == before
 
 
+def test_the_graph_is_a_flag_of_its_own():
+    assert tyro.cli(ExplorerConfig, args=["--graph", "mst"]).topological_map.graph == "mst"
+    assert ExplorerConfig().topological_map.graph == "roadmap"
+
+
 def test_no_ground_no_nodes():
     surface, segments = room((-3, 3), (-2, 2), [])
     topology = topology_of(surface, segments, (30.0, 30.0))
@@ -175,6 +182,7 @@ def test_the_file_holds_every_node_and_edge(ramp_world, tmp_path):
     content = json.loads((tmp_path / "topology.json").read_text())
     assert {n["id"] for n in content["nodes"]} == set(topology.nodes)
     assert len(content["edges"]) == topology.graph.number_of_edges()
+    assert sum(edge["tree"] for edge in content["edges"]) == len(topology.nodes) - 1
     positions = {n["id"]: n["position"] for n in content["nodes"]}
     for edge in content["edges"]:
         assert [edge["way"][0], edge["way"][-1]] == [positions[n] for n in edge["nodes"]]

@@ -50,3 +50,17 @@ def test_more_nodes_than_needed_show_in_the_ratio(two_rooms):
     many = score_topology(topology_of([(1, 1), (3, 1), (1.2, 1), (3.2, 1)], []), two_rooms)
     assert 0.5 < few["nodes_vs_greedy"] <= 1
     assert many["nodes_vs_greedy"] == pytest.approx(2 * few["nodes_vs_greedy"])
+
+
+def test_the_greedy_cover_is_of_the_ground_that_the_nodes_see(two_rooms):
+    one_room = score_topology(topology_of([(1, 1)], []), two_rooms)
+    assert one_room["nodes_vs_greedy"] == 1
+    corner = score_topology(topology_of([(0.1, 0.1), (0.1, 0.2), (0.2, 0.1)], []), two_rooms)
+    assert corner["nodes_vs_greedy"] >= 1.5
+
+
+def test_an_edge_with_bends_is_followed_around_the_wall(two_rooms):
+    topology = topology_of([(1, 0.5), (3, 0.5)], [(0, 1)])
+    assert score_topology(topology, two_rooms)["edges_through_walls"] == 1
+    topology.way = lambda a, b: np.array([(1, 0.5, 0), (2.02, 1.7, 0), (3, 0.5, 0)])
+    assert score_topology(topology, two_rooms)["edges_through_walls"] == 0

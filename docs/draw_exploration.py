@@ -1,4 +1,4 @@
-"""Join the pictures of the worst runs and print the table for exploration.md: ``draw_exploration.py FIGURES.json``."""
+"""Join pictures of the worst runs, print the table for exploration.md: ``draw_exploration.py FIGURES.json``."""
 
 import json
 import sys
@@ -20,6 +20,7 @@ def pictures(file: Path, worst: dict[str, list[str]]) -> NDArray[np.uint8]:
     rows = []
     for names in worst.values():
         picture = cv2.imread(str(file.with_name(f"{file.stem}-{names[0]}.png")))
+        assert picture is not None
         height = round(picture.shape[0] * WIDTH / picture.shape[1])
         rows.append(cv2.resize(picture, (WIDTH, height), interpolation=cv2.INTER_AREA))
     return np.vstack(rows)

@@ -1,0 +1,48 @@
+"""What the score of an episode tells of its course."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from pipeline.explorer import Explorer
+from pipeline.semantic_map.classifier import TruthClassifier
+from sarsim.arenas.load import load_arena
+from sarsim.scoring.episode import EpisodeScore
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+
+@pytest.fixture(scope="module")
+def score():
+    """The score of three looks in the NIST arena."""
+    robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
+    explorer = Explorer(robot, TruthClassifier())
+    score = EpisodeScore(robot, explorer)
+    for _ in range(3):
+        look = explorer.look()
+        score.add(look)
+        explorer.drive(look)
+    yield score
+    robot.close()
+
+
+def test_progress_has_an_entry_for_each_look(score):
+    times, shares = zip(*score.progress, strict=True)
+    assert times[0] == 0  # before anything was driven
+    assert all(a < b for a, b in itertools.pairwise(times))
+    assert all(a <= b for a, b in itertools.pairwise(shares))
+    assert shares[-1] == score.explored_fraction
+    assert 0 < shares[0] < 0.9
+
+
+def test_what_was_seen_is_counted_on_drivable_ground_alone(score):
+    surface = score.surface
+    assert (score.seen & ~surface.drivable).any()
+    assert score.explored_fraction == (score.seen & surface.drivable).sum() / surface.drivable.sum()
+    assert not score.seen[np.isnan(surface.height)].any()
+
+
+def test_the_time_to_see_90_percent_is_that_of_the_first_look_with_so_much(score, monkeypatch):
+    assert "seen90_s" not in score.report()["exploration"]
+    monkeypatch.setattr(score, "progress", [(0.0, 0.3), (7.0, 0.9), (9.0, 0.95)])
+    assert score.report()["exploration"]["seen90_s"] == 7.0

@@ -22,7 +22,7 @@ from pipeline.semantic_map.voxels import VoxelCloud
 class DgcnnConfig:
     """Settings of the classifier; the size of blocks comes with the weights."""
 
-    votes: int = 1
+    votes: int = 3
     """Grids of columns, each shifted against the others, over which class probabilities are averaged."""
     threads: int | None = None
     """One a processor if not given."""

@@ -44,6 +44,7 @@ class TrainingConfig:
         dropout: before the last layer; 0.5 as published is for longer trainings.
         balance: a class weighs its share of the points to the power of minus this; 0 is none, 1 full balance.
         validate_every: steps.
+        keep: the weights that validate best, or the last ones: where few clouds validate, the best are so by chance.
     """
 
     steps: int = 3000
@@ -57,6 +58,7 @@ class TrainingConfig:
     dropout: float = 0.0
     balance: float = 0.5
     validate_every: int = 250
+    keep: Literal["best", "last"] = "best"
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done."""
@@ -152,11 +154,11 @@ class Trainer:
             confusion = validate(self.network, self._validation, self.config)
             self.curves.add(self.step, float(np.mean(self._losses)), confusion)
             self._losses = []
-            if confusion.miou_four > self.best:
-                self.best = confusion.miou_four
+            if confusion.miou_four > self.best or self.config.keep == "last":
+                self.best = max(self.best, confusion.miou_four)
                 training = self._about | {
                     "step": self.step,
-                    "miou_four": self.best,
+                    "miou_four": confusion.miou_four,
                     "config": asdict(self.config),
                 }
                 save_classifier(self.out, self.network, self.config.blocks, training)

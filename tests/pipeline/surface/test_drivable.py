@@ -24,6 +24,13 @@ def test_it_keeps_away_from_walls_and_further_for_turning():
     assert surface.grid.at(surface.turnable, [0.55, 0.0])
 
 
+def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point():
+    post = np.repeat(np.array([(0.025, 0.025, z) for z in (0.1, 0.2, 0.3)], np.float32), 5, axis=0)
+    surface = drivable_surface(surface_of(ground_points(flat, (-1, 1), (-1, 1)), post))
+    assert not surface.grid.at(surface.turnable, [0.275, 0.325])  # 0.39 m away
+    assert surface.grid.at(surface.turnable, [0.325, 0.325])
+
+
 def ridge_between_walls(half_width: float) -> DrivableSurface:
     """A corridor along x over a ridge."""
     walls = [wall_points((-2, y), (2, y)) for y in (-half_width, half_width)]

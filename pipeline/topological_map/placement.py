@@ -120,9 +120,7 @@ class Placement:
         """Drop and merge nodes, of those named and their neighbours, as long as nothing is lost."""
         cover = self._nodes.cover
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
-            if len(cover.lost_without([n])) <= self._spare and len(self._nodes.parts({n})) <= len(
-                self._nodes.parts()
-            ):
+            if len(cover.lost_without([n])) <= self._spare and not self._holds_together(n):
                 self._nodes.remove(n)
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
@@ -134,6 +132,10 @@ class Placement:
             new = self._merge(pair, views) if self._nodes.nodes.keys() >= set(pair) else None
             if new is not None:
                 pairs.extend((new, n) for n in self._nodes.nodes if n != new)
+
+    def _holds_together(self, node: int) -> bool:
+        """Whether the nodes would fall apart without this one."""
+        return len(self._nodes.parts({node})) > len(self._nodes.parts())
 
     def _candidates(self, active: Collection[int]) -> NDArray[np.float64]:
         """(K, 2) the thesis's places and those around the active nodes."""
@@ -156,12 +158,11 @@ class Placement:
         return None
 
     def _stand_ins(self, pair: tuple[int, int], views: Views) -> NDArray[np.float64]:
-        """(K, 2) the places that see what only these two nodes see; first the thesis's, then the roomiest."""
+        """(K, 2) the places that see what only these two nodes see; first the thesis's, then those that see most."""
         cover, ground = self._nodes.cover, self._nodes.ground
         lost = cover.lost_without(pair)
-        centre = ground.grid.centre_of(
-            lost.mean(axis=0) if len(lost) else ground.grid.cell_of(views.places[0])
-        )
+        middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
+        centre = ground.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
         near = np.flatnonzero(np.linalg.norm(views.places - centre, axis=1) <= self._config.sight)
         good = near[cover.see_all(views[near], lost, self._spare)]
         worth = views.seen[good].sum(axis=(1, 2)) + 1e6 * (good < len(self._places))

@@ -57,7 +57,7 @@ class EpisodeConfig:
     random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
     seed: int = 0
     steps: int = 160
-    labels: Labels = "truth"
+    labels: Labels = "dgcnn"
     simulation: Annotated[SimulationConfig, tyro.conf.arg(name="")] = field(default_factory=SimulationConfig)
     pipeline: ExplorerConfig = field(default_factory=ExplorerConfig)
     view: Literal["none", "spawn", "web"] = "none"

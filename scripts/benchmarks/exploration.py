@@ -51,7 +51,7 @@ class ExplorationBenchmark(Subject):
     """What to compare with."""
     steps: int = 1000
     """Looks at most; an episode ends before when nothing is left to look at."""
-    labels: Labels = "truth"
+    labels: Labels = "dgcnn"
     """Who says what a point belongs to: the network, or the simulator."""
     weights: Path = WEIGHTS
     """Of the network."""

@@ -1,11 +1,13 @@
 """Training: it learns, is left and taken up again, and refuses what it cannot learn from."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import load_file
 
 from pipeline.errors import InputError
@@ -86,6 +88,18 @@ def test_left_at_a_step_and_taken_up_again_it_leaves_the_same_weights(clouds, tm
     assert again.step == CONFIG.steps
     whole, left = (load_file(tmp_path / f"{name}.safetensors") for name in ("whole", "left"))
     assert all((whole[name] == left[name]).all() for name in whole)
+
+
+def test_the_last_weights_may_be_kept_whatever_they_validate_to(clouds, tmp_path: Path) -> None:
+    out = tmp_path / "w.safetensors"
+    training = trainer(clouds, out, replace(CONFIG, keep="last"))
+    training.best = 2.0  # better than any
+    training.run()
+    with safe_open(out, "pt") as file:
+        about = json.loads(file.metadata()["training"])
+        assert (file.get_tensor("conv9.weight") == training.network.classifier.weight).all()
+    assert about["step"] == CONFIG.steps
+    assert about["miou_four"] == training.curves.rows[-1][2] < 2
 
 
 def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> None:

@@ -189,7 +189,7 @@ def test_a_broken_result_is_named(tmp_path, pretended):
 
 
 def test_a_job_leaves_its_report_and_its_picture(tmp_path):
-    job = Job("nist_6x4", "nearest_frontier", EpisodeConfig(steps=2))
+    job = Job("nist_6x4", "nearest_frontier", EpisodeConfig(steps=2, labels="truth"))
     run_job(job, tmp_path)
     result = job.result(tmp_path)
     assert result["report"]["steps"] == 2
@@ -199,7 +199,7 @@ def test_a_job_leaves_its_report_and_its_picture(tmp_path):
 
 
 def test_an_arena_without_a_start_is_left_out(tmp_path):
-    job = Job("raf", "ours", EpisodeConfig(arena=str(tmp_path / "none.raf")))
+    job = Job("raf", "ours", EpisodeConfig(arena=str(tmp_path / "none.raf"), labels="truth"))
     run_job(job, tmp_path)
     assert "none.raf" in job.result(tmp_path)["left_out"]
 

@@ -107,12 +107,10 @@ def drivable_surface(surface: SurfaceMap, config: DrivableConfig | None = None) 
     hazard = kernels.step_hazards(elevation, config.max_step) | (slope > np.tan(config.max_tilt))
     steepest = np.tan(config.max_tilt) * cell
     hazard |= kernels.drops(elevation, round(config.max_drop_gap / cell), config.max_step, steepest)
-    to_hazard = ndimage.distance_transform_edt(~hazard) * cell
+    to_hazard = surface.grid.distance_to(hazard)
     # Beyond the grid's border all is unknown.
     to_unknown = ndimage.distance_transform_edt(np.pad(~np.isnan(elevation), 1))[1:-1, 1:-1] * cell
-    to_doubt = (
-        ndimage.distance_transform_edt(np.pad(~surface.doubted, 1, constant_values=True))[1:-1, 1:-1] * cell
-    )
+    to_doubt = surface.grid.distance_to(surface.doubted)
     drivable = (
         (to_hazard >= config.clearance)
         & (to_unknown >= config.unknown_clearance)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,14 @@ class Grid:
         inside = ((cells >= 0) & (cells < self.shape)).all(axis=-1)
         cells = np.where(np.expand_dims(inside, -1), cells, 0)
         return np.where(inside, layer[cells[..., 0], cells[..., 1]], layer.dtype.type(outside))
+
+    def distance_to(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """(nx, ny) m from every cell to the nearest of the mask, from centre to centre; infinite if it is empty."""
+        if not mask.any():
+            # SciPy would measure from a place beside the first cell.
+            return np.full(mask.shape, np.inf)
+        distance: NDArray[np.float64] = ndimage.distance_transform_edt(~mask) * self.cell
+        return distance
 
     def nearest(self, mask: NDArray[np.bool_], xy: ArrayLike, within: float) -> NDArray[np.float64] | None:
         """(2,) the point itself if its cell is in the mask, or else the centre of the nearest such cell.

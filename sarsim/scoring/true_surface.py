@@ -117,7 +117,7 @@ class Survey:
         height, edge = self._flood(self.grid.cell_of(start), body)
         known = ~np.isnan(height)
         hazard = known & (edge | (_tilt(height) > MAX_TILT))
-        clear = ndimage.distance_transform_edt(~hazard) * CELL > CLEARANCE
+        clear = self.grid.distance_to(hazard) > CLEARANCE
         to_obstacle = self._to_obstacle(height, self._is_obstacle)
         pieces, _ = ndimage.label(known & clear & (to_obstacle > CLEARANCE), np.ones((3, 3)))
         walls = self._to_obstacle(height, self.bodies.label == Label.WALL) < CELL / 2 - 1e-6

@@ -159,13 +159,13 @@ BAD_LABEL = IN_A_WALL.replace('user="1"', 'user="11"').replace("0.5 0.5 0.5", "0
     ("arena", "message"),
     [
         (None, "No such file"),
-        ("<mujoco><worldbody>", "not a readable MJCF file"),
+        ("<mujoco><worldbody>", "not readable XML"),
         (
             "<mujoco><worldbody><geom type='box' size='-1 1 1'/></worldbody></mujoco>",
             "not a readable MJCF file",
         ),
         ("<robot/>", "not a readable MJCF file"),
-        (BOMB, "not a readable MJCF file"),
+        (BOMB, "declares a document type"),
         ("<mujoco><worldbody/></mujoco>", "no free start"),
         (NO_FLOOR, "no free start"),
         (IN_A_WALL, "no free start"),

@@ -71,7 +71,8 @@ def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(looks: list[Pose]) ->
     assert height.max() > 0.16  # on a deck
     assert pitch.min() < -14 and pitch.max() > 14  # up and down
     assert np.abs(pitch).max() < 18
-    assert np.abs(pitch[np.abs(height) < 0.003]).max() < 1.5
+    # Front wheels that begin to climb lift the middle by 0.135 m times the slope; a look shakes by 1 mm, 0.2°.
+    assert np.abs(pitch[np.abs(height) < 0.003]).max() < np.degrees(np.arctan(0.005 / 0.135)) + 0.4
     rolls = np.degrees([tilt_of(pose)[0] for pose in T])
     assert np.abs(rolls).max() < 7.5  # head-on within 23°
 

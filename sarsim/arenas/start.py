@@ -52,6 +52,8 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
     Raises:
         InputError: the robot cannot stand there.
     """
+    if not np.isfinite((x, y, yaw_deg)).all():
+        raise InputError(f"no free start: ({x:g}, {y:g}) m, {yaw_deg:g}° is no place")
     survey = Survey(model, data, None)
     low = np.array([x, y, -1.0])
     height = survey.place(low, reach=np.inf)

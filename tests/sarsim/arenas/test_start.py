@@ -60,7 +60,7 @@ def test_a_wished_start_stands_on_the_ground_that_is_there():
     assert start_at(*table, 2.4, 0.0, 0.0).position[2] == 0
 
 
-@pytest.mark.parametrize("xy", [(0.0, 0.6), (0.0, 0.45), (50.0, 0.0)])
+@pytest.mark.parametrize("xy", [(np.nan, 0.0), (0.0, np.inf), (0.0, 0.6), (0.0, 0.45), (50.0, 0.0)])
 def test_a_wish_that_cannot_be_is_refused(xy):
     with pytest.raises(InputError, match="no free start"):
         start_at(*compiled(corridor(3)), *xy, 0.0)

@@ -37,7 +37,7 @@ class NearestFrontierConfig:
     field_of_view: float = np.deg2rad(54)
     camera_height: float = 0.6
     spacing: float = 0.25
-    patience: int = 3
+    patience: int = 6
     blind_radius: float = 0.35
 
 

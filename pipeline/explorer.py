@@ -17,7 +17,8 @@ from pipeline.semantic_map.planes import PlanesConfig, find_planes
 from pipeline.semantic_map.segments import Segments, SegmentsConfig
 from pipeline.semantic_map.semantic_map import SemanticMap, SemanticMapConfig
 from pipeline.stopwatch import Stopwatch
-from pipeline.surface.drivable import DrivableConfig, DrivableSurface, drivable_surface
+from pipeline.surface.drivable import DrivableConfig, DrivableSurface
+from pipeline.surface.drivable_layer import DrivableLayer
 from pipeline.surface.missing import missing_ground
 from pipeline.surface.paths import ShortestPaths
 from pipeline.surface.surface_map import SurfaceConfig, SurfaceMap
@@ -97,6 +98,7 @@ class Explorer:
         self.localisation = OdometryLocalisation()
         self.metric_map = MetricMap(self.config.metric_map)
         self.surface_map = SurfaceMap(self.config.surface)
+        self.drivable_layer = DrivableLayer(self.config.drivable)
         self.semantic_map = SemanticMap(self.config.semantic_map)
         self.segments = Segments(self.config.segments)
         self.topological_map = TopologicalMap(self.config.topological_map)
@@ -163,4 +165,4 @@ class Explorer:
             )
         self._T_map_last = T_map_base
         self.surface_map.update(points, missing, T_map_base[:2, 3])
-        return drivable_surface(self.surface_map, self.config.drivable)
+        return self.drivable_layer.update(self.surface_map)

@@ -11,6 +11,9 @@ from pipeline.surface import surface_kernels as kernels
 from pipeline.surface.grid import Grid
 from pipeline.surface.surface_map import SurfaceMap
 
+FAR = 1.0
+"""m; what is further away makes no difference to the robot."""
+
 
 @dataclass(frozen=True)
 class DrivableConfig:
@@ -54,7 +57,7 @@ class DrivableSurface:
         elevation: float32 m, NaN where unknown.
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: bool, steps and slopes that the robot cannot take.
-        to_hazard: float64 m to the nearest hazard.
+        to_hazard: float64 m to the nearest hazard, at most :data:`FAR`.
         drivable: bool, the robot's centre may pass.
         turnable: bool, the robot may turn in place, on level ground.
         slidable: bool, on or before a ramp it may turn in place, for there is room to slide.
@@ -100,17 +103,30 @@ class DrivableSurface:
 
 def drivable_surface(surface: SurfaceMap, config: DrivableConfig | None = None) -> DrivableSurface:
     """Judge every cell of the surface map."""
-    config = config or DrivableConfig()
-    cell, elevation = surface.grid.cell, surface.elevation
+    return judge(surface.grid, surface.elevation, surface.doubted, config or DrivableConfig())
+
+
+def judge(
+    grid: Grid, elevation: NDArray[np.float32], doubted: NDArray[np.bool_], config: DrivableConfig
+) -> DrivableSurface:
+    """Judge every cell of a grid, beyond which all is unknown.
+
+    Args:
+        grid: where the cells lie.
+        elevation: (nx, ny) float32 m, NaN where unknown.
+        doubted: (nx, ny) where a thin panel may stand.
+        config: what the robot takes.
+    """
+    cell = grid.cell
     gradient = kernels.gradients(elevation, cell, radius=2)
     slope = np.linalg.norm(gradient, axis=-1)
     hazard = kernels.step_hazards(elevation, config.max_step) | (slope > np.tan(config.max_tilt))
     steepest = np.tan(config.max_tilt) * cell
     hazard |= kernels.drops(elevation, round(config.max_drop_gap / cell), config.max_step, steepest)
-    to_hazard = surface.grid.distance_to(hazard)
+    to_hazard = np.minimum(grid.distance_to(hazard), FAR)
     # Beyond the grid's border all is unknown.
     to_unknown = ndimage.distance_transform_edt(np.pad(~np.isnan(elevation), 1))[1:-1, 1:-1] * cell
-    to_doubt = surface.grid.distance_to(surface.doubted)
+    to_doubt = grid.distance_to(doubted)
     drivable = (
         (to_hazard >= config.clearance)
         & (to_unknown >= config.unknown_clearance)
@@ -119,7 +135,7 @@ def drivable_surface(surface: SurfaceMap, config: DrivableConfig | None = None) 
     clear = np.minimum(np.minimum(to_hazard, to_unknown), to_doubt)
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     return DrivableSurface(
-        grid=surface.grid,
+        grid=grid,
         elevation=elevation,
         gradient=gradient,
         hazard=hazard,

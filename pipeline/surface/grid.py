@@ -57,3 +57,18 @@ class Grid:
         centres = self.centre_of(np.argwhere(mask[low[0] : high[0], low[1] : high[1]]) + low)
         distance = np.linalg.norm(centres - xy, axis=1)
         return centres[distance.argmin()] if len(distance) and distance.min() <= within else None
+
+
+def box_around(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
+    """The bounding box of a mask (nx, ny) that is not empty, ``margin`` cells larger where the grid allows."""
+    slices = []
+    for axis in (0, 1):
+        hit = np.flatnonzero(mask.any(axis=1 - axis))
+        slices.append(slice(max(0, hit[0] - margin), min(mask.shape[axis], hit[-1] + margin + 1)))
+    return slices[0], slices[1]
+
+
+def inside(inner: tuple[slice, slice], outer: tuple[slice, slice]) -> tuple[slice, slice]:
+    """A box as seen from the first corner of another one that holds it."""
+    i, j = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(inner, outer, strict=True))
+    return i, j

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.surface import surface_kernels as kernels
-from pipeline.surface.grid import Grid
+from pipeline.surface.grid import Grid, box_around, inside
 
 
 @dataclass(frozen=True)
@@ -104,19 +104,21 @@ class SurfaceMap:
         cells = self.grid.centre_of(np.moveaxis(np.indices(self.grid.shape), 0, -1))
         x, y = np.moveaxis((cells - centre) @ T_map_base[:2, :2], -1, 0)
         on_strip = (x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2)
-        self._assumed[(np.hypot(x, y) <= radius) | on_strip] = T_map_base[2, 3]
-        self._refresh()
+        promised = (np.hypot(x, y) <= radius) | on_strip
+        self._assumed[promised] = T_map_base[2, 3]
+        self._refresh(promised)
 
     def add_obstacle(self, points: NDArray[np.float64]) -> None:
         """Put an obstacle that the robot felt into the cells of (N, 3) points; it stays, whatever is seen there."""
         self._grow(points[:, :2])
         i, j = self.grid.cell_of(points).T
         self._felt[i, j] = points[:, 2]
-        self._refresh()
+        self._refresh(~np.isnan(self._felt))
 
     @property
     def doubted(self) -> NDArray[np.bool_]:
-        return (self._doubt != 0).any(axis=-1).astype(np.bool_)
+        """(nx, ny) where a thin panel may stand that sent nothing back."""
+        return np.asarray((self._doubt[..., 0] != 0) | (self._doubt[..., 1] != 0))
 
     def update(
         self,
@@ -143,13 +145,15 @@ class SurfaceMap:
         kernels.extract_elevation(
             self._height, self._hits, touched, config.min_hits, config.headroom, config.z_bin, self._shown
         )
+        changed = touched > 0
         if missing is not None and camera is not None:
-            self._renew_doubt(missing, camera, touched)
-        self._refresh()
+            changed |= self._renew_doubt(missing, camera, touched)
+        self._refresh(changed)
 
     def _renew_doubt(
         self, missing: NDArray[np.float32], camera: NDArray[np.float64], returns: NDArray[np.int32]
-    ) -> None:
+    ) -> NDArray[np.bool_]:
+        """(nx, ny) the cells where something was missing."""
         config, count = self.config, np.zeros(self.grid.shape, np.int32)
         kernels.count_points(missing, self._origin, config.cell, self._shown, config.doubt_height, count)
         kernels.renew_doubt(
@@ -162,18 +166,27 @@ class SurfaceMap:
             config.cell,
             np.cos(config.sure_angle),
         )
+        return np.asarray(count > 0)
 
-    def _refresh(self) -> None:
-        config, doubted = self.config, self.doubted
-        self.measured = np.where(doubted, np.float32(np.nan), self._shown)
-        known = np.where(np.isnan(self._shown), self._assumed, self._shown)
-        known[doubted] = np.nan
-        for layer in (self.measured, known):
-            np.copyto(layer, self._felt, where=~np.isnan(self._felt))
-        self.elevation = kernels.bridge_gaps(
-            known, doubted, round(config.max_gap / config.cell), config.max_gap_rise
-        )
+    def _refresh(self, changed: NDArray[np.bool_]) -> None:
+        """Renew what follows from cells (nx, ny) that changed; layers that were given out stay as they were."""
         self.revision += 1
+        if not changed.any():
+            return
+        config = self.config
+        gap = round(config.max_gap / config.cell) + 1
+        here, around = box_around(changed, gap), box_around(changed, 2 * gap)
+        shown, felt = self._shown[around], self._felt[around]
+        doubted = self.doubted[around]
+        measured = np.where(doubted, np.float32(np.nan), shown)
+        known = np.where(np.isnan(shown), self._assumed[around], shown)
+        known[doubted] = np.nan
+        for layer in (measured, known):
+            np.copyto(layer, felt, where=~np.isnan(felt))
+        bridged = kernels.bridge_gaps(known, doubted, gap - 1, config.max_gap_rise)
+        self.measured, self.elevation = self.measured.copy(), self.elevation.copy()
+        self.measured[here] = measured[inside(here, around)]
+        self.elevation[here] = bridged[inside(here, around)]
 
     def _grow(self, xy: NDArray) -> None:
         """Make room for the points' bounding box, in whole blocks."""

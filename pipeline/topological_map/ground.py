@@ -10,7 +10,7 @@ from scipy import ndimage
 from pipeline.semantic_map.cells import centres
 from pipeline.semantic_map.segments import Segment
 from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.grid import Grid
+from pipeline.surface.grid import Grid, box_around
 
 _TALL = 0.4
 """m above the ground around it; what is taller hides what is behind it, decks and ramps do not."""
@@ -70,7 +70,9 @@ class Ground:
         """(K, 2) m, places near a mask: of every block of standable cells the one farthest from hazards."""
         if not mask.any():
             return np.zeros((0, 2))
-        window = _around(mask, round(within / self.grid.cell))
+        # From one corner of a block on, to another where the grid allows.
+        i, j = box_around(mask, round(within / self.grid.cell))
+        window = slice(i.start // _BLOCK * _BLOCK, i.stop), slice(j.start // _BLOCK * _BLOCK, j.stop)
         near = ndimage.distance_transform_edt(~mask[window]) * self.grid.cell <= within
         room = np.where(near & self.standable[window], self.surface.to_hazard[window], 0)
         blocks = _blocks(room)
@@ -78,16 +80,6 @@ class Ground:
         best = np.stack(np.divmod(blocks.argmax(axis=2)[wanted], _BLOCK), axis=-1)
         corner = (window[0].start, window[1].start)
         return self.grid.centre_of(np.argwhere(wanted) * _BLOCK + best + corner)
-
-
-def _around(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
-    """The mask's bounding box, so many cells larger, from one corner of a block to another where the grid allows."""
-    slices = []
-    for axis in (0, 1):
-        hit = np.flatnonzero(mask.any(axis=1 - axis))
-        low, high = max(0, hit[0] - margin), min(mask.shape[axis], hit[-1] + margin + 1)
-        slices.append(slice(low // _BLOCK * _BLOCK, high))
-    return slices[0], slices[1]
 
 
 def _blocks(layer: NDArray) -> NDArray:

@@ -2,17 +2,14 @@
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
-from pipeline.surface.drivable import DrivableConfig, DrivableSurface, drivable_surface
-from pipeline.surface.grid import Grid
+from pipeline.surface.drivable import DrivableConfig, DrivableSurface, judge
 from pipeline.surface.paths import ShortestPaths, simplify
-from pipeline.surface.surface_map import SurfaceMap
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from sarsim.dataset.footing import Footing
 from sarsim.odometry import OdometryConfig, WheelOdometry
@@ -207,19 +204,9 @@ def rotation_vector(R: NDArray[np.float64]) -> NDArray[np.float64]:
     return sine * (angle / length) if length > 0 else sine
 
 
-@dataclass(frozen=True, eq=False)
-class _Elevation:
-    """The layers of a surface map that :func:`drivable_surface` reads."""
-
-    grid: Grid
-    elevation: NDArray[np.float32]
-    doubted: NDArray[np.bool_]
-
-
 def _roads(surface: TrueSurface) -> DrivableSurface:
     """The true surface as the robot's own planner sees a measured one: ramps are met head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
-    known = cast(SurfaceMap, _Elevation(surface.grid, surface.height.astype(np.float32), nowhere))
-    roads = drivable_surface(known, DrivableConfig())
+    roads = judge(surface.grid, surface.height.astype(np.float32), nowhere, DrivableConfig())
     drivable, turnable = roads.drivable & surface.drivable, roads.turnable & surface.drivable
     return replace(roads, drivable=drivable, turnable=turnable)

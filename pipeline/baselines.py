@@ -171,7 +171,7 @@ class RandomWalk(Exploration):
         """``stride``: the way to the next place is no longer than this, m."""
         super().__init__()
         self._rng = np.random.default_rng(seed)
-        self._stride = stride
+        self._farthest = stride
 
     def next_view(
         self,
@@ -181,7 +181,7 @@ class RandomWalk(Exploration):
         T_map_base: NDArray[np.float64],
     ) -> View | None:
         """A view drawn by chance; None only where the robot can drive nowhere."""
-        cells = np.argwhere(surface.turnable & (paths.cost <= self._stride))
+        cells = np.argwhere(surface.turnable & (paths.cost <= self._farthest))
         if not len(cells):
             return None
         place = surface.grid.centre_of(cells[self._rng.integers(len(cells))])

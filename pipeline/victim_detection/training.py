@@ -2,12 +2,11 @@
 
 import csv
 import json
-import pickle
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field
-from math import cos, log, pi
+from math import log
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -17,6 +16,7 @@ from torch import nn
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
+from pipeline.training import resume, save_checkpoint, schedule
 from pipeline.victim_detection.anchors import fit_anchors
 from pipeline.victim_detection.architectures import yolov3, yolov3_small, yolov3_tiny
 from pipeline.victim_detection.average_precision import AveragePrecision
@@ -127,7 +127,7 @@ class Trainer:
         self._optimizer = _optimizer(self.network, config)
         self.step, self.best, self.rows, self._losses = 0, float("-inf"), list[list[float]](), list[float]()
         if self._checkpoint.exists():
-            self._resume()
+            resume(self._checkpoint, self._settings, self._device, self._restore)
 
     def run(self, report: Callable[["Trainer"], object] = lambda trainer: None) -> None:
         """Train to the end. ``report`` is called after every step. Interrupted, it leaves a checkpoint."""
@@ -206,7 +206,6 @@ class Trainer:
 
     def _save(self) -> None:
         state = {
-            "settings": self._settings,
             "step": self.step,
             "best": self.best,
             "rows": self.rows,
@@ -215,26 +214,14 @@ class Trainer:
             "average": self.average.state_dict(),
             "optimizer": self._optimizer.state_dict(),
         }
-        with whole_file(self._checkpoint) as file:
-            torch.save(state, file)
+        save_checkpoint(self._checkpoint, self._settings, state)
 
-    def _resume(self) -> None:
-        path = self._checkpoint
-        try:
-            state = torch.load(path, map_location=self._device, weights_only=True)
-            if state["settings"] != self._settings:
-                raise InputError(
-                    f"{path} is of a training with other settings or data: remove it, or choose another --out"
-                )
-            self.network.load_state_dict(state["network"])
-            self.average.load_state_dict(state["average"])
-            self._optimizer.load_state_dict(state["optimizer"])
-            self.step, self.best = state["step"], state["best"]
-            self.rows, self._losses = state["rows"], state["losses"]
-        except (OSError, RuntimeError, KeyError, TypeError, EOFError, pickle.UnpicklingError) as error:
-            raise InputError(
-                f"{path}: not a checkpoint of this program: remove it, or choose another --out"
-            ) from error
+    def _restore(self, state: dict[str, Any]) -> None:
+        self.network.load_state_dict(state["network"])
+        self.average.load_state_dict(state["average"])
+        self._optimizer.load_state_dict(state["optimizer"])
+        self.step, self.best = state["step"], state["best"]
+        self.rows, self._losses = state["rows"], state["losses"]
 
 
 def fitted_cfg(images: LabelledImages, config: TrainingConfig) -> str:
@@ -272,13 +259,6 @@ def validate(network: DarknetNetwork, images: LabelledImages) -> float:
         boxes = np.array([detection.box for detection in found], np.float32).reshape(-1, 4)
         result.add(boxes, np.array([d.confidence for d in found]), image.boxes, image.ignored)
     return result.value
-
-
-def schedule(progress: float, warm_up: float) -> float:
-    """The learning rate as a share of the highest, at a progress from 0 to 1."""
-    if progress < warm_up:
-        return progress / warm_up
-    return (1 + cos(pi * (progress - warm_up) / (1 - warm_up))) / 2
 
 
 def _optimizer(network: DarknetNetwork, config: TrainingConfig) -> torch.optim.Optimizer:

@@ -1,10 +1,8 @@
 """Training: random blocks of labelled clouds in, the weights that validate best out."""
 
 import json
-import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
-from math import cos, pi
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,7 +12,6 @@ from torch import Tensor
 from torch.nn.functional import log_softmax
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
 from pipeline.semantic_map.dgcnn.blocks import CLASSES, BlockConfig
 from pipeline.semantic_map.dgcnn.classifier import save_classifier, segment
 from pipeline.semantic_map.dgcnn.clouds import LabelledCloud
@@ -26,6 +23,7 @@ from pipeline.semantic_map.dgcnn.ragged import RaggedDgcnn
 from pipeline.semantic_map.dgcnn.sampling import BlockSampler, SamplingConfig
 from pipeline.semantic_map.dgcnn.scores import Confusion
 from pipeline.semantic_map.dgcnn.threads import single_threaded
+from pipeline.training import resume, save_checkpoint, schedule
 
 
 @dataclass(frozen=True)
@@ -108,7 +106,7 @@ class Trainer:
         self._weights = class_weights(training, config.balance).to(worker.device)
         self.step, self.best, self.curves, self._losses = 0, float("-inf"), Curves(), list[float]()
         if self._checkpoint.exists():
-            self._resume()
+            resume(self._checkpoint, self._settings, worker.device, self._restore)
 
     def run(
         self, report: Callable[["Trainer"], object] = lambda trainer: None, until: int | None = None
@@ -170,10 +168,13 @@ class Trainer:
     def _checkpoint(self) -> Path:
         return self.out.with_suffix(".checkpoint")
 
+    @property
+    def _settings(self) -> str:
+        return json.dumps(asdict(self.config))
+
     def _save(self) -> None:
         if self.worker.leads:
             state = {
-                "config": json.dumps(asdict(self.config)),
                 "step": self.step,
                 "best": self.best,
                 "rows": self.curves.rows,
@@ -181,25 +182,13 @@ class Trainer:
                 "network": self.network.state_dict(),
                 "optimizer": self._optimizer.state_dict(),
             }
-            with whole_file(self._checkpoint) as file:
-                torch.save(state, file)
+            save_checkpoint(self._checkpoint, self._settings, state)
 
-    def _resume(self) -> None:
-        path = self._checkpoint
-        try:
-            state = torch.load(path, map_location=self.worker.device, weights_only=True)
-            if state["config"] != json.dumps(asdict(self.config)):
-                raise InputError(
-                    f"{path} is of a training with other settings: remove it, or choose another --out"
-                )
-            self.network.load_state_dict(state["network"])
-            self._optimizer.load_state_dict(state["optimizer"])
-            self.step, self.best, self._losses = state["step"], state["best"], state["losses"]
-            self.curves = Curves(state["rows"])
-        except (OSError, RuntimeError, KeyError, TypeError, EOFError, pickle.UnpicklingError) as error:
-            raise InputError(
-                f"{path}: not a checkpoint of this program: remove it, or choose another --out"
-            ) from error
+    def _restore(self, state: dict[str, Any]) -> None:
+        self.network.load_state_dict(state["network"])
+        self._optimizer.load_state_dict(state["optimizer"])
+        self.step, self.best, self._losses = state["step"], state["best"], state["losses"]
+        self.curves = Curves(state["rows"])
 
 
 def validate(network: Dgcnn, clouds: Sequence[LabelledCloud], config: TrainingConfig) -> Confusion:
@@ -224,13 +213,6 @@ def class_weights(clouds: Sequence[LabelledCloud], balance: float) -> Tensor:
     points = sum(np.bincount(cloud.classes, minlength=len(CLASSES)) for cloud in clouds)
     share = points / np.sum(points)
     return torch.from_numpy(np.where(share > 0, np.maximum(share, 1e-4) ** -balance, 1)).float()
-
-
-def schedule(progress: float, warm_up: float) -> float:
-    """The learning rate as a share of the highest, at a progress from 0 to 1."""
-    if progress < warm_up:
-        return progress / warm_up
-    return (1 + cos(pi * (progress - warm_up) / (1 - warm_up))) / 2
 
 
 def _optimizer(config: TrainingConfig, network: Dgcnn) -> torch.optim.Optimizer:

@@ -9,6 +9,7 @@ import torch
 from scipy.special import logit
 
 from pipeline.errors import InputError
+from pipeline.training import schedule
 from pipeline.victim_detection.augmentation import AugmentationConfig
 from pipeline.victim_detection.boxes import overlaps
 from pipeline.victim_detection.darknet_cfg import DarknetCfg
@@ -16,7 +17,7 @@ from pipeline.victim_detection.detector import VictimDetector
 from pipeline.victim_detection.labelled_image import LabelledImage
 from pipeline.victim_detection.loss import LossConfig, YoloLoss, ciou, iou
 from pipeline.victim_detection.sampler import SamplingConfig
-from pipeline.victim_detection.training import Trainer, TrainingConfig, new_network, schedule, validate
+from pipeline.victim_detection.training import Trainer, TrainingConfig, new_network, validate
 from tests.pipeline.victim_detection.networks import SMALL
 from tests.pipeline.victim_detection.people import WhiteBoxes
 

@@ -22,8 +22,8 @@ from pipeline.semantic_map.dgcnn.training import (
     TrainingConfig,
     class_weights,
     cross_entropy,
-    schedule,
 )
+from pipeline.training import schedule
 from tests.pipeline.semantic_map.polygon_scene import floor, look, pose, wall
 
 ALONE = Worker(0, 1, torch.device("cpu"))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from pipeline.errors import InputError
 from pipeline.surface import path_kernels
 from pipeline.surface import surface_kernels as kernels
 from pipeline.surface.grid import Grid
@@ -46,6 +47,18 @@ class DrivableConfig:
     ramp_slide: float = 0.15
     ramp_drift: float = 0.05
     max_drop_gap: float = 0.6
+
+    def __post_init__(self) -> None:
+        """Refuse distances beyond those that are told apart."""
+        reaches = (
+            self.clearance + self.ramp_drift,
+            self.turning_clearance + self.ramp_slide,
+            self.unknown_clearance,
+            self.ramp_margin,
+        )
+        widest = np.max(reaches)
+        if not widest <= FAR:
+            raise InputError(f"clearances on the surface are at most {FAR:g} m, got {widest:g} m")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from pipeline.surface.drivable import DrivableSurface, drivable_surface
+from pipeline.errors import InputError
+from pipeline.surface.drivable import DrivableConfig, DrivableSurface, drivable_surface
 from pipeline.surface.surface_map import SurfaceMap
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
@@ -113,3 +114,9 @@ def test_it_keeps_away_from_where_a_panel_may_stand():
     assert not surface.grid.at(surface.drivable, [0.0, 0.28])
     assert surface.grid.at(surface.drivable, [0.0, 0.38])
     assert not surface.lines_are_drivable([(0.0, -0.5)], [(0.0, 0.5)])[0]
+
+
+@pytest.mark.parametrize("far", [{"clearance": 1.0}, {"turning_clearance": 0.9}, {"ramp_margin": np.nan}])
+def test_clearances_beyond_what_is_told_apart_are_refused(far):
+    with pytest.raises(InputError, match="at most 1 m"):
+        DrivableConfig(**far)

@@ -24,6 +24,8 @@ from pipeline.surface.paths import ShortestPaths
 from pipeline.surface.surface_map import SurfaceConfig, SurfaceMap
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.transforms import transform_points
+from pipeline.victim_detection.detection import Detection, Detector
+from pipeline.victim_detection.victims import Victims, VictimsConfig
 
 BUMPER, HALF_WIDTH, BODY_HEIGHT = 0.29, 0.25, 0.3
 """m from the robot's middle to what it touches with its front or back; half of its width; its height."""
@@ -50,6 +52,7 @@ class ExplorerConfig:
     topological_map: TopologicalMapConfig = field(default_factory=TopologicalMapConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
+    victims: VictimsConfig = field(default_factory=VictimsConfig)
     start_radius: float = 0.5
     start_ahead: float = 1.4
     start_width: float = 0.8
@@ -65,6 +68,7 @@ class Look:
         T_map_base: 4×4 pose of the robot at that moment, as localised.
         points: (N, 3) float32 the returns in ``map``.
         labels: (N,) uint8 their classes.
+        detections: people in the image, before their depth was looked at.
         surface: where the robot may drive now.
         view: where to look next; None if nothing is left to look at.
         plan: the way there.
@@ -74,6 +78,7 @@ class Look:
     T_map_base: NDArray[np.float64]
     points: NDArray[np.float32]
     labels: NDArray[np.uint8]
+    detections: list[Detection]
     surface: DrivableSurface
     view: View | None
     plan: PathPlan | None
@@ -90,11 +95,18 @@ class Explorer:
     """Explores with a robot: each ``look`` renews the maps and the plan, each ``drive`` follows the plan."""
 
     def __init__(
-        self, robot: Robot, classifier: PointClassifier, config: ExplorerConfig | None = None, seed: int = 0
+        self,
+        robot: Robot,
+        classifier: PointClassifier,
+        config: ExplorerConfig | None = None,
+        seed: int = 0,
+        detector: Detector | None = None,
     ):
+        """``detector``: of victims; without one nobody is looked for."""
         self.config = config or ExplorerConfig()
         self.robot = robot
         self.classifier = classifier
+        self.detector = detector
         self.localisation = OdometryLocalisation()
         self.metric_map = MetricMap(self.config.metric_map)
         self.surface_map = SurfaceMap(self.config.surface)
@@ -103,6 +115,7 @@ class Explorer:
         self.segments = Segments(self.config.segments)
         self.topological_map = TopologicalMap(self.config.topological_map)
         self.exploration = Exploration(self.config.exploration)
+        self.victims = Victims(self.config.victims)
         self.navigator = Navigator(robot, self.config.navigation)
         self.stopwatch = Stopwatch()
         self.steps = 0
@@ -132,12 +145,13 @@ class Explorer:
             self.segments.update(patches, self.steps)
         with self.stopwatch("topological_map"):
             self.topological_map.update(patches, self.segments, surface, paths)
+        detections = self._find_victims(frame, T_map_camera)
         with self.stopwatch("exploration"):
             view = self.exploration.next_view(surface, self.surface_map.measured, paths, T_map_base)
         with self.stopwatch("path_plan"):
             plan = plan_path(self.topological_map, surface, paths, view.position) if view else None
         self.steps += 1
-        return Look(frame, T_map_base, points, labels, surface, view, plan)
+        return Look(frame, T_map_base, points, labels, detections, surface, view, plan)
 
     def drive(self, look: Look) -> bool:
         """Follow the plan of a look and turn to its view; True if all of it was reached."""
@@ -154,6 +168,15 @@ class Explorer:
             if halt.command.v != 0 and halt.freed:
                 self.surface_map.add_obstacle(bumper(halt))
         return reached
+
+    def _find_victims(self, frame: Frame, T_map_camera: NDArray[np.float64]) -> list[Detection]:
+        """Detect people in the image and place them on the map."""
+        if self.detector is None:
+            return []
+        with self.stopwatch("victims"):
+            detections = self.detector.detect(frame.rgb)
+            self.victims.update(frame, detections, T_map_camera)
+        return detections
 
     def _update_surface(
         self, points: NDArray[np.float32], missing: NDArray[np.float32], T_map_base: NDArray[np.float64]

@@ -19,6 +19,7 @@ from pipeline.explorer import Explorer, ExplorerConfig, Look
 from pipeline.files import whole_file
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier
+from pipeline.victim_detection.detector import VictimDetector
 from sarsim.arenas.load import StartPose, load_arena
 from sarsim.arenas.random_arena import RandomArenaConfig
 from sarsim.assets import asset
@@ -32,6 +33,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 Labels = Literal["dgcnn", "truth"]
 """Who says what a point belongs to: the network, or the simulator."""
 WEIGHTS = asset("weights", "dgcnn.safetensors")
+DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ class EpisodeConfig:
         view: show the episode while it runs: in a new window, in the browser, or not at all.
         out: folder for the results, runs/<arena>-<seed> if not given.
         weights: of the network, as train.py writes them.
+        detector: of victims, Darknet's .cfg and .weights of a YOLOv3; None to look for nobody.
     """
 
     arena: str = "nist_6x4"
@@ -63,6 +66,7 @@ class EpisodeConfig:
     view: Literal["none", "spawn", "web"] = "none"
     out: Path | None = None
     weights: Path = WEIGHTS
+    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
 
 
 class Episode:
@@ -76,11 +80,12 @@ class Episode:
                 f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed"
             )
         classifier = make_classifier(config.labels, config.weights)
+        detector = VictimDetector.load(*config.detector) if config.detector else None
         arena = load_arena(config.arena, config.start, config.random)
         self.out = config.out or Path("runs") / f"{Path(config.arena).stem}-{config.seed}"
         make_folder(self.out)
         self.robot = SimulatedRobot(arena, config.simulation, config.seed)
-        self.explorer = Explorer(self.robot, classifier, config.pipeline, config.seed)
+        self.explorer = Explorer(self.robot, classifier, config.pipeline, config.seed, detector)
         self.score = EpisodeScore(self.robot, self.explorer)
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
         self.robot.on_motion = self.recorder.log_motion
@@ -136,13 +141,14 @@ class Episode:
 
     def _report(self, wall_time: float, sim_time: float) -> dict[str, Any]:
         seconds = self.explorer.stopwatch.seconds
-        config = asdict(self.config) | {"out": str(self.out), "weights": str(self.config.weights)}
+        detector = self.config.detector and [str(path) for path in self.config.detector]
+        paths = {"out": str(self.out), "weights": str(self.config.weights), "detector": detector}
         return {
             "arena": self.config.arena,
             "seed": self.config.seed,
             "steps": self.explorer.steps,
             "version": version("sarsim"),
-            "config": config,
+            "config": asdict(self.config) | paths,
             "sim_time_s": sim_time,
             "wall_time_s": wall_time,
             "real_time_factor": sim_time / wall_time,

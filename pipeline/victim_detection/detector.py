@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.victim_detection.boxes import areas, decode, suppress
+from pipeline.victim_detection.detection import Detection
 from pipeline.victim_detection.inference import FusedNetwork
 from pipeline.victim_detection.letterbox import Letterbox
 from pipeline.victim_detection.network import DarknetNetwork
@@ -37,19 +38,6 @@ class DetectorConfig:
             raise InputError(
                 f"detector: confidence {self.confidence}, overlap {self.overlap}: between 0 and 1"
             )
-
-
-@dataclass(frozen=True)
-class Detection:
-    """A person in an image.
-
-    Attributes:
-        box: x0, y0, x1, y1 in pixels, from the image's upper left corner.
-        confidence: 0 to 1.
-    """
-
-    box: tuple[float, float, float, float]
-    confidence: float
 
 
 class VictimDetector:

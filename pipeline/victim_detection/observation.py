@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.transforms import transform_points
-from pipeline.victim_detection.detector import Detection
+from pipeline.victim_detection.detection import Detection
 
 
 @dataclass(frozen=True)

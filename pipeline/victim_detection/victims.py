@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.transforms import inverse, transform_points
-from pipeline.victim_detection.detector import Detection
+from pipeline.victim_detection.detection import Detection
 from pipeline.victim_detection.observation import (
     Observation,
     ObservationConfig,

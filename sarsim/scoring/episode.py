@@ -13,6 +13,7 @@ from sarsim.scoring.semantics import SemanticScore
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.trajectory import driven, greatest_tilt, score_localisation, times_tipped
 from sarsim.scoring.true_surface import true_surface
+from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot
 
@@ -30,6 +31,7 @@ class EpisodeScore:
     Attributes:
         surface: the true ground.
         seen: (nx, ny) bool on its grid, the cells in which a noise-free return fell.
+        victims: which of them came into view.
         progress: after each look, s since the start and the share of the drivable area that was seen.
     """
 
@@ -41,6 +43,7 @@ class EpisodeScore:
         self._faces = true_faces(model, data)
         self._voxels = VoxelScore(explorer.metric_map)
         self._semantics = SemanticScore(explorer.semantic_map.config)
+        self.victims = VictimScore(model, data)
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
@@ -53,6 +56,7 @@ class EpisodeScore:
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
         self._see(points)
+        self.victims.add(truth.image)
         self.progress.append((self._robot.time - self._start_time, self.explored_fraction))
         if look.frame.label is not None:
             self._semantics.add(look.points, look.frame.label[look.frame.returns])
@@ -69,6 +73,7 @@ class EpisodeScore:
     def report(self) -> dict[str, Any]:
         """Everything about the stages; the commands add what ran and how long it took."""
         explorer, trajectory = self._explorer, self._robot.trajectory
+        confirmed = np.array([victim.position for victim in explorer.victims.confirmed]).reshape(-1, 3)
         return {
             "metric_map": self._voxels.report(),
             "semantic_map": self._semantics.report(explorer.semantic_map),
@@ -78,6 +83,7 @@ class EpisodeScore:
             "navigation": self._navigation(),
             "exploration": self._exploration(),
             "localisation": score_localisation(trajectory),
+            **({"victims": self.victims.report(confirmed)} if explorer.detector else {}),
         }
 
     def _see(self, points: NDArray[np.float32]) -> None:

@@ -186,6 +186,8 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--odometry", "stars"], "'stars'"),
         (["--seed", "-1"], "--seed -1"),
         (["--labels", "dgcnn", "--weights", "none.st"], "none.st: no such file; train.py dgcnn makes one"),
+        (["--detector", "none.cfg", "none.weights"], "none.cfg: No such file"),
+        (["--detector", "one.cfg"], "--detector"),
         (["--steps", "0"], "--steps 0"),
         (["--steps", "many"], "--steps"),
         (["--out", "/dev/null/x"], "/dev/null/x"),

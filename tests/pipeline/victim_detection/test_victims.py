@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.victim_detection.detector import Detection
+from pipeline.victim_detection.detection import Detection
 from pipeline.victim_detection.observation import Observation, ObservationConfig, Refusal, observe
 from pipeline.victim_detection.victims import Victims
 from tests.pipeline.victim_detection.rooms import Ball, camera_at, detection_of, look

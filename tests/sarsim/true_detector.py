@@ -1,0 +1,30 @@
+"""A detector that knows who is in view, as a simulator does."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.victim_detection.detection import Detection
+from sarsim.dataset.image_kernels import victim_boxes
+from sarsim.simulated_robot import SimulatedRobot
+from sarsim.victims import victims_of
+
+
+class TrueDetector:
+    """Boxes around what a simulated robot's newest look shows of each victim."""
+
+    def __init__(self, robot: SimulatedRobot, least: int = 100):
+        """``least``: pixels of someone who is found."""
+        model, data = robot.physics.model.ptr, robot.physics.data.ptr
+        self._robot, self._least = robot, least
+        self._victims = victims_of(model, data)
+        self._victim_of_geom = np.full(model.ngeom, -1, np.int16)
+        for number, victim in enumerate(self._victims):
+            self._victim_of_geom[victim.geoms] = number
+
+    def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
+        """Those in the look that ``rgb`` is of, which must be the newest."""
+        assert self._robot.true_look is not None
+        boxes = np.zeros((len(self._victims), 4), np.int32)
+        pixels = np.zeros(len(self._victims), np.int32)
+        victim_boxes(self._robot.true_look.image.instance, self._victim_of_geom, boxes, pixels)
+        return [Detection((x0, y0, x1, y1), 0.9) for x0, y0, x1, y1 in boxes[pixels >= self._least].tolist()]

@@ -10,6 +10,7 @@ from pipeline.frame import Frame
 from pipeline.localisation import OdometryLocalisation
 from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
 from pipeline.navigation import Halt, NavigationConfig, Navigator, Outcome
+from pipeline.near_obstacles import near_obstacles
 from pipeline.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier
@@ -147,6 +148,7 @@ class Explorer:
             self.topological_map.update(patches, self.segments, surface, paths)
         detections = self._find_victims(frame, T_map_camera)
         with self.stopwatch("exploration"):
+            self.exploration.suspect(near_obstacles(frame.depth, frame.intrinsics, T_map_camera))
             view = self.exploration.next_view(surface, self.surface_map.measured, paths, T_map_base)
         with self.stopwatch("path_plan"):
             plan = plan_path(self.topological_map, surface, paths, view.position) if view else None

@@ -17,6 +17,7 @@ from rich.progress import Progress, TimeElapsedColumn
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, ExplorerConfig, Look
 from pipeline.files import whole_file
+from pipeline.rescue_report.report import RescueReport
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier
 from pipeline.victim_detection.detector import VictimDetector
@@ -87,6 +88,7 @@ class Episode:
         self.robot = SimulatedRobot(arena, config.simulation, config.seed)
         self.explorer = Explorer(self.robot, classifier, config.pipeline, config.seed, detector)
         self.score = EpisodeScore(self.robot, self.explorer)
+        self.rescue_report = RescueReport(self.explorer)
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
         self.robot.on_motion = self.recorder.log_motion
         self._wall_start, self._sim_start = perf_counter(), self.robot.time
@@ -107,6 +109,7 @@ class Episode:
         """One look, and the drive to the next; False when there is no next."""
         look = self.explorer.look()
         self.score.add(look)
+        self.rescue_report.add(look)
         self.recorder.log_look(self.explorer.steps - 1, self.explorer, look)
         self.recorder.log_message("INFO", self._tell(look))
         if look.plan is None:
@@ -159,6 +162,7 @@ class Episode:
     def _write(self) -> None:
         with whole_file(self.out / "report.json") as path:
             path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
+        self.rescue_report.write(self.out / "report.html", self.report)
         self.explorer.metric_map.save(self.out / "metric_map.npz")
         self.explorer.semantic_map.save(self.out / "semantic_map.ply")
         self.explorer.topological_map.save(self.out / "topology.json")

@@ -65,6 +65,13 @@ def test_wheel_holds_every_module(installed: Path, folder: str, inside: str) -> 
     assert modules == {p.relative_to(installed / inside) for p in (installed / inside).rglob("*.py")}
 
 
+def test_wheel_holds_the_rescue_reports_template(installed: Path) -> None:
+    code = "from pipeline.rescue_report.page import TEMPLATE; print(TEMPLATE, len(TEMPLATE.read_text()), sep='\\n')"
+    path, size = run_installed(installed, code)
+    assert Path(path).is_relative_to(installed)
+    assert int(size) > 1000
+
+
 def test_wheel_holds_nothing_else_at_the_top(installed: Path) -> None:
     names = {p.name for p in installed.iterdir() if p.suffix != ".dist-info"}
     assert names <= {"pipeline", "sarsim", "bin"}

@@ -77,6 +77,7 @@ def test_every_file_reads_back(episode, report):
     topology = json.loads((episode / "topology.json").read_text())
     assert len(topology["nodes"]) == report["topological_map"]["nodes"]
     assert (episode / "episode.rrd").read_bytes()[:4] == b"RRF2"
+    assert (episode / "report.html").read_text().rstrip().endswith("</html>")
     assert not list(episode.glob("*.part"))
 
 

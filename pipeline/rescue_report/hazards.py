@@ -1,0 +1,98 @@
+"""What is dangerous where the robot can go: slopes, drops, and what hangs low."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.rescue_report.places import Place, places
+from pipeline.surface.drivable import DrivableSurface
+
+SLOPE = np.deg2rad(8)
+"""Ground that is steeper counts as a slope, rad."""
+DROP = 0.1
+"""m that the ground falls at a drop, at least: what a Pioneer 3-AT climbs."""
+EDGE = 0.06
+"""m by which the edge of a drop may differ from the ground before it; a kerb differs by more."""
+BESIDE = 0.5
+"""m from where the robot's middle can be to a drop that it could fall down."""
+ACROSS = 0.1
+"""m that an edge may be wide."""
+FALL = 0.6
+"""m beyond the edge within which the ground below is looked for: the nearest of it is often not seen."""
+LOW = 2.0
+"""m of headroom, below which a person stoops."""
+OVERHEAD = 0.65
+"""m above the ground; what is lower is an obstacle and not a ceiling."""
+APART = 0.3
+"""m between two places of danger that are told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hazards:
+    """Dangers of the ground that the robot can reach; layers are (nx, ny) on the surface's grid.
+
+    Attributes:
+        slope: rad, how steep the ground is.
+        is_steep: bool, on a slope.
+        drop: m that the ground falls from here; 0 elsewhere.
+        headroom: m of air above the ground; infinite where nothing is known to hang.
+        slopes: steepest first, in rad.
+        drops: deepest first, in m.
+        ceilings: lowest first, in m of headroom.
+    """
+
+    slope: NDArray[np.float64]
+    is_steep: NDArray[np.bool_]
+    drop: NDArray[np.float64]
+    headroom: NDArray[np.float64]
+    slopes: list[Place]
+    drops: list[Place]
+    ceilings: list[Place]
+
+
+def find_hazards(
+    surface: DrivableSurface, reachable: NDArray[np.bool_], points: NDArray[np.float32]
+) -> Hazards:
+    """The dangers of ``reachable`` (nx, ny) ground below the ``points`` (N, 3) of the semantic map."""
+    slope = np.arctan(np.linalg.norm(surface.gradient.astype(np.float64), axis=-1))
+    # Opening drops single noisy cells.
+    is_steep = ndimage.binary_opening((slope > SLOPE) & ~surface.hazard, np.ones((3, 3))) & reachable
+    drop = _drops(surface, reachable)
+    headroom = _headroom(surface, points)
+    low = reachable & (headroom < LOW)
+    ceilings = [Place(p.position, p.area, -p.value) for p in places(surface.grid, low, -headroom, APART)]
+    return Hazards(
+        slope=slope,
+        is_steep=is_steep,
+        drop=drop,
+        headroom=headroom,
+        slopes=places(surface.grid, is_steep, slope, 0),
+        drops=places(surface.grid, drop > 0, drop, APART),
+        ceilings=ceilings,
+    )
+
+
+def _drops(surface: DrivableSurface, reachable: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(nx, ny) m that the ground falls at those edges up to which the reachable ground goes on."""
+    elevation, cell = surface.elevation.astype(np.float64), surface.grid.cell
+    # Steps are hazards, so ground of two heights is not in one piece.
+    pieces, _ = ndimage.label(~surface.hazard & ~np.isnan(elevation))
+    going_on = np.isin(pieces, np.unique(pieces[reachable]))
+    highest = ndimage.maximum_filter(np.where(going_on, elevation, -np.inf), 1 + 2 * round(ACROSS / cell))
+    lowest = ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), 1 + 2 * round(FALL / cell))
+    with np.errstate(invalid="ignore"):
+        is_edge = surface.hazard & (elevation - lowest >= DROP) & (np.abs(elevation - highest) <= EDGE)
+    beside = surface.grid.distance_to(reachable) <= BESIDE
+    return np.where(is_edge & beside, elevation - lowest, 0.0)
+
+
+def _headroom(surface: DrivableSurface, points: NDArray[np.float32]) -> NDArray[np.float64]:
+    """(nx, ny) m from the ground to the lowest point that hangs above it."""
+    headroom = np.full(surface.grid.shape, np.inf)
+    above = points[:, 2] - surface.grid.at(surface.elevation, points, outside=np.nan)
+    hangs = above >= OVERHEAD
+    i, j = surface.grid.cell_of(points[hangs]).T
+    np.minimum.at(headroom, (i, j), above[hangs])
+    return headroom

@@ -1,0 +1,279 @@
+"""The map from above as SVG: x to the right, y up."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from pipeline.labels import COLOURS, Label
+from pipeline.rescue_report.hazards import Hazards
+from pipeline.rescue_report.markup import Markup, element, joined, png
+from pipeline.rescue_report.situation import Person, Situation
+from pipeline.rescue_report.words import counted
+from pipeline.surface.grid import Grid
+from pipeline.transforms import yaw_of
+
+LONGER, SHORTER = 1000.0, 800.0
+"""Units that the drawing's width and height take at most."""
+MARGIN = 0.4
+"""m around what is known."""
+PALE = 0.35
+"""Share of white in the colours of the classes: what is drawn on them must stand out."""
+ARROW = 0.4, 30.0
+"""Between arrows up a slope: m, and units at least."""
+MOST = 12
+"""Numbers of one kind, the worst first, that the drawing has room for."""
+
+
+class Paper:
+    """From m in ``map`` to units of the drawing, over a window of the surface's grid.
+
+    Attributes:
+        window: rows and columns of the grid.
+        scale: units per m.
+        width, height: units.
+    """
+
+    def __init__(self, grid: Grid, known: NDArray[np.bool_]):
+        """With room for the cells that are ``known`` (nx, ny), or for all where none is."""
+        cells = np.argwhere(known) if known.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
+        margin = round(MARGIN / grid.cell)
+        low = np.maximum(cells.min(axis=0) - margin, 0)
+        high = np.minimum(cells.max(axis=0) + 1 + margin, grid.shape)
+        self.window = slice(low[0], high[0]), slice(low[1], high[1])
+        self._low = grid.origin + low * grid.cell
+        width, height = (high - low) * grid.cell
+        self.scale = float(min(LONGER / width, SHORTER / height))
+        self.width, self.height = float(width * self.scale), float(height * self.scale)
+        self.cell = grid.cell * self.scale
+
+    def __call__(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """(..., 2) units of points (..., 2 or 3)."""
+        x, y = np.moveaxis((np.asarray(xy, np.float64)[..., :2] - self._low) * self.scale, -1, 0)
+        return np.stack([x, self.height - y], axis=-1).round(1)
+
+
+def draw_map(situation: Situation) -> Markup:
+    """The semantic map with all that a team looks for on it."""
+    surface = situation.surface
+    paper = Paper(surface.grid, ~np.isnan(surface.elevation))
+    everyone = [*situation.people, *situation.sightings]
+    found = counted(len(situation.people), "person", "people")
+    title = f"Map from above: {found}, the entrance, and the ways from it to them"
+    return element(
+        "svg",
+        element("title", title),
+        _patterns(),
+        element("rect", width=f"{paper.width:.1f}", height=f"{paper.height:.1f}", class_="unknown"),
+        _ground(paper, situation),
+        _drops(paper, surface.grid, situation.hazards),
+        *_slopes(paper, situation),
+        element("path", d=_line(paper(situation.track)), class_="track"),
+        *(_way(paper, person) for person in everyone),
+        *(_numbers(paper, situation.hazards)),
+        *(_unseen(paper(place.position)) for place in situation.unseen.places),
+        _entrance(paper, situation.T_map_entrance),
+        *(_person(paper, person, confirmed=False) for person in situation.sightings),
+        *(_person(paper, person, confirmed=True) for person in situation.people),
+        _scale_bar(paper),
+        _axes(paper),
+        viewBox=f"0 0 {paper.width:.1f} {paper.height:.1f}",
+        role="img",
+        class_="drawing",
+    )
+
+
+def swatch(kind: str) -> Markup:
+    """A small picture of a sign for the legend: see ``_SIGNS``."""
+    return element("svg", _SIGNS[kind], viewBox="-16 -16 32 32", class_="swatch", aria_hidden="true")
+
+
+def pale(label: Label) -> str:
+    """The colour of a class on the drawing."""
+    return "#" + "".join(f"{value:02x}" for value in _palette()[label])
+
+
+def _palette() -> NDArray[np.uint8]:
+    """(8, 3) uint8 RGB."""
+    return (COLOURS * (1 - PALE) + 255 * PALE).round().astype(np.uint8)
+
+
+def _ground(paper: Paper, situation: Situation) -> Markup:
+    """The classes of what is highest in each cell but for ceilings; clear where nothing is known."""
+    grid = situation.surface.grid
+    image = np.zeros((*grid.shape, 4), np.uint8)
+    image[~np.isnan(situation.surface.elevation)] = (238, 234, 222, 255)
+    solid = situation.labels != Label.CEILING
+    points, labels = situation.points[solid], situation.labels[solid]
+    upwards = np.argsort(points[:, 2], kind="stable")
+    i, j = grid.cell_of(points[upwards]).T
+    inside = (i >= 0) & (i < grid.shape[0]) & (j >= 0) & (j < grid.shape[1])
+    image[i[inside], j[inside], :3] = _palette()[labels[upwards][inside]]
+    image[i[inside], j[inside], 3] = 255
+    rows = np.ascontiguousarray(image[paper.window].transpose(1, 0, 2)[::-1])
+    return element("image", href=png(rows), width=f"{paper.width:.1f}", height=f"{paper.height:.1f}")
+
+
+def _drops(paper: Paper, grid: Grid, hazards: Hazards) -> Markup:
+    corners = paper(grid.centre_of(np.argwhere(hazards.drop > 0))) - paper.cell / 2
+    size = f"{paper.cell:.1f}"
+    d = "".join(f"M{x:.1f} {y:.1f}h{size}v{size}h-{size}z" for x, y in corners)
+    return element("path", d=d, class_="drop")
+
+
+def _slopes(paper: Paper, situation: Situation) -> Iterator[Markup]:
+    """Arrows up the slopes, from the middle of each slope outwards, well apart."""
+    grid = situation.surface.grid
+    inner = ndimage.distance_transform_edt(np.pad(situation.hazards.is_steep, 1))[1:-1, 1:-1]
+    cells = np.argwhere(situation.hazards.is_steep)
+    apart = max(ARROW[0], ARROW[1] / paper.scale) / grid.cell
+    for place in situation.hazards.slopes[:MOST]:  # its number stands there
+        cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > 0.8 * apart]
+    while len(cells):
+        cell = cells[inner[tuple(cells.T)].argmax()]
+        x, y = situation.surface.gradient[tuple(cell)]
+        yield _arrow(paper(grid.centre_of(cell)), float(np.degrees(np.arctan2(-y, x))))
+        cells = cells[np.linalg.norm(cells - cell, axis=1) > apart]
+
+
+def _arrow(middle: NDArray[np.float64], degrees: float) -> Markup:
+    return element("g", _SIGNS["slope"], transform=f"translate({_at(middle)}) rotate({degrees:.0f})")
+
+
+def _numbers(paper: Paper, hazards: Hazards) -> Iterator[Markup]:
+    """How steep, how deep and how low."""
+    for place in hazards.slopes[:MOST]:
+        yield _text(paper(place.position), f"{np.degrees(place.value):.0f}°", "number")
+    for place in hazards.drops[:MOST]:
+        yield _text(paper(place.position), f"↓{100 * place.value:.0f} cm", "number")
+    for place in hazards.ceilings[:MOST]:
+        yield _text(paper(place.position), f"↕{place.value:.1f} m", "number")
+
+
+def _way(paper: Paper, person: Person) -> Markup:
+    """The way to someone, and on from its end as far as the robot cannot go."""
+    if person.route is None:
+        return Markup()
+    way = paper(person.route.way)
+    rest = np.stack([way[-1], paper(person.victim.position)])
+    return joined(
+        element("path", d=_line(way), class_="casing"),
+        element("path", d=_line(way), class_="way"),
+        element("path", d=_line(rest), class_="rest"),
+    )
+
+
+def _person(paper: Paper, person: Person, *, confirmed: bool) -> Markup:
+    """A disc with their mark, and where they are with 95 % certainty."""
+    x, y = paper(person.victim.position)
+    values, vectors = np.linalg.eigh(person.victim.covariance[:2, :2])
+    b, a = np.sqrt(5.991 * values) * paper.scale  # χ² of two degrees of freedom
+    degrees = np.degrees(np.arctan2(-vectors[1, 1], vectors[0, 1]))
+    turned = f"translate({x} {y}) rotate({degrees:.0f})"
+    kind = "person" if confirmed else "sighting"
+    return joined(
+        element("ellipse", rx=f"{a:.1f}", ry=f"{b:.1f}", transform=turned, class_="certainty"),
+        element("circle", cx=x, cy=y, r=13, class_=kind),
+        _text(np.array([x, y + 6]), person.mark, f"{kind}-mark"),
+    )
+
+
+def _unseen(place: NDArray[np.float64]) -> Markup:
+    return element("g", _SIGNS["unseen"], transform=f"translate({_at(place)})")
+
+
+def _entrance(paper: Paper, T: NDArray[np.float64]) -> Markup:
+    place, degrees = paper(T[:2, 3]), -np.degrees(yaw_of(T))
+    return joined(
+        element("g", _SIGNS["entrance"], transform=f"translate({_at(place)}) rotate({degrees:.0f})"),
+        _text(place + np.array([0, 34]), "Entrance", "name"),
+    )
+
+
+def _scale_bar(paper: Paper) -> Markup:
+    """Black and white metres along the lower edge."""
+    metres = _round_length(0.25 * paper.width / paper.scale)
+    length, y = metres * paper.scale, paper.height - 16
+    return joined(
+        element("rect", x=8, y=y - 24, width=f"{length + 48:.1f}", height=36, class_="plate"),
+        element("rect", x=22, y=y, width=f"{length:.1f}", height=6, class_="bar"),
+        element("rect", x=22, y=y, width=f"{length / 2:.1f}", height=6, class_="bar-half"),
+        _text(np.array([22.0, y - 6]), "0", "scale"),
+        _text(np.array([22.0 + length, y - 6]), f"{metres:g} m", "scale"),
+    )
+
+
+def _round_length(metres: float) -> float:
+    """The longest of 0.5, 1, 2, 5, 10, 20 m … that is no longer."""
+    lengths = [base * 10.0**power for power in range(-1, 3) for base in (1, 2, 5)]
+    return max((length for length in lengths if length <= metres), default=lengths[0])
+
+
+def _axes(paper: Paper) -> Markup:
+    """Where x and y of the map point: the robot has no compass."""
+    x, y = paper.width - 56, paper.height - 20
+    return joined(
+        element("rect", x=x - 22, y=y - 54, width=72, height=68, class_="plate"),
+        element("path", d=f"M{x:.1f} {y - 34:.1f}V{y:.1f}h34", class_="axes"),
+        element("path", d=f"M{x - 5:.1f} {y - 32:.1f}l5 -10l5 10zM{x + 32:.1f} {y - 5:.1f}l10 5l-10 5z"),
+        _text(np.array([x - 12, y - 30]), "y", "scale"),
+        _text(np.array([x + 34, y - 10]), "x", "scale"),
+    )
+
+
+def _patterns() -> Markup:
+    size = {"patternUnits": "userSpaceOnUse", "patternTransform": "rotate(45)"}
+    unseen = joined(
+        element("rect", width=12, height=12, fill="#f4f4f2"), element("path", d="M0 0V12", class_="hatch")
+    )
+    tape = joined(
+        element("rect", width=6, height=6, fill="#ffd400"), element("path", d="M0 0V6", class_="tape")
+    )
+    return element(
+        "defs",
+        element("pattern", unseen, id="hatched", width=12, height=12, **size),
+        element("pattern", tape, id="taped", width=6, height=6, **size),
+    )
+
+
+def _line(points: NDArray[np.float64]) -> str:
+    return "M" + "L".join(map(_at, points))
+
+
+def _at(point: Iterable[float]) -> str:
+    return " ".join(f"{value:.1f}" for value in point)
+
+
+def _text(place: NDArray[np.float64], text: str, kind: str) -> Markup:
+    return element("text", text, x=f"{place[0]:.1f}", y=f"{place[1]:.1f}", class_=kind)
+
+
+_SIGNS = {
+    "slope": joined(
+        element("path", d="M-10 0H8M2 -6L9 0L2 6", class_="arrow-casing"),
+        element("path", d="M-10 0H8M2 -6L9 0L2 6", class_="arrow"),
+    ),
+    "drop": element("rect", x=-14, y=-6, width=28, height=12, class_="drop"),
+    "unseen": joined(
+        element("path", d="M0 -13L13 0L0 13L-13 0z", class_="unseen"),
+        element("text", "?", y=6, class_="unseen-mark"),
+    ),
+    "entrance": joined(
+        element("circle", r=15, class_="entrance"),
+        element("path", d="M12 0L-8 8L-3 0L-8 -8z", class_="heading"),
+    ),
+    "person": joined(
+        element("circle", r=13, class_="person"), element("text", "1", y=6, class_="person-mark")
+    ),
+    "sighting": joined(
+        element("circle", r=13, class_="sighting"), element("text", "A", y=6, class_="sighting-mark")
+    ),
+    "way": joined(
+        element("path", d="M-15 0H15", class_="casing"), element("path", d="M-15 0H15", class_="way")
+    ),
+    "rest": element("path", d="M-15 0H15", class_="rest"),
+    "track": element("path", d="M-15 0H15", class_="track"),
+    "unknown": element("rect", x=-14, y=-8, width=28, height=16, class_="unknown box"),
+}
+"""Signs of the drawing around (0, 0)."""

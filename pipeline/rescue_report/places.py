@@ -1,0 +1,48 @@
+"""Cells of the surface gathered to places that can be named and drawn."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.surface.grid import Grid
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Cells that lie together.
+
+    Attributes:
+        position: (2,) m in ``map``, centre of the cell nearest to the middle of them all.
+        area: m².
+        value: greatest of the cells' values; what it means is up to who asked.
+    """
+
+    position: NDArray[np.float64]
+    area: float
+    value: float
+
+
+def places(grid: Grid, mask: NDArray[np.bool_], values: NDArray, apart: float) -> list[Place]:
+    """The places that the cells of a mask (nx, ny) make, those of the greatest values first.
+
+    Args:
+        grid: where the cells lie.
+        mask: the cells.
+        values: (nx, ny) of every cell.
+        apart: m; cells nearer to each other belong to one place, neighbours always.
+    """
+    reach = 1 + 2 * round(apart / grid.cell / 2)
+    pieces, _ = ndimage.label(ndimage.maximum_filter(mask, reach), np.ones((3, 3)))
+    pieces[~mask] = 0
+    found = []
+    for piece, box in enumerate(ndimage.find_objects(pieces), start=1):
+        if box is None:
+            continue
+        cells = np.argwhere(pieces[box] == piece)
+        middle = cells[np.linalg.norm(cells - cells.mean(axis=0), axis=1).argmin()]
+        corner = [side.start for side in box]
+        value = float(values[box][pieces[box] == piece].max())
+        found.append(Place(grid.centre_of(middle + corner), len(cells) * grid.cell**2, value))
+    return sorted(found, key=lambda place: -place.value)

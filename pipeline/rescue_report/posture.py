@@ -1,0 +1,47 @@
+"""How large someone is and, as far as the size tells, how they lie."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+LYING_LENGTH, LYING_HEIGHT = 1.0, 0.5
+"""m; who is at least so long and no higher lies."""
+UPRIGHT_HEIGHT, UPRIGHT_LENGTH = 0.6, 1.4
+"""m; who is at least so high and no longer sits, kneels or leans."""
+OUTLIERS = 1.0
+"""Percent of the points at either end of a side that are not measured."""
+
+
+@dataclass(frozen=True)
+class Posture:
+    """Someone's size.
+
+    Attributes:
+        length, width: m of the smallest upright box around what was seen, seen from above, the longer side first.
+        height: m of that box.
+    """
+
+    length: float
+    width: float
+    height: float
+
+    @property
+    def name(self) -> str:
+        """How the person lies or sits, where the size tells."""
+        if self.length >= LYING_LENGTH and self.height <= LYING_HEIGHT:
+            return "lying"
+        if self.height >= UPRIGHT_HEIGHT and self.length <= UPRIGHT_LENGTH:
+            return "upright: sitting, kneeling or leaning"
+        return "cannot be told from what was seen"
+
+
+def posture_of(points: NDArray[np.float32]) -> Posture:
+    """The size of someone of whom (N, 3) points were seen, m."""
+    _, _, angle = cv2.minAreaRect(np.ascontiguousarray(points[:, :2], np.float32))
+    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    sides = np.column_stack([points[:, :2] @ np.array([[c, -s], [s, c]]), points[:, 2]])
+    low, high = np.percentile(sides, [OUTLIERS, 100 - OUTLIERS], axis=0)
+    one, other, height = (high - low).tolist()
+    return Posture(max(one, other), min(one, other), height)

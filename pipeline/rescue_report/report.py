@@ -1,0 +1,38 @@
+"""Watches an explorer and writes the rescue report."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.explorer import Explorer, Look
+from pipeline.files import whole_file
+from pipeline.rescue_report.page import page
+from pipeline.rescue_report.situation import situation_of
+
+
+class RescueReport:
+    """What a rescue team needs to know, gathered look by look."""
+
+    def __init__(self, explorer: Explorer):
+        """Of what an explorer learns."""
+        self._explorer = explorer
+        self._track: list[NDArray[np.float64]] = []
+        self._finished = False
+
+    def add(self, look: Look) -> None:
+        """Take the newest look into account."""
+        self._track.append(look.T_map_base)
+        self._finished = look.view is None
+
+    def write(self, path: Path, report: Mapping[str, Any]) -> None:
+        """Write the page, with the figures of report.json; at least one look must have been added.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        situation = situation_of(self._explorer, self._track, self._finished)
+        with whole_file(path) as partial:
+            partial.write_text(page(situation, report), encoding="utf-8")

@@ -1,0 +1,179 @@
+"""The robot's way from the entrance to someone, and what lies along it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.path_plan import plan_path
+from pipeline.rescue_report.hazards import APART, Hazards
+from pipeline.rescue_report.places import Place, places
+from pipeline.surface.drivable import DrivableSurface
+from pipeline.surface.paths import ShortestPaths
+from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.transforms import wrap_angle
+
+BESIDE = 1.0
+"""m from the robot's middle to what was seen of someone, within which it stands beside them."""
+EYE = 0.6
+"""m above the ground, from where someone must be in sight."""
+SPARED = 0.25
+"""m around someone in which what is occupied is taken for them, or for what they lie on."""
+NEAREST, THINNED = 200, 9
+"""Cells from which someone is looked for, the nearest first; then as many more, of which so many are passed over."""
+ALIKE = 0.1
+"""m by which one place may be nearer to someone than another that is preferred for the way to it."""
+DROP_BESIDE = 0.6
+"""m from the way to a drop that is told."""
+STRAIGHT = np.deg2rad(20)
+"""A bend that is no wider is not told, rad."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A straight part of a way.
+
+    Attributes:
+        turn: rad to the left before it, from the heading so far.
+        length: m along the ground.
+        steepest: rad.
+    """
+
+    turn: float
+    length: float
+    steepest: float
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A way to the place nearest to someone.
+
+    Attributes:
+        way: (N, 3) m in ``map``, from the entrance to where the robot can go no nearer.
+        length: m along the ground.
+        steepest: rad, of the ground under it.
+        drop: m, of the deepest drop beside it; 0 if there is none.
+        drops: places of drops beside it.
+        gap: m on the level from its end to what was seen of the person.
+        in_sight: whether the robot's map has nothing between its end and the person.
+        legs: parts of it, for directions.
+    """
+
+    way: NDArray[np.float64]
+    length: float
+    steepest: float
+    drop: float
+    drops: int
+    gap: float
+    in_sight: bool
+    legs: list[Leg]
+
+    @property
+    def arrives(self) -> bool:
+        """Whether the robot comes to stand beside the person."""
+        return self.in_sight and self.gap <= BESIDE
+
+
+class Router:
+    """Finds ways from the entrance over the robot's own maps."""
+
+    def __init__(
+        self,
+        surface: DrivableSurface,
+        paths: ShortestPaths,
+        topology: TopologicalMap,
+        metric_map: MetricMap,
+        hazards: Hazards,
+        heading: float,
+    ):
+        """Ways begin where ``paths`` do, at a ``heading`` in rad."""
+        self._surface, self._paths, self._topology = surface, paths, topology
+        self._metric_map, self._hazards, self._heading = metric_map, hazards, heading
+        self._cells = np.argwhere(paths.reachable)
+
+    def to(self, points: NDArray[np.float32]) -> Route | None:
+        """The way to whom (N, 3) points show; None if the robot cannot leave the entrance."""
+        if not len(self._cells):
+            return None
+        centres = self._surface.grid.centre_of(self._cells)
+        gaps, _ = KDTree(points[:, :2]).query(centres)
+        person = KDTree(points)
+        order = np.lexsort((self._paths.cost[tuple(self._cells.T)], np.ceil(gaps / ALIKE)))
+        nearest = np.append(order[:NEAREST], order[NEAREST::THINNED][:NEAREST])
+        seeing = next((k for k in nearest if self._sees(centres[k], person)), None)
+        end = nearest[0] if seeing is None else seeing
+        plan = plan_path(self._topology, self._surface, self._paths, centres[end])
+        assert plan is not None and self._paths.start is not None
+        start = self._surface.on_ground(self._paths.start[None])
+        return self._route(np.vstack([start, plan.way_points]), float(gaps[end]), seeing is not None)
+
+    def _sees(self, place: NDArray[np.float64], person: KDTree) -> bool:
+        """Whether the metric map lets someone at a place (2,) see the middle of a person's points."""
+        eye = np.append(place, float(self._surface.grid.at(self._surface.elevation, place)) + EYE)
+        middle = person.data.mean(axis=0)
+        steps = int(np.ceil(2 * np.linalg.norm(middle - eye) / self._metric_map.config.voxel_size)) + 1
+        line = np.linspace(eye, middle, steps)
+        apart, _ = person.query(line)
+        return bool((self._metric_map.state_at(line[apart > SPARED]) > 0).all())
+
+    def _route(self, way: NDArray[np.float64], gap: float, in_sight: bool) -> Route:
+        legs = list(self._legs(way))
+        drops = self._drops_beside(way)
+        return Route(
+            way=way,
+            length=sum(leg.length for leg in legs),
+            steepest=max((leg.steepest for leg in legs), default=0.0),
+            drop=max((place.value for place in drops), default=0.0),
+            drops=len(drops),
+            gap=gap,
+            in_sight=in_sight,
+            legs=legs,
+        )
+
+    def _legs(self, way: NDArray[np.float64]) -> Iterator[Leg]:
+        heading = self._heading
+        for points in straight_parts(way[:, :2]):
+            first, last = np.diff(points, axis=0)[[0, -1]]
+            bearing = float(np.arctan2(first[1], first[0]))
+            yield Leg(wrap_angle(bearing - heading), *self._measure(points))
+            heading = float(np.arctan2(last[1], last[0]))
+
+    def _measure(self, points: NDArray[np.float64]) -> tuple[float, float]:
+        """m along the ground, and rad at its steepest, of a way over (N, 2) points."""
+        surface, length, steepest = self._surface, 0.0, 0.0
+        for a, b in pairwise(points):
+            level = float(np.linalg.norm(b - a))
+            steps = max(1, int(np.ceil(2 * level / surface.grid.cell)))
+            middles = a + (np.arange(steps)[:, None] + 0.5) / steps * (b - a)
+            rise = surface.grid.at(surface.gradient[..., 0], middles) * (b - a)[0]
+            rise = rise + surface.grid.at(surface.gradient[..., 1], middles) * (b - a)[1]
+            length += float(np.hypot(level, rise).mean())
+            steepest = max(steepest, float(surface.grid.at(self._hazards.slope, middles).max()))
+        return length, steepest
+
+    def _drops_beside(self, way: NDArray[np.float64]) -> list[Place]:
+        drop, grid = self._hazards.drop, self._surface.grid
+        edges = np.argwhere(drop > 0)
+        if not len(edges):
+            return []
+        steps = [(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / grid.cell))) for a, b in pairwise(way[:, :2])]
+        dense = np.vstack([np.linspace(*step) for step in steps])
+        near = KDTree(dense).query(grid.centre_of(edges))[0] <= DROP_BESIDE
+        beside = np.zeros(grid.shape, np.bool_)
+        beside[tuple(edges[near].T)] = True
+        return places(grid, beside, drop, APART)
+
+
+def straight_parts(way: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """The parts (M, 2) of a way (N, 2) between its bends that are wide enough to be told."""
+    steps = np.diff(way, axis=0)
+    way = way[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
+    bearings = np.arctan2(*np.diff(way, axis=0).T[::-1])
+    bends = 1 + np.flatnonzero(np.abs((np.diff(bearings) + np.pi) % (2 * np.pi) - np.pi) > STRAIGHT)
+    for a, b in pairwise([0, *bends.tolist(), len(way) - 1]):
+        if b > a:
+            yield way[a : b + 1]

@@ -1,0 +1,106 @@
+"""What the robot knows when an episode ends, as a rescue team asks for it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.explorer import Explorer
+from pipeline.rescue_report.hazards import Hazards, find_hazards
+from pipeline.rescue_report.posture import Posture, posture_of
+from pipeline.rescue_report.routes import Route, Router
+from pipeline.rescue_report.unseen import Unseen, find_unseen
+from pipeline.surface.drivable import DrivableSurface, drivable_surface
+from pipeline.surface.paths import ShortestPaths
+from pipeline.transforms import yaw_of
+from pipeline.victim_detection.victims import Victim
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """Someone whom the robot has seen.
+
+    Attributes:
+        mark: by which the page calls them: numbers for confirmed ones, letters for others.
+        victim: what the robot knows of them.
+        posture: their size.
+        route: the way to them; None if the robot cannot leave the entrance.
+    """
+
+    mark: str
+    victim: Victim
+    posture: Posture
+    route: Route | None
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """All that the page tells, but for figures against a ground truth.
+
+    Attributes:
+        T_map_entrance: 4×4 pose in which the robot was set down.
+        track: (N, 2) m in ``map``, where it looked from.
+        surface: the ground.
+        points: (N, 3) float32 of the semantic map.
+        labels: (N,) uint8 of these.
+        hazards: of the ground that it can reach.
+        unseen: ground that was not seen.
+        people: confirmed.
+        sightings: not confirmed.
+        searched: whether anyone was looked for at all.
+        finished: whether nothing was left that was worth a look.
+    """
+
+    T_map_entrance: NDArray[np.float64]
+    track: NDArray[np.float64]
+    surface: DrivableSurface
+    points: NDArray[np.float32]
+    labels: NDArray[np.uint8]
+    hazards: Hazards
+    unseen: Unseen
+    people: list[Person]
+    sightings: list[Person]
+    searched: bool
+    finished: bool
+
+
+def situation_of(explorer: Explorer, track: Sequence[NDArray[np.float64]], finished: bool) -> Situation:
+    """What an explorer knows.
+
+    Args:
+        explorer: with its maps and with whom it found; without a detector nobody was looked for.
+        track: 4×4 poses from which it looked, the entrance first.
+        finished: whether nothing was left that was worth a look.
+    """
+    surface = drivable_surface(explorer.surface_map, explorer.config.drivable)
+    paths = ShortestPaths(surface, track[0][:2, 3])
+    points = explorer.semantic_map.points()
+    hazards = find_hazards(surface, paths.reachable, points)
+    router = Router(surface, paths, explorer.topological_map, explorer.metric_map, hazards, yaw_of(track[0]))
+    victims = explorer.victims
+    return Situation(
+        T_map_entrance=track[0],
+        track=np.array([T[:2, 3] for T in track]),
+        surface=surface,
+        points=points,
+        labels=explorer.semantic_map.labels(),
+        hazards=hazards,
+        unseen=find_unseen(
+            surface, explorer.surface_map.measured, paths.reachable, explorer.exploration.frontiers
+        ),
+        people=[_person(str(k), v, router) for k, v in enumerate(victims.confirmed, start=1)],
+        sightings=[_person(letters(k), v, router) for k, v in enumerate(victims.unconfirmed)],
+        searched=explorer.detector is not None,
+        finished=finished,
+    )
+
+
+def letters(k: int) -> str:
+    """A, B, … Z, AA, AB, … for k = 0, 1, …"""
+    head, last = divmod(k, 26)
+    return (letters(head - 1) if head else "") + chr(ord("A") + last)
+
+
+def _person(mark: str, victim: Victim, router: Router) -> Person:
+    return Person(mark, victim, posture_of(victim.points), router.to(victim.points))

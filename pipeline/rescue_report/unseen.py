@@ -1,0 +1,77 @@
+"""Which ground the robot has not seen, as far as its own map can tell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.rescue_report.places import Place, places
+from pipeline.surface.drivable import DrivableSurface
+
+FROM_WALL = 0.15
+"""m from a wall or a step; no ground is expected nearer."""
+AHEAD = 1.0
+"""m beyond a frontier in which ground is expected."""
+ROOM = 0.2
+"""m² in which someone has room, at least."""
+SIDE = 0.4
+"""m beside where the robot's middle can be, that belong to the ground that it could see from there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Unseen:
+    """Ground that was not seen.
+
+    Attributes:
+        places: of such ground, large enough for someone to be in, the largest first.
+        rest: m² of smaller patches.
+        frontiers: number of places where unseen ground begins that the robot could have driven to.
+        seen: m² of ground that was seen.
+    """
+
+    places: list[Place]
+    rest: float
+    frontiers: int
+    seen: float
+
+    @property
+    def area(self) -> float:
+        """m² that were not seen, as far as the map tells."""
+        return self.rest + sum(place.area for place in self.places)
+
+    @property
+    def share(self) -> float:
+        """Of the ground that the map tells of, the part that was seen."""
+        known = self.seen + self.area
+        return self.seen / known if known else 0.0
+
+
+def find_unseen(
+    surface: DrivableSurface,
+    measured: NDArray[np.float32],
+    reachable: NDArray[np.bool_],
+    frontiers: NDArray[np.float64],
+) -> Unseen:
+    """What was not seen: inside the map's outline, and before the frontiers.
+
+    Args:
+        surface: of the robot's map.
+        measured: (nx, ny) height of the ground that returns have shown, NaN elsewhere.
+        reachable: (nx, ny) where the robot can go.
+        frontiers: (N, 3) m, as left by the exploration.
+    """
+    grid, unknown = surface.grid, np.isnan(measured)
+    outline = ndimage.binary_fill_holes(~np.isnan(surface.elevation))
+    marks = np.zeros(grid.shape, np.bool_)
+    marks[tuple(grid.cell_of(frontiers).T)] = True
+    ahead = ndimage.binary_dilation(marks, iterations=round(AHEAD / grid.cell), mask=~surface.hazard)
+    cells = unknown & (outline | ahead) & (surface.to_hazard >= FROM_WALL)
+    found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)
+    near = grid.distance_to(reachable) <= SIDE
+    return Unseen(
+        places=[place for place in found if place.area >= ROOM],
+        rest=sum(place.area for place in found if place.area < ROOM),
+        frontiers=len(frontiers),
+        seen=float(np.count_nonzero(near & ~unknown & ~surface.hazard)) * grid.cell**2,
+    )

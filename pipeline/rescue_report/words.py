@@ -1,0 +1,74 @@
+"""Numbers as people read them."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.transforms import wrap_angle
+
+AHEAD = np.deg2rad(20)
+"""What is no further to a side is straight ahead, rad."""
+BACK = np.deg2rad(150)
+"""What is further is behind, rad."""
+
+
+def number(value: float, digits: int = 1) -> str:
+    """With so many digits after the point, a true minus and no negative zero."""
+    text = f"{value:.{digits}f}"
+    return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
+
+
+def metres(value: float, digits: int = 1) -> str:
+    """A length."""
+    return f"{number(value, digits)} m"
+
+
+def centimetres(value: float) -> str:
+    """A height."""
+    return f"{number(100 * value, 0)} cm"
+
+
+def degrees(angle: float) -> str:
+    """An angle in rad, in whole degrees."""
+    return f"{number(np.degrees(angle), 0)}°"
+
+
+def percent(share: float) -> str:
+    """A share; never all of it unless it is."""
+    return f"{min(round(100 * share), 99) if share < 1 else 100} %"
+
+
+def place(position: ArrayLike) -> str:
+    """Coordinates in m."""
+    return "(" + ", ".join(number(value) for value in np.asarray(position)) + ") m"
+
+
+def minutes(seconds: float) -> str:
+    """A time in minutes and seconds."""
+    whole, rest = divmod(round(seconds), 60)
+    return f"{whole} min {rest:02d} s" if whole else f"{rest} s"
+
+
+def counted(count: int, one: str, many: str = "") -> str:
+    """A number of things: ``counted(2, "drop")`` is "2 drops"."""
+    return f"{count or 'no'} {one if count == 1 else many or one + 's'}"
+
+
+def side(angle: float) -> str:
+    """Where something lies that is ``angle`` rad to the left of ahead."""
+    angle = wrap_angle(angle)
+    if abs(angle) <= AHEAD:
+        return "straight ahead"
+    if abs(angle) >= BACK:
+        return "behind"
+    return f"{degrees(abs(angle))} to the {'left' if angle > 0 else 'right'}"
+
+
+def turn(angle: float) -> str:
+    """How to turn by ``angle`` rad to the left."""
+    angle = wrap_angle(angle)
+    if abs(angle) <= AHEAD:
+        return "straight on"
+    if abs(angle) >= BACK:
+        return "turn around"
+    how = "turn" if abs(angle) >= np.pi / 4 else "bear"
+    return f"{how} {'left' if angle > 0 else 'right'} {degrees(abs(angle))}"

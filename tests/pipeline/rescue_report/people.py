@@ -1,0 +1,56 @@
+"""Victims of known place and size, and the situation that an explorer before a wall is in with them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.explorer import Explorer
+from pipeline.rescue_report.situation import Situation, situation_of
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.victim_detection.detection import Detection
+from pipeline.victim_detection.victims import Victim, Victims
+from tests.pipeline.still_robot import StillRobot
+
+
+class Nobody:
+    """A detector that finds nobody: whom the robot knows is set by hand."""
+
+    def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
+        """Nothing."""
+        return []
+
+
+def block(
+    middle: tuple[float, float, float], size: tuple[float, float, float], yaw: float = 0.0
+) -> NDArray[np.float32]:
+    """(N, 3) points that fill a box, about 3 cm apart."""
+    sides = [np.linspace(-s / 2, s / 2, max(2, round(s / 0.03))) for s in size]
+    x, y, z = (axis.ravel() for axis in np.meshgrid(*sides))
+    c, s = np.cos(yaw), np.sin(yaw)
+    return (np.column_stack([c * x - s * y, s * x + c * y, z]) + middle).astype(np.float32)
+
+
+def victim(points: NDArray[np.float32], cameras: int = 2) -> Victim:
+    """Someone seen from so many places, one metre apart, with a deviation of 0.1 m."""
+    photo = np.full((40, 30, 3), (200, 30, 30), np.uint8)
+    places = [np.array([0.0, float(k), 0.6]) for k in range(cameras)]
+    return Victim(points, np.eye(3) * 100, places, [0.9] * cameras, photo)
+
+
+def victims(*everyone: Victim) -> Victims:
+    """These, and nobody else."""
+    result = Victims()
+    result.all = list(everyone)
+    return result
+
+
+def before_a_wall(found: Victims | None, *, finished: bool = True) -> Situation:
+    """The robot has looked once, from the origin along x, at a floor and a wall 2.5 m away.
+
+    Args:
+        found: whom it knows; None if it has no detector.
+        finished: whether there is nothing left to look at.
+    """
+    explorer = Explorer(StillRobot(), TruthClassifier(), detector=None if found is None else Nobody())
+    look = explorer.look()
+    explorer.victims = found or Victims()
+    return situation_of(explorer, [look.T_map_base], finished)

@@ -1,0 +1,134 @@
+"""The page, read back as a browser would."""
+
+import re
+from base64 import b64decode
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.rescue_report.markup import Markup, element
+from pipeline.rescue_report.page import page
+from tests.pipeline.rescue_report.html_page import Tag, read
+from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
+
+ALICE = victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4)))
+BOB = victim(block((9.0, 0.0, 0.2), (1.7, 0.5, 0.3)), cameras=1)
+REPORT = {
+    "arena": "nist",
+    "seed": 3,
+    "sim_time_s": 12.25,
+    "config": {"steps": 160, "out": None},
+    "exploration": {"explored_fraction": 0.4321},
+}
+
+
+@pytest.fixture(scope="module")
+def html() -> str:
+    return page(before_a_wall(victims(ALICE, BOB), finished=False), REPORT)
+
+
+@pytest.fixture(scope="module")
+def root(html: str) -> Tag:
+    return read(html)
+
+
+def texts(root: Tag, name: str, kind: str = "") -> list[str]:
+    return [tag.text for tag in root.all(name, kind)]
+
+
+def test_the_page_needs_nothing_else(html: str, root: Tag) -> None:
+    text = re.sub(r'"data:image/\w+;base64,[^"]*"', "", html)
+    assert not re.search(r"data:|https?:|//|@import|<script|<link|\bon\w+=", text)
+    assert set(re.findall(r"url\(([^)]*)\)", html)) <= {"#hatched", "#taped"}
+    tags = [tag for name in ("img", "image", "a", "iframe") for tag in root.all(name)]
+    assert tags
+    for tag in tags:
+        assert all(
+            tag.attributes.get(key, "data:").startswith("data:image/") or key not in tag.attributes
+            for key in ("src", "href")
+        )
+
+
+def test_everything_that_is_shown_is_said_too(root: Tag) -> None:
+    assert all(tag.attributes["alt"] for tag in root.all("img"))
+    (drawing,) = root.all("svg", "drawing")
+    assert drawing.attributes["role"] == "img"
+    assert next(drawing.all("title")).text.startswith("Map from above: 1 person")
+    identifiers = re.findall(r' id="([^"]+)"', str(root))
+    assert len(identifiers) == len(set(identifiers))
+    (document,) = root.all("html")
+    assert document.attributes["lang"] == "en"
+
+
+def test_a_card_says_where_someone_is(root: Tag) -> None:
+    alice, bob = root.all("article")
+    assert alice.attributes["class"] == "card"
+    assert "x 1.60, y 0.30, z 0.20 m" in alice.text
+    # √5.991 deviations of 0.1 m hold 95 % of the plane.
+    assert "95 % sure within 0.2 m (σ 0.10 / 0.10 / 0.10 m)" in alice.text
+    assert "1.6 m from the entrance, straight ahead" in alice.text
+    assert "0.3 × 0.3 × 0.4 m" in alice.text
+    assert "90 % sure, 2 looks, up to 1.0 m apart" in alice.text
+    assert "unconfirmed" in bob.attributes["class"]
+    assert "Posturelying" in bob.text
+    assert "No way up to the person" in bob.text
+
+
+def test_the_photo_is_the_robots(root: Tag) -> None:
+    source = next(next(root.all("article")).all("img")).attributes["src"]
+    data = np.frombuffer(b64decode(source.removeprefix("data:image/jpeg;base64,")), np.uint8)
+    photo = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1]
+    assert photo.shape == ALICE.photo.shape
+    np.testing.assert_allclose(photo, ALICE.photo, atol=4)
+
+
+def test_scores_stand_apart_from_what_the_robot_knew(root: Tag) -> None:
+    (truth,) = root.all("div", "truth")
+    assert "exploration.explored_fraction0.4321" in truth.text
+    assert "simulator's truth" in truth.text
+    assert "43" not in "".join(texts(root, "div", "tile"))
+    assert "config" not in truth.text
+    rows = [row.text for row in root.all("tr")]
+    assert "sim_time_s12.25" in rows
+    assert "outnot given" in rows
+
+
+def test_a_run_that_was_cut_short_says_so(root: Tag) -> None:
+    assert "stopped early" in "".join(texts(root, "div", "tile"))
+    assert "cut short" in "".join(texts(root, "p", "summary"))
+
+
+def test_names_from_outside_are_text() -> None:
+    evil = '<script>alert("1")</script> & <b>$title'
+    html = page(before_a_wall(None), {"arena": evil, "config": {"<i>": "</td>"}})
+    assert "<script" not in html
+    root = read(html)
+    assert texts(root, "h1") == [evil]
+    assert texts(root, "title")[0] == f"Rescue report: {evil}"
+    assert list(root.all("i")) == []
+
+
+def test_a_robot_without_a_detector_does_not_say_that_nobody_is_there() -> None:
+    root = read(page(before_a_wall(None), {"arena": "a"}))
+    assert "Not searched for" in texts(root, "div", "tile-answer")
+    assert "Nobody" not in root.text
+    assert list(root.all("article")) == []
+
+
+def test_nobody_found() -> None:
+    root = read(page(before_a_wall(victims()), {"arena": "a"}))
+    assert texts(root, "div", "tile-answer")[0] == "0"
+    assert "Nobody found" in texts(root, "h2")
+
+
+def test_the_same_episode_gives_the_same_page(html: str) -> None:
+    assert page(before_a_wall(victims(ALICE, BOB), finished=False), REPORT) == html
+
+
+def test_elements_escape_what_is_not_markup() -> None:
+    assert (
+        element("p", "a < b", Markup("<br>"), title='"', class_="x")
+        == '<p title="&quot;" class="x">a &lt; b<br></p>'
+    )
+    assert element("img", alt="") == '<img alt="">'

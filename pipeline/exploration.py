@@ -73,12 +73,14 @@ class View:
         heading: rad.
         turn: whether the robot turns to the heading when it is there; on a ramp it looks along its way.
         gain: m² of ground expected to be seen for the first time.
+        backwards: whether the robot backs up to the place, and so looks back along its way.
     """
 
     position: NDArray[np.float64]
     heading: float
     turn: bool
     gain: float
+    backwards: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +130,22 @@ class Exploration:
         self.frontiers = _frontiers(surface, paths, ground.target)
         if paths.start is None or not ground.target.any():
             return None
+        view = self._best_view(surface, paths, ground, T_map_base) or self._narrow_view(
+            surface, paths, ground
+        )
+        if view is not None:
+            self._expected = surface.grid.centre_of(np.argwhere(self._in_view(view, ground)))
+        return view
+
+    def _best_view(
+        self,
+        surface: DrivableSurface,
+        paths: ShortestPaths,
+        ground: kernels.Ground,
+        T_map_base: NDArray[np.float64],
+    ) -> View | None:
+        """The best view from here and from a coarse grid of places where the robot can turn, or on ramps."""
+        assert paths.start is not None
         cells = self._lattice(surface, paths)
         candidates = np.vstack([paths.start, surface.grid.centre_of(cells)])
         arrival = self._arrival(candidates, surface, paths, yaw_of(T_map_base))
@@ -138,9 +156,28 @@ class Exploration:
         if worth[n, m] <= 0:
             return None
         heading = wrap_angle(m * 2 * np.pi / self.config.rays)
-        view = View(candidates[n], heading, bool(np.isnan(arrival[n])), float(gains[n, m]))
-        self._expected = surface.grid.centre_of(np.argwhere(self._in_view(view, ground)))
-        return view
+        return View(candidates[n], heading, bool(np.isnan(arrival[n])), float(gains[n, m]))
+
+    def _narrow_view(
+        self, surface: DrivableSurface, paths: ShortestPaths, ground: kernels.Ground
+    ) -> View | None:
+        """The best view of ground that was only taken for flat, from where the robot can drive or back up to.
+
+        In a small room such ground lies nearer than the camera sees, but for a robot with its back to the wall, where
+        it cannot turn.
+        """
+        config, ground = self.config, ground._replace(target=ground.target & paths.reachable)
+        cells = np.argwhere(paths.reachable & (paths.cost > 0) & ~surface.turnable & ~surface.ramp)
+        places = np.tile(surface.grid.centre_of(cells), (2, 1))
+        backwards = np.repeat([False, True], len(cells))
+        heading = paths.arrival_at(places) + np.pi * backwards
+        gain = kernels.gains_along(places, heading, config.rays, self._rays_in_view, self._sight, ground)
+        seconds = config.look_time + np.tile(paths.cost[tuple(cells.T)], 2) / config.speed
+        worth = np.where(gain >= config.min_gain, gain / seconds, 0.0)
+        if not worth.any():
+            return None
+        n = worth.argmax()
+        return View(places[n], wrap_angle(heading[n]), False, float(gain[n]), bool(backwards[n]))
 
     def _count_misses(
         self, surface: DrivableSurface, measured: NDArray[np.float32], position: NDArray[np.float64]
@@ -235,8 +272,11 @@ class Exploration:
         if self._areas is None:
             self._areas = ViewAreas(rays, self._stride(ground.cell), self._sight)
         areas = [kernels.ray_areas(here[None], rays, self._sight, ground), self._areas.of(cells, ground)]
-        rays_in_view = round(self.config.field_of_view / (2 * np.pi) * rays)
-        return kernels.view_gains(np.vstack(areas), rays_in_view)
+        return kernels.view_gains(np.vstack(areas), self._rays_in_view)
+
+    @property
+    def _rays_in_view(self) -> int:
+        return round(self.config.field_of_view / (2 * np.pi) * self.config.rays)
 
     def _in_view(self, view: View, ground: kernels.Ground) -> NDArray[np.bool_]:
         """(nx, ny) the target cells that the view should show."""

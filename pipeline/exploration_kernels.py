@@ -143,6 +143,19 @@ def ray_areas(places, rays, sight, ground):
 
 
 @njit(cache=True)
+def gains_along(places, headings, rays, rays_in_view, sight, ground):
+    """(N,) m² that single views from (N, 2) points along (N,) headings in rad are expected to show."""
+    gains = np.zeros(len(places))
+    seen = np.zeros(int(sight.far / ground.cell) + 9, np.int64)
+    step, half = 2 * np.pi / rays, rays_in_view // 2
+    for n in range(len(places)):
+        for k in range(-half, half + 1):
+            total, _ = cast_ray(places[n, 0], places[n, 1], headings[n] + k * step, sight, ground, seen)
+            gains[n] += total * ground.cell * step
+    return gains
+
+
+@njit(cache=True)
 def view_gains(areas, rays_in_view):
     """(N, rays) m² in view along each ray of the circle, the middle one of ``rays_in_view``."""
     gains = np.zeros_like(areas)

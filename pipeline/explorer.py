@@ -27,6 +27,7 @@ from pipeline.topological_map.topological_map import TopologicalMap, Topological
 from pipeline.transforms import transform_points
 from pipeline.victim_detection.detection import Detection, Detector
 from pipeline.victim_detection.victims import Victims, VictimsConfig
+from pipeline.way_out import way_out
 
 BUMPER, HALF_WIDTH, BODY_HEIGHT = 0.29, 0.25, 0.3
 """m from the robot's middle to what it touches with its front or back; half of its width; its height."""
@@ -136,7 +137,8 @@ class Explorer:
         with self.stopwatch("surface"):
             missing = missing_ground(frame.depth, frame.intrinsics, T_map_camera)
             surface = self._update_surface(points, missing, T_map_base)
-            paths = ShortestPaths(surface, T_map_base[:2, 3])
+            out = way_out(surface, T_map_base)
+            paths = ShortestPaths(surface, out)
         with self.stopwatch("semantic_map"):
             probabilities = self.classifier.classify(frame, points)
             labels = probabilities.argmax(axis=1).astype(np.uint8)
@@ -152,6 +154,8 @@ class Explorer:
             view = self.exploration.next_view(surface, self.surface_map.measured, paths, T_map_base)
         with self.stopwatch("path_plan"):
             plan = plan_path(self.topological_map, surface, paths, view.position) if view else None
+            if plan is not None and (out != T_map_base[:2, 3]).any():
+                plan = plan.after(surface.on_ground(out[None]))
         self.steps += 1
         return Look(frame, T_map_base, points, labels, detections, surface, view, plan)
 
@@ -162,7 +166,7 @@ class Explorer:
         self.navigator.T_map_odom = self.localisation.T_map_odom
         with self.stopwatch("navigation"):
             heading = look.view.heading if look.view.turn else None
-            reached = self.navigator.follow(look.plan.way_points, heading)
+            reached = self.navigator.follow(look.plan.way_points, heading, self._backs_up(look, look.plan))
         was_lifted = self.navigator.legs[-1].outcome is Outcome.MOVED
         self._T_map_last = None if was_lifted else self.navigator.T_map_base
         for halt in self.navigator.halts:
@@ -179,6 +183,15 @@ class Explorer:
             detections = self.detector.detect(frame.rgb)
             self.victims.update(frame, detections, T_map_camera)
         return detections
+
+    def _backs_up(self, look: Look, plan: PathPlan) -> bool:
+        """Whether to drive the last leg backwards; not where the robot could not turn before it."""
+        start = np.vstack([look.T_map_base[:3, 3], plan.way_points])[-2]
+        return (
+            look.view is not None
+            and look.view.backwards
+            and bool(look.surface.grid.at(look.surface.turnable, start))
+        )
 
     def _update_surface(
         self, points: NDArray[np.float32], missing: NDArray[np.float32], T_map_base: NDArray[np.float64]

@@ -31,6 +31,8 @@ class NavigationConfig:
         turn_limit, back_limit: on a ramp the robot drives on if the way point is no further than the one off its
             heading, backs if it is further than the other, and turns on the spot in between only, rad.
         ramp_turn_rate: of such turns, rad/s.
+        short: to a way point no farther that lies right behind it the robot backs also on level ground, m.
+        right_behind: angle off its tail, rad.
         acceleration, turn_acceleration: that the drive allows itself, m/s² and rad/s²; commands come true so late.
         blocked_time: s over which speeds are averaged to notice that something holds the robot.
         blocked_share: of the commanded speed; a slower robot is held.
@@ -55,6 +57,8 @@ class NavigationConfig:
     turn_limit: float = np.deg2rad(35)
     back_limit: float = np.deg2rad(145)
     ramp_turn_rate: float = 0.4
+    short: float = 0.8
+    right_behind: float = np.deg2rad(10)
     acceleration: float = 0.3
     turn_acceleration: float = np.deg2rad(100)
     blocked_time: float = 0.5
@@ -162,11 +166,16 @@ class Navigator:
     motion: Motion | None = None
     attitude: Attitude = field(default_factory=Attitude)
 
-    def follow(self, way_points: NDArray[np.float64], heading: float | None = None) -> bool:
-        """Drive through (N, 2) way points and end looking along ``heading`` rad; True if all was reached."""
+    def follow(
+        self, way_points: NDArray[np.float64], heading: float | None = None, back_up: bool = False
+    ) -> bool:
+        """Drive through (N, 2) way points and end looking along ``heading`` rad; True if all was reached.
+
+        ``back_up``: drive to the last of them backwards.
+        """
         self.halts = []
-        for target in way_points:
-            if not self._drive_leg(np.asarray(target)[:2]):
+        for n, target in enumerate(way_points, start=1):
+            if not self._drive_leg(np.asarray(target)[:2], back_up and n == len(way_points)):
                 return False
         return heading is None or self._look_along(heading)
 
@@ -177,23 +186,27 @@ class Navigator:
             self.legs[-1].outcome = outcome
         return outcome is Outcome.REACHED
 
-    def _drive_leg(self, target: NDArray[np.float64]) -> bool:
-        """Turn towards the way point, then drive straight to it."""
+    def _drive_leg(self, target: NDArray[np.float64], back_up: bool) -> bool:
+        """Turn towards the way point, or away from it, then drive straight to it."""
         T = self._drive(Velocity())
         started = self._time
         outcome = Outcome.REACHED
         if np.linalg.norm(target - T[:2, 3]) > self.config.position_tolerance:
-            outcome = self._finish(self._approach(T, target))
+            outcome = self._finish(self._approach(T, target, back_up))
         self.legs.append(Leg(target, outcome, self._time - started))
         return outcome is Outcome.REACHED
 
-    def _approach(self, T: NDArray[np.float64], target: NDArray[np.float64]) -> Iterator[Velocity]:
+    def _approach(
+        self, T: NDArray[np.float64], target: NDArray[np.float64], back_up: bool
+    ) -> Iterator[Velocity]:
         """Commands that bring the robot to the way point; on a ramp it backs rather than turn around."""
         error = abs(wrap_angle(_bearing(T[:2, 3], target) - yaw_of(T)))
         config, on_ramp = self.config, self._on_ramp
-        backwards = on_ramp and error > config.back_limit
+        is_short = np.linalg.norm(target - T[:2, 3]) <= config.short
+        back_up |= bool(is_short and error > np.pi - config.right_behind)
+        backwards = error > config.back_limit if on_ramp else back_up
         if not on_ramp or config.turn_limit < error <= config.back_limit:
-            yield from self._turn_to(lambda T: _bearing(T[:2, 3], target))
+            yield from self._turn_to(lambda T: _bearing(T[:2, 3], target) + np.pi * backwards)
         yield from self._straight_to(self.T_map_base[:2, 3].copy(), target, backwards)
 
     @property

@@ -1,7 +1,7 @@
 """Path plan (thesis 3.4): Dijkstra's algorithm on the topological map."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import networkx as nx
@@ -30,6 +30,10 @@ class PathPlan:
     way_points: NDArray[np.float64]
     nodes: list[int]
     length: float
+
+    def after(self, place: NDArray[np.float64]) -> "PathPlan":
+        """The same plan, if the robot first drives to a place (1, 3) m from which it begins."""
+        return replace(self, way_points=np.vstack([place, self.way_points]))
 
     def still_holds(self, surface: DrivableSurface, position: ArrayLike) -> bool:
         """Whether a newer surface still lets the robot drive from ``position`` (2,) along all way points."""

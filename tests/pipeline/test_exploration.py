@@ -7,7 +7,7 @@ from pipeline.exploration import Exploration, ExplorationConfig
 from pipeline.surface.drivable import drivable_surface
 from pipeline.surface.paths import ShortestPaths
 from pipeline.surface.surface_map import SurfaceMap
-from pipeline.transforms import from_yaw
+from pipeline.transforms import from_yaw, wrap_angle
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
 
@@ -172,3 +172,19 @@ def test_suspicion_alone_does_not_end_the_exploration():
     for y in (-1.05, 1.05):
         exploration.suspect(np.column_stack([np.arange(-4, 4, 0.02), np.full(400, y)]))
     assert next_view(exploration, world, from_yaw(0, 0, 0, 0)) is not None
+
+
+def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall():
+    world = SurfaceMap()
+    world.assume_ground(from_yaw(0, 0, 0, 0), 0.8, 0.0, 0.0)
+    corners = [(-0.6, -1.0), (0.6, -1.0), (0.6, 1.0), (-0.6, 1.0), (-0.6, -1.0)]
+    seen = ground_points(flat, (-0.6, 0.6), (-1, 1))
+    # From where it can turn the camera sees nothing nearer than 1.04 m.
+    seen = seen[np.abs(seen[:, 1] + 0.375) > 0.025]
+    world.update(np.vstack([seen, *(wall_points(a, b) for a, b in pairwise(corners))]))
+    view = next_view(Exploration(ExplorationConfig(min_gain=0.02)), world, from_yaw(0, 0, 0, 0))
+    assert view is not None
+    assert view.backwards
+    assert not view.turn
+    assert view.position[1] > 0.6
+    assert abs(wrap_angle(view.heading + np.pi / 2)) < np.deg2rad(1)

@@ -32,7 +32,7 @@ def explorer():
 
 @pytest.mark.parametrize("freed", [True, False])
 def test_what_holds_the_robot_is_an_obstacle_once_it_got_away(explorer, freed):
-    explorer.navigator.follow = lambda way_points, heading: (
+    explorer.navigator.follow = lambda way_points, heading, back_up: (
         explorer.navigator.legs.append(Leg(way_points[-1, :2], Outcome.STUCK, 1.0))
         or explorer.navigator.halts.append(Halt(np.eye(4), Velocity(0.2), freed))
     )

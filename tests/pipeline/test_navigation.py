@@ -182,3 +182,19 @@ def test_way_points_are_in_map_whatever_odom_is():
     navigator.T_map_odom = from_yaw(5, 5, 0, np.pi / 2)
     assert navigator.follow(np.array([(5, 6)]))
     np.testing.assert_allclose(robot.T[:2, 3], (1, 0), atol=0.06)
+
+
+def test_it_backs_up_to_the_last_way_point_where_asked():
+    robot = KinematicRobot()
+    assert Navigator(robot).follow(np.array([(1, 0), (1, 2)]), back_up=True)
+    np.testing.assert_allclose(robot.T[:2, 3], (1, 2), atol=0.06)
+    assert abs(wrap_angle(yaw_of(robot.T) + np.pi / 2)) < np.deg2rad(3)
+    assert min(c.v for c in robot.commands) < 0 < max(c.v for c in robot.commands)
+
+
+@pytest.mark.parametrize(("target", "backs"), [((-0.5, 0.01), True), ((-0.5, 0.2), False), ((-2, 0), False)])
+def test_it_backs_to_what_lies_right_behind_it_and_near(target, backs):
+    robot = KinematicRobot()
+    assert Navigator(robot).follow(np.array([target]))
+    np.testing.assert_allclose(robot.T[:2, 3], target, atol=0.06)
+    assert (min(c.v for c in robot.commands) < 0) == backs

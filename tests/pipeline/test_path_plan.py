@@ -51,6 +51,14 @@ def test_the_quicker_side_of_an_island_is_taken():
         assert (side * plan.way_points[:-1, 1] > 0.6).all()
 
 
+def test_a_plan_may_begin_elsewhere(u_turn):
+    surface, topology = u_turn
+    plan = plan_path(topology, surface, ShortestPaths(surface, (-1.0, -1.5)), (1.0, -1.5))
+    assert plan is not None
+    longer = plan.after(np.array([(-1.0, -1.5, 0.0)]))
+    np.testing.assert_array_equal(longer.way_points, np.vstack([(-1.0, -1.5, 0.0), plan.way_points]))
+
+
 def test_a_plan_that_the_map_contradicts_no_longer_holds(u_turn):
     surface, topology = u_turn
     plan = plan_path(topology, surface, ShortestPaths(surface, (-1.0, -1.5)), (1.0, -1.5))

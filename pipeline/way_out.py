@@ -1,0 +1,28 @@
+"""Out of a place where the robot cannot turn: straight on or straight back."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.surface.drivable import DrivableSurface
+
+CORNER = 0.355
+"""m from the robot's middle to what its chassis sweeps when it turns in place."""
+LONGEST = 0.8
+"""m that are tried."""
+STEP = 0.05
+"""m between the places that are tried."""
+
+
+def way_out(surface: DrivableSurface, T_map_base: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2,) m, the nearest place before or behind the robot where it can turn; its own if it need not go there.
+
+    Its own as well where no straight way leads to such a place.
+    """
+    here, ahead = T_map_base[:2, 3], T_map_base[:2, 0] / np.linalg.norm(T_map_base[:2, 0])
+    if surface.grid.at(surface.to_hazard, here) >= CORNER or surface.grid.at(surface.ramp, here):
+        return here
+    way = np.arange(STEP, LONGEST, STEP)
+    places = here + np.stack([way, -way], axis=1).ravel()[:, None] * ahead
+    good = surface.grid.at(surface.turnable, places)
+    good &= surface.lines_are_drivable(np.repeat(here[None], len(places), axis=0), places)
+    return places[good.argmax()] if good.any() else here

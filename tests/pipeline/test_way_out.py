@@ -1,0 +1,37 @@
+import numpy as np
+import pytest
+
+from pipeline.surface.drivable import DrivableSurface, drivable_surface
+from pipeline.transforms import from_yaw
+from pipeline.way_out import CORNER, way_out
+from tests.pipeline.worlds import flat, ground_points, ridge, surface_of, wall_points
+
+
+def before_a_wall() -> DrivableSurface:
+    """Level ground with a wall at x = 0."""
+    return drivable_surface(surface_of(ground_points(flat, (-3, 0), (-2, 2)), wall_points((0, -2), (0, 2))))
+
+
+@pytest.mark.parametrize("yaw_deg", [0, 180])
+def test_before_a_wall_it_leaves_straight_on_or_straight_back(yaw_deg):
+    surface = before_a_wall()
+    out = way_out(surface, from_yaw(-0.325, 0.1, 0, np.deg2rad(yaw_deg)))
+    assert surface.grid.at(surface.turnable, out)
+    assert out[1] == pytest.approx(0.1)
+    assert -0.6 < out[0] < -0.325
+
+
+def test_where_it_can_turn_it_stays():
+    for x in (-1.0, -CORNER - 0.06):
+        np.testing.assert_array_equal(way_out(before_a_wall(), from_yaw(x, 0, 0, 0)), (x, 0))
+
+
+def test_along_the_wall_no_way_leads_out():
+    np.testing.assert_array_equal(way_out(before_a_wall(), from_yaw(-0.325, 0, 0, np.pi / 2)), (-0.325, 0))
+
+
+def test_on_a_ramp_it_stays():
+    ramp = drivable_surface(
+        surface_of(ground_points(ridge, (-2, 2), (-0.3, 2)), wall_points((-2, -0.3), (2, -0.3)))
+    )
+    np.testing.assert_array_equal(way_out(ramp, from_yaw(-0.3, 0.02, 0, np.pi / 2)), (-0.3, 0.02))

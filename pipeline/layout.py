@@ -15,6 +15,7 @@ _SCENE = (
     # The pictures have views of their own; here they would hide the map.
     "- $origin/robot/camera/depth",
     "- $origin/robot/camera/labels",
+    "- $origin/victims/photos",
     # The eye looks from above.
     "- $origin/arena/ceiling/**",
 )
@@ -63,10 +64,15 @@ def _eye(low: NDArray[np.float64], high: NDArray[np.float64]) -> rrb.EyeControls
 
 def _camera() -> rrb.Vertical:
     camera = "world/robot/camera"
+    pictures = rrb.Tabs(
+        rrb.Spatial2DView(origin=camera, contents=[f"{camera}/labels"], name="Labels"),
+        rrb.Spatial2DView(origin=camera, contents=[f"{camera}/depth"], name="Depth"),
+        active_tab=0,
+    )
     return rrb.Vertical(
         rrb.Spatial2DView(origin=camera, contents=[f"{camera}/rgb", f"{camera}/victims"], name="Colour"),
-        rrb.Spatial2DView(origin=camera, contents=[f"{camera}/depth"], name="Depth"),
-        rrb.Spatial2DView(origin=camera, contents=[f"{camera}/labels"], name="Labels"),
+        rrb.Spatial2DView(origin="world/victims/photos", name="Victims"),
+        pictures,
     )
 
 

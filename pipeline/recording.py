@@ -1,6 +1,7 @@
 """What the robot's software knows, logged to Rerun step by step."""
 
 import subprocess
+from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +13,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from pipeline import drawings
+from pipeline import drawings, victim_drawings
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Look
 from pipeline.layout import blueprint
 from pipeline.transforms import tilt_of
+from pipeline.victim_detection.victims import Victims
 from pipeline.viewer import Viewer, executable
 
 Level = Literal["INFO", "WARN", "ERROR"]
@@ -115,6 +117,8 @@ class Recorder:
         self._log_camera(look)
         self._log_maps(explorer)
         self._log_clouds(explorer)
+        if explorer.detector is not None:
+            self._log_victims(explorer.victims, look)
         log = self.stream.log
         log("world/path_plan", drawings.path(look.T_map_base, look.plan, look.view))
         log("world/frontiers", drawings.frontier_points(explorer.exploration.frontiers))
@@ -136,6 +140,11 @@ class Recorder:
         """Log a line for people to read."""
         self._set_time(self._time)
         self.stream.log("log", rr.TextLog(text, level=level))
+
+    def log_ways(self, ways: Sequence[NDArray[np.float64]]) -> None:
+        """Log the ways, (N, 3) points each, from the entrance to the victims."""
+        self._set_time(self._time)
+        self.stream.log("world/victims/ways", victim_drawings.ways(ways))
 
     def close(self) -> None:
         """Log the maps as they are at the end, and write what is still on its way to the sinks."""
@@ -178,6 +187,15 @@ class Recorder:
         log(f"{camera}/rgb", drawings.colour_image(frame.rgb, self.config.jpeg_quality))
         log(f"{camera}/depth", drawings.depth_image(frame.depth, self.config.max_depth))
         log(f"{camera}/labels", drawings.label_image(frame, look.labels))
+
+    def _log_victims(self, victims: Victims, look: Look) -> None:
+        log = self.stream.log
+        log("world/robot/camera/victims", victim_drawings.detections(look.detections, victims.refusals))
+        log("world/victims", victim_drawings.boxes(victims))
+        log("world/victims/certainty", victim_drawings.certainty(victims))
+        log("world/victims/photos", victim_drawings.photo_sheet(victims, self.config.jpeg_quality))
+        self._log_metric("victims/confirmed", len(victims.confirmed))
+        self._log_metric("victims/unconfirmed", len(victims.unconfirmed))
 
     def _log_maps(self, explorer: Explorer) -> None:
         log, topology = self.stream.log, explorer.topological_map

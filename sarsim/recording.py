@@ -1,5 +1,6 @@
 """A simulated episode in Rerun: what the robot's software knows, and the world that it moves in."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -81,6 +82,10 @@ class EpisodeRecorder:
     def log_message(self, level: Level, text: str) -> None:
         """Log a line for people to read."""
         self._recorder.log_message(level, text)
+
+    def log_ways(self, ways: Sequence[NDArray[np.float64]]) -> None:
+        """Log the ways, (N, 3) points each, from the entrance to the victims."""
+        self._recorder.log_ways(ways)
 
     def close(self) -> None:
         """Log the maps as they are at the end, and write what is still on its way to the sinks."""

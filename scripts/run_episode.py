@@ -17,7 +17,7 @@ from rich.progress import Progress, TimeElapsedColumn
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, ExplorerConfig, Look
 from pipeline.files import whole_file
-from pipeline.rescue_report.report import RescueReport
+from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier
 from pipeline.victim_detection.detector import VictimDetector
@@ -136,6 +136,9 @@ class Episode:
 
     def _finish(self) -> None:
         wall_time, sim_time = perf_counter() - self._wall_start, self.robot.time - self._sim_start
+        if self.explorer.steps:
+            self.situation = self.rescue_report.situation
+            self.recorder.log_ways([p.route.way for p in self.situation.everyone if p.route])
         self.recorder.close()
         if self.explorer.steps:
             self.report = self._report(wall_time, sim_time)
@@ -162,7 +165,7 @@ class Episode:
     def _write(self) -> None:
         with whole_file(self.out / "report.json") as path:
             path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
-        self.rescue_report.write(self.out / "report.html", self.report)
+        write_page(self.out / "report.html", self.situation, self.report)
         self.explorer.metric_map.save(self.out / "metric_map.npz")
         self.explorer.semantic_map.save(self.out / "semantic_map.ply")
         self.explorer.topological_map.save(self.out / "topology.json")

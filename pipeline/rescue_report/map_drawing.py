@@ -58,7 +58,6 @@ def draw_map(situation: Situation) -> Markup:
     """The semantic map with all that a team looks for on it."""
     surface = situation.surface
     paper = Paper(surface.grid, ~np.isnan(surface.elevation))
-    everyone = [*situation.people, *situation.sightings]
     found = counted(len(situation.people), "person", "people")
     title = f"Map from above: {found}, the entrance, and the ways from it to them"
     return element(
@@ -70,7 +69,7 @@ def draw_map(situation: Situation) -> Markup:
         _drops(paper, surface.grid, situation.hazards),
         *_slopes(paper, situation),
         element("path", d=_line(paper(situation.track)), class_="track"),
-        *(_way(paper, person) for person in everyone),
+        *(_way(paper, person) for person in situation.everyone),
         *(_numbers(paper, situation.hazards)),
         *(_unseen(paper(place.position)) for place in situation.unseen.places),
         _entrance(paper, situation.T_map_entrance),

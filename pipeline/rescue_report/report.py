@@ -1,4 +1,4 @@
-"""Watches an explorer and writes the rescue report."""
+"""From an explorer that is watched to the rescue report."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.explorer import Explorer, Look
 from pipeline.files import whole_file
 from pipeline.rescue_report.page import page
-from pipeline.rescue_report.situation import situation_of
+from pipeline.rescue_report.situation import Situation, situation_of
 
 
 class RescueReport:
@@ -27,12 +27,17 @@ class RescueReport:
         self._track.append(look.T_map_base)
         self._finished = look.view is None
 
-    def write(self, path: Path, report: Mapping[str, Any]) -> None:
-        """Write the page, with the figures of report.json; at least one look must have been added.
+    @property
+    def situation(self) -> Situation:
+        """What the explorer knows now; at least one look must have been added."""
+        return situation_of(self._explorer, self._track, self._finished)
 
-        Raises:
-            InputError: the file cannot be written.
-        """
-        situation = situation_of(self._explorer, self._track, self._finished)
-        with whole_file(path) as partial:
-            partial.write_text(page(situation, report), encoding="utf-8")
+
+def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:
+    """Write the page, with the figures of report.json.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with whole_file(path) as partial:
+        partial.write_text(page(situation, report), encoding="utf-8")

@@ -14,6 +14,7 @@ from pipeline.rescue_report.unseen import Unseen, find_unseen
 from pipeline.surface.drivable import DrivableSurface, drivable_surface
 from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import yaw_of
+from pipeline.victim_detection.marks import confirmed_marks, unconfirmed_marks
 from pipeline.victim_detection.victims import Victim
 
 
@@ -64,6 +65,11 @@ class Situation:
     searched: bool
     finished: bool
 
+    @property
+    def everyone(self) -> list[Person]:
+        """Confirmed or not."""
+        return [*self.people, *self.sightings]
+
 
 def situation_of(explorer: Explorer, track: Sequence[NDArray[np.float64]], finished: bool) -> Situation:
     """What an explorer knows.
@@ -78,7 +84,6 @@ def situation_of(explorer: Explorer, track: Sequence[NDArray[np.float64]], finis
     points = explorer.semantic_map.points()
     hazards = find_hazards(surface, paths.reachable, points)
     router = Router(surface, paths, explorer.topological_map, explorer.metric_map, hazards, yaw_of(track[0]))
-    victims = explorer.victims
     return Situation(
         T_map_entrance=track[0],
         track=np.array([T[:2, 3] for T in track]),
@@ -89,17 +94,11 @@ def situation_of(explorer: Explorer, track: Sequence[NDArray[np.float64]], finis
         unseen=find_unseen(
             surface, explorer.surface_map.measured, paths.reachable, explorer.exploration.frontiers
         ),
-        people=[_person(str(k), v, router) for k, v in enumerate(victims.confirmed, start=1)],
-        sightings=[_person(letters(k), v, router) for k, v in enumerate(victims.unconfirmed)],
+        people=[_person(mark, victim, router) for mark, victim in confirmed_marks(explorer.victims)],
+        sightings=[_person(mark, victim, router) for mark, victim in unconfirmed_marks(explorer.victims)],
         searched=explorer.detector is not None,
         finished=finished,
     )
-
-
-def letters(k: int) -> str:
-    """A, B, … Z, AA, AB, … for k = 0, 1, …"""
-    head, last = divmod(k, 26)
-    return (letters(head - 1) if head else "") + chr(ord("A") + last)
 
 
 def _person(mark: str, victim: Victim, router: Router) -> Person:

@@ -1,7 +1,7 @@
 """The network as one of the robot's point classifiers."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from pipeline.semantic_map.dgcnn.blocks import CLASSES, BlockConfig, cut
 from pipeline.semantic_map.dgcnn.inference import FastDgcnn
 from pipeline.semantic_map.dgcnn.network import Dgcnn
 from pipeline.semantic_map.dgcnn.weights import load_weights, save_weights
+from pipeline.semantic_map.planar_vote import PlanarVoteConfig, planar_vote
 from pipeline.semantic_map.voxels import VoxelCloud
 
 
@@ -26,6 +27,8 @@ class DgcnnConfig:
     """Grids of columns, each shifted against the others, over which class probabilities are averaged."""
     threads: int | None = None
     """One a processor if not given."""
+    planes: PlanarVoteConfig = field(default_factory=PlanarVoteConfig)
+    """How the points of a plane vote on what they are."""
     seed: int = 0
     """Of where the grid lies in each frame, so that seams fall elsewhere, and of sampling."""
 
@@ -47,12 +50,15 @@ class DgcnnClassifier:
         """(N, 8) float32 class probabilities; what is not finite is unlabelled."""
         cloud = VoxelCloud.of(points, self._blocks.voxel_size)
         rng = np.random.default_rng([self.config.seed, int(np.float64(frame.time).view(np.uint64))])
-        probabilities = np.zeros((len(cloud.points) + 1, len(Label)), np.float32)
-        probabilities[:-1, CLASSES] = segment(
+        of_voxels = segment(
             self._network, cloud.points, camera_position(frame, points), self._blocks, self.config.votes, rng
         )
-        probabilities[-1, Label.UNLABELLED] = 1
-        return probabilities[cloud.voxel_of_point]
+        unknown = np.full((1, len(CLASSES)), 1 / len(CLASSES), np.float32)
+        of_points = np.vstack([of_voxels, unknown])[cloud.voxel_of_point]
+        probabilities = np.zeros((len(points), len(Label)), np.float32)
+        probabilities[:, CLASSES] = planar_vote(frame, of_points, self.config.planes)
+        probabilities[cloud.voxel_of_point == len(cloud.points)] = np.eye(len(Label))[Label.UNLABELLED]
+        return probabilities
 
 
 def segment(

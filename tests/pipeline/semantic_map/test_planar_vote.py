@@ -1,0 +1,75 @@
+"""Points of one plane decide together."""
+
+import numpy as np
+import pytest
+
+from pipeline.frame import Frame
+from pipeline.labels import Label
+from pipeline.semantic_map.planar_vote import PlanarVoteConfig, planar_vote
+from pipeline.semantic_map.planar_vote_kernels import NONE, mean_logs, normalised_products
+from tests.pipeline.semantic_map.polygon_scene import floor, look, pose, wall, wedge
+
+EYE = pose(0.3, 0.4, 0.6, 0.6, 0.25)
+ROOM = [floor(0, 4, 0, 4), wall((3, 4), (3, 0)), wall((0, 3.5), (4, 3.5)), *wedge(1.6, 1.6, 0.6, 1.2, 0.17)]
+FRAME = look(ROOM, EYE, sigma=0.01)
+TRUTH = FRAME.label[FRAME.returns]
+
+
+def unsure(labels: np.ndarray) -> np.ndarray:
+    """(N, 8) probabilities of 0.65 for the labels."""
+    return np.where(np.eye(len(Label))[labels] > 0, 0.65, 0.05).astype(np.float32)
+
+
+def share_right(frame: Frame, given: np.ndarray) -> float:
+    labels = planar_vote(frame, unsure(given)).argmax(axis=1)
+    return float((labels == frame.label[frame.returns]).mean())
+
+
+def test_speckles_are_outvoted() -> None:
+    rng = np.random.default_rng(0)
+    given = np.where(rng.random(len(TRUTH)) < 0.3, rng.integers(1, len(Label), len(TRUTH)), TRUTH)
+    assert (given == TRUTH).mean() < 0.8
+    assert share_right(FRAME, given) > 0.98
+
+
+def test_edges_are_where_planes_meet() -> None:
+    z = FRAME.points(EYE)[:, 2]
+    given = np.where((TRUTH == Label.WALL) & (z < 0.05), Label.TERRAIN, TRUTH)
+    at_edge = given != TRUTH
+    assert at_edge.sum() > 1000
+    labels = planar_vote(FRAME, unsure(given)).argmax(axis=1)
+    assert (labels == TRUTH)[at_edge].mean() > 0.9
+
+
+def test_a_level_deck_and_the_floor_do_not_vote_together() -> None:
+    scene = [floor(0, 4, -2, 2), floor(1.5, 2.5, -0.5, 0.5, z=0.1, label=Label.STRAIGHT_RAMP)]
+    frame = look(scene, pose(0, 0, 0.6, 0, 0.3), sigma=0.005)
+    assert share_right(frame, frame.label[frame.returns]) > 0.995
+
+
+def test_what_is_on_no_plane_keeps_its_probabilities() -> None:
+    config = PlanarVoteConfig()
+    small = [floor(0, 4, 0, 4), wall((1.5, 1.50), (1.5, 1.53), 0.3, 0.34)]
+    frame = look(small, EYE)
+    given = np.random.default_rng(0).dirichlet(np.ones(6), np.count_nonzero(frame.returns)).astype(np.float32)
+    on_wall = frame.label[frame.returns] == Label.WALL
+    assert 0 < on_wall.sum() < config.regions.min_surfels * config.regions.min_pixels
+    voted = planar_vote(frame, given, config)
+    assert np.array_equal(voted[on_wall], given[on_wall])
+    assert voted.sum(axis=1) == pytest.approx(np.ones(len(voted)), abs=1e-5)
+    assert not np.array_equal(voted[~on_wall], given[~on_wall])
+
+
+def test_a_look_at_nothing() -> None:
+    frame = look([floor(90, 99, 90, 99)], EYE)
+    assert planar_vote(frame, np.empty((0, 6), np.float32)).shape == (0, 6)
+
+
+def test_the_product_by_hand() -> None:
+    probabilities = np.array([(0.5, 0.5), (0.8, 0.2), (0.3, 0.7)], np.float32)
+    plane = np.array([0, 0, NONE], np.int32)
+    means = mean_logs(np.log(probabilities), plane, 2)
+    assert means == pytest.approx(np.log([(np.sqrt(0.4), np.sqrt(0.1)), (1, 1)]), abs=1e-6)
+    voted = normalised_products(probabilities, np.log(probabilities), means, plane)
+    # The plane's geometric mean has odds of 2 : 1.
+    assert voted == pytest.approx(np.array([(2 / 3, 1 / 3), (8 / 9, 1 / 9), (0.3, 0.7)]), abs=1e-6)

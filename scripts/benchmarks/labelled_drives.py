@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from sarsim.conditions import Conditions
+from sarsim.dataset.drive import DriveConfig
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.render import World, arena_of
 from sarsim.lighting import Lighting
@@ -39,14 +40,25 @@ class TrueFrame:
 
 
 def drive_through(
-    arena: str, frames: int, seed: int, lighting: Lighting = Lighting.normal
+    arena: str,
+    frames: int,
+    seed: int,
+    lighting: Lighting = Lighting.normal,
+    drive: DriveConfig | None = None,
 ) -> Iterator[TrueFrame]:
     """Frames of a drive from the arena's start; the seed decides on the way and on the sensor's errors.
+
+    Args:
+        arena: name or path.
+        frames: their number.
+        seed: of everything random.
+        lighting: of the arena.
+        drive: how the robot drives, and when it looks.
 
     Raises:
         InputError: the arena cannot be had, or the robot cannot drive in it.
     """
-    recipe = Recipe(seed=seed, frames=frames)
+    recipe = Recipe(seed=seed, frames=frames, drive=drive or DriveConfig())
     scene = SceneRecipe(0, arena, None, Conditions(lighting=lighting))
     with World(arena_of(scene), scene, Renderer, recipe.width, recipe.height) as world:
         noise = recipe.rng(0, "noise")

@@ -14,9 +14,10 @@ from pipeline.labels import Label
 from pipeline.semantic_map.dgcnn.blocks import CLASSES, BlockConfig, cut
 from pipeline.semantic_map.dgcnn.inference import FastDgcnn
 from pipeline.semantic_map.dgcnn.network import Dgcnn
+from pipeline.semantic_map.dgcnn.planar_vote import PlanarVoteConfig, planar_vote
 from pipeline.semantic_map.dgcnn.weights import load_weights, save_weights
-from pipeline.semantic_map.planar_vote import PlanarVoteConfig, planar_vote
 from pipeline.semantic_map.voxels import VoxelCloud
+from pipeline.transforms import from_rotation
 
 
 @dataclass(frozen=True)
@@ -50,13 +51,14 @@ class DgcnnClassifier:
         """(N, 8) float32 class probabilities; what is not finite is unlabelled."""
         cloud = VoxelCloud.of(points, self._blocks.voxel_size)
         rng = np.random.default_rng([self.config.seed, int(np.float64(frame.time).view(np.uint64))])
+        T_map_camera = camera_pose(frame, points)
         of_voxels = segment(
-            self._network, cloud.points, camera_position(frame, points), self._blocks, self.config.votes, rng
+            self._network, cloud.points, T_map_camera[:3, 3], self._blocks, self.config.votes, rng
         )
         unknown = np.full((1, len(CLASSES)), 1 / len(CLASSES), np.float32)
         of_points = np.vstack([of_voxels, unknown])[cloud.voxel_of_point]
         probabilities = np.zeros((len(points), len(Label)), np.float32)
-        probabilities[:, CLASSES] = planar_vote(frame, of_points, self.config.planes)
+        probabilities[:, CLASSES] = planar_vote(frame, T_map_camera, of_points, self.config.planes)
         probabilities[cloud.voxel_of_point == len(cloud.points)] = np.eye(len(Label))[Label.UNLABELLED]
         return probabilities
 
@@ -79,19 +81,19 @@ def segment(
     return result
 
 
-def camera_position(frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float64]:
-    """(3,) where the camera stood in the frame of ``points``, the frame's returns.
+def camera_pose(frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float64]:
+    """4×4 pose of the camera in the frame of ``points``, the frame's returns; the identity without any.
 
-    By the rigid motion that takes some of the returns there from ``camera_optical`` (Kabsch, Acta Cryst. A32, 1976).
+    The rigid motion that takes some of the returns there from ``camera_optical`` (Kabsch, Acta Cryst. A32, 1976).
     """
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
     few = finite[:: 1 + len(finite) // 1000]
     if len(few) == 0:
-        return np.zeros(3)
+        return np.eye(4)
     here, there = frame.points(np.eye(4))[few].astype(np.float64), points[few].astype(np.float64)
     u, _, vt = np.linalg.svd((here - here.mean(axis=0)).T @ (there - there.mean(axis=0)))
     rotation = (u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt).T
-    return there.mean(axis=0) - rotation @ here.mean(axis=0)
+    return from_rotation(rotation, there.mean(axis=0) - rotation @ here.mean(axis=0))
 
 
 def load_classifier(path: Path) -> tuple[Dgcnn, BlockConfig]:

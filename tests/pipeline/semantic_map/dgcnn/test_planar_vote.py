@@ -5,8 +5,9 @@ import pytest
 
 from pipeline.frame import Frame
 from pipeline.labels import Label
-from pipeline.semantic_map.planar_vote import PlanarVoteConfig, planar_vote
-from pipeline.semantic_map.planar_vote_kernels import NONE, mean_logs, normalised_products
+from pipeline.semantic_map.dgcnn.blocks import CLASS_OF_LABEL, CLASSES
+from pipeline.semantic_map.dgcnn.planar_vote import PlanarVoteConfig, planar_vote, possible_classes
+from pipeline.semantic_map.dgcnn.planar_vote_kernels import NONE, mean_logs, normalised_products
 from tests.pipeline.semantic_map.polygon_scene import floor, look, pose, wall, wedge
 
 EYE = pose(0.3, 0.4, 0.6, 0.6, 0.25)
@@ -16,20 +17,20 @@ TRUTH = FRAME.label[FRAME.returns]
 
 
 def unsure(labels: np.ndarray) -> np.ndarray:
-    """(N, 8) probabilities of 0.65 for the labels."""
-    return np.where(np.eye(len(Label))[labels] > 0, 0.65, 0.05).astype(np.float32)
+    """(N, 6) probabilities of 0.75 for the labels."""
+    return np.where(np.eye(len(CLASSES))[CLASS_OF_LABEL[labels]] > 0, 0.75, 0.05).astype(np.float32)
 
 
-def share_right(frame: Frame, given: np.ndarray) -> float:
-    labels = planar_vote(frame, unsure(given)).argmax(axis=1)
-    return float((labels == frame.label[frame.returns]).mean())
+def vote(frame: Frame, T: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """(N,) labels."""
+    return np.array(CLASSES)[planar_vote(frame, T, unsure(given)).argmax(axis=1)]
 
 
 def test_speckles_are_outvoted() -> None:
     rng = np.random.default_rng(0)
-    given = np.where(rng.random(len(TRUTH)) < 0.3, rng.integers(1, len(Label), len(TRUTH)), TRUTH)
+    given = np.where(rng.random(len(TRUTH)) < 0.3, rng.choice(CLASSES, len(TRUTH)), TRUTH)
     assert (given == TRUTH).mean() < 0.8
-    assert share_right(FRAME, given) > 0.98
+    assert (vote(FRAME, EYE, given) == TRUTH).mean() > 0.98
 
 
 def test_edges_are_where_planes_meet() -> None:
@@ -37,14 +38,38 @@ def test_edges_are_where_planes_meet() -> None:
     given = np.where((TRUTH == Label.WALL) & (z < 0.05), Label.TERRAIN, TRUTH)
     at_edge = given != TRUTH
     assert at_edge.sum() > 1000
-    labels = planar_vote(FRAME, unsure(given)).argmax(axis=1)
-    assert (labels == TRUTH)[at_edge].mean() > 0.9
+    assert (vote(FRAME, EYE, given) == TRUTH)[at_edge].mean() > 0.9
 
 
 def test_a_level_deck_and_the_floor_do_not_vote_together() -> None:
     scene = [floor(0, 4, -2, 2), floor(1.5, 2.5, -0.5, 0.5, z=0.1, label=Label.STRAIGHT_RAMP)]
-    frame = look(scene, pose(0, 0, 0.6, 0, 0.3), sigma=0.005)
-    assert share_right(frame, frame.label[frame.returns]) > 0.995
+    eye = pose(0, 0, 0.6, 0, 0.3)
+    frame = look(scene, eye, sigma=0.005)
+    truth = frame.label[frame.returns]
+    assert (vote(frame, eye, truth) == truth).mean() > 0.995
+
+
+def test_what_a_plane_may_be_follows_from_how_it_leans() -> None:
+    level, low, ramp, wall = possible_classes(np.cos(np.radians([1, 10, 130, 89])), PlanarVoteConfig())
+    names = [{CLASSES[i] for i in np.flatnonzero(row)} for row in (level, low, ramp, wall)]
+    flat = {Label.TERRAIN, Label.STRAIGHT_RAMP, Label.CEILING, Label.CLUTTER}
+    assert names == [
+        flat,
+        flat | {Label.INCLINED_RAMP},
+        {Label.INCLINED_RAMP, Label.CLUTTER},
+        {Label.WALL, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.CLUTTER},
+    ]
+
+
+def test_a_slope_is_no_wall_whatever_the_network_says() -> None:
+    slope = TRUTH == Label.INCLINED_RAMP
+    given = np.where(slope, Label.WALL, TRUTH)
+    probabilities = unsure(given)
+    probabilities[:, CLASSES.index(Label.INCLINED_RAMP)] += 0.01
+    voted = planar_vote(FRAME, EYE, probabilities / probabilities.sum(axis=1, keepdims=True))
+    upwards = slope & (FRAME.instance[FRAME.returns] == 3)  # the others are the wedge's sides
+    assert upwards.sum() > 1000
+    assert (voted.argmax(axis=1) == CLASSES.index(Label.INCLINED_RAMP))[upwards].mean() > 0.95
 
 
 def test_what_is_on_no_plane_keeps_its_probabilities() -> None:
@@ -54,7 +79,7 @@ def test_what_is_on_no_plane_keeps_its_probabilities() -> None:
     given = np.random.default_rng(0).dirichlet(np.ones(6), np.count_nonzero(frame.returns)).astype(np.float32)
     on_wall = frame.label[frame.returns] == Label.WALL
     assert 0 < on_wall.sum() < config.regions.min_surfels * config.regions.min_pixels
-    voted = planar_vote(frame, given, config)
+    voted = planar_vote(frame, EYE, given, config)
     assert np.array_equal(voted[on_wall], given[on_wall])
     assert voted.sum(axis=1) == pytest.approx(np.ones(len(voted)), abs=1e-5)
     assert not np.array_equal(voted[~on_wall], given[~on_wall])
@@ -62,7 +87,7 @@ def test_what_is_on_no_plane_keeps_its_probabilities() -> None:
 
 def test_a_look_at_nothing() -> None:
     frame = look([floor(90, 99, 90, 99)], EYE)
-    assert planar_vote(frame, np.empty((0, 6), np.float32)).shape == (0, 6)
+    assert planar_vote(frame, EYE, np.empty((0, 6), np.float32)).shape == (0, 6)
 
 
 def test_the_product_by_hand() -> None:

@@ -5,15 +5,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from pipeline.frame import Frame
 from pipeline.transforms import inverse, transform_points
+from pipeline.victim_detection.background import depth_noise
 from pipeline.victim_detection.detection import Detection
 from pipeline.victim_detection.observation import (
     Observation,
     ObservationConfig,
     Refusal,
-    depth_noise,
     middle,
     observe,
 )
@@ -27,6 +28,8 @@ class VictimsConfig:
         observation: what counts as a person.
         gate: largest squared Mahalanobis distance of an observation from the victim that it may be of; 11.34 holds
             99 % of them (χ² of three degrees of freedom).
+        touch: m between points of two that overlap.
+        overlap: share of the points of the smaller of two that overlap; those are one, whose parts were seen.
         looks: at least, that found a victim before it is confirmed.
         apart: m at least between the farthest two places of these looks.
         in_view: m within which someone who is not hidden ought to be found again.
@@ -35,6 +38,8 @@ class VictimsConfig:
 
     observation: ObservationConfig = field(default_factory=ObservationConfig)
     gate: float = 11.34
+    touch: float = 0.15
+    overlap: float = 0.3
     looks: int = 2
     apart: float = 0.3
     in_view: float = 3.0
@@ -141,17 +146,34 @@ class Victims:
             [observation.detection.confidence],
             _crop(frame.rgb, observation.detection.box),
         )
-        near = min(self.all, key=lambda victim: self._distance(victim, new), default=None)
-        if near is None or self._distance(near, new) > self.config.gate:
+        near = self._same(new, self.all)
+        if near is None:
             self.all.append(new)
             return new
         self._join(near, new)
         return near
 
+    def _same(self, victim: Victim, others: Sequence[Victim]) -> Victim | None:
+        """The nearest of those who may be the same person; None if nobody may."""
+        near = [
+            o for o in others if self._distance(o, victim) <= self.config.gate or self._overlap(o, victim)
+        ]
+        return min(near, key=lambda other: self._distance(other, victim), default=None)
+
     def _distance(self, one: Victim, other: Victim) -> float:
         """Squared Mahalanobis distance of two positions."""
         apart = one.position - other.position
         return float(apart @ np.linalg.solve(one.covariance + other.covariance, apart))
+
+    def _overlap(self, one: Victim, other: Victim) -> bool:
+        """Whether enough of one lies where the other does, and both together are not too large for a person."""
+        small, large = sorted((one.points, other.points), key=len)
+        both = np.concatenate([small, large])
+        size = np.linalg.norm(np.subtract(*np.percentile(both, [95, 5], axis=0)))
+        if size > self.config.observation.max_size:
+            return False
+        distance, _ = cKDTree(large).query(small, distance_upper_bound=self.config.touch)
+        return bool(np.isfinite(distance).mean() >= self.config.overlap)
 
     def _join(self, victim: Victim, other: Victim) -> None:
         """Add to a victim what is known of another, who is the same."""
@@ -170,8 +192,8 @@ class Victims:
         """Join victims that have grown together: of someone seen in parts."""
         kept: list[Victim] = []
         for victim in self.all:
-            near = min(kept, key=lambda other: self._distance(other, victim), default=None)
-            if near is not None and self._distance(near, victim) <= self.config.gate / 4:
+            near = next((other for other in kept if self._overlap(other, victim)), None)
+            if near is not None:
                 self._join(near, victim)
             else:
                 kept.append(victim)

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.victim_detection.detection import Detection
 from pipeline.victim_detection.observation import Observation, ObservationConfig, Refusal, observe
-from pipeline.victim_detection.victims import Victims
+from pipeline.victim_detection.victims import Victims, VictimsConfig
 from tests.pipeline.victim_detection.rooms import Ball, camera_at, detection_of, look
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
@@ -134,3 +134,36 @@ def test_the_best_photo_is_kept() -> None:
     assert (victim.photo == 20).all()
     assert victim.photo.size
     assert victim.confidence == pytest.approx(0.7)
+
+
+LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
+
+
+def test_someone_seen_in_parts_is_one_person() -> None:
+    victims = Victims(replace(VictimsConfig(), gate=1e-6))  # whose parts alone can tell
+    walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
+    walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
+    assert len(victims.all) == 2
+    x, y, z, r = PERSON
+    T = camera_at(0.1, 0.4)
+    both = detection_of(T, (x, y - 0.4, z, r + 0.4))
+    victims.update(look(T, [PERSON, LEGS]), [both], T)
+    (victim,) = victims.all
+    assert len(victim.cameras) == 3
+    assert victim.position == pytest.approx((x, y - 0.4, z), abs=0.16)
+
+
+def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> None:
+    T = camera_at(2.7, 0)
+    near: Ball = (3.7, 0.0, 0.6, 0.28)
+    result = observe(look(T, [near]), Detection((4, 2, 156, 118), 0.9), T, CONFIG)
+    assert isinstance(result, Observation)
+    np.testing.assert_allclose(np.linalg.norm(result.points - near[:3], axis=1), 0.28, atol=0.02)
+
+
+def test_of_what_stands_one_behind_the_other_the_nearest_is_the_person() -> None:
+    T = camera_at(0, 0)
+    behind: Ball = (3.0, 0.0, 0.3, 0.3)
+    result = observe(look(T, [PERSON, behind]), detection_of(T, (2.0, 0.0, 0.3, 0.4)), T, CONFIG)
+    assert isinstance(result, Observation)
+    assert result.points[:, 0].max() < 2.1

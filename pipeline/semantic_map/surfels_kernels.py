@@ -176,45 +176,22 @@ def project_pixels(depth, rays, T_target_camera, of_pixel, near, region, planes,
             if surfel == NONE:
                 continue
             z = depth[v, u]
-            plane, meeting = meeting_plane(z, rays[v, u], choices[surfel], planes, max_shift + noise * z * z)
-            if plane != NONE:
+            least = limit = max_shift + noise * z * z
+            meeting = 0.0
+            for r in choices[surfel]:
+                if r == NONE:
+                    break
+                slope = dot(planes[r], rays[v, u])
+                offset = abs(planes[r, 3] - slope * z)
+                if offset < least * abs(slope):
+                    least = offset / abs(slope)
+                    meeting, of_point[count], surfels[count] = planes[r, 3] / slope, r, surfel
+            if least < limit:
                 for row in range(3):
                     T = T_target_camera[row]
                     points[count, row] = dot(T, rays[v, u]) * meeting + T[3]
-                of_point[count], surfels[count] = plane, surfel
                 count += 1
     return points[:count], of_point[:count], surfels[:count]
-
-
-@njit(cache=True)
-def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noise):
-    """(H, W) int32 plane of every pixel, NONE for those on none; the arguments are those of ``project_pixels``."""
-    choices = regions_around(near, region)
-    result = np.full(depth.shape, NONE, np.int32)
-    for v in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
-            if of_pixel[v, u] != NONE:
-                z, around = depth[v, u], choices[of_pixel[v, u]]
-                limit = max_shift + noise * z * z
-                result[v, u] = meeting_plane(z, rays[v, u], around, planes, limit)[0]
-    return result
-
-
-@njit(cache=True, inline="always")
-def meeting_plane(z, ray, choices, planes, limit):
-    """Of ``choices`` the plane to which a pixel of depth ``z`` moves least, and the depth where its ray meets it.
-
-    NONE if it would have to move by ``limit`` m or more along the optical axis.
-    """
-    least, plane, meeting = limit, NONE, 0.0
-    for r in choices:
-        if r == NONE:
-            break
-        slope = dot(planes[r], ray)
-        offset = abs(planes[r, 3] - slope * z)
-        if offset < least * abs(slope):
-            least, plane, meeting = offset / abs(slope), r, planes[r, 3] / slope
-    return plane, meeting
 
 
 @njit(cache=True)

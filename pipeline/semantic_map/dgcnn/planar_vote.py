@@ -2,9 +2,9 @@
 
 A network that sees one column at a time errs in speckles, and at edges, where its voxels hold two surfaces. But a
 plane is hardly ever of two classes, and where two planes meet is known better from their equations than from the
-class of any point. So planar regions are found without labels, and every pixel goes to the plane that its ray meets
-nearest. What a point is follows from its own probabilities, from those of all points on its plane, and from how the
-plane leans: what a wall, the floor or a ramp is, is defined by that.
+class of any point. So planar regions are found without labels, and every pixel goes to the plane to which it and its
+neighbours move least along their rays. What a point is follows from its own probabilities, from those of all points
+on its plane, and from how the plane leans: what a wall, the floor or a ramp is, is defined by that.
 """
 
 from dataclasses import dataclass, field
@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.dgcnn.blocks import CLASSES
-from pipeline.semantic_map.dgcnn.planar_vote_kernels import mean_logs, normalised_products
+from pipeline.semantic_map.dgcnn.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels
 from pipeline.semantic_map.planar_regions import RegionsConfig, planar_regions
-from pipeline.semantic_map.surfels_kernels import planes_of_pixels
 
 
 @dataclass(frozen=True)
@@ -28,6 +27,8 @@ class PlanarVoteConfig:
         default_factory=lambda: RegionsConfig(max_angle=np.deg2rad(6), max_shift=0.02, noise=0.008)
     )
     """How planes are found; without labels they must be told apart by smaller angles."""
+    window: int = 2
+    """pixels, how far around it where a pixel that could be on several planes is decided on."""
     weight: float = 2.0
     """Of the plane's mean opinion, as evidence; a point's own is 1."""
     floor: float = 1e-3
@@ -66,7 +67,7 @@ def planar_vote(
     found = planar_regions(frame, frame.returns.astype(np.uint8), 0, regions)
     plane = planes_of_pixels(
         frame.depth, frame.intrinsics.rays, found.surfels.of_pixel, found.surfels.near, found.region,
-        found.planes, regions.max_shift, regions.noise,
+        found.planes, regions.max_shift, regions.noise, config.window,
     )[frame.returns]  # fmt: skip
     logs = np.log(np.maximum(probabilities, np.float32(config.floor)))
     opinions = config.weight * mean_logs(logs, plane, len(found.planes))

@@ -1,10 +1,77 @@
-"""Loops over the points of a look that vote on the class of their plane."""
+"""Loops over the pixels of a look: which plane each belongs to, and how they vote on its class."""
 
 import numpy as np
 from numba import njit
 
+from pipeline.semantic_map.surfels_kernels import dot, regions_around
+
 NONE = -1
-"""No plane."""
+"""No surfel, no plane."""
+
+
+@njit(cache=True)
+def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noise, window):
+    """(H, W) int32 plane of every pixel, NONE for those on none.
+
+    Where a pixel alone could be on several planes, its neighbours in the image have their say: noise moves a pixel by
+    more than two planes are apart where they meet.
+
+    Args:
+        depth: (H, W) float32 m.
+        rays: (H, W, 3) float32, points at depth 1.
+        of_pixel: (H, W) int32, the surfel of every pixel or NONE.
+        near: (N, K) int32 neighbours of every surfel, ending with NONE.
+        region: (N,) int32, the plane of every surfel or NONE.
+        planes: (P, 4) float64 rows [n, d] with n · x = d, in the camera's frame.
+        max_shift, noise: a pixel is on no plane that its ray meets ``max_shift + noise · depth²`` m or more away.
+        window: pixels, how far away such neighbours may be.
+    """
+    choices = regions_around(near, region)
+    result = np.full(depth.shape, NONE, np.int32)
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            if of_pixel[v, u] == NONE:
+                continue
+            z, around = depth[v, u], choices[of_pixel[v, u]]
+            limit, fitting = max_shift + noise * z * z, 0
+            for p in around:
+                if p != NONE and shift(z, rays[v, u], planes[p]) < limit:
+                    fitting += 1
+                    result[v, u] = p
+            if fitting > 1:
+                rows = slice(max(v - window, 0), v + window + 1)
+                columns = slice(max(u - window, 0), u + window + 1)
+                result[v, u] = nearest_plane(
+                    depth[rows, columns], rays[rows, columns], z, rays[v, u], around, planes, limit
+                )
+    return result
+
+
+@njit(cache=True)
+def nearest_plane(depth, rays, z, ray, choices, planes, limit):
+    """Of the planes that fit the pixel ``z, ray`` the one to which all pixels of a window move least in sum.
+
+    None of them counts for more than ``limit``.
+    """
+    least, nearest = np.inf, NONE
+    for p in choices:
+        if p == NONE or not shift(z, ray, planes[p]) < limit:
+            continue
+        total = 0.0
+        for v in range(depth.shape[0]):
+            for u in range(depth.shape[1]):
+                if depth[v, u] > 0:
+                    total += min(shift(depth[v, u], rays[v, u], planes[p]), limit)
+        if total < least:
+            least, nearest = total, p
+    return nearest
+
+
+@njit(cache=True, inline="always")
+def shift(z, ray, plane):
+    """m along the optical axis from a pixel of depth ``z`` to where its ray meets the plane."""
+    slope = dot(plane, ray)
+    return abs(plane[3] / slope - z) if slope != 0 else np.inf
 
 
 @njit(cache=True)

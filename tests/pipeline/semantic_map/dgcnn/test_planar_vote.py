@@ -7,7 +7,12 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.dgcnn.blocks import CLASS_OF_LABEL, CLASSES
 from pipeline.semantic_map.dgcnn.planar_vote import PlanarVoteConfig, planar_vote, possible_classes
-from pipeline.semantic_map.dgcnn.planar_vote_kernels import NONE, mean_logs, normalised_products
+from pipeline.semantic_map.dgcnn.planar_vote_kernels import (
+    NONE,
+    mean_logs,
+    normalised_products,
+    planes_of_pixels,
+)
 from tests.pipeline.semantic_map.polygon_scene import floor, look, pose, wall, wedge
 
 EYE = pose(0.3, 0.4, 0.6, 0.6, 0.25)
@@ -83,6 +88,20 @@ def test_what_is_on_no_plane_keeps_its_probabilities() -> None:
     assert np.array_equal(voted[on_wall], given[on_wall])
     assert voted.sum(axis=1) == pytest.approx(np.ones(len(voted)), abs=1e-5)
     assert not np.array_equal(voted[~on_wall], given[~on_wall])
+
+
+@pytest.mark.parametrize(("window", "expected"), [(0, 1), (1, 0)])
+def test_a_pixel_that_could_be_on_two_planes_goes_with_its_neighbours(window: int, expected: int) -> None:
+    depth = np.full((3, 3), 2, np.float32)
+    depth[1, 1], depth[0, 0] = 2.015, 3
+    rays = np.zeros((3, 3, 3), np.float32)
+    rays[..., 2] = 1
+    near, region = np.array([[1, NONE], [0, NONE]], np.int32), np.array([0, 1], np.int32)
+    planes = np.array([(0, 0, 1, 2.0), (0, 0, -1, -2.02)])
+    of_pixel = np.zeros((3, 3), np.int32)
+    of_pixel[2, 2] = NONE
+    plane = planes_of_pixels(depth, rays, of_pixel, near, region, planes, 0.05, 0, window)
+    assert plane.tolist() == [[NONE, 0, 0], [0, expected, 0], [0, 0, NONE]]
 
 
 def test_a_look_at_nothing() -> None:

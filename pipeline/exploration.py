@@ -1,6 +1,8 @@
 """Frontier exploration on the metric map: where to look next."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +74,7 @@ class View:
         position: (2,) m in ``map``.
         heading: rad.
         turn: whether the robot turns to the heading when it is there; on a ramp it looks along its way.
-        gain: m² of ground expected to be seen for the first time.
+        gain: m² of ground expected to be seen for the first time, and what else the look counts for.
         backwards: whether the robot backs up to the place, and so looks back along its way.
     """
 
@@ -81,6 +83,19 @@ class View:
     turn: bool
     gain: float
     backwards: bool = False
+
+
+class Wishes(Protocol):
+    """What else than unseen ground is worth a look."""
+
+    @property
+    def wanted(self) -> Sequence[object]:
+        """What is; if empty, nothing."""
+        ...
+
+    def gains(self, places: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, M) m² that looks from (N, 3) places on the ground along (M,) bearings (rad) count for."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +111,13 @@ class Exploration:
 
     Attributes:
         frontiers: (N, 3) centres of the frontiers left, m in ``map``.
+        wishes: what else is worth a look.
     """
 
     def __init__(self, config: ExplorationConfig | None = None):
         self.config = config or ExplorationConfig()
         self.frontiers = np.zeros((0, 3))
+        self.wishes: Wishes | None = None
         self._misses: dict[tuple[float, float], _Miss] = {}
         self._expected: NDArray[np.float64] = np.zeros((0, 2))
         self._areas: ViewAreas | None = None
@@ -128,7 +145,7 @@ class Exploration:
         self._count_misses(surface, measured, T_map_base[:2, 3])
         ground = self._ground(surface, measured)
         self.frontiers = _frontiers(surface, paths, ground.target)
-        if paths.start is None or not ground.target.any():
+        if paths.start is None or not (ground.target.any() or (self.wishes and self.wishes.wanted)):
             return None
         view = self._best_view(surface, paths, ground, T_map_base) or self._narrow_view(
             surface, paths, ground
@@ -150,6 +167,9 @@ class Exploration:
         candidates = np.vstack([paths.start, surface.grid.centre_of(cells)])
         arrival = self._arrival(candidates, surface, paths, yaw_of(T_map_base))
         gains = self._gains(paths.start, cells, ground)
+        if self.wishes and self.wishes.wanted:
+            bearings = np.arange(self.config.rays) * 2 * np.pi / self.config.rays
+            gains = gains + self.wishes.gains(surface.on_ground(candidates), bearings)
         seconds = self._seconds(candidates, surface, paths, T_map_base)
         worth = np.where(self._possible(arrival) & (gains >= self.config.min_gain), gains / seconds, 0.0)
         n, m = np.unravel_index(worth.argmax(), worth.shape)

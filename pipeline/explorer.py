@@ -26,6 +26,7 @@ from pipeline.surface.surface_map import SurfaceConfig, SurfaceMap
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.transforms import transform_points
 from pipeline.victim_detection.detection import Detection, Detector
+from pipeline.victim_detection.second_looks import SecondLooks, SecondLooksConfig
 from pipeline.victim_detection.victims import Victims, VictimsConfig
 from pipeline.way_out import way_out
 
@@ -55,6 +56,7 @@ class ExplorerConfig:
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
     victims: VictimsConfig = field(default_factory=VictimsConfig)
+    second_looks: SecondLooksConfig = field(default_factory=SecondLooksConfig)
     start_radius: float = 0.5
     start_ahead: float = 1.4
     start_width: float = 0.8
@@ -118,6 +120,8 @@ class Explorer:
         self.topological_map = TopologicalMap(self.config.topological_map)
         self.exploration = Exploration(self.config.exploration)
         self.victims = Victims(self.config.victims)
+        self.second_looks = SecondLooks(self.victims, self.metric_map, self.config.second_looks)
+        self.exploration.wishes = self.second_looks
         self.navigator = Navigator(robot, self.config.navigation)
         self.stopwatch = Stopwatch()
         self.steps = 0
@@ -152,6 +156,8 @@ class Explorer:
         with self.stopwatch("exploration"):
             self.exploration.suspect(near_obstacles(frame.depth, frame.intrinsics, T_map_camera))
             view = self.exploration.next_view(surface, self.surface_map.measured, paths, T_map_base)
+            if view is not None:
+                self.second_looks.aim(surface.on_ground(view.position[None])[0], view.heading)
         with self.stopwatch("path_plan"):
             plan = plan_path(self.topological_map, surface, paths, view.position) if view else None
             if plan is not None and (out != T_map_base[:2, 3]).any():
@@ -182,6 +188,7 @@ class Explorer:
         with self.stopwatch("victims"):
             detections = self.detector.detect(frame.rgb)
             self.victims.update(frame, detections, T_map_camera)
+            self.second_looks.count()
         return detections
 
     def _backs_up(self, look: Look, plan: PathPlan) -> bool:

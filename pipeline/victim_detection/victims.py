@@ -57,6 +57,7 @@ class Victim:
         confidences: of these detections.
         photo: (h, w, 3) uint8 of the most confident one.
         missed: looks that showed the place, not hidden, without finding anyone there.
+        tries: second looks that were meant for the person.
     """
 
     points: NDArray[np.float32]
@@ -65,6 +66,7 @@ class Victim:
     confidences: list[float]
     photo: NDArray[np.uint8]
     missed: int = 0
+    tries: int = 0
 
     @property
     def position(self) -> NDArray[np.float64]:
@@ -187,6 +189,7 @@ class Victims:
         victim.cameras += other.cameras
         victim.confidences += other.confidences
         victim.missed = min(victim.missed, other.missed)
+        victim.tries = max(victim.tries, other.tries)
 
     def _merge(self) -> None:
         """Join victims that have grown together: of someone seen in parts."""

@@ -188,3 +188,39 @@ def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall
     assert not view.turn
     assert view.position[1] > 0.6
     assert abs(wrap_angle(view.heading + np.pi / 2)) < np.deg2rad(1)
+
+
+class Wish:
+    """That somebody looks along x from near (1, 0)."""
+
+    def __init__(self, worth):
+        self.wanted = ["look"]
+        self.worth = worth
+
+    def gains(self, places, bearings):
+        near = np.linalg.norm(places[:, :2] - (1, 0), axis=1) < 0.3
+        return self.worth * near[:, None] * (np.cos(bearings) > np.cos(0.2))
+
+
+def test_what_else_is_worth_a_look_is_looked_at():
+    exploration = Exploration()
+    exploration.wishes = Wish(1.0)
+    view = next_view(exploration, closed_room(), from_yaw(0, 0, 0, 0))
+    assert np.linalg.norm(view.position - (1, 0)) < 0.3
+    assert abs(view.heading) < 0.2
+    assert view.gain == pytest.approx(1.0)
+    exploration.wishes.wanted = []
+    assert next_view(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
+
+
+def test_it_is_weighed_with_the_ground_left_to_see():
+    world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
+    for y in (-1, 1):
+        world.update(wall_points((-4, y), (2, y)))
+    views = []
+    for worth in (0.01, 100.0):
+        exploration = Exploration()
+        exploration.wishes = Wish(worth)
+        views.append(next_view(exploration, world, from_yaw(-2.5, 0, 0, np.pi)))
+    assert abs(views[0].heading) > 2  # the nearer end of the known ground
+    assert np.linalg.norm(views[1].position - (1, 0)) < 0.3

@@ -1,0 +1,108 @@
+"""Second looks: from where someone who is not confirmed ought to be looked at again, and what that is worth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.metric_map.metric_map import FREE, MetricMap
+from pipeline.victim_detection.victims import Victim, Victims
+
+_STEP, _HERE = 0.08, 0.3
+"""m between the places of a line of sight that must be free; from the camera where the robot itself will stand."""
+
+
+@dataclass(frozen=True)
+class SecondLooksConfig:
+    """What a second look is worth, and from where.
+
+    Attributes:
+        worth: m² of unseen ground that a look at someone unconfirmed counts for.
+        angle: between looks, seen from the victim, from which on it counts in full, rad.
+        least: share of the worth that counts however small the angle is.
+        near, far: distances from the victim, m.
+        half_view: from the middle of the view within which the victim must be, rad.
+        camera_height: above the ground, m.
+        margin: m before the victim in which nothing hides it.
+        tries: second looks at most at each.
+    """
+
+    worth: float = 1.0
+    angle: float = np.deg2rad(30)
+    least: float = 0.3
+    near: float = 1.1
+    far: float = 2.6
+    half_view: float = np.deg2rad(18)
+    camera_height: float = 0.6
+    margin: float = 0.35
+    tries: int = 2
+
+
+class SecondLooks:
+    """Weighs views by whom they would confirm, and counts how often each was looked at again."""
+
+    def __init__(self, victims: Victims, metric_map: MetricMap, config: SecondLooksConfig | None = None):
+        """Of these victims, along lines of sight that are free in this map."""
+        self.config = config or SecondLooksConfig()
+        self._victims, self._map = victims, metric_map
+        self._aimed: list[Victim] = []
+
+    @property
+    def wanted(self) -> list[Victim]:
+        """Those to be looked at again: not confirmed, and not given up."""
+        return [victim for victim in self._victims.unconfirmed if victim.tries < self.config.tries]
+
+    def gains(self, places: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, M) m² that looks from (N, 3) places on the ground along (M,) bearings (rad) count for."""
+        total = np.zeros((len(places), len(bearings)))
+        for victim in self.wanted:
+            total += self._gains(victim, places, bearings)
+        return total
+
+    def aim(self, place: NDArray[np.float64], heading: float) -> None:
+        """Tell that the next look is to be from a place (3,) on the ground along a heading."""
+        bearing = np.array([heading])
+        self._aimed = [v for v in self.wanted if self._gains(v, place[None], bearing).any()]
+
+    def count(self) -> None:
+        """Tell that this look has been taken."""
+        for victim in self._aimed:
+            victim.tries += 1
+        self._aimed = []
+
+    def _gains(
+        self, victim: Victim, places: NDArray[np.float64], bearings: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(N, M) m² for one of them."""
+        config, target = self.config, np.median(victim.points, axis=0).astype(np.float64)
+        way = target[:2] - places[:, :2]
+        distance = np.linalg.norm(way, axis=1)
+        worth = np.where((distance >= config.near) & (distance <= config.far), config.worth, 0.0)
+        worth *= self._newness(victim, places, target)
+        for n in np.flatnonzero(worth):
+            worth[n] *= self._is_open(places[n] + (0, 0, config.camera_height), target)
+        off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
+        in_view = np.abs((off + np.pi) % (2 * np.pi) - np.pi) <= config.half_view
+        return worth[:, None] * in_view
+
+    def _newness(
+        self, victim: Victim, places: NDArray[np.float64], target: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(N,) share of the worth: none where it was seen from, all of it from quite another side."""
+        cameras = np.array(victim.cameras)[:, :2]
+        apart = np.linalg.norm(places[:, None, :2] - cameras, axis=2).min(axis=1)
+        angle = np.minimum.reduce([_angles(places[:, :2] - target[:2], c - target[:2]) for c in cameras])
+        share = np.clip(angle / self.config.angle, self.config.least, 1.0)
+        return np.where(apart >= self._victims.config.apart, share, 0.0)
+
+    def _is_open(self, camera: NDArray[np.float64], target: NDArray[np.float64]) -> bool:
+        """Whether all between a camera (3,) and what is before a victim is known to be free."""
+        length = np.linalg.norm(target - camera) - self.config.margin
+        along = np.arange(_HERE, length, _STEP) / np.linalg.norm(target - camera)
+        line = camera + along[:, None] * (target - camera)
+        return bool((self._map.state_at(line) == FREE).all())
+
+
+def _angles(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) between vectors (N, 2) and one (2,), rad."""
+    return np.abs(np.arctan2(a[:, 0] * b[1] - a[:, 1] * b[0], a @ b))

@@ -1,0 +1,86 @@
+"""Second looks in a room of balls."""
+
+import numpy as np
+import pytest
+
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.victim_detection.second_looks import SecondLooks, SecondLooksConfig
+from pipeline.victim_detection.victims import Victims
+from tests.pipeline.victim_detection.rooms import INTRINSICS, Ball, camera_at, detection_of, look
+
+PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
+CONFIG = SecondLooksConfig()
+BEARINGS = np.arange(36) * np.deg2rad(10)
+
+
+@pytest.fixture
+def second_looks() -> SecondLooks:
+    """After one look from the origin, in a map that three looks have made."""
+    metric_map, victims, T = MetricMap(), Victims(), camera_at(0, 0)
+    for y in (-1.0, 0.0, 1.0):
+        frame = look(camera_at(-0.5, y), [PERSON])
+        metric_map.integrate(frame.depth, INTRINSICS, camera_at(-0.5, y))
+    victims.update(look(T, [PERSON]), [detection_of(T, PERSON)], T)
+    return SecondLooks(victims, metric_map)
+
+
+def place(x: float, y: float) -> np.ndarray:
+    return np.array([[x, y, 0.0]])
+
+
+def bearing_to_person(x: float, y: float) -> np.ndarray:
+    return np.array([np.arctan2(-y, PERSON[0] - x)])
+
+
+def test_someone_unconfirmed_is_worth_a_look_from_another_side(second_looks):
+    gains = second_looks.gains(np.vstack([place(0.6, 1.1), place(0.0, 0.2), place(0.0, 0.5)]), BEARINGS)
+    from_the_side, from_where_it_was_seen, from_near_there = gains.max(axis=1)
+    assert from_the_side == pytest.approx(CONFIG.worth)
+    assert from_where_it_was_seen == 0
+    assert CONFIG.least * CONFIG.worth <= from_near_there < 0.6 * CONFIG.worth
+
+
+def test_only_looks_towards_it_count(second_looks):
+    x, y = 0.6, 1.1
+    towards = bearing_to_person(x, y)
+    off = np.array([0.0, 0.7, -0.7, 1.3, -1.3, 3.0, 9.0]) * CONFIG.half_view
+    counts = second_looks.gains(place(x, y), towards + off)[0] > 0
+    assert counts.tolist() == [True, True, True, False, False, False, False]
+
+
+def test_neither_too_near_nor_too_far(second_looks):
+    for x, y in ((1.5, 0.6), (-0.4, 1.5)):
+        assert second_looks.gains(place(x, y), bearing_to_person(x, y)) == 0
+
+
+def test_not_through_what_nobody_has_seen_nor_through_obstacles(second_looks):
+    x, y = 0.6, 1.1
+    assert second_looks.gains(place(x, y), bearing_to_person(x, y)) > 0
+    unseen = SecondLooks(second_looks._victims, MetricMap())
+    assert unseen.gains(place(x, y), bearing_to_person(x, y)) == 0
+    T = camera_at(-0.5, 1.0)
+    for _ in range(20):
+        frame = look(T, [PERSON, (1.1, 0.75, 0.45, 0.2)])
+        second_looks._map.integrate(frame.depth, INTRINSICS, T)
+    assert second_looks.gains(place(x, y), bearing_to_person(x, y)) == 0
+
+
+def test_after_two_looks_in_vain_it_is_given_up(second_looks):
+    x, y = 0.6, 1.1
+    heading = float(bearing_to_person(x, y)[0])
+    for tries in range(CONFIG.tries):
+        (victim,) = second_looks.wanted
+        assert victim.tries == tries
+        second_looks.aim(place(x, y)[0], heading + np.pi)
+        second_looks.count()  # that one was for something else
+        second_looks.aim(place(x, y)[0], heading)
+        second_looks.count()
+    assert second_looks.wanted == []
+    assert not second_looks.gains(place(x, y), BEARINGS).any()
+
+
+def test_the_confirmed_are_left_alone(second_looks):
+    T = camera_at(0.1, 0.5)
+    second_looks._victims.update(look(T, [PERSON]), [detection_of(T, PERSON)], T)
+    assert second_looks._victims.confirmed
+    assert second_looks.wanted == []

@@ -60,7 +60,10 @@ def _about(person: Person, T_map_entrance: NDArray[np.float64]) -> Iterator[tupl
     )
     size = " × ".join(number(value) for value in (posture.length, posture.width, posture.height))
     yield "Size", f"{size} m (length × width × height of what was seen)"
-    yield "Posture", f"{posture.name}, judged by the size alone"
+    yield (
+        "Posture",
+        f"{posture.name}, judging by the size alone" if posture.name else "not to be told from this size",
+    )
     looks = counted(len(victim.cameras), "look")
     apart = f", up to {metres(victim.apart)} apart" if len(victim.cameras) > 1 else ""
     missed = f"; {counted(victim.missed, 'look')} that should have shown it did not" if victim.missed else ""
@@ -71,7 +74,7 @@ def _way_in(route: Route | None) -> Iterator[tuple[str, object]]:
     if route is None:
         yield "Way in", _warning("The robot's map has no way out of the entrance.")
         return
-    slope = "level" if route.steepest < FLAT else f"steepest ground {degrees(route.steepest)}"
+    slope = "on level ground" if route.steepest < FLAT else f"steepest ground {degrees(route.steepest)}"
     way = element("b", f"{metres(route.length)} to drive, {slope}")
     if route.arrives:
         yield "Way in", joined(way, f"; it ends {metres(route.gap)} from the person")
@@ -86,7 +89,9 @@ def _way_in(route: Route | None) -> Iterator[tuple[str, object]]:
             ),
         )
     if route.drops:
-        yield "Beside it", _warning(f"{counted(route.drops, 'drop')}, the deepest {centimetres(route.drop)}")
+        deepest = centimetres(route.drop)
+        drops = f"a drop of {deepest}" if route.drops == 1 else f"{route.drops} drops, the deepest {deepest}"
+        yield "Beside it", _warning(drops)
 
 
 def _warning(*content: object) -> Markup:
@@ -104,5 +109,5 @@ def _directions(route: Route | None) -> Markup:
 
 def _step(leg: Leg, *, first: bool) -> str:
     way = turn(leg.turn) if not first else f"facing in as the robot did, {turn(leg.turn)}"
-    slope = f", over {degrees(leg.steepest)} of slope" if leg.steepest > SLOPE else ""
+    slope = f", over a slope of {degrees(leg.steepest)}" if leg.steepest > SLOPE else ""
     return f"{way[0].upper()}{way[1:]}: {metres(leg.length)}{slope}"

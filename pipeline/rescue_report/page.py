@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.labels import Label
 from pipeline.rescue_report import figures
-from pipeline.rescue_report.cards import card
+from pipeline.rescue_report.cards import FLAT, card
 from pipeline.rescue_report.map_drawing import draw_map, pale, swatch
 from pipeline.rescue_report.markup import Markup, element, joined
 from pipeline.rescue_report.situation import Situation
@@ -91,7 +91,8 @@ def _way_tile(situation: Situation) -> Markup:
     driven = [way for way in ways if way is not None]
     steepest = max((way.steepest for way in driven), default=0.0)
     drops = sum(way.drops > 0 for way in driven)
-    more = f"steepest ground {degrees(steepest)}; drops beside {counted(drops, 'way')}"
+    slope = f"steepest ground {degrees(steepest)}" if steepest >= FLAT else "level ground"
+    more = f"{slope}; drops beside {counted(drops, 'way')}"
     answer = "to everyone" if reached == len(ways) else f"to {reached} of {len(ways)}"
     return _tile(reached == len(ways) and not drops, "Drivable", answer, more)
 

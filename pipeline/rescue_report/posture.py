@@ -29,12 +29,12 @@ class Posture:
 
     @property
     def name(self) -> str:
-        """How the person lies or sits, where the size tells."""
+        """How the person lies or sits; empty where the size does not tell."""
         if self.length >= LYING_LENGTH and self.height <= LYING_HEIGHT:
             return "lying"
         if self.height >= UPRIGHT_HEIGHT and self.length <= UPRIGHT_LENGTH:
-            return "upright: sitting, kneeling or leaning"
-        return "cannot be told from what was seen"
+            return "sitting, kneeling or leaning"
+        return ""
 
 
 def posture_of(points: NDArray[np.float32]) -> Posture:

@@ -21,8 +21,8 @@ BESIDE = 1.0
 """m from the robot's middle to what was seen of someone, within which it stands beside them."""
 EYE = 0.6
 """m above the ground, from where someone must be in sight."""
-SPARED = 0.25
-"""m around someone in which what is occupied is taken for them, or for what they lie on."""
+SPARED = 0.15
+"""m around what was seen of someone in which what is occupied is taken for them."""
 NEAREST, THINNED = 200, 9
 """Cells from which someone is looked for, the nearest first; then as many more, of which so many are passed over."""
 ALIKE = 0.1

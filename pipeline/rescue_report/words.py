@@ -71,4 +71,4 @@ def turn(angle: float) -> str:
     if abs(angle) >= BACK:
         return "turn around"
     how = "turn" if abs(angle) >= np.pi / 4 else "bear"
-    return f"{how} {'left' if angle > 0 else 'right'} {degrees(abs(angle))}"
+    return f"{how} {'left' if angle > 0 else 'right'} by {5 * round(np.degrees(abs(angle)) / 5)}°"

@@ -227,6 +227,11 @@ def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.linalg.inv(matrix).astype(np.float64)
 
 
-def _crop(rgb: NDArray[np.uint8], box: tuple[float, float, float, float]) -> NDArray[np.uint8]:
+def _crop(
+    rgb: NDArray[np.uint8], box: tuple[float, float, float, float], margin: float = 0.2
+) -> NDArray[np.uint8]:
+    """The picture in a box, and around it by a share of the longer side: what is near helps to recognise someone."""
     x0, y0, x1, y1 = box
-    return rgb[int(y0) : int(np.ceil(y1)), int(x0) : int(np.ceil(x1))].copy()
+    more = margin * max(x1 - x0, y1 - y0)
+    rows = slice(max(0, int(y0 - more)), int(np.ceil(y1 + more)))
+    return rgb[rows, max(0, int(x0 - more)) : int(np.ceil(x1 + more))].copy()

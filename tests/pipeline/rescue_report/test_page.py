@@ -71,7 +71,7 @@ def test_a_card_says_where_someone_is(root: Tag) -> None:
     assert "0.3 × 0.3 × 0.4 m" in alice.text
     assert "90 % sure, 2 looks, up to 1.0 m apart" in alice.text
     assert "unconfirmed" in bob.attributes["class"]
-    assert "Posturelying" in bob.text
+    assert "Posturelying, judging" in bob.text
     assert "No way up to the person" in bob.text
 
 

@@ -68,7 +68,7 @@ def test_nobody_is_reached_behind_a_wall() -> None:
 
 
 def test_a_wall_between_is_told_however_near_the_person_is() -> None:
-    person, wall = block((0.6, 0, 0.2), (0.1, 0.1, 0.4)), wall_points((0.2, -1), (0.2, 1))
+    person, wall = block((0.6, 0, 0.2), (0.1, 0.1, 0.4)), wall_points((0.3, -1), (0.3, 1))
     metric_map = MetricMap()
     for _ in range(5):
         metric_map.integrate_points(wall, [-1.0, 0, 0.6])

@@ -30,8 +30,8 @@ def test_times() -> None:
     ("degrees", "turn", "side"),
     [
         (10, "straight on", "straight ahead"),
-        (-30, "bear right 30°", "30° to the right"),
-        (450, "turn left 90°", "90° to the left"),
+        (-31, "bear right by 30°", "31° to the right"),
+        (450, "turn left by 90°", "90° to the left"),
         (-170, "turn around", "behind"),
     ],
 )

@@ -138,7 +138,7 @@ class Episode:
         wall_time, sim_time = perf_counter() - self._wall_start, self.robot.time - self._sim_start
         if self.explorer.steps:
             self.situation = self.rescue_report.situation
-            self.recorder.log_ways([p.route.way for p in self.situation.everyone if p.route])
+            self.recorder.log_ways([p.route.trace for p in self.situation.everyone if p.route])
         self.recorder.close()
         if self.explorer.steps:
             self.report = self._report(wall_time, sim_time)

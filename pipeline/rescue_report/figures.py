@@ -12,26 +12,35 @@ SETTINGS = "config"
 
 def run_figures(report: Mapping[str, Any]) -> Markup:
     """What ran and how long it took."""
-    return _table({key: report[key] for key in RUN if key in report})
+    return _tables({key: report[key] for key in RUN if key in report}, "run")
 
 
 def scores(report: Mapping[str, Any]) -> Markup:
     """What was measured against the truth."""
-    return _table({key: value for key, value in report.items() if key not in (*RUN, SETTINGS)})
+    return _tables({key: value for key, value in report.items() if key not in (*RUN, SETTINGS)}, "")
 
 
 def settings(report: Mapping[str, Any]) -> Markup:
     """All settings."""
-    return _table(report.get(SETTINGS, {}))
+    return _tables(report.get(SETTINGS, {}), "command")
 
 
-def _table(content: Mapping[str, Any]) -> Markup:
+def _tables(content: Mapping[str, Any], rest: str) -> Markup:
+    """A table for every part that has parts itself, after one called ``rest`` for the others."""
+    parts: dict[str, Mapping[str, Any]] = {
+        rest: {key: value for key, value in content.items() if not isinstance(value, Mapping)}
+    }
+    parts |= {key: value for key, value in content.items() if isinstance(value, Mapping)}
+    return element("div", *(_table(name, part) for name, part in parts.items() if part), class_="figures")
+
+
+def _table(name: str, content: Mapping[str, Any]) -> Markup:
     rows = (
-        element("tr", element("th", name, scope="row"), element("td", _told(value)))
-        for key, part in content.items()
-        for name, value in flat(key, part)
+        element("tr", element("th", key, scope="row"), element("td", _told(value)))
+        for first, part in content.items()
+        for key, value in flat(first, part)
     )
-    return element("table", element("tbody", *rows))
+    return element("table", element("caption", name), element("tbody", *rows))
 
 
 def flat(name: str, content: Any) -> Iterator[tuple[str, Any]]:

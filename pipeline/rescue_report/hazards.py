@@ -15,6 +15,8 @@ DROP = 0.1
 """m that the ground falls at a drop, at least: what a Pioneer 3-AT climbs."""
 EDGE = 0.06
 """m by which the edge of a drop may differ from the ground before it; a kerb differs by more."""
+EDGE_LENGTH = 0.2
+"""m along the edge of a drop, at least; shorter ones are seams between the arena's parts."""
 BESIDE = 0.5
 """m from where the robot's middle can be to a drop that it could fall down."""
 ACROSS = 0.1
@@ -84,8 +86,15 @@ def _drops(surface: DrivableSurface, reachable: NDArray[np.bool_]) -> NDArray[np
     lowest = ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), 1 + 2 * round(FALL / cell))
     with np.errstate(invalid="ignore"):
         is_edge = surface.hazard & (elevation - lowest >= DROP) & (np.abs(elevation - highest) <= EDGE)
-    beside = surface.grid.distance_to(reachable) <= BESIDE
-    return np.where(is_edge & beside, elevation - lowest, 0.0)
+    is_edge &= surface.grid.distance_to(reachable) <= BESIDE
+    return np.where(_long(is_edge, round(EDGE_LENGTH / cell)), elevation - lowest, 0.0)
+
+
+def _long(edges: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:
+    """Those of the edges (nx, ny) that have so many cells at least."""
+    pieces, _ = ndimage.label(edges, np.ones((3, 3)))
+    sizes = np.bincount(pieces.ravel())
+    return edges & (sizes[pieces] >= cells)
 
 
 def _headroom(surface: DrivableSurface, points: NDArray[np.float32]) -> NDArray[np.float64]:

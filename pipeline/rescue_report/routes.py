@@ -53,7 +53,8 @@ class Route:
     """A way to the place nearest to someone.
 
     Attributes:
-        way: (N, 3) m in ``map``, from the entrance to where the robot can go no nearer.
+        way: (N, 3) m in ``map``, its bends from the entrance to where the robot can go no nearer.
+        trace: (M, 3) m, the same with the ground in between.
         length: m along the ground.
         steepest: rad, of the ground under it.
         drop: m, of the deepest drop beside it; 0 if there is none.
@@ -64,6 +65,7 @@ class Route:
     """
 
     way: NDArray[np.float64]
+    trace: NDArray[np.float64]
     length: float
     steepest: float
     drop: float
@@ -122,9 +124,11 @@ class Router:
 
     def _route(self, way: NDArray[np.float64], gap: float, in_sight: bool) -> Route:
         legs = list(self._legs(way))
-        drops = self._drops_beside(way)
+        trace = self._trace(way[:, :2])
+        drops = self._drops_beside(trace)
         return Route(
             way=way,
+            trace=trace,
             length=sum(leg.length for leg in legs),
             steepest=max((leg.steepest for leg in legs), default=0.0),
             drop=max((place.value for place in drops), default=0.0),
@@ -155,14 +159,20 @@ class Router:
             steepest = max(steepest, float(surface.grid.at(self._hazards.slope, middles).max()))
         return length, steepest
 
-    def _drops_beside(self, way: NDArray[np.float64]) -> list[Place]:
+    def _trace(self, way: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(M, 3) points of the ground under a way (N, 2), at most a cell apart."""
+        steps = [
+            (a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / self._surface.grid.cell)))
+            for a, b in pairwise(way)
+        ]
+        return self._surface.on_ground(np.vstack([np.linspace(*step) for step in steps]))
+
+    def _drops_beside(self, trace: NDArray[np.float64]) -> list[Place]:
         drop, grid = self._hazards.drop, self._surface.grid
         edges = np.argwhere(drop > 0)
         if not len(edges):
             return []
-        steps = [(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / grid.cell))) for a, b in pairwise(way[:, :2])]
-        dense = np.vstack([np.linspace(*step) for step in steps])
-        near = KDTree(dense).query(grid.centre_of(edges))[0] <= DROP_BESIDE
+        near = KDTree(trace[:, :2]).query(grid.centre_of(edges))[0] <= DROP_BESIDE
         beside = np.zeros(grid.shape, np.bool_)
         beside[tuple(edges[near].T)] = True
         return places(grid, beside, drop, APART)

@@ -85,7 +85,7 @@ def test_the_photo_is_the_robots(root: Tag) -> None:
 
 def test_scores_stand_apart_from_what_the_robot_knew(root: Tag) -> None:
     (truth,) = root.all("div", "truth")
-    assert "exploration.explored_fraction0.4321" in truth.text
+    assert "explorationexplored_fraction0.4321" in truth.text
     assert "simulator's truth" in truth.text
     assert "43" not in "".join(texts(root, "div", "tile"))
     assert "config" not in truth.text

@@ -170,8 +170,10 @@ class Exploration:
         if self.wishes and self.wishes.wanted:
             bearings = np.arange(self.config.rays) * 2 * np.pi / self.config.rays
             gains = gains + self.wishes.gains(surface.on_ground(candidates), bearings)
-        seconds = self._seconds(candidates, surface, paths, T_map_base)
-        worth = np.where(self._possible(arrival) & (gains >= self.config.min_gain), gains / seconds, 0.0)
+        gains = np.where(self._possible(arrival), gains, 0.0)
+        distance = np.append(0.0, surface.grid.at(paths.cost, candidates[1:]))
+        seconds = self._seconds(candidates, distance, surface, T_map_base)
+        worth = self._worth(gains, distance, seconds)
         n, m = np.unravel_index(worth.argmax(), worth.shape)
         if worth[n, m] <= 0:
             return None
@@ -198,6 +200,18 @@ class Exploration:
             return None
         n = worth.argmax()
         return View(places[n], wrap_angle(heading[n]), False, float(gain[n]), bool(backwards[n]))
+
+    def _worth(
+        self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(N, rays) by which views are chosen: 0 where none is worth the drive.
+
+        Args:
+            gains: (N, rays) m² that each should show.
+            distance: (N,) m to their places, ramps and narrow places counted dearer.
+            seconds: (N, rays) s until the look is taken.
+        """
+        return np.where(gains >= self.config.min_gain, gains / seconds, 0.0)
 
     def _count_misses(
         self, surface: DrivableSurface, measured: NDArray[np.float32], position: NDArray[np.float64]
@@ -307,14 +321,12 @@ class Exploration:
     def _seconds(
         self,
         candidates: NDArray[np.float64],
+        distance: NDArray[np.float64],
         surface: DrivableSurface,
-        paths: ShortestPaths,
         T_map_base: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """(N, rays) time to each view."""
+        """(N, rays) time to each view, the way to whose place costs ``distance`` (N,) m."""
         config = self.config
-        distance = surface.grid.at(paths.cost, candidates).astype(np.float64)
-        distance[0] = 0
         bearing = np.arange(config.rays) * 2 * np.pi / config.rays
         way = candidates - T_map_base[:2, 3]
         moves = distance > _HERE

@@ -13,19 +13,17 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import tyro
-from rich.table import Table
 
 from pipeline.errors import InputError
 from pipeline.explorer import ExplorerConfig
 from sarsim.scripts.benchmarks.exploration_episode import Job, Strategy
 from sarsim.scripts.benchmarks.exploration_figures import group_figures, seen90_ratio
 from sarsim.scripts.benchmarks.exploration_processes import cores, run_jobs
+from sarsim.scripts.benchmarks.exploration_table import GROUPS, RATIO, rich_table
 from sarsim.scripts.benchmarks.subject import Result, Subject
 from sarsim.scripts.run_episode import WEIGHTS, EpisodeConfig, Labels, make_classifier
 from sarsim.simulated_robot import SimulationConfig
 
-GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")
-RATIO = "seen90_vs_nearest_frontier"
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
 """What is told of the baselines."""
 
@@ -87,7 +85,7 @@ class ExplorationBenchmark(Subject):
             for group, strategy in dict.fromkeys((job.group, job.strategy) for job in jobs)
         }
         figures, details = _figures(runs), self._details(jobs, results)
-        table = _table(figures, ("ours", *self.baselines))
+        table = rich_table(figures, self.baselines)
         table.caption = _caption(figures, details)
         return Result(figures, details, table)
 
@@ -168,7 +166,7 @@ def _reports(runs: Runs, group: str, strategy: Strategy) -> list[dict[str, Any]]
 
 
 def _ratios(runs: Runs, group: str) -> list[float]:
-    """Of the pairs of which one at least saw enough."""
+    """Of the pairs in which the nearest frontier's robot saw enough."""
     pairs = zip(runs.get((group, "ours"), ()), runs.get((group, "nearest_frontier"), ()), strict=False)
     ratios = [
         seen90_ratio(ours["report"], theirs["report"])
@@ -196,50 +194,11 @@ def _figures(runs: Runs) -> dict[str, float]:
             figures[f"{group}.{RATIO}.mean"] = float(np.mean(values))
             figures[f"{group}.{RATIO}.median"] = float(np.median(values))
             figures[f"{group}.{RATIO}.worst"] = max(values)
+            figures[f"{group}.{RATIO}.pairs"] = len(values)
     if pairs := [ratio for values in ratios.values() for ratio in values]:
         figures[RATIO] = float(np.median(pairs))
         figures[f"{RATIO}.pairs"] = len(pairs)
     return figures
-
-
-ROWS: Mapping[str, str] = {
-    "runs": "runs",
-    "explored, median": "exploration.explored_fraction.median",
-    "explored, worst": "exploration.explored_fraction.worst",
-    "90 % seen after, s, median": "exploration.seen90_s.median",
-    "legs": "navigation.legs.sum",
-    "legs reached": "navigation.reached.sum",
-    "tipped": "navigation.tipped.sum",
-    "stuck": "navigation.stuck.sum",
-    "collisions": "navigation.collisions.sum",
-    "edges through walls": "topological_map.edges_through_walls.sum",
-    "coverage, worst": "topological_map.coverage.worst",
-    "nodes over greedy, median": "topological_map.nodes_vs_greedy.median",
-    "way over optimum, median": "path_plan.cost_vs_grid.median.median",
-    "real-time factor, worst": "real_time_factor.worst",
-}
-"""Of the table, and the figures in them."""
-
-BASELINE_ROWS = ("explored, median", "90 % seen after, s, median", "collisions")
-
-
-def _table(figures: Mapping[str, float], strategies: Sequence[str]) -> Table:
-    """A column for each group; ours first, then the baselines."""
-    groups = [group for group in GROUPS if f"{group}.runs" in figures]
-    table = Table("", *groups, title="exploration")
-    for strategy in strategies:
-        ours = strategy == "ours"
-        for row in ROWS if ours else BASELINE_ROWS:
-            name = row if ours else f"{strategy.replace('_', ' ')}: {row}"
-            prefixes = [group if ours else f"{strategy}.{group}" for group in groups]
-            table.add_row(name, *(_told(figures.get(f"{prefix}.{ROWS[row]}")) for prefix in prefixes))
-        table.add_section()
-    table.add_row("time to 90 %, over nearest", *(_told(figures.get(f"{g}.{RATIO}.median")) for g in groups))
-    return table
-
-
-def _told(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4g}"
 
 
 def _caption(figures: Mapping[str, float], details: Mapping[str, Any]) -> str:

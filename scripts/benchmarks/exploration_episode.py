@@ -79,18 +79,18 @@ class BenchmarkEpisode(Episode):
     def __init__(self, job: Job, out: Path):
         super().__init__(replace(job.config, out=out))
         if job.strategy == "nearest_frontier":
-            self.explorer.exploration = NearestFrontier()
+            self.explorer.exploration = NearestFrontier(self.explorer.config.exploration)
         elif job.strategy == "random_walk":
             self.explorer.exploration = RandomWalk(job.config.seed)
-        self._endless = job.strategy == "random_walk"
+        self._aimless = job.strategy == "random_walk"
         self.contacts: list[NDArray[np.float64]] = []
         self._collisions = self.robot.collisions.collisions
         self._log_motion = self.robot.on_motion
         self.robot.on_motion = self._watch
 
     def step(self) -> bool:
-        """One look and the drive to the next; a walk that would never end does so when ``MOST`` was seen."""
-        return super().step() and not (self._endless and self.score.explored_fraction >= MOST)
+        """One look and the drive to the next; a walk that knows no aim ends when ``MOST`` was seen."""
+        return super().step() and not (self._aimless and self.score.explored_fraction >= MOST)
 
     def _watch(self, pose: Pose) -> None:
         self._log_motion(pose)

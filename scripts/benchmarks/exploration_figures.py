@@ -58,14 +58,11 @@ def group_figures(reports: Sequence[Report]) -> dict[str, float]:
 def seen90_ratio(ours: Report, theirs: Report) -> float | None:
     """Our time to see 90 % of the drivable area over theirs, in the same arena with the same seed.
 
-    If only they never saw it, they count as if they had at their end, or when we did if that was later: the ratio is
-    an upper bound. If only we did not, ten times our duration counts. None if neither did.
+    If we did not see it, ten times our duration counts. None if they did not: there is nothing to compare with.
     """
     t_ours, t_theirs = (report["exploration"].get("seen90_s") for report in (ours, theirs))
-    if t_ours is None and t_theirs is None:
+    if t_theirs is None:
         return None
     if t_ours is None:
         return PENALTY * ours["sim_time_s"] / t_theirs
-    if t_theirs is None:
-        return t_ours / max(theirs["sim_time_s"], t_ours)
     return t_ours / t_theirs

@@ -10,10 +10,11 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.surface.grid import Grid
 from sarsim.scoring.true_surface import TrueSurface
-from sarsim.scripts.benchmarks import exploration, exploration_processes
-from sarsim.scripts.benchmarks.exploration import RATIO, ExplorationBenchmark
+from sarsim.scripts.benchmarks import exploration_processes
+from sarsim.scripts.benchmarks.exploration import ExplorationBenchmark
 from sarsim.scripts.benchmarks.exploration_episode import Job, run_job
 from sarsim.scripts.benchmarks.exploration_figures import flat, group_figures, seen90_ratio
+from sarsim.scripts.benchmarks.exploration_table import GROUPS, RATIO, markdown_table
 from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
 from sarsim.scripts.run_episode import EpisodeConfig
 
@@ -62,8 +63,7 @@ def test_the_worst_is_the_lowest_of_what_should_be_high_and_the_highest_of_what_
     ("ours", "theirs", "ratio"),
     [
         (report(seen90=30.0), report(seen90=60.0), 0.5),
-        (report(seen90=30.0), report(time=90.0), 30 / 90),  # they never did: their whole time counts
-        (report(seen90=30.0), report(time=10.0), 1.0),  # and they gave up before we were so far
+        (report(seen90=30.0), report(time=90.0), None),  # they never did: nothing to compare with
         (report(time=50.0), report(seen90=25.0), 20.0),  # we never did: ten times our time
         (report(), report(), None),
     ],
@@ -80,7 +80,7 @@ def test_by_default_the_agreed_arenas_are_explored(tmp_path):
     for name in ("b", "a"):
         (tmp_path / f"{name}.raf").touch()
     ours = [job for job in jobs(raf=tmp_path) if job.strategy == "ours"]
-    count = {group: sum(job.group == group for job in ours) for group in exploration.GROUPS}
+    count = {group: sum(job.group == group for job in ours) for group in GROUPS}
     assert count == {"nist_6x4": 10, "esogu_52x15": 2, "raf": 2, "random": 30}
     assert all(int(job.config.arena.split(":")[1]) % 4 < 3 for job in ours if job.group == "random")
     assert [Path(job.config.arena).stem for job in ours if job.group == "raf"] == ["a", "b"]
@@ -115,10 +115,10 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
 class Pretended:
     """Stands for a process that has run a job at once."""
 
-    def __init__(self, job, folder, fails=()):
+    def __init__(self, job, folder, fails, slow):
         if job.name not in fails:
-            theirs = job.strategy != "ours"
-            content = report(0.95, 80.0 if theirs else 40.0, collisions=job.config.seed)
+            seconds = None if job.name in slow else 40.0 if job.strategy == "ours" else 80.0
+            content = report(0.95, seconds, collisions=job.config.seed)
             (folder / f"{job.name}.json").write_text(
                 json.dumps({"settings": job.settings, "report": content})
             )
@@ -132,18 +132,19 @@ class Pretended:
 
 @pytest.fixture
 def pretended(monkeypatch):
-    """Jobs that are done at once; gives the list of their names and the names of those to fail."""
+    """Jobs that are done at once; gives lists of their names, of those to fail and of those that never see enough."""
     started: list[str] = []
     fails: list[str] = []
+    slow: list[str] = []
 
     def start(function, job, folder):
         assert function is run_job
         started.append(job.name)
-        return Pretended(job, folder, fails)
+        return Pretended(job, folder, fails, slow)
 
     monkeypatch.setattr(exploration_processes.processes, "start", start)
     monkeypatch.setattr(exploration_processes.connection, "wait", lambda sentinels: sentinels)
-    return started, fails
+    return started, fails, slow
 
 
 def test_figures_pictures_and_table(tmp_path, pretended):
@@ -162,8 +163,36 @@ def test_figures_pictures_and_table(tmp_path, pretended):
     assert [column.header for column in result.table.columns] == ["", "nist_6x4", "random"]
 
 
+def test_a_baseline_that_never_saw_enough_is_told_instead_of_a_ratio(tmp_path, pretended):
+    _, _, slow = pretended
+    slow += ["nearest_frontier-nist_6x4-0", "nearest_frontier-random_0-0"]
+    figures = ExplorationBenchmark(nist=2, esogu=0, random=1, runs=tmp_path).measure().figures
+    assert figures["nearest_frontier.nist_6x4.seen90_runs"] == 1
+    assert figures["nearest_frontier.random.seen90_runs"] == 0
+    assert figures[f"nist_6x4.{RATIO}.pairs"] == figures[f"{RATIO}.pairs"] == 1
+    assert f"random.{RATIO}.median" not in figures
+    assert figures[RATIO] == 0.5
+
+
+def test_the_table_has_a_row_for_what_was_measured_and_none_for_what_was_not():
+    figures = {
+        "random.runs": 2,
+        "random.victims.found.sum": 3,
+        "raf.runs": 1,
+        "random_walk.raf.seen90_runs": 0,
+    }
+    lines = markdown_table(figures, ["random_walk"]).splitlines()
+    assert lines == [
+        "|  | raf | random |",
+        "| --- | --- | --- |",
+        "| runs | 1 | 2 |",
+        "| victims found | – | 3 |",
+        "| random walk: 90 % seen by | 0 | – |",
+    ]
+
+
 def test_it_goes_on_where_it_stopped(tmp_path, pretended):
-    started, fails = pretended
+    started, fails, _ = pretended
     subject = ExplorationBenchmark(nist=2, esogu=0, random=0, runs=tmp_path, baselines=())
     fails.append("ours-nist_6x4-1")
     result = subject.measure()

@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from pipeline.exploration import Exploration, ExplorationConfig, View
 from pipeline.frame import Frame
+from pipeline.goals import Goals
 from pipeline.localisation import OdometryLocalisation
+from pipeline.lookout import Lookout, LookoutConfig
 from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
 from pipeline.navigation import Halt, NavigationConfig, Navigator, Outcome
 from pipeline.near_obstacles import near_obstacles
@@ -44,6 +46,7 @@ class ExplorerConfig:
         start_ahead: the same in a strip before the robot, m.
         start_width: of that strip, m.
         lifted: a robot that is elsewhere by this without having driven was set down anew, m.
+        patience: drives that something ended since the robot last got anywhere, after which it stays.
     """
 
     metric_map: MetricMapConfig = field(default_factory=MetricMapConfig)
@@ -55,12 +58,14 @@ class ExplorerConfig:
     topological_map: TopologicalMapConfig = field(default_factory=TopologicalMapConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
+    lookout: LookoutConfig = field(default_factory=LookoutConfig)
     victims: VictimsConfig = field(default_factory=VictimsConfig)
     second_looks: SecondLooksConfig = field(default_factory=SecondLooksConfig)
     start_radius: float = 0.5
     start_ahead: float = 1.4
     start_width: float = 0.8
     lifted: float = 0.3
+    patience: int = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +79,10 @@ class Look:
         labels: (N,) uint8 their classes.
         detections: people in the image, before their depth was looked at.
         surface: where the robot may drive now.
-        view: where to look next; None if nothing is left to look at.
+        view: where to go next; None if nothing is left to look at, or no goal to drive to.
         plan: the way there.
+        can_drive: whether the robot stands where it can drive, and was not held again and again.
+        was_lifted: whether the robot is elsewhere than it drove since the last look.
     """
 
     frame: Frame
@@ -86,6 +93,8 @@ class Look:
     surface: DrivableSurface
     view: View | None
     plan: PathPlan | None
+    can_drive: bool = True
+    was_lifted: bool = False
 
 
 def bumper(halt: Halt) -> NDArray[np.float64]:
@@ -96,7 +105,11 @@ def bumper(halt: Halt) -> NDArray[np.float64]:
 
 
 class Explorer:
-    """Explores with a robot: each ``look`` renews the maps and the plan, each ``drive`` follows the plan."""
+    """Explores with a robot: each ``look`` renews the maps and the plan, each ``drive`` follows the plan.
+
+    With ``goals`` it drives to these, and explores only as long as no way is known to those that are left, and
+    ``may_explore``. ``T_map_start`` (4×4) is where it looked first.
+    """
 
     def __init__(
         self,
@@ -122,23 +135,29 @@ class Explorer:
         self.victims = Victims(self.config.victims)
         self.second_looks = SecondLooks(self.victims, self.metric_map, self.config.second_looks)
         self.exploration.wishes = self.second_looks
+        self.goals: Goals | None = None
+        self.may_explore = True
         self.navigator = Navigator(robot, self.config.navigation)
         self.stopwatch = Stopwatch()
         self.steps = 0
+        self._times_held = 0
+        self.T_map_start: NDArray[np.float64] | None = None
         self._T_map_last: NDArray[np.float64] | None = None
         self._seed = seed
 
     def look(self) -> Look:
-        """Sense, localise, map, segment, renew the topology and plan the way to the next view."""
+        """Sense, localise, map, segment, renew the topology and plan the way to the next view or goal."""
         with self.stopwatch("sense"):
             frame = self.robot.sense()
         with self.stopwatch("localisation"):
             T_map_base = self.localisation.localise(frame)
             T_map_camera = T_map_base @ frame.T_base_camera
             points = frame.points(T_map_camera)
+            self.T_map_start = T_map_base if self.T_map_start is None else self.T_map_start
         with self.stopwatch("metric_map"):
             self.metric_map.integrate(frame.depth, frame.intrinsics, T_map_camera)
         with self.stopwatch("surface"):
+            was_lifted = self._was_lifted(T_map_base)
             missing = missing_ground(frame.depth, frame.intrinsics, T_map_camera)
             surface = self._update_surface(points, missing, T_map_base)
             out = way_out(surface, T_map_base)
@@ -155,7 +174,7 @@ class Explorer:
         detections = self._find_victims(frame, T_map_camera)
         with self.stopwatch("exploration"):
             self.exploration.suspect(near_obstacles(frame.depth, frame.intrinsics, T_map_camera))
-            view = self.exploration.next_view(surface, self.surface_map.measured, paths, T_map_base)
+            view = self._next_view(surface, paths, T_map_base)
             if view is not None:
                 self.second_looks.aim(surface.on_ground(view.position[None])[0], view.heading)
         with self.stopwatch("path_plan"):
@@ -163,18 +182,27 @@ class Explorer:
             if plan is not None and (out != T_map_base[:2, 3]).any():
                 plan = plan.after(surface.on_ground(out[None]))
         self.steps += 1
-        return Look(frame, T_map_base, points, labels, detections, surface, view, plan)
+        can_drive = paths.start is not None and self._times_held < self.config.patience
+        return Look(frame, T_map_base, points, labels, detections, surface, view, plan, can_drive, was_lifted)
 
     def drive(self, look: Look) -> bool:
-        """Follow the plan of a look and turn to its view; True if all of it was reached."""
+        """Follow the plan of a look and turn to its view; True if all of it was reached.
+
+        The robot stops where something stands in its way that the map does not show: the next look plans anew.
+        """
         if look.view is None or look.plan is None:
             return False
         self.navigator.T_map_odom = self.localisation.T_map_odom
+        lookout = Lookout(self._glance, look.surface, self.config.lookout)
         with self.stopwatch("navigation"):
             heading = look.view.heading if look.view.turn else None
-            reached = self.navigator.follow(look.plan.way_points, heading, self._backs_up(look, look.plan))
-        was_lifted = self.navigator.legs[-1].outcome is Outcome.MOVED
-        self._T_map_last = None if was_lifted else self.navigator.T_map_base
+            backs_up, start = self._backs_up(look, look.plan), look.T_map_base[:2, 3]
+            reached = self.navigator.follow(look.plan.way_points, heading, backs_up, start, lookout.is_clear)
+        T_map_base, was_lifted = self.navigator.T_map_base, self.navigator.legs[-1].outcome is Outcome.MOVED
+        self._T_map_last = None if was_lifted else T_map_base
+        came_away = np.linalg.norm(T_map_base[:2, 3] - look.T_map_base[:2, 3]) > self.config.lifted
+        self._times_held = 0 if came_away else self._times_held + (not reached)
+        self.surface_map.update(lookout.obstacles)
         for halt in self.navigator.halts:
             # An obstacle beside a robot that cannot leave would only shut it in.
             if halt.command.v != 0 and halt.freed:
@@ -200,14 +228,34 @@ class Explorer:
             and bool(look.surface.grid.at(look.surface.turnable, start))
         )
 
-    def _update_surface(
-        self, points: NDArray[np.float32], missing: NDArray[np.float32], T_map_base: NDArray[np.float64]
-    ) -> DrivableSurface:
-        config, last = self.config, self._T_map_last
-        if last is None or np.linalg.norm(T_map_base[:3, 3] - last[:3, 3]) > config.lifted:
+    def _next_view(
+        self, surface: DrivableSurface, paths: ShortestPaths, T_map_base: NDArray[np.float64]
+    ) -> View | None:
+        """Where to go next: to a goal, or else to where much is to be seen; nowhere for a robot that is held."""
+        if self._times_held >= self.config.patience:
+            return None
+        look = surface, self.surface_map.measured, paths, T_map_base
+        view = self.goals.next_view(*look) if self.goals else None
+        is_done = not self.may_explore or (self.goals is not None and not self.goals.left)
+        return view if view or is_done else self.exploration.next_view(*look)
+
+    def _glance(self) -> NDArray[np.float32]:
+        """(N, 3) the returns that the camera has now, in ``map``."""
+        frame = self.robot.sense()
+        return frame.points(self.localisation.localise(frame) @ frame.T_base_camera)
+
+    def _was_lifted(self, T_map_base: NDArray[np.float64]) -> bool:
+        """Whether the robot is elsewhere than it drove; ground is promised wherever it is set down."""
+        config, last, self._T_map_last = self.config, self._T_map_last, T_map_base
+        set_down = last is None or bool(np.linalg.norm(T_map_base[:3, 3] - last[:3, 3]) > config.lifted)
+        if set_down:
             self.surface_map.assume_ground(
                 T_map_base, config.start_radius, config.start_ahead, config.start_width
             )
-        self._T_map_last = T_map_base
+        return set_down and self.steps > 0
+
+    def _update_surface(
+        self, points: NDArray[np.float32], missing: NDArray[np.float32], T_map_base: NDArray[np.float64]
+    ) -> DrivableSurface:
         self.surface_map.update(points, missing, T_map_base[:2, 3])
         return self.drivable_layer.update(self.surface_map)

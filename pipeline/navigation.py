@@ -76,7 +76,10 @@ class Outcome(Enum):
     REACHED = "reached"
     STUCK = "stuck"
     TILTED = "tilted"
+    BLOCKED = "blocked"
+    """Something stands in the way that the map does not show."""
     MOVED = "moved"
+    """The robot was lifted and set down elsewhere."""
 
 
 @dataclass
@@ -145,6 +148,10 @@ class _Progress:
         return bool((counts & (self._felt < config.blocked_share * self._wanted)).any())
 
 
+IsClear = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
+"""Whether nothing stands between a robot at a place (2,) and the way point (2,) that it drives straight to."""
+
+
 @dataclass
 class Navigator:
     """Drives a :class:`Robot` along way points in ``map``.
@@ -167,15 +174,29 @@ class Navigator:
     attitude: Attitude = field(default_factory=Attitude)
 
     def follow(
-        self, way_points: NDArray[np.float64], heading: float | None = None, back_up: bool = False
+        self,
+        way_points: NDArray[np.float64],
+        heading: float | None = None,
+        back_up: bool = False,
+        start: NDArray[np.float64] | None = None,
+        is_clear: IsClear = lambda position, target: True,
     ) -> bool:
-        """Drive through (N, 2) way points and end looking along ``heading`` rad; True if all was reached.
+        """Drive through way points; True if all was reached.
 
-        ``back_up``: drive to the last of them backwards.
+        Args:
+            way_points: (N, 2 or 3) m in ``map``, at least one.
+            heading: rad, in which the robot looks at the end.
+            back_up: drive to the last way point backwards.
+            start: (2,) m, where the way begins. A robot that stands elsewhere was lifted and does not follow it.
+            is_clear: asked while the robot drives forward; it stops where the answer is no.
         """
         self.halts = []
+        here = self._drive(Velocity())[:2, 3]
+        if start is not None and np.linalg.norm(here - start) > self.config.jump:
+            self.legs.append(Leg(way_points[0][:2], Outcome.MOVED, 0.0))
+            return False
         for n, target in enumerate(way_points, start=1):
-            if not self._drive_leg(np.asarray(target)[:2], back_up and n == len(way_points)):
+            if not self._drive_leg(np.asarray(target)[:2], back_up and n == len(way_points), is_clear):
                 return False
         return heading is None or self._look_along(heading)
 
@@ -186,13 +207,12 @@ class Navigator:
             self.legs[-1].outcome = outcome
         return outcome is Outcome.REACHED
 
-    def _drive_leg(self, target: NDArray[np.float64], back_up: bool) -> bool:
+    def _drive_leg(self, target: NDArray[np.float64], back_up: bool, is_clear: IsClear) -> bool:
         """Turn towards the way point, or away from it, then drive straight to it."""
-        T = self._drive(Velocity())
-        started = self._time
+        T, started = self.T_map_base, self._time
         outcome = Outcome.REACHED
         if np.linalg.norm(target - T[:2, 3]) > self.config.position_tolerance:
-            outcome = self._finish(self._approach(T, target, back_up))
+            outcome = self._finish(self._approach(T, target, back_up), lambda here: is_clear(here, target))
         self.legs.append(Leg(target, outcome, self._time - started))
         return outcome is Outcome.REACHED
 
@@ -246,10 +266,17 @@ class Navigator:
             rate = float(np.clip(config.turn_gain * error, -config.max_turn_rate, config.max_turn_rate))
             yield Velocity(-speed if backwards else speed, rate)
 
-    def _finish(self, commands: Iterator[Velocity]) -> Outcome:
-        """Give commands until they end, the robot leans too far, or something holds it; then it backs out."""
+    def _finish(
+        self,
+        commands: Iterator[Velocity],
+        is_clear: Callable[[NDArray[np.float64]], bool] = lambda here: True,
+    ) -> Outcome:
+        """Give commands until they end or something stands ahead; a robot that leans too far or is held backs out."""
         progress = _Progress(self.config, self.T_map_base, self._time)
         for command in commands:
+            if command.v > 0 and not is_clear(self.T_map_base[:2, 3]):
+                self._drive(Velocity())
+                return Outcome.BLOCKED
             before, T = self.T_map_base, self._drive(command)
             if np.linalg.norm(T[:3, 3] - before[:3, 3]) > self.config.jump:
                 self._drive(Velocity())

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.paths import ShortestPaths, simplify
+from pipeline.surface.paths import ShortestPaths, may_cut, simplify
 from pipeline.topological_map.links import drive_seconds
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.tour import visiting_order
 
 _START, _GOAL = "start", "goal"
+THICKEST = 0.3
+"""m; ground that nobody has seen may be the inside of a wall if something so near cannot be driven on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,30 +37,27 @@ class PathPlan:
         """The same plan, if the robot first drives to a place (1, 3) m from which it begins."""
         return replace(self, way_points=np.vstack([place, self.way_points]))
 
-    def still_holds(self, surface: DrivableSurface, position: ArrayLike) -> bool:
-        """Whether a newer surface still lets the robot drive from ``position`` (2,) along all way points."""
-        way = np.vstack([np.asarray(position, np.float64)[:2], self.way_points[:, :2]])
-        return bool(surface.lines_are_drivable(way[:-1], way[1:]).all())
-
 
 def plan_path(
     topology: TopologicalMap, surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike
 ) -> PathPlan | None:
     """The quickest way over the topological map from where ``paths`` start.
 
-    The robot and the goal are joined to every node that a straight drive reaches; if no way leads over nodes, the
-    shortest way over the grid is taken, and on a roadmap also where it is quicker by more than the roadmap's
-    greatest detour: few nodes lie in wide curves. Way points that a straight drive can pass by are left out.
+    A goal in sight is driven to straight, unless ramps could be met more head-on. Otherwise the robot and the goal
+    are joined to every node that a straight drive reaches; if no way leads over nodes, the shortest way over the grid
+    is taken, and on a roadmap also where it is quicker by more than the roadmap's greatest detour: few nodes lie in
+    wide curves. Way points that a straight drive can pass by are left out.
     Returns None if no way leads to the goal: :func:`obstacle_to` says why.
     """
     goal = np.asarray(goal, np.float64)[:2]
     if obstacle_to(surface, paths, goal) is not None:
         return None
     assert paths.start is not None
-    if surface.lines_are_drivable(paths.start[None], goal[None])[0]:
-        return _plan(surface, np.stack([paths.start, goal]), [])
+    grid_way = np.vstack([paths.start, paths.path_to(goal)[1:-1], goal])
+    if may_cut(surface, grid_way)[-1]:
+        return _plan(surface, grid_way[[0, -1]], [])
     nodes = _nodes_between(topology, surface, paths.start, goal)
-    over_grid = np.vstack([paths.start, simplify(surface, paths.path_to(goal))[1:-1], goal])
+    over_grid = simplify(surface, grid_way)
     if nodes is None:
         return _plan(surface, over_grid, [])
     over_nodes = _shortened(surface, np.vstack([paths.start, _way_over(topology, nodes), goal]))
@@ -71,12 +70,14 @@ def obstacle_to(surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike)
     """Why the robot cannot drive to a goal (2,), in a line for the log; None if it can."""
     goal = np.asarray(goal, np.float64)[:2]
     grid = surface.grid
-    name = f"the goal ({goal[0]:.2f}, {goal[1]:.2f}) m"
+    name = goal_name(goal)
     if not np.isfinite(goal).all():
         return f"{name} is not a place"
     if paths.start is None:
         return f"{name} cannot be driven to: the robot stands where it cannot drive"
     if np.isnan(grid.at(surface.elevation, goal, outside=np.nan)):
+        if grid.at(surface.to_hazard, goal, outside=np.inf) < THICKEST:
+            return f"{name} is in a wall or right behind one: nobody has seen the ground there"
         return f"{name} is off the map: nobody has seen the ground there"
     if grid.at(surface.hazard, goal):
         return f"{name} is in a wall, on a step or on ground too steep"
@@ -85,6 +86,17 @@ def obstacle_to(surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike)
     if not np.isfinite(paths.cost_to(goal)):
         return f"{name} cannot be reached from ({paths.start[0]:.2f}, {paths.start[1]:.2f}) m"
     return None
+
+
+def goal_name(goal: NDArray[np.float64]) -> str:
+    """What a goal (2,) is called in the log."""
+    return f"the goal {place_name(goal)}"
+
+
+def place_name(xy: NDArray[np.float64]) -> str:
+    """What a place (2,) is called in the log."""
+    x, y = np.round(xy, 2) + 0.0  # which makes 0 of -0
+    return f"({x:.2f}, {y:.2f}) m"
 
 
 def order_goals(
@@ -169,9 +181,8 @@ def _shortened(surface: DrivableSurface, way: NDArray[np.float64]) -> NDArray[np
     """(M, 2) the way (N, 2) without the points that straight drives pass by."""
     kept = [0]
     while kept[-1] < len(way) - 1:
-        rest = np.arange(kept[-1] + 1, len(way))
-        ahead = surface.lines_are_drivable(np.repeat(way[kept[-1]][None], len(rest), axis=0), way[rest])
-        kept.append(int(rest[ahead][-1]) if ahead.any() else int(rest[0]))
+        ahead = 1 + np.flatnonzero(may_cut(surface, way[kept[-1] :]))
+        kept.append(kept[-1] + (int(ahead[-1]) if len(ahead) else 1))
     return way[kept]
 
 

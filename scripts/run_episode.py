@@ -14,9 +14,11 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
+from pipeline.errands import Errands
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, ExplorerConfig, Look
 from pipeline.files import whole_file
+from pipeline.path_plan import place_name
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier
@@ -46,7 +48,9 @@ class EpisodeConfig:
         start: where the robot is set down, x y (m) and yaw (degrees); if not given, where the arena says.
         random: what a random arena is like.
         seed: of everything random.
-        steps: looks at most; the episode ends before when nothing is left to look at.
+        steps: looks at most while exploring, which ends before when nothing is left to look at.
+        goals: places to drive to afterwards, x y x y … (m), in the order that makes the way short.
+        home: in the end drive back to where the robot was set down.
         labels: who says what a point belongs to: the network, or the simulator.
         simulation: of the robot's body.
         pipeline: settings of every stage.
@@ -61,6 +65,8 @@ class EpisodeConfig:
     random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
     seed: int = 0
     steps: int = 160
+    goals: tuple[tuple[float, float], ...] = ()
+    home: bool = False
     labels: Labels = "dgcnn"
     simulation: Annotated[SimulationConfig, tyro.conf.arg(name="")] = field(default_factory=SimulationConfig)
     pipeline: ExplorerConfig = field(default_factory=ExplorerConfig)
@@ -80,6 +86,10 @@ class Episode:
             raise InputError(
                 f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed"
             )
+        if not np.isfinite(config.goals).all():
+            raise InputError(
+                f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there"
+            )
         classifier = make_classifier(config.labels, config.weights)
         detector = VictimDetector.load(*config.detector) if config.detector else None
         arena = load_arena(config.arena, config.start, config.random)
@@ -87,6 +97,7 @@ class Episode:
         make_folder(self.out)
         self.robot = SimulatedRobot(arena, config.simulation, config.seed)
         self.explorer = Explorer(self.robot, classifier, config.pipeline, config.seed, detector)
+        self.errands = Errands(self.explorer, config.goals, config.home)
         self.score = EpisodeScore(self.robot, self.explorer)
         self.rescue_report = RescueReport(self.explorer)
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
@@ -94,16 +105,27 @@ class Episode:
         self._wall_start, self._sim_start = perf_counter(), self.robot.time
 
     def run(self) -> bool:
-        """Look and drive until nothing is left to look at, and write the results; False if Ctrl-C ended it."""
+        """Explore, drive to the goals and home, and write the results; False if Ctrl-C ended it."""
         columns = (*Progress.get_default_columns(), TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True)) as progress, Interruptible() as control:
             bar = progress.add_task(self.config.arena, total=self.config.steps)
             try:
-                while self.explorer.steps < self.config.steps and not control.interrupted and self.step():
-                    progress.update(bar, completed=self.explorer.steps, description=self._state())
+                for errand in self.errands:
+                    while self._may_look() and not control.interrupted and self.step():
+                        progress.update(bar, completed=self.explorer.steps, description=self._state(errand))
+                self._log_news()
             finally:
                 self._finish()
         return not control.interrupted
+
+    def _may_look(self) -> bool:
+        """Whether the errand goes on; the way to goals ends by itself, exploring after so many looks."""
+        self.explorer.may_explore = self.explorer.steps < self.config.steps
+        return self.explorer.may_explore or self.explorer.goals is not None
+
+    def _log_news(self) -> None:
+        for line, is_good in self.errands.news():
+            self.recorder.log_message("INFO" if is_good else "WARN", line)
 
     def step(self) -> bool:
         """One look, and the drive to the next; False when there is no next."""
@@ -111,28 +133,36 @@ class Episode:
         self.score.add(look)
         self.rescue_report.add(look)
         self.recorder.log_look(self.explorer.steps - 1, self.explorer, look)
-        self.recorder.log_message("INFO", self._tell(look))
+        self._log_news()
+        if look.was_lifted:
+            self.recorder.log_message(
+                "WARN", f"the robot was lifted and set down at {place_name(look.T_map_base[:2, 3])}"
+            )
+        self.recorder.log_message("INFO" if look.can_drive else "WARN", self._tell(look))
         if look.plan is None:
             return False
         if not self.explorer.drive(look):
             leg = self.explorer.navigator.legs[-1]
-            self.recorder.log_message("WARN", f"leg to {leg.target.round(2)} ended {leg.outcome.value}")
+            self.recorder.log_message("WARN", f"leg to {place_name(leg.target)} ended: {leg.outcome.value}")
         return True
 
     def _tell(self, look: Look) -> str:
         """What came of a look, for the log."""
         explored = f"{self.score.explored_fraction:.0%} explored"
+        if not look.can_drive:
+            return f"{explored}; the robot stands where it cannot drive"
         if look.view is None or look.plan is None:
-            return f"{explored}; nothing is left that is worth a look"
-        x, y = look.view.position
-        heading, nodes = np.degrees(look.view.heading), ", ".join(map(str, look.plan.nodes))
-        way = (
-            f"{look.plan.length:.1f} m over nodes {nodes}" if nodes else f"{look.plan.length:.1f} m straight"
-        )
-        return f"{explored}; next from ({x:.2f}, {y:.2f}) towards {heading:.0f}°, {way}, for {look.view.gain:.2f} m²"
+            nothing = "that is worth a look" if self.explorer.goals is None else "to drive to"
+            return f"{explored}; nothing is left {nothing}"
+        place, nodes = place_name(look.view.position), ", ".join(map(str, look.plan.nodes))
+        way = f"{look.plan.length:.1f} m {f'over nodes {nodes}' if nodes else 'straight'}"
+        if not look.view.gain:
+            return f"{explored}; next to {place}, {way}"
+        heading = np.degrees(look.view.heading)
+        return f"{explored}; next from {place} towards {heading:.0f}°, {way}, for {look.view.gain:.2f} m²"
 
-    def _state(self) -> str:
-        return f"{self.config.arena}: {self.score.explored_fraction:.0%} explored"
+    def _state(self, errand: str) -> str:
+        return f"{self.config.arena}: {errand}, {self.score.explored_fraction:.0%} explored"
 
     def _finish(self) -> None:
         wall_time, sim_time = perf_counter() - self._wall_start, self.robot.time - self._sim_start
@@ -160,6 +190,7 @@ class Episode:
             "real_time_factor": sim_time / wall_time,
             "timing_ms": {stage: percentiles(times) for stage, times in seconds.items()},
             **self.score.report(),
+            **self.errands.report(),
         }
 
     def _write(self) -> None:

@@ -103,6 +103,16 @@ class DrivableSurface:
             self.rules(self.ramp_alignment),
         )
 
+    def metres_across(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
+        """(N,) metres that lines between points (N, 2 or 3) lead over ramps otherwise than along their slope."""
+        return path_kernels.metres_across(
+            np.ascontiguousarray(np.asarray(starts, np.float64)[..., :2]),
+            np.ascontiguousarray(np.asarray(ends, np.float64)[..., :2]),
+            self.grid.origin,
+            self.grid.cell,
+            self.rules(self.ramp_alignment),
+        )
+
     def on_ground(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 3) the points of the ground at (N, 2) m."""
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])

@@ -85,13 +85,30 @@ def lines_are_drivable(starts, ends, origin, cell, rules):
 
 
 @njit(cache=True)
+def metres_across(starts, ends, origin, cell, rules):
+    """(N,) metres of each line between points (N, 2) that lead across the slope of a ramp."""
+    result = np.zeros(len(starts))
+    for n in range(len(starts)):
+        dx, dy = ends[n, 0] - starts[n, 0], ends[n, 1] - starts[n, 1]
+        length = np.sqrt(dx * dx + dy * dy)
+        if length == 0:
+            continue
+        steps = int(np.ceil(2 * length / cell))
+        for s in range(steps):
+            i = int(np.floor((starts[n, 0] + dx * (s + 0.5) / steps - origin[0]) / cell))
+            j = int(np.floor((starts[n, 1] + dy * (s + 0.5) / steps - origin[1]) / cell))
+            if is_drivable(i, j, rules) and not is_aligned(dx / length, dy / length, i, j, rules):
+                result[n] += length / steps
+    return result
+
+
+@njit(cache=True)
 def shortest_paths(starts, weight, rules):
     """Dijkstra over the eight neighbours of every drivable cell.
 
     A move costs its length in cells times the mean ``weight`` (nx, ny) of the two cells, and ``ACROSS`` times that
-    across a slope. Returns the (nx, ny) float32
-    cost from the nearest of the ``starts`` (K, 2) (inf where no path leads) and the (nx, ny) int32 flat index of each
-    cell's predecessor (-1 where there is none).
+    across a slope. Returns the (nx, ny) float32 cost from the nearest of the ``starts`` (K, 2) (inf where no path
+    leads) and the (nx, ny) int32 flat index of each cell's predecessor (-1 where there is none).
     """
     nx, ny = rules.drivable.shape
     cost = np.full((nx, ny), np.inf, np.float32)

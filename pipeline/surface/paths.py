@@ -89,12 +89,22 @@ class ShortestPaths:
         return self._surface.grid.centre_of(np.stack(np.unravel_index(cells[::-1], self.cost.shape), axis=-1))
 
 
+def may_cut(surface: DrivableSurface, way: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N - 1,) which of the later points of a way (N, 2) the robot can drive to straight from the first.
+
+    Ramps are met head-on: no straight drive leads further across a slope than the way does itself.
+    """
+    first = np.repeat(way[:1], len(way) - 1, axis=0)
+    across = np.cumsum(surface.metres_across(way[:-1], way[1:])) + surface.grid.cell
+    return surface.lines_are_drivable(first, way[1:]) & (surface.metres_across(first, way[1:]) <= across)
+
+
 def simplify(surface: DrivableSurface, path: NDArray[np.float64]) -> NDArray[np.float64]:
     """The fewest points of a grid path that straight drivable lines join; bends lie where the robot can turn."""
     bends = [0]
     while bends[-1] < len(path) - 1:
         rest = np.arange(bends[-1] + 1, len(path))
-        ahead = surface.lines_are_drivable(np.repeat(path[bends[-1]][None], len(rest), axis=0), path[rest])
+        ahead = may_cut(surface, path[bends[-1] :])
         turnable = surface.grid.at(surface.turnable, path[rest])
         turnable[-1] = True
         slidable = turnable | surface.grid.at(surface.slidable, path[rest])

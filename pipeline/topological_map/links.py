@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pipeline.semantic_map.crossings import crossings
 from pipeline.semantic_map.segments import Segment
 from pipeline.surface.drivable import DrivableSurface
+from pipeline.surface.path_kernels import ACROSS
 from pipeline.topological_map.links_kernels import metres_on
 
 
@@ -64,8 +65,12 @@ class Links:
 def drive_seconds(
     surface: DrivableSurface, starts: NDArray[np.float64], ends: NDArray[np.float64], config: LinkConfig
 ) -> NDArray[np.float64]:
-    """(N,) expected time in s to drive the lines between points (N, 2 or 3), and to stop once."""
+    """(N,) expected time in s to drive the lines between points (N, 2 or 3), and to stop once.
+
+    Metres across the slope of a ramp take as many times as long as on the grid.
+    """
     a, b = np.ascontiguousarray(starts[:, :2]), np.ascontiguousarray(ends[:, :2])
     on_ramp = metres_on(a, b, surface.grid.origin, surface.grid.cell, surface.ramp)
     level = np.linalg.norm(b - a, axis=1) - on_ramp
-    return level / config.speed + on_ramp / config.ramp_speed + config.stop_time
+    slow = on_ramp + (ACROSS - 1) * surface.metres_across(a, b)
+    return level / config.speed + slow / config.ramp_speed + config.stop_time

@@ -29,4 +29,6 @@ class RescueArena(composer.Arena):
         quat = np.array([1.0, 0, 0, 0] if self._start.quat is None else self._start.quat)
         rotation = np.empty(9)
         mujoco.mju_quat2Mat(rotation, quat)
-        return from_rotation(rotation.reshape(3, 3), self._start.pos)
+        return from_rotation(
+            rotation.reshape(3, 3), np.zeros(3) if self._start.pos is None else self._start.pos
+        )

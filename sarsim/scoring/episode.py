@@ -47,12 +47,14 @@ class EpisodeScore:
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
+        self._lifts = 0
         self.progress: list[tuple[float, float]] = []
 
     def add(self, look: Look) -> None:
         """Take the newest look into account."""
         truth = self._robot.true_look
         assert truth is not None
+        self._lifts += look.was_lifted
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
         self._see(points)
@@ -71,10 +73,10 @@ class EpisodeScore:
         return float(self.seen[self.surface.drivable].mean())
 
     def report(self) -> dict[str, Any]:
-        """Everything about the stages; the commands add what ran and how long it took."""
+        """All stages of which there is something to say; the commands add what ran and how long it took."""
         explorer, trajectory = self._explorer, self._robot.trajectory
         confirmed = np.array([victim.position for victim in explorer.victims.confirmed]).reshape(-1, 3)
-        return {
+        stages = {
             "metric_map": self._voxels.report(),
             "semantic_map": self._semantics.report(explorer.semantic_map),
             "segments": score_segments(explorer.segments, self._faces),
@@ -85,6 +87,7 @@ class EpisodeScore:
             "localisation": score_localisation(trajectory),
             **({"victims": self.victims.report(confirmed)} if explorer.detector else {}),
         }
+        return {name: stage for name, stage in stages.items() if stage}
 
     def _see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells that a noise-free return fell in."""
@@ -125,6 +128,7 @@ class EpisodeScore:
             "legs": len(legs),
             "reached": sum(leg.outcome is Outcome.REACHED for leg in legs),
             "tipped": times_tipped(trajectory),
+            "lifted": self._lifts,
             "stuck": sum(leg.outcome is Outcome.STUCK for leg in legs),
             "collisions": self._robot.collisions.collisions,
             "distance_m": driven(trajectory),

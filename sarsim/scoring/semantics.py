@@ -20,8 +20,10 @@ class SemanticScore:
         self._truth.update(points, np.eye(len(Label), dtype=np.float32)[labels])
 
     def report(self, semantic_map: SemanticMap) -> dict[str, Any]:
-        """Intersection over union by label, its means, and the share of right points."""
+        """Intersection over union by label, its means, and the share of right points; nothing without points."""
         confusion = confusion_matrix(self._truth.labels(), semantic_map.labels())
+        if not confusion.any():
+            return {}
         iou = iou_by_label(confusion)
         four = [iou[label] for label in THESIS_FOUR if label in iou]
         return {

@@ -58,6 +58,8 @@ def _cells_seen(positions: NDArray[np.float64], cells: NDArray[np.float64], trut
 def _greedy_cover(cells: NDArray[np.float64], truth: TrueSurface, area: NDArray[np.bool_]) -> int:
     """Nodes that a greedy cover by every fourth drivable cell along x and y needs for an area: (N,) of the cells."""
     candidates = cells[(truth.grid.cell_of(cells) % 4 == 0).all(axis=1)]
+    if not len(candidates):
+        candidates = cells
     sees = _cells_seen(candidates, cells, truth)
     missing = area.astype(np.int32)
     nodes = 0

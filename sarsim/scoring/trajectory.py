@@ -12,6 +12,8 @@ from pipeline.transforms import tilt_of
 from sarsim.pose import Pose
 
 TIPPED = np.deg2rad(45)
+LIFT = 0.15
+"""m from one pose to the next."""
 
 
 def score_localisation(trajectory: Sequence[Pose]) -> dict[str, float]:
@@ -27,9 +29,12 @@ def score_localisation(trajectory: Sequence[Pose]) -> dict[str, float]:
 
 
 def driven(trajectory: Sequence[Pose]) -> float:
-    """Metres along the true trajectory; steps below half a millimetre are the springs', not the wheels'."""
+    """Metres along the true trajectory.
+
+    Steps below half a millimetre are the springs', not the wheels', and one beyond ``LIFT`` is the work of a hand.
+    """
     steps = np.linalg.norm(np.diff([p.T_world_base[:2, 3] for p in trajectory], axis=0), axis=1)
-    return float(steps[steps > 5e-4].sum())
+    return float(steps[(steps > 5e-4) & (steps < LIFT)].sum())
 
 
 def greatest_tilt(trajectory: Sequence[Pose]) -> tuple[float, float]:

@@ -33,7 +33,12 @@ class VoxelScore:
         self._surface[i, j, k] = True
 
     def report(self) -> dict[str, float]:
-        """The figures of the map; a voxel with a surface counts as surface even where other rays cross it."""
+        """The figures of the map, none if nothing was seen.
+
+        A voxel with a surface counts as surface even where other rays cross it.
+        """
+        if not self._surface.any():
+            return {}
         upper = self._lower + self._surface.shape
         log_odds = self._map.log_odds(self._lower, upper)
         occupied, free = log_odds > 0, log_odds < 0

@@ -6,6 +6,7 @@ import pytest
 from pipeline.exploration import View
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
+from pipeline.goals import Goals
 from pipeline.navigation import Halt, Leg, Outcome
 from pipeline.path_plan import PathPlan
 from pipeline.robot import Velocity
@@ -32,7 +33,7 @@ def explorer():
 
 @pytest.mark.parametrize("freed", [True, False])
 def test_what_holds_the_robot_is_an_obstacle_once_it_got_away(explorer, freed):
-    explorer.navigator.follow = lambda way_points, heading, back_up: (
+    explorer.navigator.follow = lambda way_points, *rest: (
         explorer.navigator.legs.append(Leg(way_points[-1, :2], Outcome.STUCK, 1.0))
         or explorer.navigator.halts.append(Halt(np.eye(4), Velocity(0.2), freed))
     )
@@ -51,8 +52,9 @@ def test_what_holds_the_robot_is_an_obstacle_once_it_got_away(explorer, freed):
 def test_ground_is_level_wherever_the_robot_is_set_down(explorer, moved):
     explorer.look()
     explorer.robot.T = from_yaw(*moved, 0, np.pi)
-    surface = explorer.look().surface
-    assert surface.grid.at(surface.drivable, moved)
+    look = explorer.look()
+    assert look.surface.grid.at(look.surface.drivable, moved)
+    assert look.was_lifted == (moved == (5.0, 5.0))
 
 
 def test_a_robot_that_was_not_lifted_trusts_what_it_saw(explorer):
@@ -64,3 +66,31 @@ def test_a_robot_that_was_not_lifted_trusts_what_it_saw(explorer):
     )
     explorer.look()
     assert np.isnan(explorer.surface_map.elevation[np.isnan(known)]).all()
+
+
+def test_a_robot_that_is_held_again_and_again_stays(explorer):
+    explorer.navigator.follow = lambda way_points, *rest: explorer.navigator.legs.append(
+        Leg(way_points[-1, :2], Outcome.STUCK, 1.0)
+    )
+    explorer.navigator.motion = explorer.robot.drive(Velocity())
+    looks = [explorer.look()]
+    while looks[-1].plan is not None and len(looks) < 20:
+        explorer.drive(looks[-1])
+        looks.append(explorer.look())
+    assert len(looks) == 1 + explorer.config.patience
+    assert looks[0].can_drive and not looks[-1].can_drive
+
+
+def test_goals_come_before_views_and_views_only_as_long_as_goals_are_out_of_reach(explorer):
+    explorer.look()
+    explorer.goals = Goals(explorer.topological_map, [(9.0, 9.0), (1.2, 0.0)])
+    view = explorer.look().view
+    np.testing.assert_allclose(view.position, (1.2, 0.0))
+    explorer.robot.T = from_yaw(1.2, 0.0, 0, np.pi)
+    explorer._T_map_last = explorer.robot.T
+    assert explorer.look().view.gain > 0
+    assert len(explorer.goals.left) == 1
+    explorer.may_explore = False
+    assert explorer.look().view is None
+    explorer.may_explore, explorer.goals = True, Goals(explorer.topological_map, [])
+    assert explorer.look().view is None

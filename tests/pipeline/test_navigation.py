@@ -198,3 +198,34 @@ def test_it_backs_to_what_lies_right_behind_it_and_near(target, backs):
     assert Navigator(robot).follow(np.array([target]))
     np.testing.assert_allclose(robot.T[:2, 3], target, atol=0.06)
     assert (min(c.v for c in robot.commands) < 0) == backs
+
+
+def test_a_robot_that_was_lifted_since_the_look_does_not_follow_the_old_plan():
+    robot = KinematicRobot()
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(2, 0)]), start=np.array([5.0, 5.0]))
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.MOVED]
+    assert not any(command.v or command.omega for command in robot.commands)
+    assert navigator.follow(np.array([(1, 0)]), start=np.array([0.0, 0.05]))
+
+
+def test_it_stops_before_what_a_glance_shows():
+    robot = KinematicRobot()
+    navigator, asked = Navigator(robot), []
+
+    def is_clear(here, target):
+        asked.append((here[0], tuple(target)))
+        return here[0] < 0.8
+
+    assert not navigator.follow(np.array([(0.5, 0), (2, 0), (2, 2)]), is_clear=is_clear)
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.REACHED, Outcome.BLOCKED]
+    assert 0.8 <= robot.T[0, 3] < 0.85
+    assert robot.commands[-1] == Velocity()
+    assert {target for _, target in asked} == {(0.5, 0), (2, 0)}
+
+
+def test_it_does_not_glance_ahead_while_it_turns():
+    navigator = Navigator(KinematicRobot())
+    assert not navigator.follow(np.array([(-1, 0)]), is_clear=lambda here, target: False)
+    assert navigator.legs[0].outcome is Outcome.BLOCKED
+    assert abs(wrap_angle(yaw_of(navigator.T_map_base) - np.pi)) < np.deg2rad(3)

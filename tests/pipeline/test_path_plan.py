@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from pipeline.path_plan import obstacle_to, order_goals, plan_path
+from pipeline.semantic_map.segments import Segments
+from pipeline.surface.drivable import drivable_surface
 from pipeline.surface.path_kernels import free_rules, shortest_paths
 from pipeline.surface.paths import ShortestPaths
+from pipeline.topological_map.topological_map import TopologicalMap
 from tests.pipeline.topological_map.grounds import U_TURN, room, topology_of
+from tests.pipeline.worlds import ground_points, ridge, surface_of
 
 BOX = [((1.0, 1.0), (2.6, 1.0)), ((2.6, 1.0), (2.6, 2.6)), ((2.6, 2.6), (1.0, 2.6)), ((1.0, 2.6), (1.0, 1.0))]
 """Walls around ground that nobody can get into."""
@@ -59,13 +63,26 @@ def test_a_plan_may_begin_elsewhere(u_turn):
     np.testing.assert_array_equal(longer.way_points, np.vstack([(-1.0, -1.5, 0.0), plan.way_points]))
 
 
-def test_a_plan_that_the_map_contradicts_no_longer_holds(u_turn):
-    surface, topology = u_turn
-    plan = plan_path(topology, surface, ShortestPaths(surface, (-1.0, -1.5)), (1.0, -1.5))
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_ramp_with_room_to_cross_it_askew_is_met_head_on_all_the_same(side):
+    surface = drivable_surface(surface_of(ground_points(ridge, (-2.5, 2.5), (-2.5, 2.5))))
+    start, goal = np.array([-1.5, -1.4 * side]), np.array([1.5, 1.4 * side])
+    assert surface.lines_are_drivable(start[None], goal[None])[0]
+    assert surface.metres_across(start[None], goal[None])[0] > 1
+    paths = ShortestPaths(surface, start)
+    topology = TopologicalMap()
+    topology.update([], Segments(), surface, paths)
+    plan = plan_path(topology, surface, paths, goal)
     assert plan is not None
-    assert plan.still_holds(surface, (-1.0, -1.5))
+    way = np.vstack([start, plan.way_points[:, :2]])
+    assert surface.metres_across(way[:-1], way[1:]).sum() < 0.1
+    assert surface.lines_are_drivable(way[:-1], way[1:]).all()
+
+
+def test_where_the_map_contradicts_a_way_there_is_none(u_turn):
+    surface, topology = u_turn
+    assert plan_path(topology, surface, ShortestPaths(surface, (-1.0, -1.5)), (1.0, -1.5)) is not None
     closed, segments = room((-3, 3), (-2, 2), [((0, -2), (0, 2))])
-    assert not plan.still_holds(closed, (-1.0, -1.5))
     paths = ShortestPaths(closed, (-1.0, -1.5))
     topology.update([], segments, closed, paths)
     assert plan_path(topology, closed, paths, (1.0, -1.5)) is None

@@ -1,0 +1,89 @@
+"""Driving to goals on known ground, by a robot that gets wherever it is sent unless it is held."""
+
+import numpy as np
+import pytest
+
+from pipeline.goals import ARRIVED, PATIENCE, Goals
+from pipeline.surface.paths import ShortestPaths
+from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.transforms import from_yaw
+from tests.pipeline.topological_map.grounds import U_TURN, room, topology_of
+
+START = (-2.4, -1.5)
+
+
+@pytest.fixture(scope="module")
+def world():
+    surface, segments = room((-3, 3), (-2, 2), U_TURN)
+    return surface, topology_of(surface, segments, START)
+
+
+def drive(world, goals, share=1.0, here=START, most=100):
+    """Follow the views, each a ``share`` of the way; the places that the robot was sent to."""
+    surface, _ = world
+    sent, here = [], np.array(here)
+    while view := goals.next_view(surface, None, ShortestPaths(surface, here), from_yaw(*here, 0, 0)):
+        sent.append(tuple(view.position.round(3)))
+        here = here + share * (view.position - here)
+        assert len(sent) < most
+    goals.refuse()
+    return sent
+
+
+def test_goals_are_visited_in_a_short_order(world):
+    goals = Goals(world[1], [(1.5, -1.5), (-1.0, 0.0), (1.0, 1.0), (-1.0, -1.4)])
+    assert drive(world, goals) == [(-1.0, -1.4), (-1.0, 0.0), (1.0, 1.0), (1.5, -1.5)]
+    assert not goals.left
+    assert all(visit.obstacle is None for visit in goals.visits)
+
+
+def test_what_cannot_be_reached_is_refused_with_a_reason_and_the_rest_visited(world):
+    goals = Goals(world[1], [(9.0, 9.0), (-1.0, -1.4), (0.02, -1.0), (np.nan, 0.0)])
+    assert drive(world, goals) == [(-1.0, -1.4)]
+    told = {tuple(visit.goal): visit.obstacle for visit in goals.visits}
+    assert told[-1.0, -1.4] is None
+    assert "off the map" in told[9.0, 9.0]
+    assert "in a wall" in told[0.02, -1.0]
+    assert sum("not a place" in str(obstacle) for obstacle in told.values()) == 1
+
+
+def test_a_robot_that_is_held_gives_a_goal_up(world):
+    goals = Goals(world[1], [(-1.0, -1.4)])
+    assert len(drive(world, goals, share=0.0)) == PATIENCE
+    assert "given up" in str(goals.visits[0].obstacle)
+
+
+def test_a_robot_that_comes_nearer_is_patient(world):
+    goals = Goals(world[1], [(-1.0, -1.4)])
+    assert len(drive(world, goals, share=0.15)) > PATIENCE
+    assert goals.visits[0].obstacle is None
+
+
+def test_home_may_be_beside_where_the_robot_can_drive(world):
+    corner = (-2.9, -1.9)
+    refused, snapped = Goals(world[1], [corner]), Goals(world[1], [corner], snap=0.5)
+    assert drive(world, refused) == []
+    assert "too near" in str(refused.visits[0].obstacle)
+    (place,) = drive(world, snapped)
+    assert np.linalg.norm(np.array(place) - corner) <= 0.5
+    assert snapped.visits[0].obstacle is None
+
+
+def test_who_is_there_already_does_not_drive(world):
+    goals = Goals(world[1], [(START[0] + ARRIVED / 2, START[1])])
+    assert drive(world, goals) == []
+    assert goals.visits[0].obstacle is None
+
+
+def test_what_cannot_be_reached_yet_is_not_refused_before_all_is_over(world):
+    goals = Goals(world[1], [(9.0, 9.0)])
+    assert goals.next_view(world[0], None, ShortestPaths(world[0], START), from_yaw(*START, 0, 0)) is None
+    assert len(goals.left) == 1
+    goals.refuse()
+    assert "off the map" in str(goals.visits[0].obstacle)
+
+
+def test_a_goal_that_nobody_looked_for_was_not_reached():
+    goals = Goals(TopologicalMap(), [(1.0, 2.0)])
+    goals.refuse()
+    assert goals.visits[0].obstacle == "the goal (1.00, 2.00) m was not reached before the end"

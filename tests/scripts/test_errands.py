@@ -1,0 +1,135 @@
+"""Goals, and what may go wrong on the way there: in the simulator, in small rooms, and only as long as needed."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from pipeline.explorer import ExplorerConfig, Look
+from sarsim.scripts.run_episode import Episode, EpisodeConfig
+
+WALL, TERRAIN, DECK = 1, 2, 4
+Interval = tuple[float, float]
+
+
+def box(x: Interval, y: Interval, z: Interval = (0.0, 1.2), label: int = WALL) -> str:
+    """An upright box."""
+    pos = " ".join(f"{sum(side) / 2:g}" for side in (x, y, z))
+    size = " ".join(f"{(side[1] - side[0]) / 2:g}" for side in (x, y, z))
+    return f'<geom type="box" pos="{pos}" size="{size}" user="{label}"/>'
+
+
+def movable(geom: str) -> str:
+    """The same, in a place of its own that a test may change."""
+    return f'<body name="movable" mocap="true" pos="9 9 0">{geom}</body>'
+
+
+def room(x: Interval, y: Interval, *more: str) -> str:
+    """The MJCF of a room in which the robot starts at the origin, looking along x."""
+    walls = [
+        box((x[0] - 0.1, x[0]), y),
+        box((x[1], x[1] + 0.1), y),
+        box(x, (y[0] - 0.1, y[0])),
+        box(x, (y[1], y[1] + 0.1)),
+    ]
+    floor = f'<site name="start"/><geom type="plane" size="20 20 1" user="{TERRAIN}"/>'
+    content = "".join([floor, *walls, *more])
+    return f'<mujoco><size nuser_geom="1"/><worldbody><light pos="0 0 3"/>{content}</worldbody></mujoco>'
+
+
+class Diary:
+    """An episode and the lines of its log; ``meddle`` is called between each look and the drive that follows."""
+
+    def __init__(
+        self, arena: str, folder: Path, meddle: Callable[[Episode, Look], object] = lambda *_: None, **config
+    ):
+        path = folder / "arena.xml"
+        path.write_text(arena)
+        self.lines: list[str] = []
+        settings = {"labels": "truth", "detector": None, "out": folder} | config
+        self.episode = episode = Episode(EpisodeConfig(arena=str(path), **settings))
+        log, drive = episode.recorder.log_message, episode.explorer.drive
+        episode.recorder.log_message = lambda level, text: (
+            self.lines.append(f"{level} {text}"),
+            log(level, text),
+        )
+        episode.explorer.drive = lambda look: (meddle(episode, look), drive(look))[1]
+        assert episode.run()
+        self.report = json.loads((folder / "report.json").read_text())
+
+    def said(self, text: str) -> bool:
+        return any(text in line for line in self.lines)
+
+
+def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp_path):
+    deck = box((1.4, 2.8), (-1.3, 0.0), (0.0, 0.3), DECK)
+    goals = ((1.0, 0.7), (2.1, -0.65), (50.0, 0.0), (2.8, 0.6))
+    diary = Diary(room((-1.0, 2.8), (-1.3, 1.3), deck), tmp_path, goals=goals, home=True, steps=12)
+    errand = diary.report["goals"]
+    assert (errand["given"], errand["reached"]) == (4, 1)
+    for reason in (
+        "(2.10, -0.65) m cannot be reached",
+        "(50.00, 0.00) m is off the map",
+        "(2.80, 0.60) m is in a",
+    ):
+        assert any(reason in line for line in errand["refused"])
+        assert diary.said(f"WARN the goal {reason}")
+    assert diary.said("INFO the goal (1.00, 0.70) m is reached")
+    assert diary.said("INFO home is reached")
+    assert diary.report["home"] == {"given": 1, "reached": 1, "refused": []}
+    end = diary.episode.robot.trajectory[-1].T_world_base[:2, 3]
+    assert np.linalg.norm(end) < 0.2
+    assert diary.report["navigation"]["collisions"] == 0
+
+
+def put_in_the_way(episode: Episode, look: Look) -> None:
+    """Once, 1.2 m ahead of a robot that is about to drive further than that."""
+    data = episode.robot.physics.data
+    if look.plan and data.mocap_pos[0, 0] > 8 and np.linalg.norm(look.plan.way_points[0, :2]) > 1.5:
+        ahead = look.plan.way_points[0, :2] - look.T_map_base[:2, 3]
+        data.mocap_pos[0, :2] = look.T_map_base[:2, 3] + 1.2 * ahead / np.linalg.norm(ahead)
+
+
+def test_the_robot_stops_before_what_was_put_in_its_way_and_drives_around(tmp_path):
+    barrel = movable(box((-0.15, 0.15), (-0.15, 0.15), (0.0, 0.5), label=7))
+    arena = room((-1.3, 3.2), (-1.4, 1.4), barrel)
+    diary = Diary(arena, tmp_path, put_in_the_way, steps=20, goals=((2.4, 0.0),))
+    assert diary.said("ended: blocked")
+    assert diary.report["goals"]["reached"] == 1
+    assert diary.report["navigation"]["collisions"] == 0
+    assert diary.report["navigation"]["stuck"] == 0
+
+
+def lift(episode: Episode, look: Look) -> None:
+    """Once, to another room."""
+    robot = episode.robot
+    if look.plan and robot.trajectory[-1].T_world_base[0, 3] < 4:
+        robot.robot.set_pose(robot.physics, np.array([8.0, 0.0, 0.0]), np.array([1.0, 0, 0, 0]))
+        mujoco.mj_forward(robot.physics.model.ptr, robot.physics.data.ptr)
+
+
+def test_a_robot_that_was_lifted_drives_no_old_plan_and_says_so(tmp_path):
+    other = [box((6.7, 6.8), (-1.3, 1.3)), box((9.8, 9.9), (-1.3, 1.3))]
+    arena = room((-1.3, 2.5), (-1.3, 1.3), *other)
+    diary = Diary(arena, tmp_path, lift, steps=3, home=True)
+    assert diary.said("ended: moved")
+    assert diary.said("WARN the robot was lifted and set down at (8.00, 0.00) m")
+    assert diary.said("WARN the goal (0.00, 0.00) m cannot be reached from")
+    assert diary.report["navigation"]["lifted"] == 1
+    assert diary.report["navigation"]["collisions"] == 0
+    assert diary.report["navigation"]["distance_m"] < 4
+    assert diary.report["home"]["reached"] == 0
+
+
+def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):
+    diary = Diary(room((-0.36, 0.36), (-0.36, 0.36)), tmp_path, goals=((2.0, 0.0),))
+    assert diary.said("WARN 0% explored; the robot stands where it cannot drive")
+    assert diary.said(
+        "WARN the goal (2.00, 0.00) m cannot be driven to: the robot stands where it cannot drive"
+    )
+    navigation = diary.report["navigation"]
+    assert navigation["legs"] - navigation["reached"] == ExplorerConfig().patience
+    assert "metric_map" not in diary.report
+    assert diary.report["goals"]["reached"] == 0

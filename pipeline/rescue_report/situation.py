@@ -91,9 +91,7 @@ def situation_of(explorer: Explorer, track: Sequence[NDArray[np.float64]], finis
         points=points,
         labels=explorer.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(
-            surface, explorer.surface_map.measured, paths.reachable, explorer.exploration.frontiers
-        ),
+        unseen=find_unseen(surface, explorer.surface_map.measured, paths.reachable),
         people=[_person(mark, victim, router) for mark, victim in confirmed_marks(explorer.victims)],
         sightings=[_person(mark, victim, router) for mark, victim in unconfirmed_marks(explorer.victims)],
         searched=explorer.detector is not None,

@@ -12,7 +12,7 @@ from pipeline.surface.drivable import DrivableSurface
 FROM_WALL = 0.15
 """m from a wall or a step; no ground is expected nearer."""
 AHEAD = 1.0
-"""m beyond a frontier in which ground is expected."""
+"""m beyond where the robot can go, in which ground is expected if no wall or step is between."""
 ROOM = 0.2
 """m² in which someone has room, at least."""
 SIDE = 0.4
@@ -26,13 +26,11 @@ class Unseen:
     Attributes:
         places: of such ground, large enough for someone to be in, the largest first.
         rest: m² of smaller patches.
-        frontiers: number of places where unseen ground begins that the robot could have driven to.
         seen: m² of ground that was seen.
     """
 
     places: list[Place]
     rest: float
-    frontiers: int
     seen: float
 
     @property
@@ -51,27 +49,22 @@ def find_unseen(
     surface: DrivableSurface,
     measured: NDArray[np.float32],
     reachable: NDArray[np.bool_],
-    frontiers: NDArray[np.float64],
 ) -> Unseen:
-    """What was not seen: inside the map's outline, and before the frontiers.
+    """What was not seen: inside the map's outline, and ahead of where the robot can go.
 
     Args:
         surface: of the robot's map.
         measured: (nx, ny) height of the ground that returns have shown, NaN elsewhere.
         reachable: (nx, ny) where the robot can go.
-        frontiers: (N, 3) m, as left by the exploration.
     """
     grid, unknown = surface.grid, np.isnan(measured)
     outline = ndimage.binary_fill_holes(~np.isnan(surface.elevation))
-    marks = np.zeros(grid.shape, np.bool_)
-    marks[tuple(grid.cell_of(frontiers).T)] = True
-    ahead = ndimage.binary_dilation(marks, iterations=round(AHEAD / grid.cell), mask=~surface.hazard)
+    ahead = ndimage.binary_dilation(reachable, iterations=round(AHEAD / grid.cell), mask=~surface.hazard)
     cells = unknown & (outline | ahead) & (surface.to_hazard >= FROM_WALL)
     found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)
     near = grid.distance_to(reachable) <= SIDE
     return Unseen(
         places=[place for place in found if place.area >= ROOM],
         rest=sum(place.area for place in found if place.area < ROOM),
-        frontiers=len(frontiers),
         seen=float(np.count_nonzero(near & ~unknown & ~surface.hazard)) * grid.cell**2,
     )

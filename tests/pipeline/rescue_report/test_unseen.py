@@ -10,14 +10,19 @@ from pipeline.surface.paths import ShortestPaths
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 ROOM = (-2.0, 2.0), (-1.5, 1.5)
-NONE = np.zeros((0, 3))
+WALLS = [
+    wall_points(a, b)
+    for a, b in (((-1.98, -1.5), (-1.98, 1.5)), ((-2, -1.48), (2, -1.48)), ((-2, 1.48), (2, 1.48)))
+]
+LAST_WALL = wall_points((1.98, -1.5), (1.98, 1.5))
 
 
-def unseen(*clouds: NDArray[np.float32], frontiers: NDArray[np.float64] = NONE) -> Unseen:
-    surface_map = surface_of(*clouds)
+def unseen(*clouds: NDArray[np.float32]) -> Unseen:
+    """In a room with three walls."""
+    surface_map = surface_of(*clouds, *WALLS)
     surface = drivable_surface(surface_map)
     reachable = ShortestPaths(surface, (-1.5, 0.0)).reachable
-    return find_unseen(surface, surface_map.measured, reachable, frontiers)
+    return find_unseen(surface, surface_map.measured, reachable)
 
 
 def without(low: float, high: float) -> NDArray[np.float32]:
@@ -27,36 +32,36 @@ def without(low: float, high: float) -> NDArray[np.float32]:
 
 
 def test_what_was_seen_whole_has_no_rest() -> None:
-    seen = unseen(ground_points(flat, *ROOM))
+    seen = unseen(ground_points(flat, *ROOM), LAST_WALL)
     assert seen.places == []
     assert seen.area == 0
     assert seen.share == 1
-    assert seen.seen == pytest.approx(12, abs=0.01)
+    # But for the cells that the walls are in.
+    assert seen.seen == pytest.approx(3.9 * 2.9, abs=0.01)
 
 
 def test_a_hole_in_the_floor_is_a_place() -> None:
-    (place,) = unseen(without(0, 1)).places
+    seen = unseen(without(0, 1), LAST_WALL)
+    (place,) = seen.places
     assert place.area == pytest.approx(1, abs=0.01)
     assert place.position == pytest.approx([0.5, 0.5], abs=0.05)
-    assert unseen(without(0, 1)).share == pytest.approx(11 / 12, abs=0.01)
+    assert seen.share == pytest.approx(1 - 1 / (3.9 * 2.9), abs=0.01)
 
 
 def test_a_small_hole_is_a_patch() -> None:
-    seen = unseen(without(0, 0.4))
+    seen = unseen(without(0, 0.4), LAST_WALL)
     assert seen.places == []
     assert seen.rest == pytest.approx(0.16, abs=0.01)
 
 
-def test_ground_is_expected_before_a_frontier_but_not_behind_a_wall() -> None:
-    floor, frontiers = ground_points(flat, *ROOM), np.array([[1.95, 0.0, 0.0]])
-    seen = unseen(floor, frontiers=frontiers)
-    assert seen.frontiers == 1
-    (place,) = seen.places
-    assert 2 < place.position[0] < 2 + AHEAD
-    assert 0.5 < place.area <= np.pi / 2 * AHEAD**2
-    walled = unseen(floor, wall_points((1.98, -1.5), (1.98, 1.5)), frontiers=frontiers - [0.3, 0, 0])
-    assert walled.places == []
+def test_ground_is_expected_ahead_where_no_wall_is() -> None:
+    (place,) = unseen(ground_points(flat, *ROOM)).places
+    reach = AHEAD - 0.25  # the robot's middle keeps off unknown ground
+    assert 2 < place.position[0] < 2 + reach
+    assert (
+        2.4 * reach < place.area < 4 * reach
+    )  # as wide as the robot's middle can go, or as the room and more
 
 
 def test_a_map_of_nothing_has_no_share() -> None:
-    assert Unseen([], 0.0, 0, 0.0).share == 0
+    assert Unseen([], 0.0, 0.0).share == 0

@@ -25,7 +25,8 @@ class RescueReport:
     def add(self, look: Look) -> None:
         """Take the newest look into account."""
         self._track.append(look.T_map_base)
-        self._finished = look.view is None
+        if self._explorer.goals is None:  # on the way to a goal there may be nothing else to look at
+            self._finished = look.view is None and look.can_drive
 
     @property
     def situation(self) -> Situation:

@@ -1,0 +1,42 @@
+"""Watching an explorer and writing its page."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.explorer import Explorer
+from pipeline.rescue_report.report import RescueReport, write_page
+from pipeline.semantic_map.classifier import TruthClassifier
+from tests.pipeline.rescue_report.html_page import read
+from tests.pipeline.rescue_report.people import before_a_wall
+from tests.pipeline.still_robot import StillRobot
+
+
+def test_the_last_look_tells_whether_anything_is_left() -> None:
+    explorer = Explorer(StillRobot(), TruthClassifier())
+    report, look = RescueReport(explorer), explorer.look()
+    report.add(look)
+    assert look.view is not None
+    assert not report.situation.finished
+    report.add(replace(look, view=None, can_drive=False))  # held, not done
+    assert not report.situation.finished
+    report.add(replace(look, view=None))
+    situation = report.situation
+    assert situation.finished
+    np.testing.assert_array_equal(situation.T_map_entrance, np.eye(4))
+    assert situation.track.shape == (3, 2)
+    assert not situation.searched
+
+
+def test_the_page_is_a_file(tmp_path: Path) -> None:
+    write_page(tmp_path / "report.html", before_a_wall(None), {"arena": "Fußweg"})
+    assert "Fußweg" in read((tmp_path / "report.html").read_text(encoding="utf-8")).text
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_a_page_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"missing/report\.html: cannot be written"):
+        write_page(tmp_path / "missing" / "report.html", before_a_wall(None), {"arena": "a"})

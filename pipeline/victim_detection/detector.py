@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.victim_detection.boxes import areas, decode, suppress
 from pipeline.victim_detection.detection import Detection
+from pipeline.victim_detection.exposure import evenly_exposed
 from pipeline.victim_detection.inference import FusedNetwork
 from pipeline.victim_detection.letterbox import Letterbox
 from pipeline.victim_detection.network import DarknetNetwork
@@ -62,7 +63,7 @@ class VictimDetector:
         """
         check_image(rgb)
         cfg = self._network.cfg
-        letterbox, image = Letterbox.fit(rgb, cfg.width, cfg.height)
+        letterbox, image = Letterbox.fit(evenly_exposed(rgb), cfg.width, cfg.height)
         parts = [
             decode(head, yolo, cfg.width, cfg.height, self.config.confidence)
             for head, yolo in zip(self._network(image), cfg.heads, strict=True)

@@ -1,11 +1,12 @@
 """Canvases to learn from, by number."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.victim_detection.augmentation import AugmentationConfig, augmented
+from pipeline.victim_detection.exposure import evenly_exposed
 from pipeline.victim_detection.labelled_image import LabelledImage, LabelledImages
 
 
@@ -54,10 +55,15 @@ class CanvasSampler:
     def _canvas(self, number: int) -> LabelledImage:
         augmentation, rng = self._config.augmentation, np.random.default_rng([self._seed, number])
         count = 4 if rng.random() < augmentation.mosaic else 1
-        images = [self._images[self._draw(rng)] for _ in range(count)]
+        images = [self._image(self._draw(rng)) for _ in range(count)]
         pasted = [rng.choice(self._shown)] if rng.random() < augmentation.paste else []
-        donors = [self._images[int(index)] for index in pasted]
+        donors = [self._image(int(index)) for index in pasted]
         return augmented(images, donors, self._size, augmentation, rng)
+
+    def _image(self, index: int) -> LabelledImage:
+        """As the detector shows it to the network."""
+        image = self._images[index]
+        return replace(image, rgb=evenly_exposed(image.rgb))
 
     def _draw(self, rng: np.random.Generator) -> int:
         empty = len(self._empty) > 0 and rng.random() < self._config.empty

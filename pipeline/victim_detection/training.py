@@ -27,7 +27,7 @@ from pipeline.victim_detection.labelled_image import LabelledImage, LabelledImag
 from pipeline.victim_detection.loss import LossConfig, YoloLoss
 from pipeline.victim_detection.network import DarknetConvolution, DarknetNetwork
 from pipeline.victim_detection.sampler import CanvasSampler, SamplingConfig
-from pipeline.victim_detection.weights import write_weights
+from pipeline.victim_detection.weights import load_network, write_weights
 
 COLUMNS = ("step", "loss", "ap50")
 _BUILDERS = {"yolov3-small": (yolov3_small, 9), "yolov3-tiny": (yolov3_tiny, 6), "yolov3": (yolov3, 9)}
@@ -100,6 +100,7 @@ class Trainer:
         config: TrainingConfig,
         out: Path,
         about: dict[str, Any],
+        initial: Path | None = None,
     ) -> None:
         """Begin, or go on from ``out``'s checkpoint where there is one.
 
@@ -109,9 +110,12 @@ class Trainer:
             config: settings.
             out: file for the weights.
             about: what else the card says of how they came about.
+            initial: weights to begin with, their network beside them with the ending .cfg; random weights of a network
+                whose anchors fit the images' people if not given.
 
         Raises:
-            InputError: no one is to be found in the images, or the checkpoint is of another training.
+            InputError: no one is to be found in the images, the checkpoint is of another training, or the initial
+                network cannot be read or tells more than one class apart.
         """
         if not any(len(validation.people(index)) for index in range(len(validation))):
             raise InputError("no one is to be found in the images to validate with")
@@ -119,9 +123,10 @@ class Trainer:
         self.config, self.out, self._about = config, out, about
         self._sampler = CanvasSampler(training, (config.width, config.height), config.sampling, config.seed)
         self._validation = validation
-        self._text = fitted_cfg(training, config)
         self._device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-        self.network = new_network(self._text).to(self._device)
+        self._text = _cfg_beside(initial) if initial else fitted_cfg(training, config)
+        network = load_network(initial.with_suffix(".cfg"), initial) if initial else new_network(self._text)
+        self.network = network.to(self._device)
         self.average = deepcopy(self.network).eval()
         self._loss = YoloLoss(self.network.cfg, config.loss)
         self._optimizer = _optimizer(self.network, config)
@@ -231,6 +236,15 @@ def fitted_cfg(images: LabelledImages, config: TrainingConfig) -> str:
     rng = np.random.default_rng(config.seed)
     anchors = fit_anchors(shares * (config.width, config.height), count, rng)
     return build(config.width, config.height, 1, [(w, h) for w, h in anchors.round(1).tolist()])
+
+
+def _cfg_beside(weights: Path) -> str:
+    """The text of the network that weights are of. InputError where it is not for people alone."""
+    path = weights.with_suffix(".cfg")
+    cfg = DarknetCfg.read(path)
+    if cfg.classes != 1:
+        raise InputError(f"{path}: tells {cfg.classes} classes apart, not people alone")
+    return path.read_text()
 
 
 def new_network(text: str) -> DarknetNetwork:

@@ -23,12 +23,15 @@ class TrainYolo:
         out: file for the weights (.weights); the network (.cfg), their card (.json), a table (.csv) and a checkpoint
             get its name with other endings. A training that was left is taken up from its checkpoint.
         stride: take every so manieth frame of a scene.
+        init: weights to begin with, as this command writes them, their .cfg beside them: then its size counts, not
+            --network, --width and --height; random ones if not given.
         training: settings.
     """
 
     data: tuple[Path, ...]
     out: Path
     stride: int = 1
+    init: Path | None = None
     training: Annotated[TrainingConfig, tyro.conf.arg(name="")] = field(default_factory=TrainingConfig)
 
     def run(self) -> None:
@@ -42,7 +45,8 @@ class TrainYolo:
         images = [VictimImages(self.data, split, self.stride) for split in ("train", "val")]
         try:
             about = {"data": list(map(str, self.data)), "images": [len(source) for source in images]}
-            trainer = Trainer(images[0], images[1], self.training, self.out, about | {"stride": self.stride})
+            about |= {"stride": self.stride, "init": str(self.init) if self.init else None}
+            trainer = Trainer(images[0], images[1], self.training, self.out, about, self.init)
             self._train(trainer)
         finally:
             for source in images:

@@ -4,11 +4,15 @@ import json
 from pathlib import Path
 
 import pytest
+import torch
 
 from pipeline.victim_detection.detector import VictimDetector
+from pipeline.victim_detection.weights import load_network
+from sarsim.assets import asset
 from sarsim.scripts import train
 from tests.sarsim.dataset.people_dataset import write_people_dataset
 
+COCO = str(asset("weights", "yolov3-tiny.cfg").with_suffix(".weights"))
 QUICK = ["--width", 64, "--height", 32, "--network", "yolov3-tiny", "--steps", 2, "--sampling.batch", 1]
 
 
@@ -39,6 +43,20 @@ def test_the_command_leaves_a_network_that_the_robot_can_use(
     assert out.with_suffix(".csv").read_text().startswith("step,loss,ap50\n2,")
 
 
+def test_a_training_can_begin_with_weights(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = tmp_path / "first.weights", tmp_path / "second.weights"
+    call(monkeypatch, "--data", data, "--out", first, *QUICK)
+    still = ["--learning-rate", 1e-12, "--weight-decay", 0]
+    call(monkeypatch, "--data", data, "--out", second, *still, "--init", first, "--width", 96, "--steps", 1)
+    assert second.with_suffix(".cfg").read_text() == first.with_suffix(".cfg").read_text()
+    networks = [load_network(path.with_suffix(".cfg"), path) for path in (first, second)]
+    for one, other in zip(*(network.parameters() for network in networks), strict=True):
+        torch.testing.assert_close(one, other, atol=1e-6, rtol=0)
+    assert json.loads(second.with_suffix(".json").read_text())["init"] == str(first)
+
+
 @pytest.mark.parametrize(
     ("flags", "complaint"),
     [
@@ -46,6 +64,8 @@ def test_the_command_leaves_a_network_that_the_robot_can_use(
         (["--data", "DATA", "--out", "w.pt"], "ends with .weights"),
         (["--data", "DATA", "--out", "nowhere/w.weights"], "there is no folder"),
         (["--data", "DATA", "--out", "w.weights", "--stride", "0"], "--stride"),
+        (["--data", "DATA", "--out", "w.weights", "--init", "no.weights"], "no.cfg: No such file"),
+        (["--data", "DATA", "--out", "w.weights", "--init", COCO], "tells 80 classes apart"),
         (["--data", "DATA", "--out", "w.weights", "--width", "100"], "multiples of 32"),
         (["--data", "DATA", "--out", "w.weights", "--network", "yolov3"], "too few to fit 9 anchors"),
     ],

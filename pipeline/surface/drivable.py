@@ -21,7 +21,8 @@ class DrivableConfig:
     """What a Pioneer 3-AT takes, with a margin for the noise of the map.
 
     Attributes:
-        max_step: between neighbouring cells, m.
+        max_step: between neighbouring cells, m; the lowest steps of stairs and step fields, 0.05 m, are not for
+            driving.
         max_tilt: rad.
         clearance: of the robot's centre from hazards while driving straight, m.
         unknown_clearance: the same from unknown ground, m; half of the robot's width.
@@ -36,7 +37,7 @@ class DrivableConfig:
         max_drop_gap: known ground so far apart, with unknown ground between, may be the two sides of a drop, m.
     """
 
-    max_step: float = 0.05
+    max_step: float = 0.04
     max_tilt: float = np.deg2rad(20)
     clearance: float = 0.30
     unknown_clearance: float = 0.25

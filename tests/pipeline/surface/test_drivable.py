@@ -25,6 +25,16 @@ def test_it_keeps_away_from_walls_and_further_for_turning():
     assert surface.grid.at(surface.turnable, [0.55, 0.0])
 
 
+@pytest.mark.parametrize(("height", "is_hazard"), [(0.05, True), (0.02, False)])
+def test_it_keeps_away_from_the_lowest_step_of_a_step_field(height, is_hazard):
+    block = ground_points(lambda x, y: 0 * x + height, (0, 0.5), (0, 0.5))
+    around = ground_points(flat, (-1, 1.5), (-1, 1.5))
+    outside = (np.abs(around[:, :2] - 0.25) > 0.25).any(axis=1)
+    surface = drivable_surface(surface_of(block, around[outside]))
+    assert surface.grid.at(surface.hazard, [0.025, 0.275]) == is_hazard
+    assert surface.grid.at(surface.drivable, [-0.1, 0.275]) != is_hazard
+
+
 def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point():
     post = np.repeat(np.array([(0.025, 0.025, z) for z in (0.1, 0.2, 0.3)], np.float32), 5, axis=0)
     surface = drivable_surface(surface_of(ground_points(flat, (-1, 1), (-1, 1)), post))

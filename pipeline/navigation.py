@@ -161,6 +161,7 @@ class Navigator:
         T_map_odom: 4×4, where the localisation believes the odometry's origin.
         legs: every leg driven so far.
         halts: what stopped the robot on the last way that it followed.
+        recovered: how often it got away from what held it, so far.
         motion: the newest motion of the body.
         attitude: how far the robot leans.
     """
@@ -170,6 +171,7 @@ class Navigator:
     T_map_odom: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     legs: list[Leg] = field(default_factory=list)
     halts: list[Halt] = field(default_factory=list)
+    recovered: int = 0
     motion: Motion | None = None
     attitude: Attitude = field(default_factory=Attitude)
 
@@ -284,8 +286,8 @@ class Navigator:
             leans = self.attitude.tilt_in(self.config.tilt_lead) > self.config.max_tilt
             if leans or progress.is_stuck(T, self._time, command, self._on_ramp):
                 self._back_out(command)
-                backed = np.linalg.norm(self.T_map_base[:3, 3] - T[:3, 3])
-                self.halts.append(Halt(T, command, bool(backed > self.config.back_out / 2)))
+                self.halts.append(Halt(T, command, self._came_away(T, command)))
+                self.recovered += self.halts[-1].freed
                 return Outcome.TILTED if leans else Outcome.STUCK
         self._drive(Velocity())
         return Outcome.REACHED
@@ -307,6 +309,12 @@ class Navigator:
             if progress.is_stuck(self._drive(undo), self._time, undo, self._on_ramp):
                 break
         self._drive(Velocity())
+
+    def _came_away(self, T: NDArray[np.float64], command: Velocity) -> bool:
+        """Whether the robot has undone most of what it should have from the pose where it was held."""
+        if command.v == 0:
+            return abs(wrap_angle(yaw_of(self.T_map_base) - yaw_of(T))) > self.config.back_turn / 2
+        return bool(np.linalg.norm(self.T_map_base[:3, 3] - T[:3, 3]) > self.config.back_out / 2)
 
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)

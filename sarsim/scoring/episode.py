@@ -130,6 +130,7 @@ class EpisodeScore:
             "tipped": times_tipped(trajectory),
             "lifted": self._lifts,
             "stuck": sum(leg.outcome is Outcome.STUCK for leg in legs),
+            "recovered": self._explorer.navigator.recovered,
             "collisions": self._robot.collisions.collisions,
             "distance_m": driven(trajectory),
             "max_roll_deg": float(np.degrees(roll)),

@@ -7,7 +7,7 @@ and continued.
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import count, islice
+from itertools import count, islice, product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -53,6 +53,8 @@ class ExplorationBenchmark(Subject):
     """Who says what a point belongs to: the network, or the simulator."""
     weights: Path = WEIGHTS
     """Of the network."""
+    detector: tuple[Path, Path] | None = EpisodeConfig.detector
+    """Of victims, whom only the robot itself looks for; None to look for nobody."""
     simulation: Annotated[SimulationConfig, tyro.conf.arg(name="")] = field(default_factory=SimulationConfig)
     """Of the robot's body."""
     pipeline: ExplorerConfig = field(default_factory=ExplorerConfig)
@@ -93,17 +95,18 @@ class ExplorationBenchmark(Subject):
         """The episodes, the longest first."""
         self._check()
         strategies: tuple[Strategy, ...] = ("ours", *self.baselines)
-        for group, arena, seed in self._arenas():
+        for (group, arena, seed), strategy in product(self._arenas(), strategies):
             config = EpisodeConfig(
                 arena=arena,
                 seed=seed,
                 steps=self.steps,
                 labels=self.labels,
                 weights=self.weights,
+                detector=self.detector if strategy == "ours" else None,
                 simulation=self.simulation,
                 pipeline=self.pipeline,
             )
-            yield from (Job(group, strategy, config) for strategy in strategies)
+            yield Job(group, strategy, config)
 
     def _check(self) -> None:
         if min(self.nist, self.esogu, self.random, self.pictures, self.raf_files or 0) < 0:

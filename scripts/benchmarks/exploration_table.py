@@ -19,6 +19,7 @@ ROWS: Mapping[str, str] = {
     "legs reached": "navigation.reached.sum",
     "tipped": "navigation.tipped.sum",
     "stuck": "navigation.stuck.sum",
+    "got away after being held": "navigation.recovered.sum",
     "collisions": "navigation.collisions.sum",
     "edges through walls": "topological_map.edges_through_walls.sum",
     "coverage, worst": "topological_map.coverage.worst",

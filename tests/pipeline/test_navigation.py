@@ -78,6 +78,7 @@ def test_stuck_is_noticed_and_the_robot_backs_out():
     assert not navigator.follow(np.array([(2, 0), (2, 2)]))
     assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]
     assert robot.commands[-2].v < 0
+    assert navigator.recovered == 1
     assert robot.commands[-1].v == 0
     (halt,) = navigator.halts
     assert halt.command.v > 0

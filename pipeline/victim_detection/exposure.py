@@ -1,8 +1,8 @@
 """Light evened out: what the lamp does not reach is made brighter, as the eye does and a single exposure cannot.
 
 Every part of the image whose surroundings are darker is brought to one brightness, so that people look alike in the
-light of day, in dim light and at the edge of a lamp's cone. In the manner of Land's retinex (Land, "The retinex theory
-of color vision", Scientific American 237, 1977), with a coarse grid of cells as the surroundings.
+light of day, in dim light and at the edge of a lamp's cone. In the manner of a retinex (Land, "The retinex theory of
+color vision", Scientific American 237, 1977), with a coarse grid of cells as the surroundings.
 """
 
 import cv2

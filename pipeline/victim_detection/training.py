@@ -110,8 +110,8 @@ class Trainer:
             config: settings.
             out: file for the weights.
             about: what else the card says of how they came about.
-            initial: weights to begin with, their network beside them with the ending .cfg; random weights of a network
-                whose anchors fit the images' people if not given.
+            initial: weights to begin with, their network beside them with the ending .cfg; if not given, random ones
+                of a network whose anchors fit the images' people.
 
         Raises:
             InputError: no one is to be found in the images, the checkpoint is of another training, or the initial

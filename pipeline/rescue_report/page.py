@@ -11,7 +11,16 @@ from pipeline.rescue_report.cards import FLAT, card
 from pipeline.rescue_report.map_drawing import draw_map, pale, swatch
 from pipeline.rescue_report.markup import Markup, element, joined
 from pipeline.rescue_report.situation import Situation
-from pipeline.rescue_report.words import centimetres, counted, degrees, metres, number, percent, place
+from pipeline.rescue_report.words import (
+    centimetres,
+    counted,
+    degrees,
+    metres,
+    minutes,
+    number,
+    percent,
+    place,
+)
 
 TEMPLATE = files(__package__) / "page.html"
 MOST = 8
@@ -32,10 +41,12 @@ def page(situation: Situation, report: Mapping[str, Any]) -> str:
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=joined(f"Rescue report: {arena}"),
         arena=joined(arena),
+        run_line=_run_line(situation, report),
         tiles=_tiles(situation),
         summary=_summary(situation),
         map=draw_map(situation),
         legend=_legend(situation),
+        entrance=joined(place(situation.T_map_entrance[:2, 3])),
         people_title=joined(found if situation.searched else "People"),
         people=_people(situation),
         sightings=_sightings(situation),
@@ -45,6 +56,12 @@ def page(situation: Situation, report: Mapping[str, Any]) -> str:
         scores=figures.scores(report),
         settings=figures.settings(report),
     )
+
+
+def _run_line(situation: Situation, report: Mapping[str, Any]) -> Markup:
+    looks = counted(len(situation.track), "look")
+    time = f" in {minutes(report['sim_time_s'])}" if "sim_time_s" in report else ""
+    return joined(f"A robot went in and took {looks}{time}.")
 
 
 def _tiles(situation: Situation) -> Markup:

@@ -91,6 +91,7 @@ def test_scores_stand_apart_from_what_the_robot_knew(root: Tag) -> None:
     assert "config" not in truth.text
     rows = [row.text for row in root.all("tr")]
     assert "sim_time_s12.25" in rows
+    assert texts(root, "p", "run") == ["A robot went in and took 1 look in 12 s."]
     assert "outnot given" in rows
 
 

@@ -1,57 +1,27 @@
 """The map from above as SVG: x to the right, y up."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.labels import COLOURS, Label
 from pipeline.rescue_report.hazards import Hazards
 from pipeline.rescue_report.markup import Markup, element, joined, png
+from pipeline.rescue_report.paper import Paper, at, line
+from pipeline.rescue_report.signs import SIGNS, patterns
 from pipeline.rescue_report.situation import Person, Situation
 from pipeline.rescue_report.words import counted
 from pipeline.surface.grid import Grid
 from pipeline.transforms import yaw_of
 
-LONGER, SHORTER = 1000.0, 800.0
-"""Units that the drawing's width and height take at most."""
-MARGIN = 0.4
-"""m around what is known."""
 PALE = 0.35
 """Share of white in the colours of the classes: what is drawn on them must stand out."""
 ARROW = 0.4, 30.0
 """Between arrows up a slope: m, and units at least."""
 MOST = 12
 """Numbers of one kind, the worst first, that the drawing has room for."""
-
-
-class Paper:
-    """From m in ``map`` to units of the drawing, over a window of the surface's grid.
-
-    Attributes:
-        window: rows and columns of the grid.
-        scale: units per m.
-        width, height: units.
-    """
-
-    def __init__(self, grid: Grid, known: NDArray[np.bool_]):
-        """With room for the cells that are ``known`` (nx, ny), or for all where none is."""
-        cells = np.argwhere(known) if known.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
-        margin = round(MARGIN / grid.cell)
-        low = np.maximum(cells.min(axis=0) - margin, 0)
-        high = np.minimum(cells.max(axis=0) + 1 + margin, grid.shape)
-        self.window = slice(low[0], high[0]), slice(low[1], high[1])
-        self._low = grid.origin + low * grid.cell
-        width, height = (high - low) * grid.cell
-        self.scale = float(min(LONGER / width, SHORTER / height))
-        self.width, self.height = float(width * self.scale), float(height * self.scale)
-        self.cell = grid.cell * self.scale
-
-    def __call__(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """(..., 2) units of points (..., 2 or 3)."""
-        x, y = np.moveaxis((np.asarray(xy, np.float64)[..., :2] - self._low) * self.scale, -1, 0)
-        return np.stack([x, self.height - y], axis=-1).round(1)
 
 
 def draw_map(situation: Situation) -> Markup:
@@ -63,12 +33,12 @@ def draw_map(situation: Situation) -> Markup:
     return element(
         "svg",
         element("title", title),
-        _patterns(),
+        patterns(),
         element("rect", width=f"{paper.width:.1f}", height=f"{paper.height:.1f}", class_="unknown"),
         _ground(paper, situation),
         _drops(paper, surface.grid, situation.hazards),
         *_slopes(paper, situation),
-        element("path", d=_line(paper(situation.track)), class_="track"),
+        element("path", d=line(paper(situation.track)), class_="track"),
         *(_way(paper, person) for person in situation.everyone),
         *(_numbers(paper, situation.hazards)),
         *(_unseen(paper(place.position)) for place in situation.unseen.places),
@@ -81,11 +51,6 @@ def draw_map(situation: Situation) -> Markup:
         role="img",
         class_="drawing",
     )
-
-
-def swatch(kind: str) -> Markup:
-    """A small picture of a sign for the legend: see ``_SIGNS``."""
-    return element("svg", _SIGNS[kind], viewBox="-16 -16 32 32", class_="swatch", aria_hidden="true")
 
 
 def pale(label: Label) -> str:
@@ -137,7 +102,7 @@ def _slopes(paper: Paper, situation: Situation) -> Iterator[Markup]:
 
 
 def _arrow(middle: NDArray[np.float64], degrees: float) -> Markup:
-    return element("g", _SIGNS["slope"], transform=f"translate({_at(middle)}) rotate({degrees:.0f})")
+    return element("g", SIGNS["slope"], transform=f"translate({at(middle)}) rotate({degrees:.0f})")
 
 
 def _numbers(paper: Paper, hazards: Hazards) -> Iterator[Markup]:
@@ -157,9 +122,9 @@ def _way(paper: Paper, person: Person) -> Markup:
     way = paper(person.route.way)
     rest = np.stack([way[-1], paper(person.victim.position)])
     return joined(
-        element("path", d=_line(way), class_="casing"),
-        element("path", d=_line(way), class_="way"),
-        element("path", d=_line(rest), class_="rest"),
+        element("path", d=line(way), class_="casing"),
+        element("path", d=line(way), class_="way"),
+        element("path", d=line(rest), class_="rest"),
     )
 
 
@@ -179,13 +144,13 @@ def _person(paper: Paper, person: Person, *, confirmed: bool) -> Markup:
 
 
 def _unseen(place: NDArray[np.float64]) -> Markup:
-    return element("g", _SIGNS["unseen"], transform=f"translate({_at(place)})")
+    return element("g", SIGNS["unseen"], transform=f"translate({at(place)})")
 
 
 def _entrance(paper: Paper, T: NDArray[np.float64]) -> Markup:
     place, degrees = paper(T[:2, 3]), -np.degrees(yaw_of(T))
     return joined(
-        element("g", _SIGNS["entrance"], transform=f"translate({_at(place)}) rotate({degrees:.0f})"),
+        element("g", SIGNS["entrance"], transform=f"translate({at(place)}) rotate({degrees:.0f})"),
         _text(place + np.array([0, 34]), "Entrance", "name"),
     )
 
@@ -221,58 +186,5 @@ def _axes(paper: Paper) -> Markup:
     )
 
 
-def _patterns() -> Markup:
-    size = {"patternUnits": "userSpaceOnUse", "patternTransform": "rotate(45)"}
-    unseen = joined(
-        element("rect", width=12, height=12, fill="#f4f4f2"), element("path", d="M0 0V12", class_="hatch")
-    )
-    tape = joined(
-        element("rect", width=6, height=6, fill="#ffd400"), element("path", d="M0 0V6", class_="tape")
-    )
-    return element(
-        "defs",
-        element("pattern", unseen, id="hatched", width=12, height=12, **size),
-        element("pattern", tape, id="taped", width=6, height=6, **size),
-    )
-
-
-def _line(points: NDArray[np.float64]) -> str:
-    return "M" + "L".join(map(_at, points))
-
-
-def _at(point: Iterable[float]) -> str:
-    return " ".join(f"{value:.1f}" for value in point)
-
-
 def _text(place: NDArray[np.float64], text: str, kind: str) -> Markup:
     return element("text", text, x=f"{place[0]:.1f}", y=f"{place[1]:.1f}", class_=kind)
-
-
-_SIGNS = {
-    "slope": joined(
-        element("path", d="M-10 0H8M2 -6L9 0L2 6", class_="arrow-casing"),
-        element("path", d="M-10 0H8M2 -6L9 0L2 6", class_="arrow"),
-    ),
-    "drop": element("rect", x=-14, y=-6, width=28, height=12, class_="drop"),
-    "unseen": joined(
-        element("path", d="M0 -13L13 0L0 13L-13 0z", class_="unseen"),
-        element("text", "?", y=6, class_="unseen-mark"),
-    ),
-    "entrance": joined(
-        element("circle", r=15, class_="entrance"),
-        element("path", d="M12 0L-8 8L-3 0L-8 -8z", class_="heading"),
-    ),
-    "person": joined(
-        element("circle", r=13, class_="person"), element("text", "1", y=6, class_="person-mark")
-    ),
-    "sighting": joined(
-        element("circle", r=13, class_="sighting"), element("text", "A", y=6, class_="sighting-mark")
-    ),
-    "way": joined(
-        element("path", d="M-15 0H15", class_="casing"), element("path", d="M-15 0H15", class_="way")
-    ),
-    "rest": element("path", d="M-15 0H15", class_="rest"),
-    "track": element("path", d="M-15 0H15", class_="track"),
-    "unknown": element("rect", x=-14, y=-8, width=28, height=16, class_="unknown box"),
-}
-"""Signs of the drawing around (0, 0)."""

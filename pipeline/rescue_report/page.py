@@ -9,8 +9,9 @@ from pipeline.labels import Label
 from pipeline.rescue_report import figures
 from pipeline.rescue_report.cards import card
 from pipeline.rescue_report.headline import run_line, summary, tiles
-from pipeline.rescue_report.map_drawing import draw_map, pale, swatch
+from pipeline.rescue_report.map_drawing import draw_map, pale
 from pipeline.rescue_report.markup import Markup, element, joined
+from pipeline.rescue_report.signs import swatch
 from pipeline.rescue_report.situation import Situation
 from pipeline.rescue_report.words import centimetres, counted, degrees, metres, number, place
 

@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from pipeline.rescue_report.map_drawing import LONGER, MARGIN, Paper, draw_map
+from pipeline.rescue_report.map_drawing import draw_map
+from pipeline.rescue_report.paper import LONGER, MARGIN, Paper
 from pipeline.surface.grid import Grid
 from tests.pipeline.rescue_report.html_page import read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims

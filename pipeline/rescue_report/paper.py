@@ -1,0 +1,51 @@
+"""Where things lie on a drawing from above: x to the right, y up."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.surface.grid import Grid
+
+LONGER, SHORTER = 1000.0, 800.0
+"""Units that the drawing's width and height take at most."""
+MARGIN = 0.4
+"""m around what is known."""
+
+
+class Paper:
+    """From m in ``map`` to units of the drawing, over a window of the surface's grid.
+
+    Attributes:
+        window: rows and columns of the grid.
+        scale: units per m.
+        width, height: units.
+    """
+
+    def __init__(self, grid: Grid, known: NDArray[np.bool_]):
+        """With room for the cells that are ``known`` (nx, ny), or for all where none is."""
+        cells = np.argwhere(known) if known.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
+        margin = round(MARGIN / grid.cell)
+        low = np.maximum(cells.min(axis=0) - margin, 0)
+        high = np.minimum(cells.max(axis=0) + 1 + margin, grid.shape)
+        self.window = slice(low[0], high[0]), slice(low[1], high[1])
+        self._low = grid.origin + low * grid.cell
+        width, height = (high - low) * grid.cell
+        self.scale = float(min(LONGER / width, SHORTER / height))
+        self.width, self.height = float(width * self.scale), float(height * self.scale)
+        self.cell = grid.cell * self.scale
+
+    def __call__(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """(..., 2) units of points (..., 2 or 3)."""
+        x, y = np.moveaxis((np.asarray(xy, np.float64)[..., :2] - self._low) * self.scale, -1, 0)
+        return np.stack([x, self.height - y], axis=-1).round(1)
+
+
+def line(points: NDArray[np.float64]) -> str:
+    """The path through (N, 2) units."""
+    return "M" + "L".join(map(at, points))
+
+
+def at(point: Iterable[float]) -> str:
+    """Coordinates of a point in units."""
+    return " ".join(f"{value:.1f}" for value in point)

@@ -86,3 +86,11 @@ def test_floors_come_largest_first_and_small_patches_not_at_all():
         np.isfinite(g.height).sum() * CELL**2 for g in Survey(model, data, None).grounds(Label.TERRAIN, 0.25)
     ]
     np.testing.assert_allclose(sizes, [4.0, 2.25, 1.0], rtol=0.1)
+
+
+def test_a_start_without_a_position_is_the_origin(tmp_path):
+    path = tmp_path / "arena.xml"
+    path.write_text(
+        '<mujoco><worldbody><site name="start"/><geom type="plane" size="3 3 1"/></worldbody></mujoco>'
+    )
+    np.testing.assert_array_equal(load_arena(str(path)).T_world_start, np.eye(4))

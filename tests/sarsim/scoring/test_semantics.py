@@ -30,3 +30,8 @@ def test_the_map_is_compared_voxel_by_voxel_with_the_true_labels():
     assert report["iou"] == pytest.approx({"wall": 1 / 2, "terrain": 2 / 3})
     assert report["miou_four"] == pytest.approx(7 / 12)
     assert report["points"] == 4
+
+
+def test_a_robot_that_saw_nothing_has_no_figures():
+    config = SemanticMapConfig()
+    assert SemanticScore(config).report(SemanticMap(config)) == {}

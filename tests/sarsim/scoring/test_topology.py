@@ -64,3 +64,13 @@ def test_an_edge_with_bends_is_followed_around_the_wall(two_rooms):
     assert score_topology(topology, two_rooms)["edges_through_walls"] == 1
     topology.way = lambda a, b: np.array([(1, 0.5, 0), (2.02, 1.7, 0), (3, 0.5, 0)])
     assert score_topology(topology, two_rooms)["edges_through_walls"] == 0
+
+
+def test_ground_too_small_for_the_coarse_grid_is_covered_by_one_node():
+    drivable = np.zeros((10, 10), np.bool_)
+    drivable[5:8, 5:7] = True
+    surface = TrueSurface(
+        Grid(np.zeros(2), 0.05, drivable.shape), np.zeros(drivable.shape), drivable, ~drivable
+    )
+    assert score_topology(topology_of([(0.3, 0.3)], []), surface)["nodes_vs_greedy"] == 1
+    assert score_topology(topology_of([], []), surface)["nodes_vs_greedy"] == 0

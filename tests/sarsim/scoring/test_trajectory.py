@@ -27,6 +27,11 @@ def test_distance_is_the_length_of_the_way():
     assert driven(straight(0.01)) == 0
 
 
+def test_a_robot_that_was_lifted_did_not_drive_that_way():
+    there = [Pose(0, from_yaw(9, 9, 0, 0), np.eye(4))]
+    assert driven(straight(2.0) + there + there + straight(1.0)) == pytest.approx(3.0)
+
+
 def test_tilt_and_tipping():
     rolls = np.deg2rad([0, 10, -20, 60, 80, 0, 50])
     poses = [

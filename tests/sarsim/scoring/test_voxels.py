@@ -65,3 +65,8 @@ def test_occupied_voxels_far_from_all_rays_count_against_the_map():
     metric_map.integrate_points([(2.03, 0, 0.5)], (0, 0, 0.5))
     metric_map.integrate_points([(-5, -5, 0.5)], (-4, -5, 0.5))
     assert score.report()["occupied_precision"] == 0.5
+
+
+def test_a_robot_that_saw_nothing_has_no_figures():
+    assert VoxelScore(MetricMap()).report() == {}
+    assert scored(np.zeros((0, 3)), (0, 0, 0))[1].report() == {}

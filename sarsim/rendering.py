@@ -88,7 +88,7 @@ class Renderer(Closing):
         between_eyes = mujoco.mjv_averageCamera(*self._scene.camera)  # the scene has two, for stereo
         planes = culling.frustum(between_eyes, self.width / self.height)
         needed = (culling.in_picture if ids else culling.in_lit_picture)(self.model, data, planes)
-        with _hidden(self.model, ~needed):
+        with hidden(self.model, ~needed):
             mujoco.mjv_updateScene(self.model, data, self._option, None, view, _SCENE, self._scene)
         if not ids:
             _leave_out_shadows(self._scene, culling.floors(self.model, data))
@@ -159,7 +159,7 @@ def _offscreen_context(width: int, height: int) -> Any:
 
 
 @contextmanager
-def _hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
+def hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
     """Put geoms into a group that is not drawn, for a while."""
     groups = model.geom_group.copy()
     model.geom_group[geoms] = _NOT_DRAWN

@@ -20,6 +20,7 @@ from sarsim.scripts.benchmarks.exploration import ExplorationBenchmark
 from sarsim.scripts.benchmarks.metric_map import MetricMapBenchmark
 from sarsim.scripts.benchmarks.semantic import Semantic
 from sarsim.scripts.benchmarks.subject import Result, Subject
+from sarsim.scripts.benchmarks.victims import VictimsBenchmark
 from sarsim.scripts.cli import guarded, parse
 
 SUBJECTS: dict[str, type[Subject]] = {
@@ -28,6 +29,7 @@ SUBJECTS: dict[str, type[Subject]] = {
     "exploration": ExplorationBenchmark,
     "metric-map": MetricMapBenchmark,
     "semantic": Semantic,
+    "victims": VictimsBenchmark,
 }
 
 
@@ -43,7 +45,7 @@ def benchmark(subject: Subject, name: str) -> None:
     Console().print(result.table or table(name, result.figures))
     if subject.json:
         with whole_file(subject.json) as file:
-            file.write_text(json.dumps(report(subject, name, result), indent=2) + "\n")
+            file.write_text(json.dumps(report(subject, name, result), indent=2, default=str) + "\n")
 
 
 def report(subject: Subject, name: str, result: Result) -> dict[str, Any]:

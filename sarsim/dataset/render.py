@@ -27,7 +27,7 @@ from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWri
 from sarsim.lighting import set_lighting
 from sarsim.pioneer3at import Pioneer3AT
 from sarsim.pose import Pose
-from sarsim.rendering import Renderer
+from sarsim.rendering import Renderer, hidden
 from sarsim.scoring.true_surface import Survey
 from sarsim.victims import victims_of
 
@@ -163,6 +163,15 @@ class World(Closing):
             victim_pixels=boxes,
             victim_area=areas,
         )
+
+    def areas_alone(self) -> NDArray[np.int32]:
+        """(V,) pixels that would show each victim at the last look if nothing stood before it."""
+        areas = np.zeros(len(self._victims), np.int32)
+        for number, victim in enumerate(self._victims):
+            with hidden(self.model, ~np.isin(np.arange(self.model.ngeom), victim.geoms)):
+                geom, _ = self._renderer.segmentation_and_depth(self.data, self.camera.camera_id)
+            areas[number] = np.count_nonzero(geom >= 0)
+        return areas
 
     def content(self) -> SceneContent:
         """What the scene's file says but for the frames."""

@@ -75,7 +75,6 @@ class EpisodeScore:
     def report(self) -> dict[str, Any]:
         """All stages of which there is something to say; the commands add what ran and how long it took."""
         explorer, trajectory = self._explorer, self._robot.trajectory
-        confirmed = np.array([victim.position for victim in explorer.victims.confirmed]).reshape(-1, 3)
         stages = {
             "metric_map": self._voxels.report(),
             "semantic_map": self._semantics.report(explorer.semantic_map),
@@ -85,9 +84,20 @@ class EpisodeScore:
             "navigation": self._navigation(),
             "exploration": self._exploration(),
             "localisation": score_localisation(trajectory),
-            **({"victims": self.victims.report(confirmed)} if explorer.detector else {}),
+            **({"victims": self.victims.report(self._confirmed)} if explorer.detector else {}),
         }
         return {name: stage for name, stage in stages.items() if stage}
+
+    @property
+    def position_errors(self) -> list[float]:
+        """m of each victim that was found."""
+        errors = self.victims.matches(self._confirmed)
+        return errors[np.isfinite(errors)].tolist()
+
+    @property
+    def _confirmed(self) -> NDArray[np.float64]:
+        """(N, 3) where the robot reports victims."""
+        return np.array([victim.position for victim in self._explorer.victims.confirmed]).reshape(-1, 3)
 
     def _see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells that a noise-free return fell in."""

@@ -131,7 +131,8 @@ def _run(job: Job, folder: Path) -> None:
     if finished:
         picture = cv2.cvtColor(episode.picture(), cv2.COLOR_RGB2BGR)
         cv2.imwrite(str(folder / f"{job.name}.png"), picture)
-        _keep({"settings": job.settings, "report": episode.report}, folder, job)
+        errors = episode.score.position_errors
+        _keep({"settings": job.settings, "report": episode.report, "position_errors": errors}, folder, job)
 
 
 def _keep(content: dict[str, Any], folder: Path, job: Job) -> None:

@@ -1,0 +1,120 @@
+"""How well a detector finds people in frames of arenas that no network has learned from."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.victim_detection.average_precision import AveragePrecision
+from pipeline.victim_detection.detection import Detector
+from sarsim.dataset.drive import DriveConfig
+from sarsim.dataset.recipe import ArenaRange, LightingShares, Recipe
+from sarsim.dataset.render import World, find_scene
+from sarsim.lighting import Lighting
+from sarsim.rendering import Renderer
+from sarsim.scoring.victims import VISIBLE
+
+MOST_HIDDEN = 0.6
+"""Share of someone behind other things up to which the person is to be found."""
+DISTANCES = (0.0, 1.5, 2.5, 3.5, 5.0, np.inf)
+"""m from the camera to the middle of a person, between which average precision is told apart."""
+HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Shares of a person, likewise."""
+
+
+@dataclass(frozen=True, eq=False)
+class People:
+    """The people whom one frame shows, and what a detector made of it.
+
+    Attributes:
+        boxes: (V, 4) true, pixels.
+        area: (V,) pixels that show each.
+        hidden: (V,) share of each that something in the image stands before.
+        distance: (V,) m from the camera to the middle of each.
+        found: (N, 4) boxes of the detector.
+        confidence: (N,) of them.
+    """
+
+    boxes: NDArray[np.float64]
+    area: NDArray[np.int64]
+    hidden: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    found: NDArray[np.float64]
+    confidence: NDArray[np.float64]
+
+    @property
+    def counts(self) -> NDArray[np.bool_]:
+        """(V,) who is to be found."""
+        return (self.area >= VISIBLE) & (self.hidden <= MOST_HIDDEN)
+
+
+def recipe(seed: int, frames: int) -> Recipe:
+    """Arenas with people, like those of the training data but for the seed; the air is clear in three of four."""
+    arenas = ArenaRange(victims=(1, 6), furniture=(0.05, 0.35), bulky=(0.0, 0.4))
+    return Recipe(
+        seed=seed, frames=frames, random=arenas, drive=DriveConfig(look_distance=0.5, look_turn=0.8)
+    )
+
+
+def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[People]:
+    """What the detector makes of every look at one scene in one light; but for that the looks are the same."""
+    shares = {kind.name: float(kind is lighting) for kind in Lighting}
+    scene, arena = find_scene(_with_lighting(recipe, shares), index)
+    noise = recipe.rng(index, "noise")
+    with World(arena, scene, Renderer, recipe.width, recipe.height) as world:
+        content = world.content()
+        middle = content.victim_box.mean(axis=1)
+        places = (
+            np.einsum("vij,vj->vi", content.victim_pose[:, :3, :3], middle) + content.victim_pose[:, :3, 3]
+        )
+        for pose in world.drive(recipe, recipe.rng(index, "drive")).looks(recipe.frames):
+            frame = world.look(pose, noise)
+            seen = np.flatnonzero(frame.victim_area > 0)
+            alone = world.areas_alone()[seen] if len(seen) else np.zeros(0)
+            camera = (frame.pose_true @ frame.T_base_camera)[:3, 3]
+            detections = detector.detect(frame.rgb)
+            yield People(
+                boxes=frame.victim_pixels[seen].astype(np.float64),
+                area=frame.victim_area[seen].astype(np.int64),
+                hidden=1 - frame.victim_area[seen] / np.maximum(alone, frame.victim_area[seen]),
+                distance=np.linalg.norm(places[seen] - camera, axis=1),
+                found=np.array([d.box for d in detections], np.float64).reshape(-1, 4),
+                confidence=np.array([d.confidence for d in detections], np.float64),
+            )
+
+
+def ap50(frames: Sequence[People]) -> float:
+    """Average precision at an overlap of 0.5; NaN where nobody is to be found."""
+    return _average_precision(frames, [people.counts for people in frames])
+
+
+def ap50_by(frames: Sequence[People], attribute: str, bounds: Sequence[float]) -> dict[str, dict[str, float]]:
+    """Average precision and number of people with an attribute between bounds, of all with enough pixels."""
+    result = {}
+    for low, high in pairwise(bounds):
+        chosen = [_between(people, attribute, low, high) for people in frames]
+        number = sum(int(c.sum()) for c in chosen)
+        if number:
+            result[f"{low:g}-{high:g}"] = {"ap50": _average_precision(frames, chosen), "people": number}
+    return result
+
+
+def _between(people: People, attribute: str, low: float, high: float) -> NDArray[np.bool_]:
+    """(V,) who has enough pixels and, but for the one in question, is hidden no more than usual."""
+    value = getattr(people, attribute)
+    counts = people.area >= VISIBLE if attribute == "hidden" else people.counts
+    return counts & (value >= low) & ((value < high) | (high == HIDDEN[-1]))
+
+
+def _average_precision(frames: Sequence[People], counts: Sequence[NDArray[np.bool_]]) -> float:
+    """Of those who count; finding the others is neither right nor wrong."""
+    result = AveragePrecision()
+    for people, chosen in zip(frames, counts, strict=True):
+        result.add(people.found, people.confidence, people.boxes, ~chosen)
+    return result.value
+
+
+def _with_lighting(recipe: Recipe, shares: dict[str, float]) -> Recipe:
+    return Recipe(**{**vars(recipe), "lighting": LightingShares(**shares)})

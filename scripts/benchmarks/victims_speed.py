@@ -1,0 +1,63 @@
+"""How long a frame takes in the detector, beside the same network in PyTorch as it is."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pipeline.victim_detection.architectures import COCO_TINY_ANCHORS, yolov3_tiny
+from pipeline.victim_detection.darknet_cfg import DarknetCfg
+from pipeline.victim_detection.detector import VictimDetector
+from pipeline.victim_detection.inference import to_tensor
+from pipeline.victim_detection.network import DarknetNetwork
+
+THREADS = 2
+WIDTH, HEIGHT = 640, 480
+
+
+class PlainNetwork:
+    """A network in PyTorch as it is, in place of :class:`pipeline.victim_detection.inference.FusedNetwork`."""
+
+    def __init__(self, network: DarknetNetwork):
+        self.cfg, self._network = network.cfg, network
+
+    def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
+        """What goes into each [yolo], from an (H, W, 3) image of the network's size."""
+        with torch.inference_mode():
+            return [
+                head[0].contiguous().numpy() for head in self._network(to_tensor(image[None]).contiguous())
+            ]
+
+
+def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:
+    """Median ms of a frame through the detector, and how many times as long plain PyTorch takes; they take turns."""
+    ours, plain = VictimDetector(network), VictimDetector(network)
+    plain._network = PlainNetwork(network)  # type: ignore[assignment]
+    image = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
+    before = torch.get_num_threads()
+    torch.set_num_threads(THREADS)
+    try:
+        times = np.array([[_seconds(d.detect, image) for d in (ours, plain)] for _ in range(2 + rounds)])[2:]
+    finally:
+        torch.set_num_threads(before)
+    fast, slow = times.T
+    return {"detector_ms": float(1e3 * np.median(fast)), "detector_vs_torch": float(np.median(slow / fast))}
+
+
+def tiny() -> DarknetNetwork:
+    """YOLOv3-tiny for one class, which finds nothing: how long it takes does not depend on its weights."""
+    network = DarknetNetwork(DarknetCfg.parse(yolov3_tiny(416, 416, 1, COCO_TINY_ANCHORS))).eval()
+    for layer in network.convolutions:
+        if layer.norm is None:
+            torch.nn.init.zeros_(layer.conv.weight)
+            assert layer.conv.bias is not None
+            torch.nn.init.constant_(layer.conv.bias, -10)
+    return network
+
+
+def _seconds(action: Callable[[NDArray[np.uint8]], object], image: NDArray[np.uint8]) -> float:
+    start = time.perf_counter()
+    action(image)
+    return time.perf_counter() - start

@@ -24,12 +24,12 @@ class DetectorConfig:
     """Settings of the detector.
 
     Attributes:
-        confidence: least of a detection, between 0 and 1.
+        confidence: least of a detection, between 0 and 1; so low, it tells only where someone was found before.
         overlap: intersection over union above which the less confident of two boxes is dropped.
         person: number of the class ``person``; if not given, as in COCO, Pascal VOC or a network of one class.
     """
 
-    confidence: float = 0.5
+    confidence: float = 0.25
     overlap: float = 0.45
     person: int | None = None
 

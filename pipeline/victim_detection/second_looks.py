@@ -30,7 +30,7 @@ class SecondLooksConfig:
     worth: float = 1.0
     angle: float = np.deg2rad(30)
     least: float = 0.3
-    near: float = 1.1
+    near: float = 1.3
     far: float = 2.6
     half_view: float = np.deg2rad(18)
     camera_height: float = 0.6
@@ -45,12 +45,12 @@ class SecondLooks:
         """Of these victims, along lines of sight that are free in this map."""
         self.config = config or SecondLooksConfig()
         self._victims, self._map = victims, metric_map
-        self._aimed: list[Victim] = []
+        self._aimed: list[tuple[Victim, NDArray[np.float64]]] = []
 
     @property
     def wanted(self) -> list[Victim]:
         """Those to be looked at again: not confirmed, and not given up."""
-        return [victim for victim in self._victims.unconfirmed if victim.tries < self.config.tries]
+        return [victim for victim in self._victims.unconfirmed if len(victim.tried) < self.config.tries]
 
     def gains(self, places: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, M) m² that looks from (N, 3) places on the ground along (M,) bearings (rad) count for."""
@@ -62,12 +62,13 @@ class SecondLooks:
     def aim(self, place: NDArray[np.float64], heading: float) -> None:
         """Tell that the next look is to be from a place (3,) on the ground along a heading."""
         bearing = np.array([heading])
-        self._aimed = [v for v in self.wanted if self._gains(v, place[None], bearing).any()]
+        aimed = [v for v in self.wanted if self._gains(v, place[None], bearing).any()]
+        self._aimed = [(victim, place) for victim in aimed]
 
     def count(self) -> None:
         """Tell that this look has been taken."""
-        for victim in self._aimed:
-            victim.tries += 1
+        for victim, place in self._aimed:
+            victim.tried.append(place)
         self._aimed = []
 
     def _gains(
@@ -88,8 +89,8 @@ class SecondLooks:
     def _newness(
         self, victim: Victim, places: NDArray[np.float64], target: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N,) share of the worth: none where it was seen from, all of it from quite another side."""
-        cameras = np.array(victim.cameras)[:, :2]
+        """(N,) share of the worth: none where it was looked at from, all of it from quite another side."""
+        cameras = np.array(victim.cameras + victim.tried)[:, :2]
         apart = np.linalg.norm(places[:, None, :2] - cameras, axis=2).min(axis=1)
         angle = np.minimum.reduce([_angles(places[:, :2] - target[:2], c - target[:2]) for c in cameras])
         share = np.clip(angle / self.config.angle, self.config.least, 1.0)

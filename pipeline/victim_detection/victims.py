@@ -30,6 +30,7 @@ class VictimsConfig:
             99 % of them (χ² of three degrees of freedom).
         touch: m between points of two that overlap.
         overlap: share of the points of the smaller of two that overlap; those are one, whose parts were seen.
+        sure: confidence at least of a detection of someone new; less tells only of someone known.
         looks: at least, that found a victim before it is confirmed.
         apart: m at least between the farthest two places of these looks.
         in_view: m within which someone who is not hidden ought to be found again.
@@ -40,6 +41,7 @@ class VictimsConfig:
     gate: float = 11.34
     touch: float = 0.15
     overlap: float = 0.3
+    sure: float = 0.5
     looks: int = 2
     apart: float = 0.3
     in_view: float = 3.0
@@ -57,7 +59,7 @@ class Victim:
         confidences: of these detections.
         photo: (h, w, 3) uint8 of the most confident one.
         missed: looks that showed the place, not hidden, without finding anyone there.
-        tries: second looks that were meant for the person.
+        tried: where the camera was to be at second looks that were meant for the person.
     """
 
     points: NDArray[np.float32]
@@ -66,7 +68,7 @@ class Victim:
     confidences: list[float]
     photo: NDArray[np.uint8]
     missed: int = 0
-    tries: int = 0
+    tried: list[NDArray[np.float64]] = field(default_factory=list)
 
     @property
     def position(self) -> NDArray[np.float64]:
@@ -132,15 +134,16 @@ class Victims:
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         before, found = list(self.all), set[int]()
         for observation in (item for item in seen if isinstance(item, Observation)):
-            found.add(id(self._add(observation, frame)))
+            victim = self._add(observation, frame)
+            found.add(id(victim))
         for victim in before:
             if id(victim) not in found and self._in_view(victim, frame, T_map_camera):
                 victim.missed += 1
         self._merge()
         self.all = [victim for victim in self.all if victim.missed <= 2 * len(victim.cameras)]
 
-    def _add(self, observation: Observation, frame: Frame) -> Victim:
-        """To the nearest victim inside the gate, or as a new one."""
+    def _add(self, observation: Observation, frame: Frame) -> Victim | None:
+        """To the nearest victim who may be the same, or as a new one; None if too uncertain for that."""
         new = Victim(
             self._thinned(observation.points),
             _inverse(observation.covariance),
@@ -150,6 +153,8 @@ class Victims:
         )
         near = self._same(new, self.all)
         if near is None:
+            if observation.detection.confidence < self.config.sure:
+                return None
             self.all.append(new)
             return new
         self._join(near, new)
@@ -189,7 +194,7 @@ class Victims:
         victim.cameras += other.cameras
         victim.confidences += other.confidences
         victim.missed = min(victim.missed, other.missed)
-        victim.tries = max(victim.tries, other.tries)
+        victim.tried += other.tried
 
     def _merge(self) -> None:
         """Join victims that have grown together: of someone seen in parts."""

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from pipeline.errors import InputError
 from pipeline.explorer import ExplorerConfig
-from pipeline.victim_detection.detector import VictimDetector
+from pipeline.victim_detection.detector import DetectorConfig, VictimDetector
 from pipeline.victim_detection.weights import load_network
 from sarsim.lighting import Lighting
 from sarsim.scripts.benchmarks.exploration_episode import Job
@@ -86,7 +86,7 @@ class VictimsBenchmark(Subject):
         if self.rounds:
             figures |= {f"tiny.{name}": value for name, value in speed(tiny(), self.rounds).items()}
         details: dict[str, Any] = {"ap50_by": {}}
-        for light, frames in self._frames(VictimDetector(network)).items():
+        for light, frames in self._frames(VictimDetector(network, _ALL)).items():
             value = ap50(frames)
             if np.isfinite(value):
                 figures[f"ap50.{light}"] = value
@@ -150,6 +150,8 @@ class VictimsBenchmark(Subject):
             yield Job(group, "ours", config)
 
 
+_ALL = DetectorConfig(confidence=0.01)
+"""Average precision is of all thresholds."""
 _BOUNDS = {"distance": DISTANCES, "hidden": HIDDEN}
 """What average precision is told apart by."""
 
@@ -208,11 +210,13 @@ ROWS: Mapping[str, str] = {
 }
 
 
-def _table(figures: Mapping[str, float]) -> Table:
-    """The groups side by side; speed and precision below."""
+def _table(figures: Mapping[str, float]) -> Table | None:
+    """The groups side by side; speed and precision below. None without episodes."""
     groups = [group for group in GROUPS if f"{group}.runs" in figures]
+    if not groups:
+        return None
     table = Table("", *groups, title="victims")
-    for row, key in ROWS.items() if groups else ():
+    for row, key in ROWS.items():
         table.add_row(row, *(_told(figures.get(f"{group}.{key}")) for group in groups))
     general = {k: v for k, v in figures.items() if k.split(".")[0] not in GROUPS}
     table.caption = "\n".join(f"{name} {value:.4g}" for name, value in general.items())

@@ -89,6 +89,17 @@ def test_two_looks_from_different_places_confirm() -> None:
     assert np.sqrt(np.diag(victim.covariance)).max() < 0.2
 
 
+def test_an_uncertain_detection_tells_only_of_someone_known() -> None:
+    victims, T = Victims(), camera_at(0, 0)
+    victims.update(look(T, [PERSON]), [detection_of(T, PERSON, 0.3)], T)
+    assert victims.all == []
+    walk(victims, [(0, 0)], [PERSON], [PERSON])
+    T = camera_at(0, 0.5)
+    victims.update(look(T, [PERSON]), [detection_of(T, PERSON, 0.3)], T)
+    (victim,) = victims.confirmed
+    assert victim.confidence == pytest.approx(0.6)
+
+
 def test_two_people_stay_two() -> None:
     victims = Victims()
     walk(victims, [(0, 0.7), (0, 1.2), (0.2, 0.5)], [PERSON, OTHER], [PERSON, OTHER])

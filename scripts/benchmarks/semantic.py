@@ -9,6 +9,7 @@ from rich.progress import track
 
 from pipeline.errors import InputError
 from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier, DgcnnConfig
+from pipeline.semantic_map.dgcnn.planar_vote import PlanarVoteConfig
 from sarsim.assets import asset
 from sarsim.dataset.drive import DriveConfig
 from sarsim.lighting import Lighting
@@ -46,6 +47,8 @@ class Semantic(Subject):
     """Folder with .raf files, for the mean over them; left out if there is none."""
     checkpoint: Path = SHARED / "dgcnn"
     """Folder with a published checkpoint and its answers; left out if there is none."""
+    vote: bool = True
+    """Whether the points of a plane vote on what they are."""
     weights: Path = WEIGHTS
     """Of the network; where the file is missing, there are no figures of it."""
 
@@ -71,9 +74,8 @@ class Semantic(Subject):
 
     def _accuracy(self) -> dict[str, dict[str, dict[str, float]]]:
         """IoU by name of arena and lighting, contender and label."""
-        network = (
-            DgcnnClassifier(self.weights, DgcnnConfig(threads=THREADS)) if self.weights.exists() else None
-        )
+        config = DgcnnConfig(planes=PlanarVoteConfig() if self.vote else None, threads=THREADS)
+        network = DgcnnClassifier(self.weights, config) if self.weights.exists() else None
         named = [(arena, self.frames) for arena in self.arenas if self.frames]
         rafs = [(str(path), self.raf_frames) for path in sorted(self.raf.glob("*.raf")) if self.raf_frames]
         jobs = [(*job, suffix) for suffix in LIGHTINGS for job in named + rafs]

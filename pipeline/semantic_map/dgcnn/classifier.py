@@ -28,8 +28,8 @@ class DgcnnConfig:
     """Grids of columns, each shifted against the others, over which class probabilities are averaged."""
     threads: int | None = None
     """One a processor if not given."""
-    planes: PlanarVoteConfig = field(default_factory=PlanarVoteConfig)
-    """How the points of a plane vote on what they are."""
+    planes: PlanarVoteConfig | None = field(default_factory=PlanarVoteConfig)
+    """How the points of a plane vote on what they are; without it every voxel is on its own."""
     seed: int = 0
     """Of where the grid lies in each frame, so that seams fall elsewhere, and of sampling."""
 
@@ -57,8 +57,10 @@ class DgcnnClassifier:
         )
         unknown = np.full((1, len(CLASSES)), 1 / len(CLASSES), np.float32)
         of_points = np.vstack([of_voxels, unknown])[cloud.voxel_of_point]
+        if self.config.planes is not None:
+            of_points = planar_vote(frame, T_map_camera, of_points, self.config.planes)
         probabilities = np.zeros((len(points), len(Label)), np.float32)
-        probabilities[:, CLASSES] = planar_vote(frame, T_map_camera, of_points, self.config.planes)
+        probabilities[:, CLASSES] = of_points
         probabilities[cloud.voxel_of_point == len(cloud.points)] = np.eye(len(Label))[Label.UNLABELLED]
         return probabilities
 

@@ -19,9 +19,8 @@ from pipeline.semantic_map.dgcnn.classifier import (
     segment,
 )
 from pipeline.semantic_map.dgcnn.inference import FastDgcnn
-from pipeline.semantic_map.dgcnn.planar_vote import PlanarVoteConfig, planar_vote
+from pipeline.semantic_map.dgcnn.planar_vote import planar_vote
 from pipeline.semantic_map.dgcnn.weights import save_weights
-from pipeline.semantic_map.planar_regions import RegionsConfig
 from pipeline.semantic_map.voxels import VoxelCloud
 from tests.pipeline.semantic_map.dgcnn.small_network import network, plain
 from tests.pipeline.semantic_map.polygon_scene import floor, look, pose, wall
@@ -54,8 +53,7 @@ def test_every_point_gets_probabilities_of_the_networks_classes(weights: Path) -
 
 def test_points_of_a_voxel_share_what_the_network_says_of_their_mean(weights: Path) -> None:
     points = FRAME.points(EYE)
-    no_planes = PlanarVoteConfig(RegionsConfig(min_surfels=1_000_000))
-    probabilities = classifier(weights, planes=no_planes).classify(FRAME, points)
+    probabilities = classifier(weights, planes=None).classify(FRAME, points)
     cloud = VoxelCloud.of(points, BLOCKS.voxel_size)
     first = np.unique(cloud.voxel_of_point, return_index=True)[1]
     assert (probabilities == probabilities[first][cloud.voxel_of_point]).all()
@@ -63,8 +61,7 @@ def test_points_of_a_voxel_share_what_the_network_says_of_their_mean(weights: Pa
 
 def test_the_points_of_a_plane_vote(weights: Path) -> None:
     points = FRAME.points(EYE)
-    no_planes = PlanarVoteConfig(RegionsConfig(min_surfels=1_000_000))
-    own = classifier(weights, planes=no_planes).classify(FRAME, points)
+    own = classifier(weights, planes=None).classify(FRAME, points)
     voted = classifier(weights).classify(FRAME, points)[:, CLASSES]
     assert voted == pytest.approx(planar_vote(FRAME, EYE, own[:, CLASSES]), abs=1e-4)
     assert (voted != own[:, CLASSES]).any()

@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.dgcnn.blocks import CLASSES
-from pipeline.semantic_map.dgcnn.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels
+from pipeline.semantic_map.dgcnn.planar_vote_kernels import (
+    mean_logs,
+    normalised_products,
+    planes_of_pixels,
+    possible_logs,
+)
 from pipeline.semantic_map.planar_regions import RegionsConfig, planar_regions
 
 
@@ -50,8 +55,8 @@ def planar_vote(
     """Let the points of every plane vote.
 
     The probabilities of a point on a plane become the normalised product of its own and of the geometric mean over
-    all points of the plane, the latter to the power of ``weight``, among the classes that a plane so inclined can be
-    of. Points on no plane keep theirs.
+    all points of the plane, the latter to the power of ``weight``. Before that, classes that a plane so inclined
+    cannot be of give theirs to those that it can be of. Points on no plane keep what they have.
 
     Args:
         frame: a look.
@@ -69,10 +74,10 @@ def planar_vote(
         frame.depth, frame.intrinsics.rays, found.surfels.of_pixel, found.surfels.near, found.region,
         found.planes, regions.max_shift, regions.noise, config.window,
     )[frame.returns]  # fmt: skip
-    logs = np.log(np.maximum(probabilities, np.float32(config.floor)))
-    opinions = config.weight * mean_logs(logs, plane, len(found.planes))
     possible = possible_classes(found.planes[:, :3] @ T_map_camera[2, :3], config)
-    return normalised_products(probabilities, logs, np.where(possible, opinions, -np.inf), plane)
+    logs = possible_logs(probabilities, plane, possible, CLASSES.index(Label.CLUTTER), config.floor)
+    evidence = config.weight * mean_logs(logs, plane, len(found.planes))
+    return normalised_products(probabilities, logs, evidence, plane)
 
 
 def possible_classes(cosines: NDArray[np.float64], config: PlanarVoteConfig) -> NDArray[np.bool_]:

@@ -75,6 +75,36 @@ def shift(z, ray, plane):
 
 
 @njit(cache=True)
+def possible_logs(probabilities, plane, possible, clutter, floor):
+    """(N, C) float32 logarithms of probabilities after the classes that a plane cannot be of gave theirs away.
+
+    The possible ones get them in proportion, but for ``clutter``: what leans like no wall is no likelier to be that.
+
+    Args:
+        probabilities: (N, C) float32.
+        plane: (N,) int32 of every point, or NONE.
+        possible: (P, C) bool, of every plane.
+        clutter: the class that is not made of planes.
+        floor: least probability.
+    """
+    logs = np.log(np.maximum(probabilities, np.float32(floor)))
+    for i in range(len(logs)):
+        if plane[i] == NONE:
+            continue
+        kept, lost = 0.0, 0.0
+        for c in range(logs.shape[1]):
+            if not possible[plane[i], c]:
+                lost += probabilities[i, c]
+                logs[i, c] = -np.inf
+            elif c != clutter:
+                kept += max(probabilities[i, c], floor)
+        for c in range(logs.shape[1]):
+            if c != clutter:
+                logs[i, c] += np.log((kept + lost) / kept)
+    return logs
+
+
+@njit(cache=True)
 def mean_logs(logs, plane, planes):
     """(P, C) float64 mean of (N, C) float32 logarithms over the points of each plane, 0 where there are none.
 

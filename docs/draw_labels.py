@@ -1,4 +1,4 @@
-"""Draw docs/semantic-labels.jpg: what the robot sees, the true labels, and those that the network gives."""
+"""Draw docs/semantic-labels.jpg: what the robot sees, the true labels, the network's, and those after the vote."""
 
 from pathlib import Path
 
@@ -7,12 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import COLOURS
-from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier
+from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier, DgcnnConfig
 from sarsim.assets import asset
+from sarsim.dataset.drive import DriveConfig
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
 
-FRAMES = {"nist_6x4": (4, 17, 33), "esogu_52x15": (6, 20, 36)}
+FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
 """By arena, which frames of a drive."""
+DRIVE = DriveConfig(look_distance=2.0, look_turn=0.8)
 
 
 def label_picture(seen: TrueFrame, labels: NDArray[np.integer]) -> NDArray[np.uint8]:
@@ -22,20 +24,21 @@ def label_picture(seen: TrueFrame, labels: NDArray[np.integer]) -> NDArray[np.ui
     return picture
 
 
-def column(seen: TrueFrame, network: DgcnnClassifier) -> NDArray[np.uint8]:
+def column(seen: TrueFrame, networks: list[DgcnnClassifier]) -> NDArray[np.uint8]:
     """Colour, true labels and given ones, one above the other."""
-    given = network.classify(seen.frame, seen.points).argmax(axis=1)
+    given = [network.classify(seen.frame, seen.points).argmax(axis=1) for network in networks]
     colour = seen.frame.rgb[..., ::-1]
-    return np.vstack([colour, label_picture(seen, seen.labels), label_picture(seen, given)])
+    return np.vstack([colour, *(label_picture(seen, labels) for labels in (seen.labels, *given))])
 
 
 def main() -> None:
     """Drive, look, draw."""
-    network = DgcnnClassifier(asset("weights", "dgcnn.safetensors"))
+    weights = asset("weights", "dgcnn.safetensors")
+    networks = [DgcnnClassifier(weights, DgcnnConfig(planes=None)), DgcnnClassifier(weights)]
     columns = [
-        column(seen, network)
+        column(seen, networks)
         for arena, wanted in FRAMES.items()
-        for number, seen in enumerate(drive_through(arena, 1 + max(wanted), seed=0))
+        for number, seen in enumerate(drive_through(arena, 1 + max(wanted), seed=0, drive=DRIVE))
         if number in wanted
     ]
     picture = cv2.resize(np.hstack(columns), None, fx=0.4, fy=0.4, interpolation=cv2.INTER_AREA)

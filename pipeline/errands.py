@@ -35,7 +35,7 @@ class Errands:
     def _send(self, name: str, goals: Goals) -> Iterator[str]:
         self._explorer.goals = self._visited[name] = goals
         yield name
-        goals.refuse()
+        goals.refuse("the robot is held where it stands" if self._explorer.is_held else None)
 
     def news(self) -> Iterator[tuple[str, bool]]:
         """Lines on what came of goals since the last call, and whether that is good."""

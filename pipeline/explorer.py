@@ -182,7 +182,7 @@ class Explorer:
             if plan is not None and (out != T_map_base[:2, 3]).any():
                 plan = plan.after(surface.on_ground(out[None]))
         self.steps += 1
-        can_drive = paths.start is not None and self._times_held < self.config.patience
+        can_drive = paths.start is not None and not self.is_held
         return Look(frame, T_map_base, points, labels, detections, surface, view, plan, can_drive, was_lifted)
 
     def drive(self, look: Look) -> bool:
@@ -209,6 +209,11 @@ class Explorer:
                 self.surface_map.add_obstacle(bumper(halt))
         return reached
 
+    @property
+    def is_held(self) -> bool:
+        """Whether something ended drive after drive since the robot last got anywhere."""
+        return self._times_held >= self.config.patience
+
     def _find_victims(self, frame: Frame, T_map_camera: NDArray[np.float64]) -> list[Detection]:
         """Detect people in the image and place them on the map."""
         if self.detector is None:
@@ -232,7 +237,7 @@ class Explorer:
         self, surface: DrivableSurface, paths: ShortestPaths, T_map_base: NDArray[np.float64]
     ) -> View | None:
         """Where to go next: to a goal, or else to where much is to be seen; nowhere for a robot that is held."""
-        if self._times_held >= self.config.patience:
+        if self.is_held:
             return None
         look = surface, self.surface_map.measured, paths, T_map_base
         view = self.goals.next_view(*look) if self.goals else None

@@ -77,11 +77,13 @@ class Goals:
         self._obstacles = [obstacle_to(surface, paths, goal) for goal in self.left]
         return None
 
-    def refuse(self) -> None:
-        """Give up those that are left, for the reasons of the last look."""
-        reasons = dict(enumerate(self._obstacles))
+    def refuse(self, why: str | None = None) -> None:
+        """Give up those that are left, because of what the last look showed if nobody says ``why``."""
+        reasons = dict(enumerate([] if why else self._obstacles))
         for k, goal in enumerate(self.left):
-            self._end(goal, reasons.get(k) or f"{goal_name(goal)} was not reached before the end")
+            self._end(
+                goal, reasons.get(k) or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}"
+            )
 
     def _places(self, surface: DrivableSurface) -> list[NDArray[np.float64]]:
         return [self._place(goal, surface) for goal in self.left]

@@ -313,7 +313,7 @@ class Navigator:
     def _came_away(self, T: NDArray[np.float64], command: Velocity) -> bool:
         """Whether the robot has undone most of what it should have from the pose where it was held."""
         if command.v == 0:
-            return abs(wrap_angle(yaw_of(self.T_map_base) - yaw_of(T))) > self.config.back_turn / 2
+            return bool(abs(wrap_angle(yaw_of(self.T_map_base) - yaw_of(T))) > self.config.back_turn / 2)
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - T[:3, 3]) > self.config.back_out / 2)
 
     def _drive(self, command: Velocity) -> NDArray[np.float64]:

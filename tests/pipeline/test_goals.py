@@ -86,4 +86,4 @@ def test_what_cannot_be_reached_yet_is_not_refused_before_all_is_over(world):
 def test_a_goal_that_nobody_looked_for_was_not_reached():
     goals = Goals(TopologicalMap(), [(1.0, 2.0)])
     goals.refuse()
-    assert goals.visits[0].obstacle == "the goal (1.00, 2.00) m was not reached before the end"
+    assert goals.visits[0].obstacle == "the goal (1.00, 2.00) m was not reached: the episode ended"

@@ -126,9 +126,7 @@ def test_a_robot_that_was_lifted_drives_no_old_plan_and_says_so(tmp_path):
 def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):
     diary = Diary(room((-0.36, 0.36), (-0.36, 0.36)), tmp_path, goals=((2.0, 0.0),))
     assert diary.said("WARN 0% explored; the robot stands where it cannot drive")
-    assert diary.said(
-        "WARN the goal (2.00, 0.00) m cannot be driven to: the robot stands where it cannot drive"
-    )
+    assert diary.said("WARN the goal (2.00, 0.00) m was not reached: the robot is held where it stands")
     navigation = diary.report["navigation"]
     assert navigation["legs"] - navigation["reached"] == ExplorerConfig().patience
     assert "metric_map" not in diary.report

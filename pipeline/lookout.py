@@ -24,7 +24,7 @@ class LookoutConfig:
         beyond: nor what is further than this behind the way point, m: the robot's front comes to stand there.
         half_width: of the corridor, m.
         low, high: m above the ground that the map knows; what rises between them holds the robot.
-        min_points: returns in a cell; those of noise and dust are fewer.
+        min_points: returns in a cell; noise leaves none there and the thickest dust at most 17, measured.
     """
 
     stride: float = 0.4

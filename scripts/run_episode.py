@@ -196,7 +196,6 @@ class Episode:
     def _write(self) -> None:
         with whole_file(self.out / "report.json") as path:
             path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
-        write_page(self.out / "report.html", self.situation, self.report)
         self.explorer.metric_map.save(self.out / "metric_map.npz")
         self.explorer.semantic_map.save(self.out / "semantic_map.ply")
         self.explorer.topological_map.save(self.out / "topology.json")
@@ -204,6 +203,7 @@ class Episode:
         times = [p.time for p in poses]
         write_tum(self.out / "trajectory_true.tum", times, [p.T_world_base for p in poses])
         write_tum(self.out / "trajectory_estimated.tum", times, [p.T_odom_base for p in poses])
+        write_page(self.out / "report.html", self.situation, self.report)
 
 
 def make_classifier(labels: Labels, weights: Path) -> PointClassifier:

@@ -20,6 +20,10 @@ PALE = 0.35
 """Share of white in the colours of the classes: what is drawn on them must stand out."""
 ARROW = 0.4, 30.0
 """Between arrows up a slope: m, and units at least."""
+READABLE = 0.62
+"""Pixels per unit at least; on a phone the drawing is moved about."""
+NOTHING = -1
+"""No class."""
 MOST = 12
 """Numbers of one kind, the worst first, that the drawing has room for."""
 
@@ -50,6 +54,7 @@ def draw_map(situation: Situation) -> Markup:
         viewBox=f"0 0 {paper.width:.1f} {paper.height:.1f}",
         role="img",
         class_="drawing",
+        style=f"min-width:{READABLE * paper.width:.0f}px",
     )
 
 
@@ -68,15 +73,24 @@ def _ground(paper: Paper, situation: Situation) -> Markup:
     grid = situation.surface.grid
     image = np.zeros((*grid.shape, 4), np.uint8)
     image[~np.isnan(situation.surface.elevation)] = (238, 234, 222, 255)
-    solid = situation.labels != Label.CEILING
-    points, labels = situation.points[solid], situation.labels[solid]
-    upwards = np.argsort(points[:, 2], kind="stable")
-    i, j = grid.cell_of(points[upwards]).T
-    inside = (i >= 0) & (i < grid.shape[0]) & (j >= 0) & (j < grid.shape[1])
-    image[i[inside], j[inside], :3] = _palette()[labels[upwards][inside]]
-    image[i[inside], j[inside], 3] = 255
+    highest = _highest(grid, situation)
+    image[highest != NOTHING, :3] = _palette()[highest[highest != NOTHING]]
+    image[highest != NOTHING, 3] = 255
     rows = np.ascontiguousarray(image[paper.window].transpose(1, 0, 2)[::-1])
     return element("image", href=png(rows), width=f"{paper.width:.1f}", height=f"{paper.height:.1f}")
+
+
+def _highest(grid: Grid, situation: Situation) -> NDArray[np.int64]:
+    """(nx, ny) class of the highest point in each cell; ``NOTHING`` where there is none."""
+    solid = situation.labels != Label.CEILING
+    points, labels = situation.points[solid], situation.labels[solid].astype(np.int64)
+    i, j = grid.cell_of(points).T
+    inside = (i >= 0) & (i < grid.shape[0]) & (j >= 0) & (j < grid.shape[1])
+    # Height in tenths of a millimetre and class in one number: of two points the greater one is the higher.
+    keys = (points[:, 2] * 1e4).astype(np.int64) * len(Label) + labels
+    best = np.full(grid.shape, np.iinfo(np.int64).min)
+    np.maximum.at(best, (i[inside], j[inside]), keys[inside])
+    return np.where(best == np.iinfo(np.int64).min, NOTHING, best % len(Label))
 
 
 def _drops(paper: Paper, grid: Grid, hazards: Hazards) -> Markup:

@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.surface.grid import Grid
 
 LONGER, SHORTER = 1000.0, 800.0
-"""Units that the drawing's width and height take at most."""
+"""Units that the drawing's width and height take at most; signs are some 30 units wide."""
+LEAST, LONGEST = 30.0, 1.6
+"""Units per m that a large arena has at least, if it becomes no larger by more than this: its signs get smaller."""
 MARGIN = 0.4
 """m around what is known."""
 
@@ -31,7 +33,8 @@ class Paper:
         self.window = slice(low[0], high[0]), slice(low[1], high[1])
         self._low = grid.origin + low * grid.cell
         width, height = (high - low) * grid.cell
-        self.scale = float(min(LONGER / width, SHORTER / height))
+        fitting = min(LONGER / width, SHORTER / height)
+        self.scale = float(max(fitting, min(LEAST, LONGEST * fitting)))
         self.width, self.height = float(width * self.scale), float(height * self.scale)
         self.cell = grid.cell * self.scale
 

@@ -1,11 +1,15 @@
 """The drawing's geometry."""
 
 import re
+from base64 import b64decode
+from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
-from pipeline.rescue_report.map_drawing import draw_map
+from pipeline.labels import Label
+from pipeline.rescue_report.map_drawing import draw_map, pale
 from pipeline.rescue_report.paper import LONGER, MARGIN, Paper
 from pipeline.surface.grid import Grid
 from tests.pipeline.rescue_report.html_page import read
@@ -35,8 +39,34 @@ def test_a_high_room_fits_too() -> None:
     assert paper.width < 400
 
 
+def test_a_large_arena_gets_more_units() -> None:
+    grid = Grid(np.zeros(2), 0.05, (1040, 300))
+    paper = Paper(grid, np.ones(grid.shape, np.bool_))
+    assert paper.scale == pytest.approx(30)
+    assert paper.width == pytest.approx(1560)
+
+
 def test_an_empty_map_can_be_drawn() -> None:
-    assert Paper(GRID, known((0, 0), (0, 0))).width == LONGER
+    assert Paper(GRID, known((0, 0), (0, 0))).width == pytest.approx(LONGER)
+
+
+def test_the_highest_class_of_a_cell_is_drawn() -> None:
+    situation = before_a_wall(None)
+    wall, floor = (np.array([1.62, 0.02, z], np.float32) for z in (-0.3, -0.4))
+    aside, high = np.array([0.3, 0, 0], np.float32), np.array([0, 0, 2.5], np.float32)
+    hidden = replace(
+        situation,
+        points=np.stack([floor, wall, floor + aside, wall + aside + high]),
+        labels=np.array([Label.TERRAIN, Label.WALL, Label.TERRAIN, Label.CEILING], np.uint8),
+    )
+    (image,) = read(draw_map(hidden)).all("image")
+    data = np.frombuffer(b64decode(image.attributes["href"].removeprefix("data:image/png;base64,")), np.uint8)
+    pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    paper = Paper(situation.surface.grid, ~np.isnan(situation.surface.elevation))
+    for x, label in ((1.62, Label.WALL), (1.92, Label.TERRAIN)):
+        column, row = (paper((x, 0.02)) / paper.cell).astype(int)
+        blue, green, red, opaque = pixels[row, column]
+        assert (f"#{red:02x}{green:02x}{blue:02x}", opaque) == (pale(label), 255)
 
 
 def test_someone_stands_where_they_are() -> None:

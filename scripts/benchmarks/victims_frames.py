@@ -1,7 +1,7 @@
 """How well a detector finds people in frames of arenas that no network has learned from."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -60,8 +60,7 @@ def recipe(seed: int, frames: int) -> Recipe:
 
 def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[People]:
     """What the detector makes of every look at one scene in one light; but for that the looks are the same."""
-    shares = {kind.name: float(kind is lighting) for kind in Lighting}
-    scene, arena = find_scene(_with_lighting(recipe, shares), index)
+    scene, arena = find_scene(with_lighting(recipe, lighting), index)
     noise = recipe.rng(index, "noise")
     with World(arena, scene, Renderer, recipe.width, recipe.height) as world:
         content = world.content()
@@ -116,5 +115,8 @@ def _average_precision(frames: Sequence[People], counts: Sequence[NDArray[np.boo
     return result.value
 
 
-def _with_lighting(recipe: Recipe, shares: dict[str, float]) -> Recipe:
-    return Recipe(**{**vars(recipe), "lighting": LightingShares(**shares)})
+def with_lighting(recipe: Recipe, lighting: Lighting) -> Recipe:
+    """The same in one light."""
+    return replace(
+        recipe, lighting=LightingShares(**{kind.name: float(kind is lighting) for kind in Lighting})
+    )

@@ -13,8 +13,10 @@ import open3d as o3d
 import pytest
 
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.victim_detection.weights import write_weights
 from sarsim.scripts import run_episode
 from sarsim.scripts.run_episode import WEIGHTS, Episode, EpisodeConfig
+from tests.pipeline.victim_detection.networks import SMALL, random_network
 
 CHECK_REPORT = Path(__file__).parents[3] / "shared" / "check_report.py"
 
@@ -109,6 +111,17 @@ def test_the_same_seed_gives_the_same_episode(tmp_path):
     ).read_bytes()
 
 
+def test_victims_are_told_of_if_someone_looks_for_them(tmp_path):
+    assert "victims" not in short_report(tmp_path / "a", 0, detector=None)
+    files = tmp_path / "a.cfg", tmp_path / "a.weights"
+    files[0].write_text(SMALL)
+    write_weights(files[1], random_network(SMALL))
+    report = short_report(tmp_path / "b", 0, detector=files)
+    assert report["victims"]["present"] == 2
+    assert report["timing_ms"]["victims"]["median"] > 0
+    assert report["config"]["detector"] == [str(path) for path in files]
+
+
 @pytest.mark.skipif(not WEIGHTS.exists(), reason="no network has been trained")
 def test_the_network_labels_and_the_robot_goes_on(tmp_path):
     report = short_report(tmp_path, 0, labels="dgcnn")
@@ -198,6 +211,22 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
 )
 def test_a_bad_flag_is_one_line_and_status_2(flags, message, tmp_path, monkeypatch, capsys):
     assert_refused(["--out", str(tmp_path), *flags], message, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize(
+    ("cfg", "weights", "message"),
+    [
+        (SMALL + "[gru]\n", b"", "[gru]"),
+        (SMALL, b"\0" * 300, "too short"),
+        (SMALL, b"\0" * 3000, "too long"),
+    ],
+)
+def test_a_bad_detector_is_one_line_and_status_2(cfg, weights, message, tmp_path, monkeypatch, capsys):
+    files = tmp_path / "a.cfg", tmp_path / "a.weights"
+    files[0].write_text(cfg)
+    files[1].write_bytes(weights)
+    flags = ["--labels", "truth", "--detector", *map(str, files), "--out", str(tmp_path / "out")]
+    assert_refused(flags, message, monkeypatch, capsys)
 
 
 def test_a_window_needs_a_display(tmp_path, monkeypatch, capsys):

@@ -9,7 +9,7 @@ from scipy import ndimage
 from pipeline.labels import COLOURS, Label
 from pipeline.rescue_report.hazards import Hazards
 from pipeline.rescue_report.markup import Markup, element, joined, png
-from pipeline.rescue_report.paper import Paper, at, line
+from pipeline.rescue_report.paper import Paper, at, dots, line
 from pipeline.rescue_report.signs import SIGNS, patterns
 from pipeline.rescue_report.situation import Person, Situation
 from pipeline.rescue_report.words import counted
@@ -42,7 +42,7 @@ def draw_map(situation: Situation) -> Markup:
         _ground(paper, situation),
         _drops(paper, surface.grid, situation.hazards),
         *_slopes(paper, situation),
-        element("path", d=line(paper(situation.track)), class_="track"),
+        element("path", d=dots(paper(situation.looks)), class_="looks"),
         *(_way(paper, person) for person in situation.everyone),
         *(_numbers(paper, situation.hazards)),
         *(_unseen(paper(place.position)) for place in situation.unseen.places),

@@ -58,7 +58,7 @@ def _legend(situation: Situation) -> Markup:
         "sighting": "sighting, not confirmed",
         "way": "way of the robot to a person",
         "rest": "on from there, not driven",
-        "track": "where the robot was",
+        "looks": "where the robot looked from",
         "unseen": "ground not seen where someone may be",
         "unknown": "nothing known",
         "slope": "slope, arrow points up",

@@ -49,6 +49,11 @@ def line(points: NDArray[np.float64]) -> str:
     return "M" + "L".join(map(at, points))
 
 
+def dots(points: NDArray[np.float64]) -> str:
+    """A path of round dots at (N, 2) units."""
+    return "".join(f"M{at(point)}h0" for point in points)
+
+
 def at(point: Iterable[float]) -> str:
     """Coordinates of a point in units."""
     return " ".join(f"{value:.1f}" for value in point)

@@ -19,19 +19,19 @@ class RescueReport:
     def __init__(self, explorer: Explorer):
         """Of what an explorer learns."""
         self._explorer = explorer
-        self._track: list[NDArray[np.float64]] = []
+        self._poses: list[NDArray[np.float64]] = []
         self._finished = False
 
     def add(self, look: Look) -> None:
         """Take the newest look into account."""
-        self._track.append(look.T_map_base)
+        self._poses.append(look.T_map_base)
         if self._explorer.goals is None:  # on the way to a goal there may be nothing else to look at
             self._finished = look.view is None and look.can_drive
 
     @property
     def situation(self) -> Situation:
         """What the explorer knows now; at least one look must have been added."""
-        return situation_of(self._explorer, self._track, self._finished)
+        return situation_of(self._explorer, self._poses, self._finished)
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:

@@ -26,7 +26,7 @@ SIGNS = {
         element("path", d="M-15 0H15", class_="casing"), element("path", d="M-15 0H15", class_="way")
     ),
     "rest": element("path", d="M-15 0H15", class_="rest"),
-    "track": element("path", d="M-15 0H15", class_="track"),
+    "looks": element("path", d="M-9 0h0M0 0h0M9 0h0", class_="looks"),
     "unknown": element("rect", x=-14, y=-8, width=28, height=16, class_="unknown box"),
 }
 """Signs of the drawing around (0, 0)."""

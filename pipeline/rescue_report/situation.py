@@ -41,7 +41,7 @@ class Situation:
 
     Attributes:
         T_map_entrance: 4×4 pose in which the robot was set down.
-        track: (N, 2) m in ``map``, where it looked from.
+        looks: (N, 2) m in ``map``, where it looked from.
         surface: the ground.
         points: (N, 3) float32 of the semantic map.
         labels: (N,) uint8 of these.
@@ -54,7 +54,7 @@ class Situation:
     """
 
     T_map_entrance: NDArray[np.float64]
-    track: NDArray[np.float64]
+    looks: NDArray[np.float64]
     surface: DrivableSurface
     points: NDArray[np.float32]
     labels: NDArray[np.uint8]
@@ -71,22 +71,22 @@ class Situation:
         return [*self.people, *self.sightings]
 
 
-def situation_of(explorer: Explorer, track: Sequence[NDArray[np.float64]], finished: bool) -> Situation:
+def situation_of(explorer: Explorer, poses: Sequence[NDArray[np.float64]], finished: bool) -> Situation:
     """What an explorer knows.
 
     Args:
         explorer: with its maps and with whom it found; without a detector nobody was looked for.
-        track: 4×4 poses from which it looked, the entrance first.
+        poses: 4×4 ones from which it looked, the entrance first.
         finished: whether nothing was left that was worth a look.
     """
     surface = drivable_surface(explorer.surface_map, explorer.config.drivable)
-    paths = ShortestPaths(surface, track[0][:2, 3])
+    paths = ShortestPaths(surface, poses[0][:2, 3])
     points = explorer.semantic_map.points()
     hazards = find_hazards(surface, paths.reachable, points)
-    router = Router(surface, paths, explorer.topological_map, explorer.metric_map, hazards, yaw_of(track[0]))
+    router = Router(surface, paths, explorer.topological_map, explorer.metric_map, hazards, yaw_of(poses[0]))
     return Situation(
-        T_map_entrance=track[0],
-        track=np.array([T[:2, 3] for T in track]),
+        T_map_entrance=poses[0],
+        looks=np.array([T[:2, 3] for T in poses]),
         surface=surface,
         points=points,
         labels=explorer.semantic_map.labels(),

@@ -27,7 +27,7 @@ def test_the_last_look_tells_whether_anything_is_left() -> None:
     situation = report.situation
     assert situation.finished
     np.testing.assert_array_equal(situation.T_map_entrance, np.eye(4))
-    assert situation.track.shape == (3, 2)
+    assert situation.looks.shape == (3, 2)
     assert not situation.searched
 
 

@@ -10,7 +10,6 @@ from scipy import ndimage
 
 from pipeline import exploration_kernels as kernels
 from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.grid import Grid
 from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import wrap_angle, yaw_of
 from pipeline.view_areas import ViewAreas
@@ -121,11 +120,6 @@ class Exploration:
         self._misses: dict[tuple[float, float], _Miss] = {}
         self._expected: NDArray[np.float64] = np.zeros((0, 2))
         self._areas: ViewAreas | None = None
-        self._suspected: NDArray[np.float64] = np.zeros((0, 2))
-
-    def suspect(self, obstacles: NDArray[np.float64]) -> None:
-        """Expect little behind (N, 2) m where an obstacle may stand, until the ground there is seen."""
-        self._suspected = np.vstack([self._suspected, obstacles])
 
     def next_view(
         self,
@@ -245,17 +239,7 @@ class Exploration:
             hope,
             missed_from,
             blind_radius,
-            self._suspects(grid, measured),
         )
-
-    def _suspects(self, grid: Grid, measured: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """(nx, ny) where an obstacle may stand that nobody has seen."""
-        suspected = np.zeros(grid.shape, np.bool_)
-        cells = grid.cell_of(self._suspected)
-        cells = cells[((cells >= 0) & (cells < grid.shape)).all(axis=1)]
-        suspected[cells[:, 0], cells[:, 1]] = True
-        # No ray slips through between two cells that touch at a corner.
-        return ndimage.binary_dilation(suspected, np.ones((3, 3))) & np.isnan(measured)
 
     @property
     def _sight(self) -> kernels.Sight:

@@ -12,8 +12,6 @@ SUSPECTED_FALL = 0.28
 """Slope at which ground that a look did not show may fall away: a NIST ramp's, 16°."""
 FORGET = 0.3
 """1/m, how fast level ground after a ramp takes away the expectation that it falls again."""
-SUSPECTED_HOPE = 0.25
-"""What lies behind a suspected obstacle counts for so much less."""
 
 
 class Sight(NamedTuple):
@@ -46,7 +44,6 @@ class Ground(NamedTuple):
         hope: float32, how likely a look shows a target at all: it counts for so much.
         missed_from: (nx, ny, 2) float32, from where the last look for a target was in vain, m.
         blind_radius: around it the target does not count, m.
-        suspected: bool, an obstacle may stand there that was too near to be seen.
     """
 
     origin: NDArray[np.float64]
@@ -57,7 +54,6 @@ class Ground(NamedTuple):
     hope: NDArray[np.float32]
     missed_from: NDArray[np.float32]
     blind_radius: float
-    suspected: NDArray[np.bool_]
 
 
 @njit(cache=True)
@@ -66,8 +62,7 @@ def cast_ray(x, y, bearing, sight, ground, seen):
 
     The ray runs over the known ground; a cell is hidden where something before it rises higher in the view. Unknown
     ground is believed to go on at the last known height, but behind the crest of a ramp to fall as it rose, and
-    so is ground that was looked for in vain. What is met at a grazing angle sends nothing back, and what lies behind
-    a suspected obstacle counts for little.
+    so is ground that was looked for in vain. What is met at a grazing angle sends nothing back.
 
     Returns the summed distances of the target cells in view, weighed by hope, and their number; times the step and
     the angle between rays the sum is an area. Their flat indices go to ``seen``.
@@ -83,7 +78,7 @@ def cast_ray(x, y, bearing, sight, ground, seen):
     ahead = sight.camera_ahead * np.cos(tilt) - sight.camera_height * np.sin(tilt)
     horizon, ceiling = np.tan(tilt + sight.lower_edge), np.tan(tilt + sight.upper_edge)
     unknown, fall = 0.0, np.tan(tilt) if np.tan(tilt) > RAMP else 0.0
-    total, count, hope = 0.0, 0, 1.0
+    total, count = 0.0, 0
     d = max(0.35 - ahead, 0.5 * cell)
     while d < sight.far and unknown < sight.max_unknown:
         d += cell
@@ -92,8 +87,6 @@ def cast_ray(x, y, bearing, sight, ground, seen):
         j = int(np.floor((y + r * dy - origin[1]) / cell))
         if not (0 <= i < nx and 0 <= j < ny):
             break
-        if ground.suspected[i, j]:
-            hope = SUSPECTED_HOPE
         is_unknown = np.isnan(ground.elevation[i, j])
         if is_unknown:
             level -= fall * cell
@@ -116,7 +109,7 @@ def cast_ray(x, y, bearing, sight, ground, seen):
             rise = min(rise, -SUSPECTED_FALL)
         grazing = np.arctan(rise) - np.arctan(slope)
         if grazing >= sight.min_grazing and d * np.sqrt(1 + slope * slope) >= sight.near:
-            total += d * hope * ground.hope[i, j]
+            total += d * ground.hope[i, j]
             seen[count] = i * ny + j
             count += 1
     return total, count

@@ -12,7 +12,6 @@ from pipeline.localisation import OdometryLocalisation
 from pipeline.lookout import Lookout, LookoutConfig
 from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
 from pipeline.navigation import Halt, NavigationConfig, Navigator, Outcome
-from pipeline.near_obstacles import near_obstacles
 from pipeline.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier
@@ -173,7 +172,6 @@ class Explorer:
             self.topological_map.update(patches, self.segments, surface, paths)
         detections = self._find_victims(frame, T_map_camera)
         with self.stopwatch("exploration"):
-            self.exploration.suspect(near_obstacles(frame.depth, frame.intrinsics, T_map_camera))
             view = self._next_view(surface, paths, T_map_base)
             if view is not None:
                 self.second_looks.aim(surface.on_ground(view.position[None])[0], view.heading)

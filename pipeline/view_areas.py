@@ -51,5 +51,5 @@ def _changed(a: kernels.Ground, b: kernels.Ground) -> NDArray[np.bool_]:
     """(nx, ny) the cells of one grid that differ."""
     both_unknown = np.isnan(a.elevation) & np.isnan(b.elevation)
     changed = (a.elevation != b.elevation) & ~both_unknown
-    changed |= (a.target != b.target) | (a.hope != b.hope) | (a.suspected != b.suspected)
+    changed |= (a.target != b.target) | (a.hope != b.hope)
     return changed | (a.gradient != b.gradient).any(axis=-1) | (a.missed_from != b.missed_from).any(axis=-1)

@@ -147,33 +147,6 @@ def test_the_choice_does_not_depend_on_chance(yaw):
     np.testing.assert_array_equal(views[0].position, views[1].position)
 
 
-def room_seen_to_one_side() -> SurfaceMap:
-    """Level ground known between y = -1 and y = 1, with unseen ground to the left and to the right."""
-    world = surface_of(ground_points(flat, (-2, 2), (-1, 1)))
-    for x in (-2, 2):
-        world.update(wall_points((x, -1), (x, 1)))
-    return world
-
-
-def test_behind_a_suspected_obstacle_it_expects_little_until_the_ground_there_was_seen():
-    left = np.column_stack([np.arange(-4, 4, 0.02), np.full(400, 1.05)])
-    world, pose = room_seen_to_one_side(), from_yaw(0, 0.2, 0, np.deg2rad(60))
-    exploration = Exploration()
-    assert next_view(exploration, world, pose).heading > 0
-    exploration = Exploration()
-    exploration.suspect(left)
-    assert next_view(exploration, world, pose).heading < 0
-    world.update(ground_points(flat, (-4, 4), (0.95, 1.15)))
-    assert next_view(exploration, world, pose).heading > 0
-
-
-def test_suspicion_alone_does_not_end_the_exploration():
-    world, exploration = room_seen_to_one_side(), Exploration()
-    for y in (-1.05, 1.05):
-        exploration.suspect(np.column_stack([np.arange(-4, 4, 0.02), np.full(400, y)]))
-    assert next_view(exploration, world, from_yaw(0, 0, 0, 0)) is not None
-
-
 def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall():
     world = SurfaceMap()
     world.assume_ground(from_yaw(0, 0, 0, 0), 0.8, 0.0, 0.0)

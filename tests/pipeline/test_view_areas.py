@@ -8,9 +8,7 @@ SIGHT = kernels.Sight(0.6, 0.17, 0.9, 3.1, -0.6, 0.15, 0.15, 1.0)
 RAYS, STRIDE, SHAPE = 24, 5, (203, 101)
 
 
-def ground_with(
-    known: np.ndarray, origin: tuple[float, float] = (0.0, 0.0), suspected: np.ndarray | None = None
-) -> kernels.Ground:
+def ground_with(known: np.ndarray, origin: tuple[float, float] = (0.0, 0.0)) -> kernels.Ground:
     elevation = np.where(known, 0.0, np.nan).astype(np.float32)
     return kernels.Ground(
         np.array(origin),
@@ -21,7 +19,6 @@ def ground_with(
         np.ones(SHAPE, np.float32),
         np.full((*SHAPE, 2), np.inf, np.float32),
         0.35,
-        np.zeros(SHAPE, np.bool_) if suspected is None else suspected,
     )
 
 
@@ -83,14 +80,3 @@ def test_a_grown_grid_is_looked_at_anew(casts):
     areas.of(CELLS, ground_with(known_up_to(60)))
     areas.of(CELLS, ground_with(known_up_to(60), origin=(-6.4, 0.0)))
     assert casts == [len(CELLS)] * 2
-
-
-def test_a_new_suspicion_is_noticed():
-    areas, known = ViewAreas(RAYS, STRIDE, SIGHT), known_up_to(60)
-    before = areas.of(CELLS, ground_with(known))
-    suspected = np.zeros(SHAPE, np.bool_)
-    suspected[61, 40:60] = True
-    ground = ground_with(known, suspected=suspected)
-    after = areas.of(CELLS, ground)
-    np.testing.assert_array_equal(after, fresh(CELLS, ground))
-    assert after.sum() < before.sum()

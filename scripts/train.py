@@ -60,7 +60,8 @@ class TrainDgcnn:
         finally:
             worker.leave()
         if worker.leads:
-            Console().print(f"Validated best: mIoU over the four {trainer.best:.4f}. Weights in {self.out}")
+            told = f"Validated best: mIoU over the four {trainer.best:.4f}. Weights in {self.out}"
+            Console().print(told, soft_wrap=True)
 
     def _check(self) -> None:
         if self.stride < 1 or self.validation_frames < 1:

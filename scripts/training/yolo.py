@@ -51,7 +51,7 @@ class TrainYolo:
         finally:
             for source in images:
                 source.close()
-        Console().print(f"Validated best: AP50 {trainer.best:.4f}. Weights in {self.out}")
+        Console().print(f"Validated best: AP50 {trainer.best:.4f}. Weights in {self.out}", soft_wrap=True)
 
     def _train(self, trainer: Trainer) -> None:
         columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())

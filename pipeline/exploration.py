@@ -11,7 +11,7 @@ from scipy import ndimage
 from pipeline import exploration_kernels as kernels
 from pipeline.surface.drivable import DrivableSurface
 from pipeline.surface.paths import ShortestPaths
-from pipeline.transforms import wrap_angle, yaw_of
+from pipeline.transforms import wrap_angle, wrap_angles, yaw_of
 from pipeline.view_areas import ViewAreas
 
 _HERE = 0.05
@@ -279,7 +279,7 @@ class Exploration:
     def _possible(self, arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N, rays) the directions in which the robot can look from each place."""
         bearing = np.arange(self.config.rays) * 2 * np.pi / self.config.rays
-        nearest = np.abs(_wrap(bearing - arrival[:, None])) <= np.pi / self.config.rays
+        nearest = np.abs(wrap_angles(bearing - arrival[:, None])) <= np.pi / self.config.rays
         return np.isnan(arrival)[:, None] | nearest
 
     def _gains(
@@ -315,13 +315,10 @@ class Exploration:
         way = candidates - T_map_base[:2, 3]
         moves = distance > _HERE
         first = np.where(moves, np.arctan2(way[:, 1], way[:, 0]), yaw_of(T_map_base))
-        turn = np.abs(_wrap(first - yaw_of(T_map_base)))[:, None] + np.abs(_wrap(bearing - first[:, None]))
+        turn = np.abs(wrap_angles(first - yaw_of(T_map_base)))[:, None]
+        turn = turn + np.abs(wrap_angles(bearing - first[:, None]))
         slow = np.where(surface.grid.at(surface.slidable, candidates), config.ramp_turn, 1.0)
         return config.look_time + distance[:, None] / config.speed + turn * slow[:, None] / config.turn_rate
-
-
-def _wrap(angle: NDArray) -> NDArray:
-    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 def _frontiers(

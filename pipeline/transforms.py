@@ -46,4 +46,9 @@ def tilt_of(T: NDArray[np.float64]) -> tuple[float, float]:
 
 def wrap_angle(angle: float) -> float:
     """The same angle in [−π, π)."""
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)
+    return float(wrap_angles(np.asarray(angle)))
+
+
+def wrap_angles(angles: NDArray[np.floating]) -> NDArray[np.floating]:
+    """The same angles in [−π, π)."""
+    return (angles + np.pi) % (2 * np.pi) - np.pi

@@ -15,7 +15,7 @@ from pipeline.rescue_report.places import Place, places
 from pipeline.surface.drivable import DrivableSurface
 from pipeline.surface.paths import ShortestPaths
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.transforms import wrap_angle
+from pipeline.transforms import wrap_angle, wrap_angles
 
 BESIDE = 1.0
 """m from the robot's middle to what was seen of someone, within which it stands beside them."""
@@ -183,7 +183,7 @@ def straight_parts(way: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
     steps = np.diff(way, axis=0)
     way = way[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
     bearings = np.arctan2(*np.diff(way, axis=0).T[::-1])
-    bends = 1 + np.flatnonzero(np.abs((np.diff(bearings) + np.pi) % (2 * np.pi) - np.pi) > STRAIGHT)
+    bends = 1 + np.flatnonzero(np.abs(wrap_angles(np.diff(bearings))) > STRAIGHT)
     for a, b in pairwise([0, *bends.tolist(), len(way) - 1]):
         if b > a:
             yield way[a : b + 1]

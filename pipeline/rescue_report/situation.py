@@ -11,7 +11,7 @@ from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.rescue_report.posture import Posture, posture_of
 from pipeline.rescue_report.routes import Route, Router
 from pipeline.rescue_report.unseen import Unseen, find_unseen
-from pipeline.surface.drivable import DrivableSurface, drivable_surface
+from pipeline.surface.drivable import DrivableSurface
 from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import yaw_of
 from pipeline.victim_detection.marks import confirmed_marks, unconfirmed_marks
@@ -79,7 +79,7 @@ def situation_of(explorer: Explorer, poses: Sequence[NDArray[np.float64]], finis
         poses: 4×4 ones from which it looked, the entrance first.
         finished: whether nothing was left that was worth a look.
     """
-    surface = drivable_surface(explorer.surface_map, explorer.config.drivable)
+    surface = explorer.drivable_layer.update(explorer.surface_map)
     paths = ShortestPaths(surface, poses[0][:2, 3])
     points = explorer.semantic_map.points()
     hazards = find_hazards(surface, paths.reachable, points)

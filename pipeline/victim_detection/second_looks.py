@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.metric_map.metric_map import FREE, MetricMap
+from pipeline.transforms import wrap_angles
 from pipeline.victim_detection.victims import Victim, Victims
 
 _STEP, _HERE = 0.08, 0.3
@@ -83,7 +84,7 @@ class SecondLooks:
         for n in np.flatnonzero(worth):
             worth[n] *= self._is_open(places[n] + (0, 0, config.camera_height), target)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
-        in_view = np.abs((off + np.pi) % (2 * np.pi) - np.pi) <= config.half_view
+        in_view = np.abs(wrap_angles(off)) <= config.half_view
         return worth[:, None] * in_view
 
     def _newness(

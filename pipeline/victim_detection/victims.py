@@ -134,8 +134,8 @@ class Victims:
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         before, found = list(self.all), set[int]()
         for observation in (item for item in seen if isinstance(item, Observation)):
-            victim = self._add(observation, frame)
-            found.add(id(victim))
+            if (victim := self._add(observation, frame)) is not None:
+                found.add(id(victim))
         for victim in before:
             if id(victim) not in found and self._in_view(victim, frame, T_map_camera):
                 victim.missed += 1

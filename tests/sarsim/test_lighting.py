@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pipeline.frame import Frame, Intrinsics
 from sarsim.arenas.load import load_arena
@@ -47,15 +48,19 @@ def test_depth_is_the_same_in_the_dark_bit_for_bit(looks: dict[str, Frame], name
 
 
 def test_pictures_fail_where_light_is_short(looks: dict[str, Frame]) -> None:
-    """Grain between neighbouring pixels, relative to the picture's mean."""
+    """Grain between neighbouring pixels, relative to the mean: everywhere in dim light, far off in the lamp's."""
 
-    def grain(frame: Frame) -> float:
+    def grain(frame: Frame, chosen: NDArray[np.bool_]) -> float:
         green = frame.rgb[..., 1].astype(np.float64)
-        return float(np.median(np.abs(np.diff(green, axis=1))) / green.mean())
+        return float(np.median(np.abs(np.diff(green, axis=1))[chosen[:, 1:]]) / green[chosen].mean())
 
+    depth = looks["normal"].depth
+    near, far = (depth > 0) & (depth < 1.5), depth > 2.5
     assert looks["dim"].rgb.mean() < 0.6 * looks["normal"].rgb.mean()
-    assert grain(looks["dim"]) > 5 * grain(looks["normal"])
-    assert grain(looks["dark"]) > 5 * grain(looks["normal"])
+    for chosen in near, far:
+        assert grain(looks["dim"], chosen) > 5 * grain(looks["normal"], chosen)
+    assert grain(looks["dark"], near) < 3 * grain(looks["normal"], near)
+    assert grain(looks["dark"], far) > 4 * grain(looks["normal"], far)
 
 
 def test_the_lamp_lights_what_is_near_and_before_it() -> None:

@@ -42,7 +42,7 @@ class Mapper:
         T_map_camera = frame.T_odom_base @ frame.T_base_camera
         points = frame.points(T_map_camera)
         self._metric_map.integrate(frame.depth, frame.intrinsics, T_map_camera)
-        self._semantic_map.update(points, self._classifier.classify(frame, points))
+        self._semantic_map.update(points, self._classifier.classify(frame, points, T_map_camera))
         if self._frames in FRAMES:
             self.panels.append(self._panel())
 

@@ -67,7 +67,7 @@ def main() -> None:
         frame = simulation.sense()
         T_map_camera = frame.T_odom_base @ frame.T_base_camera
         points = frame.points(T_map_camera)
-        probabilities = classifier.classify(frame, points)
+        probabilities = classifier.classify(frame, points, T_map_camera)
         semantic_map.update(points, probabilities)
         labels = probabilities.argmax(axis=1).astype(np.uint8)
         segments.update(find_planes(frame, labels, T_map_camera, step), step)

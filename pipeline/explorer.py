@@ -162,7 +162,7 @@ class Explorer:
             out = way_out(surface, T_map_base)
             paths = ShortestPaths(surface, out)
         with self.stopwatch("semantic_map"):
-            probabilities = self.classifier.classify(frame, points)
+            probabilities = self.classifier.classify(frame, points, T_map_camera)
             labels = probabilities.argmax(axis=1).astype(np.uint8)
             self.semantic_map.update(points, probabilities)
         with self.stopwatch("segments"):

@@ -13,12 +13,15 @@ from pipeline.labels import Label
 class PointClassifier(Protocol):
     """Gives every point of a frame its class probabilities."""
 
-    def classify(self, frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float32]:
+    def classify(
+        self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
         """Classify the returns of a frame.
 
         Args:
             frame: the look that the points come from.
             points: (N, 3) float32 in ``map``, all returns row-major, as ``frame.points`` gives them.
+            T_map_camera: 4×4, where the frame was taken.
 
         Returns:
             (N, 8) float32 class probabilities, indexed by :class:`pipeline.labels.Label`; rows sum to 1.
@@ -29,7 +32,9 @@ class PointClassifier(Protocol):
 class TruthClassifier:
     """The labels that the simulator wrote into the frame (``--labels truth``)."""
 
-    def classify(self, frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float32]:
+    def classify(
+        self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
         """(N, 8) float32 one-hot of ``frame.label`` at the returns; InputError if the frame has none."""
         if frame.label is None:
             raise InputError(

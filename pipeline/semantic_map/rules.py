@@ -37,7 +37,9 @@ class RuleClassifier:
     def __init__(self, config: RulesConfig | None = None) -> None:
         self.config = config or RulesConfig()
 
-    def classify(self, frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float32]:
+    def classify(
+        self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
         """(N, 8) float32 one-hot; a point that is not finite is unlabelled."""
         cloud = VoxelCloud.of(points, self.config.voxel_size)
         labels = np.append(self._labels(cloud.points), Label.UNLABELLED)

@@ -25,10 +25,10 @@ def accuracy(frames: Iterable[TrueFrame], network: PointClassifier | None) -> di
     fused, score = SemanticMap(), SemanticScore(SemanticMap().config)
     for frame in frames:
         points, truth = frame.points, frame.labels
-        given = baseline.classify(frame.frame, points)
+        given = baseline.classify(frame.frame, points, frame.T_map_camera)
         confusion["baseline"] += confusion_matrix(truth, _labels(given))
         if network is not None:
-            given = network.classify(frame.frame, points)
+            given = network.classify(frame.frame, points, frame.T_map_camera)
             confusion["network"] += confusion_matrix(truth, _labels(given))
             fused.update(points, given)
             score.add(points, truth)

@@ -117,9 +117,10 @@ def _frame_times(network: Dgcnn, frames: list[TrueFrame]) -> dict[str, float]:
         save_classifier(weights, network, BlockConfig(), {})
         classifier = DgcnnClassifier(weights, DgcnnConfig(threads=THREADS))
     clouds = [frame.points for frame in frames]
-    classifier.classify(frames[0].frame, clouds[0])
+    classifier.classify(frames[0].frame, clouds[0], frames[0].T_map_camera)
     times = [
-        _seconds(classifier.classify, frame.frame, cloud) for frame, cloud in zip(frames, clouds, strict=True)
+        _seconds(classifier.classify, frame.frame, cloud, frame.T_map_camera)
+        for frame, cloud in zip(frames, clouds, strict=True)
     ]
     slow = frames[int(np.argsort(times)[len(times) // 2])]
     return {

@@ -19,8 +19,8 @@ def frames() -> list[TrueFrame]:
 class Half(TruthClassifier):
     """Takes every other wall for terrain."""
 
-    def classify(self, frame, points):
-        probabilities = super().classify(frame, points)
+    def classify(self, frame, points, T_map_camera):
+        probabilities = super().classify(frame, points, T_map_camera)
         walls = np.flatnonzero(probabilities[:, Label.WALL])[::2]
         probabilities[walls, Label.WALL], probabilities[walls, Label.TERRAIN] = 0, 1
         return probabilities

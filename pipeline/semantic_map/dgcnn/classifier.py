@@ -17,7 +17,6 @@ from pipeline.semantic_map.dgcnn.network import Dgcnn
 from pipeline.semantic_map.dgcnn.planar_vote import PlanarVoteConfig, planar_vote
 from pipeline.semantic_map.dgcnn.weights import load_weights, save_weights
 from pipeline.semantic_map.voxels import VoxelCloud
-from pipeline.transforms import from_rotation
 
 
 @dataclass(frozen=True)
@@ -47,11 +46,12 @@ class DgcnnClassifier:
         network, self._blocks = load_classifier(weights)
         self._network = FastDgcnn(network, self.config.threads)
 
-    def classify(self, frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float32]:
+    def classify(
+        self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
         """(N, 8) float32 class probabilities; what is not finite is unlabelled."""
         cloud = VoxelCloud.of(points, self._blocks.voxel_size)
         rng = np.random.default_rng([self.config.seed, int(np.float64(frame.time).view(np.uint64))])
-        T_map_camera = camera_pose(frame, points)
         of_voxels = segment(
             self._network, cloud.points, T_map_camera[:3, 3], self._blocks, self.config.votes, rng
         )
@@ -81,21 +81,6 @@ def segment(
         for block in cut(points, camera, config, shift, network.k, rng):
             result[block.index] += softmax(network(block.points), axis=1) / votes
     return result
-
-
-def camera_pose(frame: Frame, points: NDArray[np.float32]) -> NDArray[np.float64]:
-    """4×4 pose of the camera in the frame of ``points``, the frame's returns; the identity without any.
-
-    The rigid motion that takes some of the returns there from ``camera_optical`` (Kabsch, Acta Cryst. A32, 1976).
-    """
-    finite = np.flatnonzero(np.isfinite(points).all(axis=1))
-    few = finite[:: 1 + len(finite) // 1000]
-    if len(few) == 0:
-        return np.eye(4)
-    here, there = frame.points(np.eye(4))[few].astype(np.float64), points[few].astype(np.float64)
-    u, _, vt = np.linalg.svd((here - here.mean(axis=0)).T @ (there - there.mean(axis=0)))
-    rotation = (u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt).T
-    return from_rotation(rotation, there.mean(axis=0) - rotation @ here.mean(axis=0))
 
 
 def load_classifier(path: Path) -> tuple[Dgcnn, BlockConfig]:

@@ -1,7 +1,5 @@
 """The rules on looks at simple scenes."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -20,7 +18,7 @@ EYE = pose(0, 0, 0.6, 0.0, 0.2)
 
 def test_most_points_of_a_simple_scene_are_told_right() -> None:
     frame = look(SCENE, EYE, sigma=0.003)
-    probabilities = RuleClassifier().classify(frame, frame.points(EYE))
+    probabilities = RuleClassifier().classify(frame, frame.points(EYE), EYE)
     assert probabilities.dtype == np.float32
     assert (probabilities.sum(axis=1) == 1).all()
     labels, truth = probabilities.argmax(axis=1), frame.label[frame.returns]
@@ -33,14 +31,14 @@ def test_most_points_of_a_simple_scene_are_told_right() -> None:
 @pytest.mark.parametrize("count", [0, 1, 2, 5])
 def test_tiny_clouds_get_labels(count: int) -> None:
     frame = look(SCENE, EYE)
-    assert RuleClassifier().classify(frame, frame.points(EYE)[:count]).shape == (count, 8)
+    assert RuleClassifier().classify(frame, frame.points(EYE)[:count], EYE).shape == (count, 8)
 
 
 def test_points_that_are_nowhere_are_unlabelled() -> None:
     frame = look(SCENE, EYE)
     points = frame.points(EYE)
     points[7] = np.nan
-    probabilities = RuleClassifier().classify(replace(frame), points)
+    probabilities = RuleClassifier().classify(frame, points, EYE)
     assert probabilities[7].argmax() == Label.UNLABELLED
     assert probabilities[8].argmax() != Label.UNLABELLED
 

@@ -14,7 +14,6 @@ from pipeline.semantic_map.dgcnn.blocks import CLASSES, BlockConfig, cut
 from pipeline.semantic_map.dgcnn.classifier import (
     DgcnnClassifier,
     DgcnnConfig,
-    camera_pose,
     save_classifier,
     segment,
 )
@@ -43,7 +42,7 @@ def classifier(weights, **config):
 
 def test_every_point_gets_probabilities_of_the_networks_classes(weights: Path) -> None:
     points = FRAME.points(EYE)
-    probabilities = classifier(weights).classify(FRAME, points)
+    probabilities = classifier(weights).classify(FRAME, points, EYE)
     assert probabilities.shape == (len(points), len(Label))
     assert probabilities.dtype == np.float32
     assert probabilities.sum(axis=1) == pytest.approx(np.ones(len(points)), abs=1e-5)
@@ -53,7 +52,7 @@ def test_every_point_gets_probabilities_of_the_networks_classes(weights: Path) -
 
 def test_points_of_a_voxel_share_what_the_network_says_of_their_mean(weights: Path) -> None:
     points = FRAME.points(EYE)
-    probabilities = classifier(weights, planes=None).classify(FRAME, points)
+    probabilities = classifier(weights, planes=None).classify(FRAME, points, EYE)
     cloud = VoxelCloud.of(points, BLOCKS.voxel_size)
     first = np.unique(cloud.voxel_of_point, return_index=True)[1]
     assert (probabilities == probabilities[first][cloud.voxel_of_point]).all()
@@ -61,18 +60,18 @@ def test_points_of_a_voxel_share_what_the_network_says_of_their_mean(weights: Pa
 
 def test_the_points_of_a_plane_vote(weights: Path) -> None:
     points = FRAME.points(EYE)
-    own = classifier(weights, planes=None).classify(FRAME, points)
-    voted = classifier(weights).classify(FRAME, points)[:, CLASSES]
-    assert voted == pytest.approx(planar_vote(FRAME, EYE, own[:, CLASSES]), abs=1e-4)
+    own = classifier(weights, planes=None).classify(FRAME, points, EYE)
+    voted = classifier(weights).classify(FRAME, points, EYE)[:, CLASSES]
+    assert voted == pytest.approx(planar_vote(FRAME, EYE, own[:, CLASSES]))
     assert (voted != own[:, CLASSES]).any()
 
 
 def test_the_same_frame_gets_the_same_answer_whatever_came_before(weights: Path) -> None:
     points = FRAME.points(EYE)
     one = classifier(weights)
-    before = one.classify(FRAME, points)
-    other_time = one.classify(replace(FRAME, time=1.5), points)
-    assert (before == one.classify(FRAME, points)).all()
+    before = one.classify(FRAME, points, EYE)
+    other_time = one.classify(replace(FRAME, time=1.5), points, EYE)
+    assert (before == one.classify(FRAME, points, EYE)).all()
     assert (before != other_time).any()  # the grid lies elsewhere
 
 
@@ -118,7 +117,7 @@ def test_a_block_is_classified_as_by_the_network_as_written() -> None:
 def test_tiny_clouds_get_probabilities(weights: Path, count: int) -> None:
     frame = replace(FRAME, depth=np.zeros_like(FRAME.depth))
     frame.depth[300, 100 : 100 + count] = 1.5
-    probabilities = classifier(weights).classify(frame, frame.points(EYE))
+    probabilities = classifier(weights).classify(frame, frame.points(EYE), EYE)
     assert probabilities.shape == (count, len(Label))
     assert probabilities.sum(axis=1) == pytest.approx(np.ones(count), abs=1e-5)
 
@@ -127,7 +126,7 @@ def test_millions_of_returns_are_classified(weights: Path) -> None:
     intrinsics = Intrinsics(1500, 1400, 1200.0, 1200.0, 750.0, 700.0)
     depth = np.full((1400, 1500), 2.0, np.float32)
     frame = replace(FRAME, depth=depth, rgb=np.zeros((*depth.shape, 3), np.uint8), intrinsics=intrinsics)
-    probabilities = classifier(weights).classify(frame, frame.points(EYE))
+    probabilities = classifier(weights).classify(frame, frame.points(EYE), EYE)
     assert len(probabilities) == 2_100_000
     assert probabilities[::1000].sum(axis=1) == pytest.approx(np.ones(2100), abs=1e-5)
 
@@ -135,14 +134,8 @@ def test_millions_of_returns_are_classified(weights: Path) -> None:
 def test_points_that_are_nowhere_are_unlabelled(weights: Path) -> None:
     points = FRAME.points(EYE)
     points[5], points[9, 1] = np.nan, np.inf
-    labels = classifier(weights).classify(FRAME, points).argmax(axis=1)
+    labels = classifier(weights).classify(FRAME, points, EYE).argmax(axis=1)
     assert np.flatnonzero(labels == Label.UNLABELLED).tolist() == [5, 9]
-
-
-def test_the_camera_is_found_from_the_points() -> None:
-    assert camera_pose(FRAME, FRAME.points(EYE)) == pytest.approx(EYE, abs=1e-4)
-    flat = look([floor(-5, 5, -5, 5)], EYE)
-    assert camera_pose(flat, flat.points(EYE)) == pytest.approx(EYE, abs=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ side, facing +x. A person in a box or behind a hole faces +x too.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 from xml.etree.ElementTree import Element, SubElement
 
@@ -64,8 +65,9 @@ class VictimModel:
         posture: of the person.
         placement: what it is in or under.
         needs_wall: whether it leans against a wall at x = 0, which the arena must have there.
-        assets: children for ``<asset>``.
-        bodies: children for ``<worldbody>``: the person's, then what covers it, each in the victim's own frame.
+        figure: the person.
+        outfit: what it looks like.
+        cover: what it is in, under or on.
         box: (2, 3) lowest and highest corner of the person in its own frame, m.
         footprint: (2, 2) lowest and highest x, y of the person and what covers it, m.
         height: of the person and what covers it, m.
@@ -75,8 +77,9 @@ class VictimModel:
     posture: Posture
     placement: Placement
     needs_wall: bool
-    assets: tuple[Element, ...]
-    bodies: tuple[Element, ...]
+    figure: Figure
+    outfit: Outfit
+    cover: Cover
     box: NDArray[np.float64]
     footprint: NDArray[np.float64]
     height: float
@@ -95,6 +98,22 @@ class VictimModel:
             added = root.worldbody.add("body", **body.attrib)
             for geom in body:
                 added.add(geom.tag, **geom.attrib)
+
+    @property
+    def assets(self) -> list[Element]:
+        """Children for ``<asset>``."""
+        return self._person[0]
+
+    @property
+    def bodies(self) -> list[Element]:
+        """Children for ``<worldbody>``: the person's, then what covers it, each in the victim's own frame."""
+        person = _body(f"{PREFIX}{self.id}", self._person[1])
+        return [person, _body(_cover_name(self.id), self.cover.geoms)] if self.cover.geoms else [person]
+
+    @cached_property
+    def _person(self) -> tuple[list[Element], list[Element]]:
+        """Assets and geoms; most of the people that an arena draws fit nowhere, and are never written down."""
+        return person_mjcf(f"{PREFIX}{self.id}", self.figure, self.outfit)
 
     def _set_down(self, position: Sequence[float], yaw: float) -> list[Element]:
         pose = {"pos": numbers(position), "quat": numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
@@ -158,14 +177,11 @@ def make_victim(
     if figure is None:
         raise InputError(f"victim {id}: nobody {posture} fits into {room[0]:g} × {room[1]:g} m")
     outfit = Outfit.random(build, rng)
-    name = f"{PREFIX}{id}"
-    assets, geoms = person_mjcf(name, figure, outfit)
     person = figure.places(outfit.hair_style)
-    cover = _cover(f"cover_{id}", posture, placement, figure, person, rng)
-    bodies = [_body(name, geoms)] + ([_body(f"cover_{id}", cover.geoms)] if cover.geoms else [])
+    cover = _cover(_cover_name(id), posture, placement, figure, person, rng)
     everything = np.concatenate([person, cover.points])
     return VictimModel(
-        id, posture, placement, posture in AGAINST_WALL and placement != "box", tuple(assets), tuple(bodies),
+        id, posture, placement, posture in AGAINST_WALL and placement != "box", figure, outfit, cover,
         box=_extremes(person), footprint=_extremes(everything)[:, :2], height=float(everything[:, 2].max()),
     )  # fmt: skip
 
@@ -217,6 +233,11 @@ def _cover(
     elif placement == "hole":
         covers.append(wall_with_hole(name, person, figure.on_head(CHIN)[0]))
     return joined(covers)
+
+
+def _cover_name(id: str) -> str:
+    """Of the body that covers a victim."""
+    return f"cover_{id}"
 
 
 def _body(name: str, geoms: list[Element]) -> Element:

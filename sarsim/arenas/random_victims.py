@@ -66,10 +66,11 @@ def place_victim(layout: Layout, dice: Dice, name: str, hidden: bool) -> PlacedV
 
     ``hidden``: some are half under rubble, in a box or behind a hole.
     """
-    for _ in range(DRAWS):
+    spots = _spots(layout)
+    for _ in range(DRAWS if spots else 0):
         placement = dice.pick(PLACEMENTS[hidden])
         model = make_victim(name, dice.rng, dice.pick(POSTURES[placement]), placement)
-        for spot in dice.shuffled(_spots(layout)):
+        for spot in dice.shuffled(spots):
             if _fits(layout, model, spot) and layout.block(spot.tiles):
                 layout.reserved.update(layout.next(*view) for view in layout.views(spot.tiles))
                 return PlacedVictim(model, _position(model, spot), spot.facing * np.pi / 2)

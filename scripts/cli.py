@@ -2,7 +2,9 @@
 
 import functools
 import io
+import os
 import re
+import select
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -16,6 +18,7 @@ from pipeline.errors import InputError
 
 BAD_INPUT = 2
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+UNREAD = 141  # 128 + SIGPIPE
 
 
 def run(command: Callable[..., object], args: Sequence[str] | None = None) -> None:
@@ -52,13 +55,32 @@ def unboxed(text: str) -> str:
 
 
 def guarded(action: Callable[[], object]) -> None:
-    """Run ``action``; turn bad input and Ctrl-C into one line on stderr and an exit status."""
+    """Run ``action``; turn bad input and Ctrl-C into one line on stderr and an exit status.
+
+    If whoever reads the output has enough, as ``head`` does, the process ends without a word.
+    """
     try:
-        action()
+        try:
+            action()
+        finally:
+            sys.stdout.flush()
     except InputError as error:
         _exit(f"error: {error}", BAD_INPUT)
     except KeyboardInterrupt:
         _exit("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        if not _is_unread():
+            raise
+        # Python flushes what is left when it ends, and would complain.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(UNREAD)
+
+
+def _is_unread() -> bool:
+    """Whether nobody is left at the other end of stdout; the pipe that broke may be another one."""
+    poll = select.poll()
+    poll.register(sys.stdout.fileno(), 0)  # errors are told of unasked
+    return bool(poll.poll(0))
 
 
 class Interruptible:

@@ -1,5 +1,9 @@
 """Exit statuses and the one line on stderr."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from pipeline.errors import InputError
@@ -12,6 +16,8 @@ def command(count: int, *, fail: str = "") -> None:
         raise InputError(f"count {count}\n  is too much")
     if fail == "interrupt":
         raise KeyboardInterrupt
+    if fail == "pipe":
+        raise BrokenPipeError("not of stdout")
     print("done", count)
 
 
@@ -50,3 +56,18 @@ def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture
 def test_help_says_what_the_command_does(capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_status(["--help"]) == 0
     assert "Do something" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("args", ["--help", "--count 3"])
+def test_output_that_nobody_reads_ends_the_process_without_a_word(args: str) -> None:
+    program = f"from tests.scripts.test_cli import *; run(command, {args.split()})"
+    reader, writer = os.pipe()
+    os.close(reader)
+    ended = subprocess.run([sys.executable, "-c", program], stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (141, "")
+
+
+def test_another_pipe_that_breaks_is_an_error() -> None:
+    with pytest.raises(BrokenPipeError, match="not of stdout"):
+        run(command, ["--count", "3", "--fail", "pipe"])

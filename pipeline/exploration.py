@@ -31,6 +31,7 @@ class ExplorationConfig:
         max_unknown: a ray is believed to see no further than this into unknown ground, m.
         rays: directions around a view.
         spacing: of the points from which views are considered, m.
+        longest_straight: drive to a place where the robot cannot turn, m.
         wall_margin: unknown ground nearer to a hazard cannot be driven on and is not worth a look, m.
         min_gain: a view that promises less is not worth the drive, m².
         blind_radius: ground that a look should have shown and did not is not looked for from as near to where that
@@ -54,6 +55,7 @@ class ExplorationConfig:
     max_unknown: float = 1.0
     rays: int = 180
     spacing: float = 0.25
+    longest_straight: float = 2.0
     wall_margin: float = 0.25
     min_gain: float = 0.03
     blind_radius: float = 0.35
@@ -74,14 +76,16 @@ class View:
         heading: rad.
         turn: whether the robot turns to the heading when it is there; on a ramp it looks along its way.
         gain: m² of ground expected to be seen for the first time, and what else the look counts for.
-        backwards: whether the robot backs up to the place, and so looks back along its way.
+        backwards: whether the robot backs up to the place, and so looks back along its way; None if that is the same.
+        via: (2,) m, where it turns before it drives to the place straight on; None if any way will do.
     """
 
     position: NDArray[np.float64]
     heading: float
     turn: bool
     gain: float
-    backwards: bool = False
+    backwards: bool | None = None
+    via: NDArray[np.float64] | None = None
 
 
 class Wishes(Protocol):
@@ -141,7 +145,7 @@ class Exploration:
         self.frontiers = _frontiers(surface, paths, ground.target)
         if paths.start is None or not (ground.target.any() or (self.wishes and self.wishes.wanted)):
             return None
-        view = self._best_view(surface, paths, ground, T_map_base) or self._narrow_view(
+        view = self._best_view(surface, paths, ground, T_map_base) or self._straight_view(
             surface, paths, ground
         )
         if view is not None:
@@ -172,28 +176,52 @@ class Exploration:
         if worth[n, m] <= 0:
             return None
         heading = wrap_angle(m * 2 * np.pi / self.config.rays)
-        return View(candidates[n], heading, bool(np.isnan(arrival[n])), float(gains[n, m]))
+        turns = bool(np.isnan(arrival[n]))
+        return View(candidates[n], heading, turns, float(gains[n, m]), backwards=None if turns else False)
 
-    def _narrow_view(
+    def _straight_view(
         self, surface: DrivableSurface, paths: ShortestPaths, ground: kernels.Ground
     ) -> View | None:
-        """The best view of ground that was only taken for flat, from where the robot can drive or back up to.
+        """The best view from where the robot cannot turn, but drives to straight from where it can, or backs up to.
 
-        In a small room such ground lies nearer than the camera sees, but for a robot with its back to the wall, where
-        it cannot turn.
+        Only ground that was taken for flat when the robot was set down is looked for like this: with its back to the
+        wall of a small room the robot sees what is otherwise nearer than the camera sees, and from a ramp that it
+        backs up what lies before the ramp.
         """
-        config, ground = self.config, ground._replace(target=ground.target & paths.reachable)
-        cells = np.argwhere(paths.reachable & (paths.cost > 0) & ~surface.turnable & ~surface.ramp)
-        places = np.tile(surface.grid.centre_of(cells), (2, 1))
-        backwards = np.repeat([False, True], len(cells))
-        heading = paths.arrival_at(places) + np.pi * backwards
-        gain = kernels.gains_along(places, heading, config.rays, self._rays_in_view, self._sight, ground)
-        seconds = config.look_time + np.tile(paths.cost[tuple(cells.T)], 2) / config.speed
-        worth = np.where(gain >= config.min_gain, gain / seconds, 0.0)
+        config, grid = self.config, surface.grid
+        ground = ground._replace(target=ground.target & paths.reachable)
+        places = self._narrow_places(surface, paths, ground)
+        ways = kernels.straight_ways(
+            places,
+            config.rays,
+            config.longest_straight,
+            surface.turnable & paths.reachable,
+            surface.hazard,
+            surface.rules(surface.ramp_alignment),
+            grid.origin,
+            grid.cell,
+        )
+        # Backwards the robot comes from where it looks.
+        ways = np.stack([ways, np.roll(ways, config.rays // 2, axis=1)])
+        areas = kernels.ray_areas(places, config.rays, self._sight, ground)
+        gains = kernels.view_gains(areas, self._rays_in_view)
+        seconds = config.look_time + grid.at(paths.cost, places) / config.speed
+        worth = np.where(np.isfinite(ways) & (gains >= config.min_gain), gains / seconds[:, None], 0.0)
         if not worth.any():
             return None
-        n = worth.argmax()
-        return View(places[n], wrap_angle(heading[n]), False, float(gain[n]), bool(backwards[n]))
+        b, n, m = np.unravel_index(worth.argmax(), worth.shape)
+        heading = wrap_angle(m * 2 * np.pi / config.rays)
+        ahead = np.array([np.cos(heading), np.sin(heading)]) * (-1 if b else 1)
+        via = places[n] - ways[b, n, m] * ahead
+        return View(places[n], heading, False, float(gains[n, m]), bool(b), via)
+
+    def _narrow_places(
+        self, surface: DrivableSurface, paths: ShortestPaths, ground: kernels.Ground
+    ) -> NDArray[np.float64]:
+        """(N, 2) m where the robot can stand but not turn, and something unseen is in reach."""
+        stands = paths.reachable & (paths.cost > 0) & ~surface.turnable & ~surface.slidable
+        near = surface.grid.distance_to(ground.target) <= self._sight.reach
+        return surface.grid.centre_of(np.argwhere(stands & near))
 
     def _worth(
         self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
@@ -273,8 +301,12 @@ class Exploration:
         yaw: float,
     ) -> NDArray[np.float64]:
         """(N,) the heading at which the robot arrives at places, here first, where it cannot turn; NaN elsewhere."""
-        arrival = np.append(yaw, paths.arrival_at(candidates[1:]))
-        return np.where(surface.grid.at(surface.turnable | surface.slidable, candidates), np.nan, arrival)
+        can_turn = surface.turnable | surface.slidable
+        ahead = paths.arrival_at(candidates[1:])
+        # Who cannot turn before it either arrives as it stands now, forwards or backwards.
+        backs = ~paths.pass_by(can_turn, candidates[1:]) & (np.cos(ahead - yaw) < 0)
+        arrival = np.append(yaw, ahead + np.pi * backs)
+        return np.where(surface.grid.at(can_turn, candidates), np.nan, arrival)
 
     def _possible(self, arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N, rays) the directions in which the robot can look from each place."""

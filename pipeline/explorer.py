@@ -176,7 +176,7 @@ class Explorer:
             if view is not None:
                 self.second_looks.aim(surface.on_ground(view.position[None])[0], view.heading)
         with self.stopwatch("path_plan"):
-            plan = plan_path(self.topological_map, surface, paths, view.position) if view else None
+            plan = self._plan(view, surface, paths) if view else None
             if plan is not None and (out != T_map_base[:2, 3]).any():
                 plan = plan.after(surface.on_ground(out[None]))
         self.steps += 1
@@ -222,14 +222,18 @@ class Explorer:
             self.second_looks.count()
         return detections
 
-    def _backs_up(self, look: Look, plan: PathPlan) -> bool:
-        """Whether to drive the last leg backwards; not where the robot could not turn before it."""
-        start = np.vstack([look.T_map_base[:3, 3], plan.way_points])[-2]
-        return (
-            look.view is not None
-            and look.view.backwards
-            and bool(look.surface.grid.at(look.surface.turnable, start))
-        )
+    def _plan(self, view: View, surface: DrivableSurface, paths: ShortestPaths) -> PathPlan | None:
+        """The way to a view, by the place where the robot has to turn for it."""
+        if view.via is None:
+            return plan_path(self.topological_map, surface, paths, view.position)
+        plan = plan_path(self.topological_map, surface, paths, view.via)
+        return plan and plan.on_to(surface.on_ground(view.position[None]))
+
+    def _backs_up(self, look: Look, plan: PathPlan) -> bool | None:
+        """Whether to drive the last leg backwards; None, either way, where the robot could not turn before it."""
+        surface, start = look.surface, np.vstack([look.T_map_base[:3, 3], plan.way_points])[-2]
+        can_turn = surface.grid.at(surface.turnable | surface.slidable, start)
+        return look.view.backwards if look.view is not None and can_turn else None
 
     def _next_view(
         self, surface: DrivableSurface, paths: ShortestPaths, T_map_base: NDArray[np.float64]

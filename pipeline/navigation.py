@@ -28,8 +28,9 @@ class NavigationConfig:
         cross_track_gain: heading correction over the distance from the line, rad/m.
         max_tilt: beyond this the robot stops and backs out, rad.
         tilt_lead: it does so when it will lean that far in so many seconds.
-        turn_limit, back_limit: on a ramp the robot drives on if the way point is no further than the one off its
-            heading, backs if it is further than the other, and turns on the spot in between only, rad.
+        turn_limit: on a ramp the robot turns on the spot only if it would drive further than this off its heading, or
+            off its tail, rad.
+        back_limit: there it backs to a way point that is further off its heading, rad.
         ramp_turn_rate: of such turns, rad/s.
         short: to a way point no farther that lies right behind it the robot backs also on level ground, m.
         right_behind: angle off its tail, rad.
@@ -179,7 +180,7 @@ class Navigator:
         self,
         way_points: NDArray[np.float64],
         heading: float | None = None,
-        back_up: bool = False,
+        back_up: bool | None = None,
         start: NDArray[np.float64] | None = None,
         is_clear: IsClear = lambda position, target: True,
     ) -> bool:
@@ -188,7 +189,7 @@ class Navigator:
         Args:
             way_points: (N, 2 or 3) m in ``map``, at least one.
             heading: rad, in which the robot looks at the end.
-            back_up: drive to the last way point backwards.
+            back_up: whether to drive to the last way point backwards; None if that is the same.
             start: (2,) m, where the way begins. A robot that stands elsewhere was lifted and does not follow it.
             is_clear: asked while the robot drives forward; it stops where the answer is no.
         """
@@ -198,7 +199,9 @@ class Navigator:
             self.legs.append(Leg(way_points[0][:2], Outcome.MOVED, 0.0))
             return False
         for n, target in enumerate(way_points, start=1):
-            if not self._drive_leg(np.asarray(target)[:2], back_up and n == len(way_points), is_clear):
+            if not self._drive_leg(
+                np.asarray(target)[:2], back_up if n == len(way_points) else None, is_clear
+            ):
                 return False
         return heading is None or self._look_along(heading)
 
@@ -209,7 +212,7 @@ class Navigator:
             self.legs[-1].outcome = outcome
         return outcome is Outcome.REACHED
 
-    def _drive_leg(self, target: NDArray[np.float64], back_up: bool, is_clear: IsClear) -> bool:
+    def _drive_leg(self, target: NDArray[np.float64], back_up: bool | None, is_clear: IsClear) -> bool:
         """Turn towards the way point, or away from it, then drive straight to it."""
         T, started = self.T_map_base, self._time
         outcome = Outcome.REACHED
@@ -219,17 +222,21 @@ class Navigator:
         return outcome is Outcome.REACHED
 
     def _approach(
-        self, T: NDArray[np.float64], target: NDArray[np.float64], back_up: bool
+        self, T: NDArray[np.float64], target: NDArray[np.float64], back_up: bool | None
     ) -> Iterator[Velocity]:
-        """Commands that bring the robot to the way point; on a ramp it backs rather than turn around."""
-        error = abs(wrap_angle(_bearing(T[:2, 3], target) - yaw_of(T)))
-        config, on_ramp = self.config, self._on_ramp
-        is_short = np.linalg.norm(target - T[:2, 3]) <= config.short
-        back_up |= bool(is_short and error > np.pi - config.right_behind)
-        backwards = error > config.back_limit if on_ramp else back_up
-        if not on_ramp or config.turn_limit < error <= config.back_limit:
+        """Commands that bring the robot to the way point; if it may, on a ramp it backs rather than turn around."""
+        on_ramp = self._on_ramp
+        backwards = self._should_back(T, target, on_ramp) if back_up is None else back_up
+        error = abs(wrap_angle(_bearing(T[:2, 3], target) + np.pi * backwards - yaw_of(T)))
+        if not on_ramp or error > self.config.turn_limit:
             yield from self._turn_to(lambda T: _bearing(T[:2, 3], target) + np.pi * backwards)
         yield from self._straight_to(self.T_map_base[:2, 3].copy(), target, backwards)
+
+    def _should_back(self, T: NDArray[np.float64], target: NDArray[np.float64], on_ramp: bool) -> bool:
+        """Whether to back to a way point that may be met either way."""
+        config, error = self.config, abs(wrap_angle(_bearing(T[:2, 3], target) - yaw_of(T)))
+        is_short = bool(np.linalg.norm(target - T[:2, 3]) <= config.short)
+        return error > config.back_limit if on_ramp else is_short and error > np.pi - config.right_behind
 
     @property
     def _on_ramp(self) -> bool:

@@ -37,6 +37,11 @@ class PathPlan:
         """The same plan, if the robot first drives to a place (1, 3) m from which it begins."""
         return replace(self, way_points=np.vstack([place, self.way_points]))
 
+    def on_to(self, place: NDArray[np.float64]) -> "PathPlan":
+        """The same plan, and then straight on to a place (1, 3) m."""
+        leg = float(np.linalg.norm(place[0, :2] - self.way_points[-1, :2]))
+        return replace(self, way_points=np.vstack([self.way_points, place]), length=self.length + leg)
+
 
 def plan_path(
     topology: TopologicalMap, surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike

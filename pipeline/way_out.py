@@ -11,6 +11,8 @@ LONGEST = 0.8
 """m that are tried."""
 STEP = 0.05
 """m between the places that are tried."""
+NEAR = 0.1
+"""m around the robot that need not be drivable: it may have slid nearer to something than it may stand."""
 
 
 def way_out(surface: DrivableSurface, T_map_base: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -19,10 +21,11 @@ def way_out(surface: DrivableSurface, T_map_base: NDArray[np.float64]) -> NDArra
     Its own as well where no straight way leads to such a place.
     """
     here, ahead = T_map_base[:2, 3], T_map_base[:2, 0] / np.linalg.norm(T_map_base[:2, 0])
-    if surface.grid.at(surface.to_hazard, here) >= CORNER or surface.grid.at(surface.ramp, here):
+    if surface.grid.at(surface.to_hazard, here) >= CORNER:
         return here
     way = np.arange(STEP, LONGEST, STEP)
-    places = here + np.stack([way, -way], axis=1).ravel()[:, None] * ahead
-    good = surface.grid.at(surface.turnable, places)
-    good &= surface.lines_are_drivable(np.repeat(here[None], len(places), axis=0), places)
+    signed = np.stack([way, -way], axis=1).ravel()[:, None]
+    places, starts = here + signed * ahead, here + np.clip(signed, -NEAR, NEAR) * ahead
+    good = surface.grid.at(surface.turnable | surface.slidable, places)
+    good &= surface.lines_are_drivable(starts, places)
     return places[good.argmax()] if good.any() else here

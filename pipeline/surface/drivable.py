@@ -156,7 +156,11 @@ def judge(
         & (to_unknown >= config.unknown_clearance)
         & (to_doubt >= config.clearance)
     )
-    clear = np.minimum(np.minimum(to_hazard, to_unknown), to_doubt)
+    to_stop = np.minimum(to_hazard, to_doubt)
+    # On a ramp the robot keeps off the unknown as well by what it may slide or drift.
+    may_slide, may_drift = (
+        to_unknown >= config.unknown_clearance + m for m in (config.ramp_slide, config.ramp_drift)
+    )
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     return DrivableSurface(
         grid=grid,
@@ -166,8 +170,8 @@ def judge(
         to_hazard=to_hazard,
         drivable=drivable,
         turnable=drivable & (to_hazard >= config.turning_clearance) & ~ramp,
-        slidable=ramp & drivable & (clear >= config.turning_clearance + config.ramp_slide),
-        room=ramp & drivable & (clear >= config.clearance + config.ramp_drift),
+        slidable=ramp & drivable & may_slide & (to_stop >= config.turning_clearance + config.ramp_slide),
+        room=ramp & drivable & may_drift & (to_stop >= config.clearance + config.ramp_drift),
         ramp=ramp,
         uphill=uphill,
         ramp_alignment=config.ramp_alignment,

@@ -70,6 +70,18 @@ class ShortestPaths:
         step = np.where(flat[:, None] >= 0, cells - before, (1, 0))
         return np.arctan2(step[:, 1], step[:, 0])
 
+    def pass_by(self, mask: NDArray[np.bool_], xy: ArrayLike) -> NDArray[np.bool_]:
+        """(N,) whether the paths to (N, 2) reachable points lead over a mask (nx, ny), both ends included."""
+        cells = np.ravel_multi_index(tuple(self._surface.grid.cell_of(xy).T), self.cost.shape)
+        passed = np.zeros(len(cells), np.bool_)
+        on_way = np.arange(len(cells))
+        while len(on_way):
+            passed[on_way] = mask.ravel()[cells[on_way]]
+            on_way = on_way[~passed[on_way]]
+            cells[on_way] = self._parent.ravel()[cells[on_way]]
+            on_way = on_way[cells[on_way] >= 0]
+        return passed
+
     def sources(self) -> NDArray[np.int64]:
         """(nx, ny) flat index of the cell of that start from which the path to each cell comes; -1 if none leads."""
         source = np.arange(self.cost.size)

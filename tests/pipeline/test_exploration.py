@@ -3,6 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from pipeline import exploration_kernels as kernels
 from pipeline.exploration import Exploration, ExplorationConfig
 from pipeline.surface.drivable import drivable_surface
 from pipeline.surface.paths import ShortestPaths
@@ -161,6 +162,43 @@ def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall
     assert not view.turn
     assert view.position[1] > 0.6
     assert abs(wrap_angle(view.heading + np.pi / 2)) < np.deg2rad(1)
+
+
+def test_ground_taken_for_flat_before_a_ramp_is_seen_by_backing_up_the_ramp():
+    world = SurfaceMap()
+    world.assume_ground(from_yaw(-1.6, 0, 0, 0), 0.5, 0.0, 0.0)
+    corners = [(-2.2, -0.6), (0.5, -0.6), (0.5, 0.6), (-2.2, 0.6), (-2.2, -0.6)]
+    seen = ground_points(ridge, (-2.2, 0.5), (-0.6, 0.6))
+    seen = seen[np.hypot(seen[:, 0] + 1.6, seen[:, 1]) > 0.3]
+    world.update(np.vstack([seen, *(wall_points(a, b) for a, b in pairwise(corners))]))
+    view = next_view(Exploration(), world, from_yaw(-1.6, 0, 0, 0))
+    assert view is not None
+    assert view.backwards
+    assert view.position[0] > -RUN
+    assert abs(abs(view.heading) - np.pi) < np.deg2rad(20)
+    assert view.via[0] < -RUN - 0.2
+    way = view.position - view.via
+    assert abs(wrap_angle(np.arctan2(way[1], way[0]) - view.heading - np.pi)) < np.deg2rad(0.1)
+
+
+def test_straight_ways_begin_where_it_can_turn_and_keep_the_corners_of_the_chassis_off_walls():
+    surface = drivable_surface(closed_room())
+    places = np.array([(1.675, 0.025), (1.0, 0.0)])
+    ways = kernels.straight_ways(
+        places,
+        8,
+        2.0,
+        surface.turnable,
+        surface.hazard,
+        surface.rules(surface.ramp_alignment),
+        surface.grid.origin,
+        surface.grid.cell,
+    )
+    assert surface.turnable[tuple(surface.grid.cell_of(places[1]))]
+    np.testing.assert_array_equal(ways[1], 0)
+    assert not surface.turnable[tuple(surface.grid.cell_of(places[0]))]
+    assert np.flatnonzero(np.isfinite(ways[0])).tolist() == [0]  # not obliquely, along the wall or out of it
+    assert surface.grid.at(surface.turnable, places[0] - (ways[0, 0], 0))
 
 
 class Wish:

@@ -30,8 +30,18 @@ def test_along_the_wall_no_way_leads_out():
     np.testing.assert_array_equal(way_out(before_a_wall(), from_yaw(-0.325, 0, 0, np.pi / 2)), (-0.325, 0))
 
 
-def test_on_a_ramp_it_stays():
+def test_a_robot_that_slid_too_near_to_a_wall_leaves_straight_back():
+    surface = before_a_wall()
+    assert not surface.grid.at(surface.drivable, (-0.23, 0.1))
+    out = way_out(surface, from_yaw(-0.23, 0.1, 0, 0))
+    assert surface.grid.at(surface.turnable, out)
+    assert -0.6 < out[0] < -0.23
+
+
+def test_beside_a_wall_on_a_ramp_it_leaves_to_where_it_can_turn():
     ramp = drivable_surface(
         surface_of(ground_points(ridge, (-2, 2), (-0.3, 2)), wall_points((-2, -0.3), (2, -0.3)))
     )
-    np.testing.assert_array_equal(way_out(ramp, from_yaw(-0.3, 0.02, 0, np.pi / 2)), (-0.3, 0.02))
+    out = way_out(ramp, from_yaw(-0.3, 0.02, 0, np.pi / 2))
+    assert ramp.grid.at(ramp.slidable, out)
+    assert out[1] > 0.02

@@ -77,6 +77,16 @@ def test_arrival_is_the_direction_of_the_last_step(maze):
         assert heading == pytest.approx(np.arctan2(step[1], step[0]))
 
 
+def test_paths_pass_by_what_lies_on_them(maze):
+    paths = ShortestPaths(maze, (-1.0, -1.0))
+    targets = np.array([(1.0, -1.0), (-1.0, 1.0), (0.0, 1.5)])
+    x = maze.grid.centre_of(np.moveaxis(np.indices(maze.grid.shape), 0, -1))[..., 0]
+    assert paths.pass_by(x > 0.1, targets).tolist() == [True, False, False]
+    on_way = np.zeros(maze.grid.shape, np.bool_)
+    on_way[tuple(maze.grid.cell_of(paths.path_to(targets[0])).T)] = True
+    assert paths.pass_by(on_way, targets).all()  # they begin at the same place
+
+
 def test_no_start_and_no_way():
     surface = drivable_surface(surface_of(ground_points(flat, (0, 2), (0, 2))))
     nowhere = ShortestPaths(surface, (9.0, 9.0))

@@ -5,11 +5,11 @@ from typing import Any
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.spatial import KDTree
 
 from pipeline.surface.path_kernels import free_rules, lines_are_drivable
+from pipeline.topological_map.sight_kernels import count_in
 from pipeline.topological_map.topological_map import TopologicalMap
+from sarsim.scoring.topology_kernels import cells_in_sight, mark
 from sarsim.scoring.true_surface import CELL, TrueSurface
 
 SIGHT = 2.0
@@ -23,15 +23,14 @@ def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, An
     positions = np.array([node.position[:2] for node in topology.nodes.values()]).reshape(-1, 2)
     ways = [topology.way(a, b)[:, :2] for a, b in topology.graph.edges]
     through = sum(not _in_sight(truth, way[:-1], way[1:]).all() for way in ways)
-    cells = truth.grid.centre_of(np.argwhere(truth.drivable))
-    seen = _cells_seen(positions, cells, truth).sum(axis=0) > 0
-    greedy = _greedy_cover(cells, truth, seen)
+    seen = _seen_from(positions, truth)
+    greedy = _greedy_cover(truth, seen)
     return {
         "nodes": len(topology.nodes),
         "edges": len(ways),
         "components": nx.number_connected_components(topology.graph),
         "edges_through_walls": through,
-        "coverage": float(seen.mean()),
+        "coverage": float(seen[truth.drivable].mean()),
         "nodes_vs_greedy": len(topology.nodes) / max(greedy, 1),
     }
 
@@ -44,29 +43,32 @@ def _in_sight(
     return lines_are_drivable(starts, ends, grid.origin, grid.cell, free_rules(~truth.walls))
 
 
-def _cells_seen(positions: NDArray[np.float64], cells: NDArray[np.float64], truth: TrueSurface) -> csr_array:
-    """(P, N) 1 where a node at position p would see cell n within ``SIGHT``, else 0."""
-    near = KDTree(cells).query_ball_point(positions, SIGHT) if len(positions) else []
-    rows = np.repeat(np.arange(len(positions)), [len(n) for n in near])
-    columns = np.concatenate([np.asarray(n, np.int64) for n in near] or [np.zeros(0, np.int64)])
-    sees = _in_sight(truth, positions[rows], cells[columns])
-    return csr_array(
-        (np.ones(sees.sum(), np.int32), (rows[sees], columns[sees])), (len(positions), len(cells))
-    )
+def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> NDArray[np.bool_]:
+    """(nx, ny) the drivable cells that nodes at positions (P, 2) see."""
+    seen = np.zeros(truth.grid.shape, np.bool_)
+    for window, corner in zip(*_views(positions, truth.drivable, truth), strict=True):
+        mark(window, corner, seen, True)
+    return seen
 
 
-def _greedy_cover(cells: NDArray[np.float64], truth: TrueSurface, area: NDArray[np.bool_]) -> int:
-    """Nodes that a greedy cover by every fourth drivable cell along x and y needs for an area: (N,) of the cells."""
-    candidates = cells[(truth.grid.cell_of(cells) % 4 == 0).all(axis=1)]
-    if not len(candidates):
-        candidates = cells
-    sees = _cells_seen(candidates, cells, truth)
-    missing = area.astype(np.int32)
-    nodes = 0
+def _views(
+    places: NDArray[np.float64], target: NDArray[np.bool_], truth: TrueSurface
+) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """What places (K, 2) see of a target (nx, ny): see :func:`cells_in_sight`."""
+    grid = truth.grid
+    return cells_in_sight(places, target, grid.origin, grid.cell, SIGHT, free_rules(~truth.walls))
+
+
+def _greedy_cover(truth: TrueSurface, area: NDArray[np.bool_]) -> int:
+    """Nodes that a greedy cover by every fourth drivable cell along x and y needs for an area (nx, ny)."""
+    cells = np.argwhere(truth.drivable)
+    fourth = cells[(cells % 4 == 0).all(axis=1)]
+    seen, corners = _views(truth.grid.centre_of(fourth if len(fourth) else cells), area, truth)
+    missing, nodes = area.copy(), 0
     while True:
-        gain = sees @ missing
+        gain = count_in(seen, corners, missing)
         best = int(gain.argmax())
         if gain[best] * CELL**2 < MIN_GAIN:
             return nodes
-        missing[sees.indices[sees.indptr[best] : sees.indptr[best + 1]]] = 0
+        mark(seen[best], corners[best], missing, False)
         nodes += 1

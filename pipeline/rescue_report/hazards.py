@@ -8,6 +8,7 @@ from scipy import ndimage
 
 from pipeline.rescue_report.places import Place, places
 from pipeline.surface.drivable import DrivableSurface
+from pipeline.surface.grid import Grid
 
 SLOPE = np.deg2rad(8)
 """Ground that is steeper counts as a slope, rad."""
@@ -23,6 +24,8 @@ ACROSS = 0.1
 """m that an edge may be wide."""
 FALL = 0.6
 """m beyond the edge within which the ground below is looked for: the nearest of it is often not seen."""
+BEARINGS = 48
+"""Directions in which it is looked for."""
 LOW = 2.0
 """m of headroom, below which a person stoops."""
 OVERHEAD = 0.65
@@ -83,11 +86,31 @@ def _drops(surface: DrivableSurface, reachable: NDArray[np.bool_]) -> NDArray[np
     pieces, _ = ndimage.label(~surface.hazard & ~np.isnan(elevation))
     going_on = np.isin(pieces, np.unique(pieces[reachable]))
     highest = ndimage.maximum_filter(np.where(going_on, elevation, -np.inf), 1 + 2 * round(ACROSS / cell))
-    lowest = ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), 1 + 2 * round(FALL / cell))
-    with np.errstate(invalid="ignore"):
-        is_edge = surface.hazard & (elevation - lowest >= DROP) & (np.abs(elevation - highest) <= EDGE)
+    is_edge = surface.hazard & (np.abs(elevation - highest) <= EDGE)
     is_edge &= surface.grid.distance_to(reachable) <= BESIDE
-    return np.where(_long(is_edge, round(EDGE_LENGTH / cell)), elevation - lowest, 0.0)
+    drop = np.zeros(surface.grid.shape)
+    drop[is_edge] = elevation[is_edge] - _lowest_beyond(surface.grid, elevation, np.argwhere(is_edge))
+    return np.where(_long(drop >= DROP, round(EDGE_LENGTH / cell)), drop, 0.0)
+
+
+def _lowest_beyond(
+    grid: Grid, elevation: NDArray[np.float64], edges: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """(E,) m, the lowest ground beyond cells (E, 2).
+
+    What is no lower than the edge ends the search in its direction: more of the same ground, or a wall, behind which
+    there may be ground on which nobody falls.
+    """
+    height, middles = elevation[tuple(edges.T)][:, None], grid.centre_of(edges)[:, None]
+    bearings = np.linspace(0, 2 * np.pi, BEARINGS, endpoint=False)
+    ahead = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    is_open, lowest = np.ones((len(edges), BEARINGS), np.bool_), np.broadcast_to(height, (len(edges), BEARINGS))
+    for distance in np.arange(grid.cell / 2, FALL, grid.cell / 2):
+        places = middles + distance * ahead
+        there = grid.at(elevation, places, outside=np.nan)
+        is_open &= ~(there > height - EDGE) | (grid.cell_of(places) == edges[:, None]).all(axis=-1)
+        lowest = np.fmin(lowest, np.where(is_open, there, np.nan))
+    return lowest.min(axis=1)
 
 
 def _long(edges: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:

@@ -61,6 +61,18 @@ def test_a_drop_to_ground_that_is_seen_from_afar() -> None:
     assert drop.value == pytest.approx(0.4, abs=0.001)
 
 
+def test_there_is_no_drop_to_the_ground_behind_a_wall() -> None:
+    above, below = (
+        ground_points(flat, (-1.5, 1.5), (-1.0, 0.5)),
+        ground_points(terrace, (-1.5, 1.5), (0.6, 1.5)),
+    )
+    # A kerb before the wall, as the lower part of one that is seen badly.
+    kerb = ground_points(lambda x, y: np.full_like(x, 0.05), (-1.5, 1.5), (0.45, 0.5))
+    wall = wall_points((-1.5, 0.53), (1.5, 0.53))
+    assert hazards_of(above, kerb, below).drops != []
+    assert hazards_of(above, kerb, wall, below).drops == []
+
+
 def test_what_hangs_low_is_a_ceiling() -> None:
     beam = ground_points(lambda x, y: np.full_like(x, 1.3), (0.0, 0.2), (-0.3, 0.3))
     hazards = hazards_of(ground_points(flat, *AREA), above=beam)

@@ -24,6 +24,8 @@ ACROSS = 0.1
 """m that an edge may be wide."""
 FALL = 0.6
 """m beyond the edge within which the ground below is looked for: the nearest of it is often not seen."""
+SLIT = 0.1
+"""m; what is no wider takes no wheel, as the gap between a ramp and the wall beside it."""
 BEARINGS = 48
 """Directions in which it is looked for."""
 LOW = 2.0
@@ -102,15 +104,24 @@ def _lowest_beyond(
     there may be ground on which nobody falls.
     """
     height, middles = elevation[tuple(edges.T)][:, None], grid.centre_of(edges)[:, None]
+    ground = _without_slits(elevation, 1 + 2 * round(SLIT / 2 / grid.cell))
     bearings = np.linspace(0, 2 * np.pi, BEARINGS, endpoint=False)
     ahead = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
-    is_open, lowest = np.ones((len(edges), BEARINGS), np.bool_), np.broadcast_to(height, (len(edges), BEARINGS))
+    is_open = np.ones((len(edges), BEARINGS), np.bool_)
+    lowest = np.broadcast_to(height, is_open.shape)
     for distance in np.arange(grid.cell / 2, FALL, grid.cell / 2):
-        places = middles + distance * ahead
-        there = grid.at(elevation, places, outside=np.nan)
-        is_open &= ~(there > height - EDGE) | (grid.cell_of(places) == edges[:, None]).all(axis=-1)
-        lowest = np.fmin(lowest, np.where(is_open, there, np.nan))
+        there = middles + distance * ahead
+        has_left = (grid.cell_of(there) != edges[:, None]).any(axis=-1)
+        is_open &= ~(has_left & (grid.at(elevation, there, outside=np.nan) > height - EDGE))
+        lowest = np.fmin(lowest, np.where(is_open, grid.at(ground, there, outside=np.nan), np.nan))
     return lowest.min(axis=1)
+
+
+def _without_slits(elevation: NDArray[np.float64], cells: int) -> NDArray[np.float64]:
+    """(nx, ny) m, raised where what is low is narrower than so many cells: a grey closing that knows of NaN."""
+    raised = ndimage.maximum_filter(np.nan_to_num(elevation, nan=-np.inf), cells)
+    closed = ndimage.minimum_filter(np.where(np.isneginf(raised), np.inf, raised), cells)
+    return np.where(np.isnan(elevation), np.nan, closed)
 
 
 def _long(edges: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:

@@ -61,7 +61,7 @@ def _way_tile(situation: Situation) -> Markup:
     steepest = max((way.steepest for way in driven), default=0.0)
     drops = sum(way.drops > 0 for way in driven)
     slope = f"steepest ground {degrees(steepest)}" if steepest >= FLAT else "level ground"
-    more = f"{slope}; drops beside {counted(drops, 'way')}"
+    more = f"{slope}; " + (f"drops beside {counted(drops, 'way')}" if drops else "no drops beside the way")
     answer = "to everyone" if reached == len(ways) else f"to {reached} of {len(ways)}"
     return _tile(reached == len(ways) and not drops, "Drivable", answer, more)
 

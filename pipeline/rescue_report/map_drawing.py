@@ -12,7 +12,7 @@ from pipeline.rescue_report.markup import Markup, element, joined, png
 from pipeline.rescue_report.paper import Paper, at, dots, line
 from pipeline.rescue_report.signs import SIGNS, patterns
 from pipeline.rescue_report.situation import Person, Situation
-from pipeline.rescue_report.words import counted
+from pipeline.rescue_report.words import counted, number
 from pipeline.surface.grid import Grid
 from pipeline.transforms import yaw_of
 
@@ -24,6 +24,8 @@ READABLE = 0.62
 """Pixels per unit at least; on a phone the drawing is moved about."""
 NOTHING = -1
 """No class."""
+LINES = 6
+"""Lines of round coordinates along the longer side, at least."""
 MOST = 12
 """Numbers of one kind, the worst first, that the drawing has room for."""
 
@@ -40,6 +42,7 @@ def draw_map(situation: Situation) -> Markup:
         patterns(),
         element("rect", width=f"{paper.width:.1f}", height=f"{paper.height:.1f}", class_="unknown"),
         _ground(paper, situation),
+        *_coordinates(paper),
         _drops(paper, surface.grid, situation.hazards),
         *_slopes(paper, situation),
         element("path", d=dots(paper(situation.looks)), class_="looks"),
@@ -91,6 +94,21 @@ def _highest(grid: Grid, situation: Situation) -> NDArray[np.int64]:
     best = np.full(grid.shape, np.iinfo(np.int64).min)
     np.maximum.at(best, (i[inside], j[inside]), keys[inside])
     return np.where(best == np.iinfo(np.int64).min, NOTHING, best % len(Label))
+
+
+def _coordinates(paper: Paper) -> Iterator[Markup]:
+    """Lines of round x and y with their numbers, by which to find places that the page names."""
+    size = np.array([paper.width, paper.height]) / paper.scale
+    apart = _round_length(float(size.max()) / LINES)
+    first, last = np.ceil(paper.low / apart).astype(int), np.floor((paper.low + size) / apart).astype(int)
+    for x in apart * np.arange(first[0], last[0] + 1):
+        across, _ = paper([x, 0])
+        yield element("path", d=f"M{across:.1f} 0V{paper.height:.1f}", class_="coordinate")
+        yield _text(np.array([across, 16]), number(x, 0 if apart >= 1 else 1), "tick")
+    for y in apart * np.arange(first[1], last[1] + 1):
+        _, up = paper([0, y])
+        yield element("path", d=f"M0 {up:.1f}H{paper.width:.1f}", class_="coordinate")
+        yield _text(np.array([16, up + 5]), number(y, 0 if apart >= 1 else 1), "tick")
 
 
 def _drops(paper: Paper, grid: Grid, hazards: Hazards) -> Markup:

@@ -20,6 +20,7 @@ class Paper:
 
     Attributes:
         window: rows and columns of the grid.
+        low: (2,) m, its lower left corner.
         scale: units per m.
         width, height: units.
     """
@@ -31,7 +32,7 @@ class Paper:
         low = np.maximum(cells.min(axis=0) - margin, 0)
         high = np.minimum(cells.max(axis=0) + 1 + margin, grid.shape)
         self.window = slice(low[0], high[0]), slice(low[1], high[1])
-        self._low = grid.origin + low * grid.cell
+        self.low = grid.origin + low * grid.cell
         width, height = (high - low) * grid.cell
         fitting = min(LONGER / width, SHORTER / height)
         self.scale = float(max(fitting, min(LEAST, LONGEST * fitting)))
@@ -40,7 +41,7 @@ class Paper:
 
     def __call__(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(..., 2) units of points (..., 2 or 3)."""
-        x, y = np.moveaxis((np.asarray(xy, np.float64)[..., :2] - self._low) * self.scale, -1, 0)
+        x, y = np.moveaxis((np.asarray(xy, np.float64)[..., :2] - self.low) * self.scale, -1, 0)
         return np.stack([x, self.height - y], axis=-1).round(1)
 
 

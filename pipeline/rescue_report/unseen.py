@@ -59,8 +59,10 @@ def find_unseen(
     """
     grid, unknown = surface.grid, np.isnan(measured)
     outline = ndimage.binary_fill_holes(~np.isnan(surface.elevation))
-    ahead = ndimage.binary_dilation(reachable, iterations=round(AHEAD / grid.cell), mask=~surface.hazard)
-    cells = unknown & (outline | ahead) & (surface.to_hazard >= FROM_WALL)
+    is_clear = surface.to_hazard >= FROM_WALL
+    # A wall that was seen in part has gaps; ground goes on through wide ones alone.
+    ahead = ndimage.binary_dilation(reachable, iterations=round(AHEAD / grid.cell), mask=is_clear)
+    cells = unknown & (outline | ahead) & is_clear
     found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)
     near = grid.distance_to(reachable) <= SIDE
     return Unseen(

@@ -61,6 +61,13 @@ def test_a_drop_to_ground_that_is_seen_from_afar() -> None:
     assert drop.value == pytest.approx(0.4, abs=0.001)
 
 
+@pytest.mark.parametrize(("width", "drops"), [(0.1, 0), (0.3, 1)])
+def test_a_slit_beside_the_ground_is_no_drop(width: float, drops: int) -> None:
+    ground = ground_points(terrace, (-1.5, 1.5), (-1.0, 0.5 + width))
+    wall = wall_points((-1.5, 0.53 + width), (1.5, 0.53 + width))
+    assert len(hazards_of(ground, wall).drops) == drops
+
+
 def test_there_is_no_drop_to_the_ground_behind_a_wall() -> None:
     above, below = (
         ground_points(flat, (-1.5, 1.5), (-1.0, 0.5)),

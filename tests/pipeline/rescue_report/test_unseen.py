@@ -63,5 +63,10 @@ def test_ground_is_expected_ahead_where_no_wall_is() -> None:
     )  # as wide as the robot's middle can go, or as the room and more
 
 
+def test_no_ground_is_expected_through_a_gap_in_what_was_seen_of_a_wall() -> None:
+    gap = LAST_WALL[np.abs(LAST_WALL[:, 1]) > 0.05]
+    assert unseen(ground_points(flat, *ROOM), gap).places == []
+
+
 def test_a_map_of_nothing_has_no_share() -> None:
     assert Unseen([], 0.0, 0.0).share == 0

@@ -24,8 +24,8 @@ class DrivableConfig:
         max_step: between neighbouring cells, m; the lowest steps of stairs and step fields, 0.05 m, are not for
             driving.
         max_tilt: rad.
-        clearance: of the robot's centre from hazards while driving straight, m.
-        unknown_clearance: the same from unknown ground, m; half of the robot's width.
+        clearance: of the robot's centre from hazards while driving straight, m, and from unknown ground: a wall
+            that is only met at grazing angles stays unknown.
         turning_clearance: from hazards while turning in place, m; the corners of the chassis sweep 0.355 m, and
             the robot stands up to 0.04 m beside where it was sent.
         ramp_tilt: a steeper cell belongs to a ramp, rad.
@@ -40,7 +40,6 @@ class DrivableConfig:
     max_step: float = 0.04
     max_tilt: float = np.deg2rad(20)
     clearance: float = 0.30
-    unknown_clearance: float = 0.25
     turning_clearance: float = 0.40
     ramp_tilt: float = np.deg2rad(8)
     ramp_margin: float = 0.2
@@ -54,7 +53,6 @@ class DrivableConfig:
         reaches = (
             self.clearance + self.ramp_drift,
             self.turning_clearance + self.ramp_slide,
-            self.unknown_clearance,
             self.ramp_margin,
         )
         widest = np.max(reaches)
@@ -114,6 +112,16 @@ class DrivableSurface:
             self.rules(self.ramp_alignment),
         )
 
+    def metres_on(self, starts: ArrayLike, ends: ArrayLike, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """(N,) metres of lines between points (N, 2 or 3) that lie over a mask (nx, ny)."""
+        return path_kernels.metres_on(
+            np.ascontiguousarray(np.asarray(starts, np.float64)[..., :2]),
+            np.ascontiguousarray(np.asarray(ends, np.float64)[..., :2]),
+            self.grid.origin,
+            self.grid.cell,
+            mask,
+        )
+
     def on_ground(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 3) the points of the ground at (N, 2) m."""
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
@@ -150,17 +158,10 @@ def judge(
     to_hazard = np.minimum(grid.distance_to(hazard), FAR)
     # Beyond the grid's border all is unknown.
     to_unknown = ndimage.distance_transform_edt(np.pad(~np.isnan(elevation), 1))[1:-1, 1:-1] * cell
-    to_doubt = grid.distance_to(doubted)
-    drivable = (
-        (to_hazard >= config.clearance)
-        & (to_unknown >= config.unknown_clearance)
-        & (to_doubt >= config.clearance)
-    )
-    to_stop = np.minimum(to_hazard, to_doubt)
+    to_stop = np.minimum(to_hazard, grid.distance_to(doubted))
+    drivable = np.minimum(to_stop, to_unknown) >= config.clearance
     # On a ramp the robot keeps off the unknown as well by what it may slide or drift.
-    may_slide, may_drift = (
-        to_unknown >= config.unknown_clearance + m for m in (config.ramp_slide, config.ramp_drift)
-    )
+    may_slide, may_drift = (to_unknown >= config.clearance + m for m in (config.ramp_slide, config.ramp_drift))
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     return DrivableSurface(
         grid=grid,
@@ -170,8 +171,8 @@ def judge(
         to_hazard=to_hazard,
         drivable=drivable,
         turnable=drivable & (to_hazard >= config.turning_clearance) & ~ramp,
-        slidable=ramp & drivable & may_slide & (to_stop >= config.turning_clearance + config.ramp_slide),
-        room=ramp & drivable & may_drift & (to_stop >= config.clearance + config.ramp_drift),
+        slidable=ramp & may_slide & (to_stop >= config.turning_clearance + config.ramp_slide),
+        room=ramp & may_drift & (to_stop >= config.clearance + config.ramp_drift),
         ramp=ramp,
         uphill=uphill,
         ramp_alignment=config.ramp_alignment,

@@ -104,11 +104,15 @@ class ShortestPaths:
 def may_cut(surface: DrivableSurface, way: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N - 1,) which of the later points of a way (N, 2) the robot can drive to straight from the first.
 
-    Ramps are met head-on: no straight drive leads further across a slope than the way does itself.
+    Ramps are met head-on and corners are given a wide berth as by the way itself: no straight drive leads further
+    across a slope or where the robot cannot turn than the way does.
     """
     first = np.repeat(way[:1], len(way) - 1, axis=0)
-    across = np.cumsum(surface.metres_across(way[:-1], way[1:])) + surface.grid.cell
-    return surface.lines_are_drivable(first, way[1:]) & (surface.metres_across(first, way[1:]) <= across)
+    narrow = ~surface.turnable & ~surface.ramp
+    allowed = surface.lines_are_drivable(first, way[1:])
+    for metres in (surface.metres_across, lambda a, b: surface.metres_on(a, b, narrow)):
+        allowed &= metres(first, way[1:]) <= np.cumsum(metres(way[:-1], way[1:])) + surface.grid.cell
+    return allowed
 
 
 def simplify(surface: DrivableSurface, path: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -31,9 +31,9 @@ class SurfaceConfig:
     """
 
     cell: float = 0.05
-    z_min: float = -0.55
-    z_max: float = 2.05
-    z_bin: float = 0.1
+    z_min: float = -0.575
+    z_max: float = 2.075
+    z_bin: float = 0.05
     min_hits: int = 3
     headroom: float = 0.65
     max_gap: float = 0.15

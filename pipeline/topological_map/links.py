@@ -10,7 +10,6 @@ from pipeline.semantic_map.crossings import crossings
 from pipeline.semantic_map.segments import Segment
 from pipeline.surface.drivable import DrivableSurface
 from pipeline.surface.path_kernels import ACROSS
-from pipeline.topological_map.links_kernels import metres_on
 
 
 @dataclass(frozen=True)
@@ -69,8 +68,8 @@ def drive_seconds(
 
     Metres across the slope of a ramp take as many times as long as on the grid.
     """
-    a, b = np.ascontiguousarray(starts[:, :2]), np.ascontiguousarray(ends[:, :2])
-    on_ramp = metres_on(a, b, surface.grid.origin, surface.grid.cell, surface.ramp)
+    a, b = starts[:, :2], ends[:, :2]
+    on_ramp = surface.metres_on(a, b, surface.ramp)
     level = np.linalg.norm(b - a, axis=1) - on_ramp
     slow = on_ramp + (ACROSS - 1) * surface.metres_across(a, b)
     return level / config.speed + slow / config.ramp_speed + config.stop_time

@@ -7,12 +7,11 @@ from pipeline.surface.surface_map import SurfaceMap
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
 
-def test_level_ground_is_drivable_up_to_half_a_robot_from_the_unknown():
-    surface = drivable_surface(surface_of(ground_points(flat, (0, 2), (0, 2))))
-    at = surface.grid.at
+def test_the_unknown_may_be_a_wall_that_sends_nothing_back():
+    at = (surface := drivable_surface(surface_of(ground_points(flat, (0, 2), (0, 2))))).grid.at
     assert at(surface.drivable, [1.0, 1.0])
     assert at(surface.drivable, [0.28, 1.0])
-    assert not at(surface.drivable, [0.17, 1.0])
+    assert not at(surface.drivable, [0.24, 1.0])
     assert not at(surface.drivable, [-5.0, 1.0])
 
 
@@ -33,6 +32,16 @@ def test_it_keeps_away_from_the_lowest_step_of_a_step_field(height, is_hazard):
     surface = drivable_surface(surface_of(block, around[outside]))
     assert surface.grid.at(surface.hazard, [0.025, 0.275]) == is_hazard
     assert surface.grid.at(surface.drivable, [-0.1, 0.275]) != is_hazard
+
+
+@pytest.mark.parametrize("height", [0.05, 0.06, 0.08, 0.1, 0.12])
+def test_a_block_that_ends_within_a_cell_is_a_hazard_up_to_its_edge(height):
+    ground = ground_points(flat, (-1, 1), (-1, 1))
+    block = ground_points(lambda x, y: 0 * x + height, (0.02, 0.5), (-0.5, 0.5))
+    face = wall_points((0.02, -0.5), (0.02, 0.5), height)
+    outside = (ground[:, 0] < 0.02) | (np.abs(ground[:, 1]) > 0.5)
+    surface = drivable_surface(surface_of(ground[outside], block, face))
+    assert surface.grid.at(surface.hazard, [(0.025, y) for y in np.arange(-0.475, 0.5, 0.05)]).all()
 
 
 def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point():

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from pipeline.surface.drivable import drivable_surface
-from pipeline.surface.paths import PathConfig, ShortestPaths, simplify
+from pipeline.surface.paths import PathConfig, ShortestPaths, may_cut, simplify
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
 
@@ -45,6 +45,14 @@ def test_simplified_paths_are_few_drivable_lines(maze):
     assert maze.lines_are_drivable(bends[:-1], bends[1:]).all()
     assert maze.grid.at(maze.turnable, bends[1:-1]).all()
     np.testing.assert_array_equal(bends[[0, -1]], path[[0, -1]])
+
+
+def test_no_short_cut_passes_a_corner_closer_than_the_way_does(maze):
+    line = np.array([(-1.5, 0.92), (1.5, 0.92)])  # 0.33 m beside the end of the wall
+    assert maze.lines_are_drivable(line[:1], line[1:])[0]
+    around = np.vstack([line[0], (0.0, 1.2), line[1]])
+    assert may_cut(maze, line)[-1]
+    assert not may_cut(maze, around)[-1]
 
 
 def test_ramps_cost_more_and_are_met_head_on():

@@ -161,7 +161,9 @@ def judge(
     to_stop = np.minimum(to_hazard, grid.distance_to(doubted))
     drivable = np.minimum(to_stop, to_unknown) >= config.clearance
     # On a ramp the robot keeps off the unknown as well by what it may slide or drift.
-    may_slide, may_drift = (to_unknown >= config.clearance + m for m in (config.ramp_slide, config.ramp_drift))
+    may_slide, may_drift = (
+        to_unknown >= config.clearance + m for m in (config.ramp_slide, config.ramp_drift)
+    )
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     return DrivableSurface(
         grid=grid,

@@ -1,13 +1,16 @@
 """People in a camera's image."""
 
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.victim_detection.boxes import areas, decode, suppress
+from pipeline.victim_detection.darknet_cfg import DarknetCfg
 from pipeline.victim_detection.detection import Detection
 from pipeline.victim_detection.exposure import evenly_exposed
 from pipeline.victim_detection.inference import FusedNetwork
@@ -27,11 +30,16 @@ class DetectorConfig:
         confidence: least of a detection, between 0 and 1; so low, it tells only where someone was found before.
         overlap: intersection over union above which the less confident of two boxes is dropped.
         person: number of the class ``person``; if not given, as in COCO, Pascal VOC or a network of one class.
+        smaller: size of a second input over the network's own, to find those who are so near that they are too large
+            for the network; 1 for none.
+        near: longer side of what counts there, over the image's, at least.
     """
 
     confidence: float = 0.25
     overlap: float = 0.45
     person: int | None = None
+    smaller: float = 0.6
+    near: float = 0.15
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done."""
@@ -39,6 +47,18 @@ class DetectorConfig:
             raise InputError(
                 f"detector: confidence {self.confidence}, overlap {self.overlap}: between 0 and 1"
             )
+        if not (0 < self.smaller <= 1 and 0 <= self.near <= 1):
+            raise InputError(f"detector: smaller {self.smaller}, near {self.near}: between 0 and 1")
+
+
+class Network(Protocol):
+    """What comes out of a network for one image: see :class:`FusedNetwork`."""
+
+    cfg: DarknetCfg
+
+    def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
+        """(anchors · (5 + classes), H, W) of each [yolo], from an (H, W, 3) image of the network's size."""
+        ...
 
 
 class VictimDetector:
@@ -48,7 +68,7 @@ class VictimDetector:
         """By a network with these settings. InputError where it has no class ``person`` that is known."""
         self.config = config or DetectorConfig()
         self._person = _person(network, self.config)
-        self._network = FusedNetwork(network)
+        self._networks: list[Network] = [FusedNetwork(n) for n in of_both_sizes(network, self.config.smaller)]
 
     @classmethod
     def load(cls, cfg: Path, weights: Path, config: DetectorConfig | None = None) -> "VictimDetector":
@@ -62,21 +82,40 @@ class VictimDetector:
             InputError: grey, empty, or of another type.
         """
         check_image(rgb)
-        cfg = self._network.cfg
-        letterbox, image = Letterbox.fit(evenly_exposed(rgb), cfg.width, cfg.height)
+        image, least = evenly_exposed(rgb), self.config.near * max(rgb.shape)
+        boxes, scores = self._find(self._networks[0], image)
+        for network in self._networks[1:]:
+            more, their_scores = self._find(network, image)
+            is_near = np.max(more[:, 2:] - more[:, :2], axis=1, initial=0) >= least
+            boxes, scores = np.concatenate([boxes, more[is_near]]), np.append(scores, their_scores[is_near])
+        return self._best(boxes, scores)
+
+    def _find(
+        self, network: Network, image: NDArray[np.uint8]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(N, 4) boxes in the image, several of each person, and (N,) how sure each is."""
+        cfg = network.cfg
+        letterbox, canvas = Letterbox.fit(image, cfg.width, cfg.height)
         parts = [
             decode(head, yolo, cfg.width, cfg.height, self.config.confidence)
-            for head, yolo in zip(self._network(image), cfg.heads, strict=True)
+            for head, yolo in zip(network(canvas), cfg.heads, strict=True)
         ]
         boxes = letterbox.to_image(np.concatenate([boxes for boxes, _ in parts]))
-        scores = np.concatenate([scores[:, self._person] for _, scores in parts])
-        return self._best(boxes, scores)
+        return boxes, np.concatenate([scores[:, self._person] for _, scores in parts])
 
     def _best(self, boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> list[Detection]:
         good = (scores >= self.config.confidence) & (areas(boxes) > 0)
         boxes, scores = boxes[good], scores[good]
         kept = suppress(boxes, scores, self.config.overlap)
         return [Detection(tuple(boxes[i].tolist()), float(scores[i])) for i in kept]
+
+
+def of_both_sizes(network: DarknetNetwork, smaller: float) -> list[DarknetNetwork]:
+    """A network, and the same for an input ``smaller`` times as large; the network alone if that is no smaller."""
+    stride, cfg = network.stride, network.cfg
+    width, height = (stride * ceil(smaller * size / stride) for size in (cfg.width, cfg.height))
+    is_smaller = width < cfg.width and height < cfg.height
+    return [network, network.resized(width, height)] if is_smaller else [network]
 
 
 def check_image(rgb: NDArray[np.uint8]) -> None:

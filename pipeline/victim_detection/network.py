@@ -1,6 +1,7 @@
 """YOLOv3 in PyTorch, layer by layer as a Darknet ``.cfg`` has it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import torch
 from torch import Tensor, nn
@@ -64,6 +65,21 @@ class DarknetNetwork(nn.Module):
             if index in self._kept:
                 kept[index] = x
         return heads
+
+    @property
+    def stride(self) -> int:
+        """Pixels of the input that become one cell where there are fewest."""
+        return self.cfg.width // min(width for _, _, width in self.shapes)
+
+    def resized(self, width: int, height: int) -> "DarknetNetwork":
+        """The same weights for an input of another size, in evaluation.
+
+        Raises:
+            InputError: layers that do not fit together at that size.
+        """
+        network = DarknetNetwork(replace(self.cfg, width=width, height=height)).eval()
+        network.load_state_dict(self.state_dict())
+        return network
 
     @property
     def convolutions(self) -> list["DarknetConvolution"]:

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from pipeline.errors import InputError
-from pipeline.victim_detection.detector import DetectorConfig, VictimDetector
+from pipeline.victim_detection.detector import DetectorConfig, VictimDetector, of_both_sizes
 from pipeline.victim_detection.network import DarknetNetwork
 from pipeline.victim_detection.weights import write_weights
 from tests.pipeline.victim_detection.networks import SMALL, random_network
@@ -33,13 +33,29 @@ def bright_spot_network() -> DarknetNetwork:
 def test_a_white_spot_is_found_where_it_is() -> None:
     image = np.zeros((16, 32, 3), np.uint8)
     image[8:12, 16:20] = 255  # cell 4, 2 of 8 × 4 cells of 4 × 4 pixels
-    (found,) = VictimDetector(bright_spot_network()).detect(image)
+    (found,) = VictimDetector(bright_spot_network(), DetectorConfig(smaller=1)).detect(image)
     assert found.box == pytest.approx((18 - 4, 10 - 6, 18 + 4, 10 + 6))
     assert found.confidence == pytest.approx(1, abs=1e-3)
 
 
+@pytest.mark.parametrize(("near", "widths"), [(0.4, {16, 32}), (0.6, {16})])
+def test_a_smaller_input_finds_those_who_are_larger(near: float, widths: set[int]) -> None:
+    image = np.zeros((32, 64, 3), np.uint8)
+    image[8:24, 24:40] = 255
+    # 4 × 6 pixels of an input of 16 × 8, and of one of 8 × 4, where that is higher than the image.
+    config = DetectorConfig(smaller=0.5, near=near, overlap=0.99)
+    found = VictimDetector(bright_spot_network(), config).detect(image)
+    assert {round(d.box[2] - d.box[0]) for d in found} == widths
+
+
 def test_nothing_is_found_in_the_dark() -> None:
     assert VictimDetector(bright_spot_network()).detect(np.zeros((16, 32, 3), np.uint8)) == []
+
+
+def test_a_network_that_cannot_be_made_smaller_stays_alone() -> None:
+    network = random_network(SMALL)
+    assert [n.cfg.width for n in of_both_sizes(network, 0.6)] == [16, 10]
+    assert of_both_sizes(network, 0.95) == [network]
 
 
 def test_files_make_a_detector(tmp_path: Path) -> None:

@@ -30,7 +30,8 @@ class NavigationConfig:
         tilt_lead: it does so when it will lean that far in so many seconds.
         turn_limit: on a ramp the robot turns on the spot only if it would drive further than this off its heading, or
             off its tail, rad.
-        back_limit: there it backs to a way point that is further off its heading, rad.
+        back_limit: there it backs to a way point that is further off its heading, rad: the less it turns, the less it
+            slides.
         ramp_turn_rate: of such turns, rad/s.
         short: to a way point no farther that lies right behind it the robot backs also on level ground, m.
         right_behind: angle off its tail, rad.
@@ -56,7 +57,7 @@ class NavigationConfig:
     max_tilt: float = np.deg2rad(25)
     tilt_lead: float = 0.1
     turn_limit: float = np.deg2rad(35)
-    back_limit: float = np.deg2rad(145)
+    back_limit: float = np.deg2rad(90)
     ramp_turn_rate: float = 0.4
     short: float = 0.8
     right_behind: float = np.deg2rad(10)

@@ -8,6 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.surface import path_kernels as kernels
 from pipeline.surface.drivable import DrivableSurface
 
+SHAVE = 0.3
+"""m; so much further a straight drive may lead where the robot cannot turn: 0.37 m beside the end of a thin wall, of
+which the camera may have missed the last few centimetres."""
+
 
 @dataclass(frozen=True)
 class PathConfig:
@@ -105,13 +109,16 @@ def may_cut(surface: DrivableSurface, way: NDArray[np.float64]) -> NDArray[np.bo
     """(N - 1,) which of the later points of a way (N, 2) the robot can drive to straight from the first.
 
     Ramps are met head-on and corners are given a wide berth as by the way itself: no straight drive leads further
-    across a slope or where the robot cannot turn than the way does.
+    across a slope than the way does, nor much further where the robot cannot turn.
     """
     first = np.repeat(way[:1], len(way) - 1, axis=0)
     narrow = ~surface.turnable & ~surface.ramp
     allowed = surface.lines_are_drivable(first, way[1:])
-    for metres in (surface.metres_across, lambda a, b: surface.metres_on(a, b, narrow)):
-        allowed &= metres(first, way[1:]) <= np.cumsum(metres(way[:-1], way[1:])) + surface.grid.cell
+    for metres, spare in (
+        (surface.metres_across, surface.grid.cell),
+        (lambda a, b: surface.metres_on(a, b, narrow), SHAVE),
+    ):
+        allowed &= metres(first, way[1:]) <= np.cumsum(metres(way[:-1], way[1:])) + spare
     return allowed
 
 

@@ -168,6 +168,17 @@ def test_on_a_ramp_it_backs_instead_of_turning():
     np.testing.assert_allclose(robot.T[:2, 3], (0.5, 0.05), atol=0.06)
 
 
+@pytest.mark.parametrize("bearing", [30, 60, 120, 145, -100])
+def test_on_a_ramp_it_turns_by_no_more_than_it_must(bearing):
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16))
+    navigator = Navigator(robot)
+    assert navigator.follow(np.array([(0.5, 0.0)]))
+    target = navigator.T_map_base[:2, 3] + (np.cos(np.deg2rad(bearing)), np.sin(np.deg2rad(bearing)))
+    assert navigator.follow(target[None])
+    turned = abs(np.degrees(yaw_of(robot.T)))
+    assert turned == pytest.approx(min(abs(bearing), 180 - abs(bearing)), abs=5)
+
+
 def test_on_a_ramp_it_turns_slowly_where_the_way_leads_across():
     robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16))
     navigator = Navigator(robot)

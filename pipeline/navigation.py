@@ -20,6 +20,7 @@ class NavigationConfig:
         speed: on level ground, m/s (the thesis's 0.2).
         ramp_speed: climbing and descending, m/s.
         ramp_tilt: a robot that leans further is on a ramp, rad.
+        crest: and so is one that did no farther from here, m.
         turn_gain: turn rate over heading error, 1/s: the wider the angle, the faster the turn.
         max_turn_rate: rad/s.
         min_turn_rate: below this the skidding wheels would not break loose, rad/s.
@@ -48,6 +49,7 @@ class NavigationConfig:
     speed: float = 0.2
     ramp_speed: float = 0.15
     ramp_tilt: float = np.deg2rad(6)
+    crest: float = 0.1
     turn_gain: float = 1.5
     max_turn_rate: float = 0.8
     min_turn_rate: float = 0.06
@@ -176,6 +178,7 @@ class Navigator:
     recovered: int = 0
     motion: Motion | None = None
     attitude: Attitude = field(default_factory=Attitude)
+    _leaned_at: NDArray[np.float64] | None = field(default=None, init=False)
 
     def follow(
         self,
@@ -241,7 +244,10 @@ class Navigator:
 
     @property
     def _on_ramp(self) -> bool:
-        return self.attitude.tilt_in(0.0) > self.config.ramp_tilt
+        """Whether the robot leans, or did right before: on the crest of a ridge it stands level."""
+        return self._leaned_at is not None and bool(
+            np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < self.config.crest
+        )
 
     def _turn_to(self, heading: Callable[[NDArray[np.float64]], float]) -> Iterator[Velocity]:
         """Commands that turn on the spot, the shorter way, to the heading wanted at each pose."""
@@ -327,6 +333,8 @@ class Navigator:
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)
         self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
+        if self.attitude.tilt_in(0.0) > self.config.ramp_tilt:
+            self._leaned_at = self.T_map_base[:3, 3]
         return self.T_map_base
 
     @property

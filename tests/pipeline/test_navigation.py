@@ -168,6 +168,15 @@ def test_on_a_ramp_it_backs_instead_of_turning():
     np.testing.assert_allclose(robot.T[:2, 3], (0.5, 0.05), atol=0.06)
 
 
+def test_on_a_crest_it_stands_level_and_backs_all_the_same():
+    robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(16) * np.clip((x - 1) / 0.12, -1, 1))
+    navigator = Navigator(robot)
+    assert navigator.follow(np.array([(1.0, 0.0)]))
+    assert max(np.abs(navigator.attitude.tilt)) < NavigationConfig().ramp_tilt
+    assert navigator.follow(np.array([(0.2, 0.1)]))
+    assert abs(yaw_of(robot.T)) < np.deg2rad(15)
+
+
 @pytest.mark.parametrize("bearing", [30, 60, 120, 145, -100])
 def test_on_a_ramp_it_turns_by_no_more_than_it_must(bearing):
     robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16))

@@ -219,6 +219,7 @@ class Explorer:
         with self.stopwatch("victims"):
             detections = self.detector.detect(frame.rgb)
             self.victims.update(frame, detections, T_map_camera)
+            self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
             self.second_looks.count()
         return detections
 

@@ -1,10 +1,12 @@
 """The semantic map: a labelled point for every 2 cm voxel that was ever hit (thesis 3.2, figure 3)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from pipeline.errors import InputError
 from pipeline.labels import COLOURS, Label
@@ -18,6 +20,8 @@ class SemanticMapConfig:
 
     voxel_size: float = 0.02
     """m, the edge of the voxels; each keeps one point whatever the number of looks."""
+    skin: float = 0.03
+    """m from what was seen of a person within which a point is of that person."""
 
 
 class SemanticMap:
@@ -37,6 +41,7 @@ class SemanticMap:
         self._means = np.empty((0, 3), np.float32)
         self._evidence = np.empty((0, len(Label)), np.float32)
         self._hits = np.empty(0, np.uint32)
+        self._people: list[NDArray[np.float32]] = []
         self._reserve(1)
 
     def __len__(self) -> int:
@@ -67,6 +72,13 @@ class SemanticMap:
             self._size, self._keys, self._means, self._evidence, self._hits,
         )  # fmt: skip
 
+    def show_people(self, people: Sequence[NDArray[np.float32]]) -> None:
+        """Label as victim what lies at the (N, 3) points of each of these people, and of no others.
+
+        Where the classifier tells victims itself, its labels stay.
+        """
+        self._people = list(people)
+
     def _reserve(self, size: int) -> None:
         """Make room for ``size`` voxels; doubling keeps the mean cost of growth constant."""
         if size <= len(self._keys):
@@ -88,8 +100,20 @@ class SemanticMap:
         return self._means[: self._size].copy()
 
     def labels(self) -> NDArray[np.uint8]:
-        """(M,) uint8 most probable class; the lower id wins a tie."""
-        return self._evidence[: self._size].argmax(axis=1).astype(np.uint8)
+        """(M,) uint8 most probable class, the lower id wins a tie; or victim where people are shown."""
+        labels = self._evidence[: self._size].argmax(axis=1).astype(np.uint8)
+        if self._people and not (labels == Label.VICTIM).any():
+            for person in self._people:
+                labels[self._points_of(person)] = Label.VICTIM
+        return labels
+
+    def _points_of(self, person: NDArray[np.float32]) -> NDArray[np.intp]:
+        """Indices of the map's points that lie at a person's (N, 3)."""
+        points, skin = self._means[: self._size], self.config.skin
+        low, high = person.min(axis=0) - skin, person.max(axis=0) + skin
+        around = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+        distance, _ = KDTree(person).query(points[around], distance_upper_bound=skin)
+        return around[np.isfinite(distance)]
 
     def probabilities(self) -> NDArray[np.float32]:
         """(M, 8) float32 class probabilities: the mean over all points of the voxel."""

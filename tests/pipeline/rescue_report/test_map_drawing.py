@@ -50,6 +50,17 @@ def test_an_empty_map_can_be_drawn() -> None:
     assert Paper(GRID, known((0, 0), (0, 0))).width == pytest.approx(LONGER)
 
 
+def test_round_coordinates_stand_at_the_edges_where_they_are() -> None:
+    situation = before_a_wall(None)
+    paper = Paper(situation.surface.grid, ~np.isnan(situation.surface.elevation))
+    ticks = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" class="tick">([^<]+)<', draw_map(situation))
+    along_x = {float(text.replace("−", "-")): float(x) for x, y, text in ticks if y == "16.0"}
+    along_y = {float(text.replace("−", "-")): float(y) - 5 for x, y, text in ticks if x == "16.0"}
+    assert len(along_x) >= 4 and len(along_y) >= 4
+    assert all(across == paper([x, 0])[0] for x, across in along_x.items())
+    assert all(up == paper([0, y])[1] for y, up in along_y.items())
+
+
 def test_the_highest_class_of_a_cell_is_drawn() -> None:
     situation = before_a_wall(None)
     wall, floor = (np.array([1.62, 0.02, z], np.float32) for z in (-0.3, -0.4))

@@ -41,6 +41,22 @@ def test_looks_are_fused() -> None:
     assert semantic_map.labels().tolist() == [Label.TERRAIN]
 
 
+def test_what_lies_at_the_points_of_people_is_victim() -> None:
+    semantic_map = SemanticMap(SemanticMapConfig(skin=0.05))
+    semantic_map.update(cloud((0.01, 0.01, 0.01), (0.07, 0.01, 0.01), (2, 0, 0)), one_hot(1, 2, 3))
+    semantic_map.show_people([cloud((0.01, 0.02, 0.01), (0.0, 0.0, 0.3)), cloud((2, 0, 0.04))])
+    assert semantic_map.labels().tolist() == [Label.VICTIM, 2, Label.VICTIM]
+    semantic_map.show_people([cloud((5, 5, 5))])  # the others turned out to be none
+    assert semantic_map.labels().tolist() == [1, 2, 3]
+
+
+def test_a_classifier_that_knows_victims_has_the_say() -> None:
+    semantic_map = SemanticMap()
+    semantic_map.update(cloud((0, 0, 0), (2, 0, 0)), one_hot(1, Label.VICTIM))
+    semantic_map.show_people([cloud((0, 0, 0))])
+    assert semantic_map.labels().tolist() == [1, Label.VICTIM]
+
+
 def test_sides_of_zero_are_different_voxels() -> None:
     semantic_map = SemanticMap()
     semantic_map.update(

@@ -14,6 +14,10 @@ from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import wrap_angle, wrap_angles, yaw_of
 from pipeline.view_areas import ViewAreas
 
+_ALONG = np.cos(np.deg2rad(35))
+"""Cosine of how far off its heading or its tail the robot drives where it cannot turn."""
+_NEVER = -np.inf
+"""rad; no heading."""
 _HERE = 0.05
 """m; nothing nearer is worth turning towards first."""
 
@@ -300,18 +304,24 @@ class Exploration:
         paths: ShortestPaths,
         yaw: float,
     ) -> NDArray[np.float64]:
-        """(N,) the heading at which the robot arrives at places, here first, where it cannot turn; NaN elsewhere."""
+        """(N,) the heading at which the robot arrives at places, here first, where it cannot turn; NaN elsewhere.
+
+        ``_NEVER`` where it would have to turn on the way but cannot.
+        """
         can_turn = surface.turnable | surface.slidable
         ahead = paths.arrival_at(candidates[1:])
-        # Who cannot turn before it either arrives as it stands now, forwards or backwards.
-        backs = ~paths.pass_by(can_turn, candidates[1:]) & (np.cos(ahead - yaw) < 0)
-        arrival = np.append(yaw, ahead + np.pi * backs)
-        return np.where(surface.grid.at(can_turn, candidates), np.nan, arrival)
+        # Who cannot turn on the way arrives as it stands now, forwards or backwards.
+        stays, along = ~paths.pass_by(can_turn, candidates[1:]), np.cos(ahead - yaw)
+        ahead = np.where(stays & (along < 0), ahead + np.pi, ahead)
+        ahead[stays & (np.abs(along) < _ALONG)] = _NEVER
+        return np.where(surface.grid.at(can_turn, candidates), np.nan, np.append(yaw, ahead))
 
     def _possible(self, arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N, rays) the directions in which the robot can look from each place."""
         bearing = np.arange(self.config.rays) * 2 * np.pi / self.config.rays
-        nearest = np.abs(wrap_angles(bearing - arrival[:, None])) <= np.pi / self.config.rays
+        fixed = np.isfinite(arrival)
+        off = wrap_angles(bearing - np.where(fixed, arrival, 0.0)[:, None])
+        nearest = fixed[:, None] & (np.abs(off) <= np.pi / self.config.rays)
         return np.isnan(arrival)[:, None] | nearest
 
     def _gains(

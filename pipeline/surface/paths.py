@@ -11,6 +11,8 @@ from pipeline.surface.drivable import DrivableSurface
 SHAVE = 0.3
 """m; so much further a straight drive may lead where the robot cannot turn: 0.37 m beside the end of a thin wall, of
 which the camera may have missed the last few centimetres."""
+LAST = 0.3
+"""m of a path that tell in which direction it ends."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +69,17 @@ class ShortestPaths:
         return float(self._surface.grid.at(self.cost, xy, outside=np.inf))
 
     def arrival_at(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """(N,) heading in rad at which the paths to (N, 2) reachable points end; 0 at the start itself."""
+        """(N,) heading in rad at which the paths to (N, 2) reachable points end; 0 at the start itself.
+
+        It is that of the last ``LAST`` m, since a drive cuts the corners of a path over cells.
+        """
         cells = self._surface.grid.cell_of(xy)
-        flat = self._parent[cells[:, 0], cells[:, 1]]
-        before = np.stack(np.unravel_index(np.maximum(flat, 0), self.cost.shape), axis=-1)
-        step = np.where(flat[:, None] >= 0, cells - before, (1, 0))
-        return np.arctan2(step[:, 1], step[:, 0])
+        flat = np.ravel_multi_index(tuple(cells.T), self.cost.shape)
+        for _ in range(round(LAST / self._surface.grid.cell)):
+            before = self._parent.ravel()[flat]
+            flat = np.where(before >= 0, before, flat)
+        way = cells - np.stack(np.unravel_index(flat, self.cost.shape), axis=-1)
+        return np.arctan2(way[:, 1], way[:, 0])
 
     def pass_by(self, mask: NDArray[np.bool_], xy: ArrayLike) -> NDArray[np.bool_]:
         """(N,) whether the paths to (N, 2) reachable points lead over a mask (nx, ny), both ends included."""

@@ -97,6 +97,19 @@ def test_from_a_ramp_it_without_room_it_looks_along_its_way_only():
     assert abs(view.heading) < np.deg2rad(2)
 
 
+@pytest.mark.parametrize(("yaw_deg", "arrival_deg"), [(0, 0), (20, 0), (180, 180), (-160, 180), (90, None)])
+def test_where_it_cannot_turn_at_all_it_arrives_forwards_or_backwards_or_not(yaw_deg, arrival_deg):
+    surface = drivable_surface(surface_of(ground_points(lambda x, y: 0.28 * x, (-0.8, 0.8), (-0.39, 0.39))))
+    here, uphill = np.array([-0.4, 0.025]), np.array([0.2, 0.025])
+    assert not (surface.turnable | surface.slidable).any()
+    exploration, paths = Exploration(), ShortestPaths(surface, here)
+    arrival = exploration._arrival(np.stack([here, uphill]), surface, paths, np.deg2rad(yaw_deg))
+    assert arrival[0] == pytest.approx(np.deg2rad(yaw_deg))
+    possible = exploration._possible(arrival)[1]
+    headings = np.flatnonzero(possible) * 2 * np.pi / exploration.config.rays
+    np.testing.assert_allclose(headings, [] if arrival_deg is None else [np.deg2rad(arrival_deg)], atol=0.02)
+
+
 def ridge_seen_up_to_its_crest() -> SurfaceMap:
     """A corridor over a ridge of which nothing behind the crest was seen."""
     world = surface_of(ground_points(ridge, (-4, 0.05), (-0.6, 0.6)), wall_points((-4, -0.6), (-4, 0.6)))

@@ -24,8 +24,10 @@ class DrivableConfig:
         max_step: between neighbouring cells, m; the lowest steps of stairs and step fields, 0.05 m, are not for
             driving.
         max_tilt: rad.
-        clearance: of the robot's centre from hazards while driving straight, m, and from unknown ground: a wall
-            that is only met at grazing angles stays unknown.
+        clearance: of the robot's centre from hazards while driving straight, m, and on the level from unknown
+            ground: a wall that is only met at grazing angles stays unknown.
+        ramp_unknown_clearance: from unknown ground on ramps, m; half of the robot's width. What lies behind a crest
+            is seen from nowhere else.
         turning_clearance: from hazards while turning in place, m; the corners of the chassis sweep 0.355 m, and
             the robot stands up to 0.04 m beside where it was sent.
         ramp_tilt: a steeper cell belongs to a ramp, rad.
@@ -40,6 +42,7 @@ class DrivableConfig:
     max_step: float = 0.04
     max_tilt: float = np.deg2rad(20)
     clearance: float = 0.30
+    ramp_unknown_clearance: float = 0.25
     turning_clearance: float = 0.40
     ramp_tilt: float = np.deg2rad(8)
     ramp_margin: float = 0.2
@@ -159,12 +162,13 @@ def judge(
     # Beyond the grid's border all is unknown.
     to_unknown = ndimage.distance_transform_edt(np.pad(~np.isnan(elevation), 1))[1:-1, 1:-1] * cell
     to_stop = np.minimum(to_hazard, grid.distance_to(doubted))
-    drivable = np.minimum(to_stop, to_unknown) >= config.clearance
+    ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
+    from_unknown = np.where(ramp, config.ramp_unknown_clearance, config.clearance)
+    drivable = (to_stop >= config.clearance) & (to_unknown >= from_unknown)
     # On a ramp the robot keeps off the unknown as well by what it may slide or drift.
     may_slide, may_drift = (
         to_unknown >= config.clearance + m for m in (config.ramp_slide, config.ramp_drift)
     )
-    ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     return DrivableSurface(
         grid=grid,
         elevation=elevation,

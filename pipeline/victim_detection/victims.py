@@ -57,7 +57,8 @@ class Victim:
         information: (3, 3) inverse of the position's covariance, 1/m².
         cameras: where the camera stood when the person was found.
         confidences: of these detections.
-        photo: (h, w, 3) uint8 of the most confident one.
+        photo: (h, w, 3) uint8 of the detection that shows most of the person, weighed by its confidence.
+        photo_shows: voxels of the person that it shows, times its confidence.
         missed: looks that showed the place, not hidden, without finding anyone there.
         tried: where the camera was to be at second looks that were meant for the person.
     """
@@ -67,6 +68,7 @@ class Victim:
     cameras: list[NDArray[np.float64]]
     confidences: list[float]
     photo: NDArray[np.uint8]
+    photo_shows: float = 0.0
     missed: int = 0
     tried: list[NDArray[np.float64]] = field(default_factory=list)
 
@@ -144,12 +146,14 @@ class Victims:
 
     def _add(self, observation: Observation, frame: Frame) -> Victim | None:
         """To the nearest victim who may be the same, or as a new one; None if too uncertain for that."""
+        points, confidence = self._thinned(observation.points), observation.detection.confidence
         new = Victim(
-            self._thinned(observation.points),
+            points,
             _inverse(observation.covariance),
             [observation.camera],
-            [observation.detection.confidence],
+            [confidence],
             _crop(frame.rgb, observation.detection.box),
+            len(points) * confidence,
         )
         near = self._same(new, self.all)
         if near is None:
@@ -184,8 +188,8 @@ class Victims:
 
     def _join(self, victim: Victim, other: Victim) -> None:
         """Add to a victim what is known of another, who is the same."""
-        if max(other.confidences) > max(victim.confidences):
-            victim.photo = other.photo
+        if other.photo_shows > victim.photo_shows:
+            victim.photo, victim.photo_shows = other.photo, other.photo_shows
         victim.points = self._thinned(np.concatenate([victim.points, other.points]))
         # Looks from one place err alike: a victim is never more certain than the best of them by much.
         floor = np.eye(3) * self.config.observation.skin_to_middle**2 / 4

@@ -147,6 +147,17 @@ def test_the_best_photo_is_kept() -> None:
     assert victim.confidence == pytest.approx(0.7)
 
 
+def test_a_photo_of_the_whole_person_is_better_than_one_of_a_part() -> None:
+    victims, T = Victims(), camera_at(0, 0)
+    x0, y0, x1, y1 = detection_of(T, PERSON).box
+    for brightness, bottom, confidence in ((10, (y0 + y1) / 2, 1.0), (20, y1, 0.8), (30, (y0 + y1) / 2, 1.0)):
+        frame = look(T, [PERSON])
+        frame.rgb[:] = brightness
+        victims.update(frame, [Detection((x0, y0, x1, bottom), confidence)], T)
+    (victim,) = victims.all
+    assert (victim.photo == 20).all()
+
+
 LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
 
 

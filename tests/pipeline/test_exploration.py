@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline import exploration_kernels as kernels
-from pipeline.exploration import Exploration, ExplorationConfig
+from pipeline.exploration import Exploration, ExplorationConfig, View
 from pipeline.surface.drivable import drivable_surface
 from pipeline.surface.paths import ShortestPaths
 from pipeline.surface.surface_map import SurfaceMap
@@ -79,6 +79,28 @@ def test_ground_that_a_look_did_not_show_is_looked_for_from_elsewhere_and_then_g
         pose = from_yaw(*view.position, 0, view.heading)
     assert view is None
     assert np.ptp([v[0] for v in views]) > 0.3
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_whatever_is_promised_is_expected_to_be_seen(seed):
+    """Also what one ray slips through to whose samples lie on the border of two cells, as every second one at 60°."""
+    exploration, rays, shape = Exploration(), ExplorationConfig.rays, (140, 140)
+    pillars = np.random.default_rng(seed).random(shape) < 0.2  # few rays get through
+    ground = kernels.Ground(
+        origin=np.full(2, -3.5),
+        cell=0.05,
+        elevation=np.where(pillars, 3, 0).astype(np.float32),
+        gradient=np.zeros((*shape, 2), np.float32),
+        target=np.hypot(*(np.indices(shape) - 70)) > 45,
+        hope=np.ones(shape, np.float32),
+        missed_from=np.full((*shape, 2), np.inf, np.float32),
+        blind_radius=0.35,
+    )
+    place = np.array([0.025, 0.025])
+    gains = exploration._gains(place, np.zeros((0, 2), np.int64), ground)[0]
+    for m in np.flatnonzero(gains):
+        view = View(place, wrap_angle(m * 2 * np.pi / rays), True, float(gains[m]))
+        assert exploration._in_view(view, ground).any()
 
 
 def test_from_a_ramp_it_without_room_it_looks_along_its_way_only():

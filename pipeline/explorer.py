@@ -159,7 +159,7 @@ class Explorer:
             was_lifted = self._was_lifted(T_map_base)
             missing = missing_ground(frame.depth, frame.intrinsics, T_map_camera)
             surface = self._update_surface(points, missing, T_map_base)
-            out = way_out(surface, T_map_base)
+            out = way_out(surface, T_map_base, self._times_held > 0)
             paths = ShortestPaths(surface, out)
         with self.stopwatch("semantic_map"):
             probabilities = self.classifier.classify(frame, points, T_map_camera)

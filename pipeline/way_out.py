@@ -15,10 +15,13 @@ NEAR = 0.1
 """m around the robot that need not be drivable: it may have slid nearer to something than it may stand."""
 
 
-def way_out(surface: DrivableSurface, T_map_base: NDArray[np.float64]) -> NDArray[np.float64]:
+def way_out(
+    surface: DrivableSurface, T_map_base: NDArray[np.float64], was_held: bool = False
+) -> NDArray[np.float64]:
     """(2,) m, the nearest place before or behind the robot where it can turn; its own if it need not go there.
 
-    Its own as well where no straight way leads to such a place.
+    Where no straight way leads to such a place, its own as well, but for a robot that ``was_held`` when it last drove:
+    for that the place with most room.
     """
     here, ahead = T_map_base[:2, 3], T_map_base[:2, 0] / np.linalg.norm(T_map_base[:2, 0])
     if surface.grid.at(surface.to_hazard, here) >= CORNER:
@@ -28,4 +31,17 @@ def way_out(surface: DrivableSurface, T_map_base: NDArray[np.float64]) -> NDArra
     places, starts = here + signed * ahead, here + np.clip(signed, -NEAR, NEAR) * ahead
     good = surface.grid.at(surface.turnable | surface.slidable, places)
     good &= surface.lines_are_drivable(starts, places)
-    return places[good.argmax()] if good.any() else here
+    if good.any():
+        return places[good.argmax()]
+    return _roomiest(surface, here, places) if was_held else here
+
+
+def _roomiest(
+    surface: DrivableSurface, here: NDArray[np.float64], places: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(2,) m, the place farthest from hazards of (2 N, 2), by turns before and behind, that drivable ground leads to."""
+    passable = surface.grid.at(surface.drivable, places) | (np.linalg.norm(places - here, axis=1) <= NEAR)
+    passable = np.logical_and.accumulate(passable.reshape(-1, 2)).ravel()
+    room = np.where(passable, surface.grid.at(surface.to_hazard, places), 0.0)
+    best = room.argmax()
+    return places[best] if room[best] > surface.grid.at(surface.to_hazard, here) + STEP else here

@@ -45,3 +45,15 @@ def test_beside_a_wall_on_a_ramp_it_leaves_to_where_it_can_turn():
     out = way_out(ramp, from_yaw(-0.3, 0.02, 0, np.pi / 2))
     assert ramp.grid.at(ramp.slidable, out)
     assert out[1] > 0.02
+
+
+def test_a_robot_that_was_held_beside_a_wall_leaves_for_more_room_though_it_cannot_turn_there():
+    walls = [wall_points((-2, y), (2, y)) for y in (-0.3, 0.6)]
+    ramp = drivable_surface(surface_of(ground_points(ridge, (-2, 2), (-0.3, 0.6)), *walls))
+    held = from_yaw(-0.5, 0.02, 0, np.deg2rad(210))
+    np.testing.assert_array_equal(way_out(ramp, held), (-0.5, 0.02))
+    out = way_out(ramp, held, was_held=True)
+    assert not ramp.grid.at(ramp.turnable | ramp.slidable, out)
+    assert ramp.grid.at(ramp.drivable, out)
+    assert ramp.grid.at(ramp.to_hazard, out) > ramp.grid.at(ramp.to_hazard, (-0.5, 0.02)) + 0.05
+    assert out[0] > -0.5  # backwards

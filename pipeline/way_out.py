@@ -20,8 +20,8 @@ def way_out(
 ) -> NDArray[np.float64]:
     """(2,) m, the nearest place before or behind the robot where it can turn; its own if it need not go there.
 
-    Where no straight way leads to such a place, its own as well, but for a robot that ``was_held`` when it last drove:
-    for that the place with most room.
+    Where no straight way leads to such a place, its own as well; for a robot that ``was_held`` when it last
+    drove, the place with most room.
     """
     here, ahead = T_map_base[:2, 3], T_map_base[:2, 0] / np.linalg.norm(T_map_base[:2, 0])
     if surface.grid.at(surface.to_hazard, here) >= CORNER:
@@ -39,7 +39,7 @@ def way_out(
 def _roomiest(
     surface: DrivableSurface, here: NDArray[np.float64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(2,) m, the place farthest from hazards of (2 N, 2), by turns before and behind, that drivable ground leads to."""
+    """(2,) m, of places (2 N, 2), by turns before and behind, to which drivable ground leads the one with most room."""
     passable = surface.grid.at(surface.drivable, places) | (np.linalg.norm(places - here, axis=1) <= NEAR)
     passable = np.logical_and.accumulate(passable.reshape(-1, 2)).ravel()
     room = np.where(passable, surface.grid.at(surface.to_hazard, places), 0.0)

@@ -39,7 +39,7 @@ def way_out(
 def _roomiest(
     surface: DrivableSurface, here: NDArray[np.float64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(2,) m, of places (2 N, 2), by turns before and behind, to which drivable ground leads the one with most room."""
+    """(2,) m, of places (2 N, 2) by turns before and behind, the one with most room that the robot gets to."""
     passable = surface.grid.at(surface.drivable, places) | (np.linalg.norm(places - here, axis=1) <= NEAR)
     passable = np.logical_and.accumulate(passable.reshape(-1, 2)).ravel()
     room = np.where(passable, surface.grid.at(surface.to_hazard, places), 0.0)

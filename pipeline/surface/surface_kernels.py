@@ -3,6 +3,9 @@
 import numpy as np
 from numba import njit
 
+NOISE = 0.1
+"""Share of a bin's hits that may stray into the next one."""
+
 
 @njit(cache=True)
 def accumulate(
@@ -35,12 +38,14 @@ def column_height(height, hits, min_hits, headroom, z_bin):
     """Height of the lowest surface of one column with ``headroom`` above it; NaN where nothing was measured.
 
     Adjacent filled bins are one body, and so are bodies with too little air between them. A body thinner than
-    a bin is a sloping or noisy floor whose mean counts; of a thicker one, an obstacle, the top counts.
+    a bin is a sloping or noisy floor whose mean counts; of a thicker one, an obstacle, the top counts. A bin with few
+    hits beside one with many is that one's noise.
     """
     bottom, top = np.nan, np.nan
     total, weight = 0.0, 0.0
     for k in range(height.shape[0]):
-        if hits[k] < min_hits:
+        beside = max(hits[k - 1] if k > 0 else 0, hits[k + 1] if k + 1 < len(hits) else 0)
+        if hits[k] < min_hits or hits[k] < NOISE * beside:
             continue
         if not np.isnan(top) and height[k] - top >= headroom:
             break

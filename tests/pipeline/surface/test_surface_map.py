@@ -37,6 +37,14 @@ def test_the_lowest_surface_with_headroom_counts(heights, expected):
     assert surface.grid.at(surface.elevation, [0.025, 0.025]) == pytest.approx(expected, abs=1e-6)
 
 
+def test_returns_that_stray_into_the_next_slice_do_not_raise_the_ground():
+    floor, stray = column(0.105, hits=100), column(0.13, hits=4)
+    surface = surface_of(floor, stray)
+    assert surface.grid.at(surface.elevation, [0.025, 0.025]) == pytest.approx(0.105, abs=1e-6)
+    surface.update(column(0.13, hits=96))  # as many as below are no noise
+    assert surface.grid.at(surface.elevation, [0.025, 0.025]) == pytest.approx(0.13, abs=0.013)
+
+
 def test_it_grows_in_every_direction_without_losing_anything():
     surface = surface_of(ground_points(flat, (0, 1), (0, 1)))
     before = np.isfinite(surface.measured).sum()

@@ -104,7 +104,8 @@ class BenchmarkEpisode(Episode):
         failed = [leg.target for leg in self.explorer.navigator.legs if leg.outcome is not Outcome.REACHED]
         end = self.score.progress[-1][0]
         text = (
-            f"{self.config.arena}, seed {self.config.seed}: {self.score.explored_fraction:.1%} seen in {end:.0f} s,"
+            f"{Path(self.config.arena).name}, seed {self.config.seed}:"
+            f" {self.score.explored_fraction:.1%} seen in {end:.0f} s,"
             f" {self.explorer.steps} looks, {len(self.contacts)} contacts, {len(failed)} legs not reached"
         )
         return top_view(self.score.surface, self.score.seen, way, self.contacts, failed, text)

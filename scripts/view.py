@@ -26,8 +26,9 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
         web: in the browser even if there is a display.
     """
     recording = find_recording(path)
-    # A page is to end with this process, however that ends.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    # A page is to end with this process, however and however early that is told to.
+    for ending in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(ending, lambda *_: sys.exit())
     viewer = Viewer("web" if web or not has_display() else "spawn", recording)
     viewer.wait()
 

@@ -170,8 +170,7 @@ class Exploration:
         arrival = self._arrival(candidates, surface, paths, yaw_of(T_map_base))
         gains = self._gains(paths.start, cells, ground)
         if self.wishes and self.wishes.wanted:
-            bearings = np.arange(self.config.rays) * 2 * np.pi / self.config.rays
-            gains = gains + self.wishes.gains(surface.on_ground(candidates), bearings)
+            gains = gains + self.wishes.gains(surface.on_ground(candidates), self._bearings)
         gains = np.where(self._possible(arrival), gains, 0.0)
         distance = np.append(0.0, surface.grid.at(paths.cost, candidates[1:]))
         seconds = self._seconds(candidates, distance, surface, T_map_base)
@@ -318,9 +317,8 @@ class Exploration:
 
     def _possible(self, arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N, rays) the directions in which the robot can look from each place."""
-        bearing = np.arange(self.config.rays) * 2 * np.pi / self.config.rays
         fixed = np.isfinite(arrival)
-        off = wrap_angles(bearing - np.where(fixed, arrival, 0.0)[:, None])
+        off = wrap_angles(self._bearings - np.where(fixed, arrival, 0.0)[:, None])
         nearest = fixed[:, None] & (np.abs(off) <= np.pi / self.config.rays)
         return np.isnan(arrival)[:, None] | nearest
 
@@ -333,6 +331,11 @@ class Exploration:
             self._areas = ViewAreas(rays, self._stride(ground.cell), self._sight)
         areas = [kernels.ray_areas(here[None], rays, self._sight, ground), self._areas.of(cells, ground)]
         return kernels.view_gains(np.vstack(areas), self._rays_in_view)
+
+    @property
+    def _bearings(self) -> NDArray[np.float64]:
+        """(rays,) rad, along which views look."""
+        return np.arange(self.config.rays) * 2 * np.pi / self.config.rays
 
     @property
     def _rays_in_view(self) -> int:
@@ -358,12 +361,11 @@ class Exploration:
     ) -> NDArray[np.float64]:
         """(N, rays) time to each view, the way to whose place costs ``distance`` (N,) m."""
         config = self.config
-        bearing = np.arange(config.rays) * 2 * np.pi / config.rays
         way = candidates - T_map_base[:2, 3]
         moves = distance > _HERE
         first = np.where(moves, np.arctan2(way[:, 1], way[:, 0]), yaw_of(T_map_base))
         turn = np.abs(wrap_angles(first - yaw_of(T_map_base)))[:, None]
-        turn = turn + np.abs(wrap_angles(bearing - first[:, None]))
+        turn = turn + np.abs(wrap_angles(self._bearings - first[:, None]))
         slow = np.where(surface.grid.at(surface.slidable, candidates), config.ramp_turn, 1.0)
         return config.look_time + distance[:, None] / config.speed + turn * slow[:, None] / config.turn_rate
 

@@ -8,6 +8,9 @@ from sarsim.camera import geom_labels
 
 OBSTACLES = (Label.WALL, Label.CLUTTER, Label.VICTIM)
 
+CHATTER = 0.5
+"""s; a part that touches the same thing again within this time has not left it: contacts chatter."""
+
 
 class CollisionCounter:
     """Counts how often a part of the robot begins to touch a wall, clutter or a victim.
@@ -20,7 +23,8 @@ class CollisionCounter:
         """``base_body``: id of the robot's root body."""
         self._is_robot = model.body_rootid[model.geom_bodyid] == base_body
         self._is_obstacle = np.isin(geom_labels(model), OBSTACLES) & ~self._is_robot
-        self._touching: set[tuple[int, int]] = set()
+        # When each pair of geoms touched last, s.
+        self._touched: dict[tuple[int, int], float] = {}
         self.collisions = 0
 
     def count(self, data: mujoco.MjData) -> None:
@@ -29,6 +33,6 @@ class CollisionCounter:
         hit = (self._is_robot[first] & self._is_obstacle[second]) | (
             self._is_robot[second] & self._is_obstacle[first]
         )
-        touching = {(int(a), int(b)) for a, b in zip(first[hit], second[hit], strict=True)}
-        self.collisions += len(touching - self._touching)
-        self._touching = touching
+        for pair in {(int(a), int(b)) for a, b in zip(first[hit], second[hit], strict=True)}:
+            self.collisions += data.time - self._touched.get(pair, -np.inf) > CHATTER
+            self._touched[pair] = data.time

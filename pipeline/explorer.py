@@ -201,6 +201,7 @@ class Explorer:
         came_away = np.linalg.norm(T_map_base[:2, 3] - look.T_map_base[:2, 3]) > self.config.lifted
         self._times_held = 0 if came_away else self._times_held + (not reached)
         self.surface_map.update(lookout.obstacles)
+        self.surface_map.add_track(np.array(self.navigator.track))
         for halt in self.navigator.halts:
             # An obstacle beside a robot that cannot leave would only shut it in.
             if halt.command.v != 0 and halt.freed:

@@ -165,6 +165,7 @@ class Navigator:
         T_map_odom: 4×4, where the localisation believes the odometry's origin.
         legs: every leg driven so far.
         halts: what stopped the robot on the last way that it followed.
+        track: (2,) m in ``map``, where the robot has been since it began to follow that way.
         recovered: how often it got away from what held it, so far.
         motion: the newest motion of the body.
         attitude: how far the robot leans.
@@ -175,6 +176,7 @@ class Navigator:
     T_map_odom: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     legs: list[Leg] = field(default_factory=list)
     halts: list[Halt] = field(default_factory=list)
+    track: list[NDArray[np.float64]] = field(default_factory=list)
     recovered: int = 0
     motion: Motion | None = None
     attitude: Attitude = field(default_factory=Attitude)
@@ -197,7 +199,7 @@ class Navigator:
             start: (2,) m, where the way begins. A robot that stands elsewhere was lifted and does not follow it.
             is_clear: asked while the robot drives forward; it stops where the answer is no.
         """
-        self.halts = []
+        self.halts, self.track = [], []
         here = self._drive(Velocity())[:2, 3]
         if start is not None and np.linalg.norm(here - start) > self.config.jump:
             self.legs.append(Leg(way_points[0][:2], Outcome.MOVED, 0.0))
@@ -335,6 +337,7 @@ class Navigator:
         self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
         if self.attitude.tilt_in(0.0) > self.config.ramp_tilt:
             self._leaned_at = self.T_map_base[:3, 3]
+        self.track.append(self.T_map_base[:2, 3])
         return self.T_map_base
 
     @property

@@ -26,6 +26,8 @@ class DrivableConfig:
         max_tilt: rad.
         clearance: of the robot's centre from hazards while driving straight, m, and on the level from unknown
             ground: a wall that is only met at grazing angles stays unknown.
+        driven_clearance: from both where the robot has driven before, m; half of its width: what stands there, it has
+            passed, and no noise of later looks shall shut it in.
         ramp_unknown_clearance: from unknown ground on ramps, m; half of the robot's width. What lies behind a crest
             is seen from nowhere else.
         turning_clearance: from hazards while turning in place, m; the corners of the chassis sweep 0.355 m, and
@@ -42,6 +44,7 @@ class DrivableConfig:
     max_step: float = 0.04
     max_tilt: float = np.deg2rad(20)
     clearance: float = 0.30
+    driven_clearance: float = 0.25
     ramp_unknown_clearance: float = 0.25
     turning_clearance: float = 0.40
     ramp_tilt: float = np.deg2rad(8)
@@ -138,11 +141,15 @@ class DrivableSurface:
 
 def drivable_surface(surface: SurfaceMap, config: DrivableConfig | None = None) -> DrivableSurface:
     """Judge every cell of the surface map."""
-    return judge(surface.grid, surface.elevation, surface.doubted, config or DrivableConfig())
+    return judge(surface.grid, surface.elevation, surface.doubted, surface.driven, config or DrivableConfig())
 
 
 def judge(
-    grid: Grid, elevation: NDArray[np.float32], doubted: NDArray[np.bool_], config: DrivableConfig
+    grid: Grid,
+    elevation: NDArray[np.float32],
+    doubted: NDArray[np.bool_],
+    driven: NDArray[np.bool_],
+    config: DrivableConfig,
 ) -> DrivableSurface:
     """Judge every cell of a grid, beyond which all is unknown.
 
@@ -150,6 +157,7 @@ def judge(
         grid: where the cells lie.
         elevation: (nx, ny) float32 m, NaN where unknown.
         doubted: (nx, ny) where a thin panel may stand.
+        driven: (nx, ny) where the middle of the robot has been.
         config: what the robot takes.
     """
     cell = grid.cell
@@ -165,6 +173,7 @@ def judge(
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     from_unknown = np.where(ramp, config.ramp_unknown_clearance, config.clearance)
     drivable = (to_stop >= config.clearance) & (to_unknown >= from_unknown)
+    drivable |= driven & (np.minimum(to_stop, to_unknown) >= config.driven_clearance)
     # On a ramp the robot keeps off the unknown as well by what it may slide or drift.
     may_slide, may_drift = (
         to_unknown >= config.clearance + m for m in (config.ramp_slide, config.ramp_drift)

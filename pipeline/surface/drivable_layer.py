@@ -10,7 +10,7 @@ from pipeline.surface.grid import Grid, box_around, inside
 from pipeline.surface.surface_map import SurfaceMap
 
 JUDGED = ("gradient", "hazard", "to_hazard", "drivable", "turnable", "slidable", "room", "ramp", "uphill")
-"""The layers of a drivable surface that follow from its elevation and from doubt."""
+"""The layers of a drivable surface that follow from its elevation, from doubt and from where the robot drove."""
 
 
 class DrivableLayer:
@@ -19,24 +19,24 @@ class DrivableLayer:
     def __init__(self, config: DrivableConfig | None = None):
         self.config = config or DrivableConfig()
         self._last: DrivableSurface | None = None
-        self._doubted = np.zeros((0, 0), np.bool_)
+        self._doubted, self._driven = np.zeros((2, 0, 0), np.bool_)
 
     def update(self, surface: SurfaceMap) -> DrivableSurface:
         """The same as :func:`drivable_surface` of the map; what was given out before stays as it was."""
-        last, doubted = self._last, surface.doubted
+        last, doubted, driven = self._last, surface.doubted, surface.driven
         if last is None or not _same(last.grid, surface.grid):
             renewed = drivable_surface(surface, self.config)
         else:
-            changed = _differ(last.elevation, surface.elevation) | (self._doubted != doubted)
-            renewed = self._renewed(last, surface.elevation, doubted, changed) if changed.any() else last
-        self._last, self._doubted = renewed, doubted
+            changed = _differ(last.elevation, surface.elevation)
+            changed |= (self._doubted != doubted) | (self._driven != driven)
+            renewed = self._renewed(last, surface, changed) if changed.any() else last
+        self._last, self._doubted, self._driven = renewed, doubted, driven
         return renewed
 
     def _renewed(
         self,
         last: DrivableSurface,
-        elevation: NDArray[np.float32],
-        doubted: NDArray[np.bool_],
+        surface: SurfaceMap,
         changed: NDArray[np.bool_],
     ) -> DrivableSurface:
         grid = last.grid
@@ -45,12 +45,13 @@ class DrivableLayer:
         here, around = box_around(changed, reach), box_around(changed, 2 * reach)
         corner = grid.origin + grid.cell * np.array([around[0].start, around[1].start])
         # Whole in memory, as the kernels are compiled for.
-        heights = np.ascontiguousarray(elevation[around])
-        part = judge(Grid(corner, grid.cell, heights.shape), heights, doubted[around], self.config)
+        heights = np.ascontiguousarray(surface.elevation[around])
+        doubted, driven = surface.doubted[around], surface.driven[around]
+        part = judge(Grid(corner, grid.cell, heights.shape), heights, doubted, driven, self.config)
         layers = {name: getattr(last, name).copy() for name in JUDGED}
         for name, layer in layers.items():
             layer[here] = getattr(part, name)[inside(here, around)]
-        return replace(last, elevation=elevation, **layers)
+        return replace(last, elevation=surface.elevation, **layers)
 
 
 def _same(a: Grid, b: Grid) -> bool:

@@ -50,6 +50,7 @@ class SurfaceMap:
         measured: (nx, ny) float32 height of the ground from returns alone, NaN where there are none.
         elevation: the same with small gaps filled and the ground assumed at the start; NaN where unknown.
         doubted: (nx, ny) bool, where something that the camera does not see may stand: unknown, whatever the returns.
+        driven: (nx, ny) bool, where the middle of the robot has been.
         revision: counts the updates.
     """
 
@@ -66,6 +67,7 @@ class SurfaceMap:
         self._assumed = np.full((nx, ny), np.nan, np.float32)
         self._doubt = np.zeros((nx, ny, 2), np.float32)
         self._felt = np.full((nx, ny), np.nan, np.float32)
+        self.driven = np.zeros((nx, ny), np.bool_)
         self._shown = np.full((nx, ny), np.nan, np.float32)
         self.measured = np.full((nx, ny), np.nan, np.float32)
         self.elevation = np.full((nx, ny), np.nan, np.float32)
@@ -78,6 +80,7 @@ class SurfaceMap:
             self._assumed,
             self._doubt,
             self._felt,
+            self.driven,
             self._shown,
             self.measured,
             self.elevation,
@@ -114,6 +117,15 @@ class SurfaceMap:
         i, j = self.grid.cell_of(points).T
         self._felt[i, j] = points[:, 2]
         self._refresh(~np.isnan(self._felt))
+
+    def add_track(self, places: NDArray[np.float64]) -> None:
+        """Tell that the middle of the robot was at (N, 2) places."""
+        if not len(places):
+            return
+        self._grow(places)
+        self.driven = self.driven.copy()
+        self.driven[tuple(self.grid.cell_of(places).T)] = True
+        self.revision += 1
 
     @property
     def doubted(self) -> NDArray[np.bool_]:

@@ -207,6 +207,6 @@ def rotation_vector(R: NDArray[np.float64]) -> NDArray[np.float64]:
 def _roads(surface: TrueSurface) -> DrivableSurface:
     """The true surface as the robot's own planner sees a measured one: ramps are met head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
-    roads = judge(surface.grid, surface.height.astype(np.float32), nowhere, DrivableConfig())
+    roads = judge(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, DrivableConfig())
     drivable, turnable = roads.drivable & surface.drivable, roads.turnable & surface.drivable
     return replace(roads, drivable=drivable, turnable=turnable)

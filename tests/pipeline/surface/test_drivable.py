@@ -67,6 +67,19 @@ def test_a_narrow_ramp_is_driven_along_its_slope_only():
     np.testing.assert_allclose(surface.uphill[tuple(surface.grid.cell_of([0.3, 0]))], (-1, 0), atol=0.01)
 
 
+def test_where_the_robot_has_driven_it_may_drive_again():
+    corridor = surface_of(
+        ground_points(flat, (-1, 1), (-0.5, 0.5)), *(wall_points((-1, y), (1, y)) for y in (-0.33, 0.33))
+    )
+    assert drivable_surface(corridor).lines_are_drivable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+    corridor.update(wall_points((0, -0.22), (0.05, -0.22)))  # a chair leg, or noise
+    assert not drivable_surface(corridor).lines_are_drivable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+    corridor.add_track(np.column_stack([np.linspace(-0.6, 0.6, 50), np.full(50, 0.02)]))
+    assert drivable_surface(corridor).lines_are_drivable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+    corridor.update(wall_points((0, -0.17), (0.05, -0.17)))  # in the robot's way
+    assert not drivable_surface(corridor).lines_are_drivable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+
+
 def test_a_wide_one_also_across_where_nothing_is_near():
     surface = ridge_between_walls(0.6)
     assert surface.lines_are_drivable([(-0.3, -0.2)], [(-0.3, 0.2)])[0]

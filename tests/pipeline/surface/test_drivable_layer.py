@@ -25,6 +25,7 @@ def look(surface, piece):
     points = points + np.array([x, y, 0], np.float32)
     missing = points[np.abs(points[:, 0] - x) < 0.03] if is_doubted else np.zeros((0, 3), np.float32)
     surface.update(points, missing, np.array([x - 2, y]))
+    surface.add_track(np.array([[x, y - 0.1], [x + 0.3, y]]))
 
 
 @settings(max_examples=25)

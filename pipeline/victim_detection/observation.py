@@ -86,7 +86,7 @@ def observe(
         return Refusal(detection, "flat: nothing stands out of the plane around it, as of a picture")
     person = _nearest_part(person, config)
     person = person[np.linalg.norm(person - np.median(person, axis=0), axis=1) < config.reach]
-    size = float(np.linalg.norm(np.subtract(*np.percentile(person, [95, 5], axis=0))))
+    size = size_of(person)
     if not config.min_size <= size <= config.max_size:
         return Refusal(
             detection, f"{size:.2f} m: {'less' if size < config.min_size else 'more'} than a person"
@@ -108,6 +108,11 @@ def _observation(
 def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
     """(3,) of a box around (N, 3) points but for a few that lie far out."""
     return np.percentile(points, [2, 98], axis=0).mean(axis=0)
+
+
+def size_of(points: NDArray[np.floating]) -> float:
+    """m across a box around (N, 3) points but for some that lie far out."""
+    return float(np.linalg.norm(np.subtract(*np.percentile(points, [95, 5], axis=0))))
 
 
 def _window(frame: Frame, detection: Detection) -> NDArray[np.bool_]:

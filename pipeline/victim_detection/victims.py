@@ -17,6 +17,7 @@ from pipeline.victim_detection.observation import (
     Refusal,
     middle,
     observe,
+    size_of,
 )
 
 
@@ -30,7 +31,10 @@ class VictimsConfig:
             99 % of them (χ² of three degrees of freedom).
         touch: m between points of two that overlap.
         overlap: share of the points of the smaller of two that overlap; those are one, whose parts were seen.
-        sure: confidence at least of a detection of someone new; less tells only of someone known.
+        worth_a_look: sum of the confidences of all detections of someone from which on a second look is worth while.
+        enough: the same, to be confirmed.
+        whole: size at least of what is seen of most people, m; less may be a part of anything.
+        certain: confidence at least of someone of whom so little is seen.
         looks: at least, that found a victim before it is confirmed.
         apart: m at least between the farthest two places of these looks.
         in_view: m within which someone who is not hidden ought to be found again.
@@ -40,8 +44,11 @@ class VictimsConfig:
     observation: ObservationConfig = field(default_factory=ObservationConfig)
     gate: float = 11.34
     touch: float = 0.15
-    overlap: float = 0.3
-    sure: float = 0.5
+    overlap: float = 0.15
+    worth_a_look: float = 0.5
+    enough: float = 0.75
+    whole: float = 0.65
+    certain: float = 0.75
     looks: int = 2
     apart: float = 0.3
     in_view: float = 3.0
@@ -93,6 +100,16 @@ class Victim:
         return sum(self.confidences) / (len(self.confidences) + self.missed)
 
     @property
+    def evidence(self) -> float:
+        """Sum of the confidences of all detections."""
+        return sum(self.confidences)
+
+    @property
+    def size(self) -> float:
+        """m across what was seen."""
+        return size_of(self.points)
+
+    @property
     def apart(self) -> float:
         """m between the farthest two places from which the person was found."""
         cameras = np.array(self.cameras)
@@ -103,7 +120,7 @@ class Victims:
     """All victims that were seen, confirmed or not.
 
     Attributes:
-        all: in the order in which they were found.
+        all: in the order in which they were found, with those of whom too little tells.
         refusals: detections of the last look that are no person.
     """
 
@@ -121,12 +138,14 @@ class Victims:
     @property
     def unconfirmed(self) -> list[Victim]:
         """Those worth a second look from elsewhere."""
-        return [victim for victim in self.all if not self.is_confirmed(victim)]
+        return [v for v in self.all if v.evidence >= self.config.worth_a_look and not self.is_confirmed(v)]
 
     def is_confirmed(self, victim: Victim) -> bool:
         """Whether it was found often enough, from different places, and more often than missed."""
-        found = len(victim.cameras)
-        return found >= self.config.looks and found > victim.missed and victim.apart >= self.config.apart
+        config, found = self.config, len(victim.cameras)
+        is_often = found >= config.looks and found > victim.missed and victim.apart >= config.apart
+        is_person = victim.size >= config.whole or victim.confidence >= config.certain
+        return is_often and victim.evidence >= config.enough and is_person
 
     def update(
         self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64]
@@ -136,16 +155,15 @@ class Victims:
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         before, found = list(self.all), set[int]()
         for observation in (item for item in seen if isinstance(item, Observation)):
-            if (victim := self._add(observation, frame)) is not None:
-                found.add(id(victim))
+            found.add(id(self._add(observation, frame)))
         for victim in before:
             if id(victim) not in found and self._in_view(victim, frame, T_map_camera):
                 victim.missed += 1
         self._merge()
         self.all = [victim for victim in self.all if victim.missed <= 2 * len(victim.cameras)]
 
-    def _add(self, observation: Observation, frame: Frame) -> Victim | None:
-        """To the nearest victim who may be the same, or as a new one; None if too uncertain for that."""
+    def _add(self, observation: Observation, frame: Frame) -> Victim:
+        """To the nearest victim who may be the same, or as a new one."""
         points, confidence = self._thinned(observation.points), observation.detection.confidence
         new = Victim(
             points,
@@ -157,8 +175,6 @@ class Victims:
         )
         near = self._same(new, self.all)
         if near is None:
-            if observation.detection.confidence < self.config.sure:
-                return None
             self.all.append(new)
             return new
         self._join(near, new)
@@ -179,9 +195,7 @@ class Victims:
     def _overlap(self, one: Victim, other: Victim) -> bool:
         """Whether enough of one lies where the other does, and both together are not too large for a person."""
         small, large = sorted((one.points, other.points), key=len)
-        both = np.concatenate([small, large])
-        size = np.linalg.norm(np.subtract(*np.percentile(both, [95, 5], axis=0)))
-        if size > self.config.observation.max_size:
+        if size_of(np.concatenate([small, large])) > self.config.observation.max_size:
             return False
         distance, _ = cKDTree(large).query(small, distance_upper_bound=self.config.touch)
         return bool(np.isfinite(distance).mean() >= self.config.overlap)

@@ -89,15 +89,32 @@ def test_two_looks_from_different_places_confirm() -> None:
     assert np.sqrt(np.diag(victim.covariance)).max() < 0.2
 
 
-def test_an_uncertain_detection_tells_only_of_someone_known() -> None:
-    victims, T = Victims(), camera_at(0, 0)
-    victims.update(look(T, [PERSON]), [detection_of(T, PERSON, 0.3)], T)
-    assert victims.all == []
-    walk(victims, [(0, 0)], [PERSON], [PERSON])
-    T = camera_at(0, 0.5)
-    victims.update(look(T, [PERSON]), [detection_of(T, PERSON, 0.3)], T)
-    (victim,) = victims.confirmed
-    assert victim.confidence == pytest.approx(0.6)
+def victims_of(confidences: tuple[float, ...], config: VictimsConfig) -> Victims:
+    """After looks at one person from different places."""
+    victims = Victims(config)
+    for k, confidence in enumerate(confidences):
+        T = camera_at(0, 0.5 * k)
+        victims.update(look(T, [PERSON]), [detection_of(T, PERSON, confidence)], T)
+    return victims
+
+
+@pytest.mark.parametrize("confidences", [(0.3, 0.9), (0.9, 0.3), (0.4, 0.4), (0.3, 0.3, 0.3)])
+def test_many_uncertain_detections_tell_as_much_as_few_sure_ones(confidences: tuple[float, ...]) -> None:
+    (victim,) = victims_of(confidences, VictimsConfig(whole=0.3)).confirmed
+    assert victim.confidence == pytest.approx(np.mean(confidences))
+
+
+def test_little_evidence_is_worth_a_second_look_and_less_is_not() -> None:
+    for confidences, worth in (((0.3,), 0), ((0.3, 0.3), 1), ((0.6,), 1)):
+        victims = victims_of(confidences, VictimsConfig(whole=0.3))
+        assert victims.confirmed == []
+        assert len(victims.unconfirmed) == worth
+
+
+def test_what_is_small_must_be_certain() -> None:
+    assert victims_of((0.7, 0.7), VictimsConfig()).confirmed == []
+    assert len(victims_of((0.7, 0.7), VictimsConfig()).unconfirmed) == 1
+    assert len(victims_of((0.9, 0.7), VictimsConfig()).confirmed) == 1
 
 
 def test_two_people_stay_two() -> None:

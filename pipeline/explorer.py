@@ -29,7 +29,7 @@ from pipeline.transforms import transform_points
 from pipeline.victim_detection.detection import Detection, Detector
 from pipeline.victim_detection.second_looks import SecondLooks, SecondLooksConfig
 from pipeline.victim_detection.victims import Victims, VictimsConfig
-from pipeline.way_out import way_out
+from pipeline.way_out import way_back, way_out
 
 BUMPER, HALF_WIDTH, BODY_HEIGHT = 0.29, 0.25, 0.3
 """m from the robot's middle to what it touches with its front or back; half of its width; its height."""
@@ -142,6 +142,7 @@ class Explorer:
         self._times_held = 0
         self.T_map_start: NDArray[np.float64] | None = None
         self._T_map_last: NDArray[np.float64] | None = None
+        self._track = np.zeros((0, 2))
         self._seed = seed
 
     def look(self) -> Look:
@@ -168,17 +169,21 @@ class Explorer:
         with self.stopwatch("segments"):
             patches = find_planes(frame, labels, T_map_camera, self._seed + self.steps, self.config.planes)
             self.segments.update(patches, self.steps)
-        with self.stopwatch("topological_map"):
-            self.topological_map.update(patches, self.segments, surface, paths)
         detections = self._find_victims(frame, T_map_camera)
         with self.stopwatch("exploration"):
-            view = self._next_view(surface, paths, T_map_base)
+            view, back = self._next_view(surface, paths, T_map_base), None
+            if view is None and (back := way_back(surface, paths, self._track)) is not None:
+                paths = ShortestPaths(surface, back[-1])
+                view = self._next_view(surface, paths, T_map_base)
             if view is not None:
                 self.second_looks.aim(surface.on_ground(view.position[None])[0], view.heading)
+        with self.stopwatch("topological_map"):
+            self.topological_map.update(patches, self.segments, surface, paths)
         with self.stopwatch("path_plan"):
             plan = self._plan(view, surface, paths) if view else None
-            if plan is not None and (out != T_map_base[:2, 3]).any():
-                plan = plan.after(surface.on_ground(out[None]))
+            first = out[None] if back is None else back
+            if plan is not None and (first != T_map_base[:2, 3]).any():
+                plan = plan.after(surface.on_ground(first), T_map_base[:3, 3])
         self.steps += 1
         can_drive = paths.start is not None and not self.is_held
         return Look(frame, T_map_base, points, labels, detections, surface, view, plan, can_drive, was_lifted)
@@ -201,7 +206,9 @@ class Explorer:
         came_away = np.linalg.norm(T_map_base[:2, 3] - look.T_map_base[:2, 3]) > self.config.lifted
         self._times_held = 0 if came_away else self._times_held + (not reached)
         self.surface_map.update(lookout.obstacles)
-        self.surface_map.add_track(np.array(self.navigator.track))
+        track = np.array(self.navigator.track).reshape(-1, 2)
+        self.surface_map.add_track(track)
+        self._track = np.vstack([self._track, track])
         for halt in self.navigator.halts:
             # An obstacle beside a robot that cannot leave would only shut it in.
             if halt.command.v != 0 and halt.freed:
@@ -258,6 +265,7 @@ class Explorer:
         config, last, self._T_map_last = self.config, self._T_map_last, T_map_base
         set_down = last is None or bool(np.linalg.norm(T_map_base[:3, 3] - last[:3, 3]) > config.lifted)
         if set_down:
+            self._track = np.zeros((0, 2))
             self.surface_map.assume_ground(
                 T_map_base, config.start_radius, config.start_ahead, config.start_width
             )

@@ -33,9 +33,11 @@ class PathPlan:
     nodes: list[int]
     length: float
 
-    def after(self, place: NDArray[np.float64]) -> "PathPlan":
-        """The same plan, if the robot first drives to a place (1, 3) m from which it begins."""
-        return replace(self, way_points=np.vstack([place, self.way_points]))
+    def after(self, places: NDArray[np.float64], here: NDArray[np.float64]) -> "PathPlan":
+        """The same plan, if the robot first drives from here (3,) over places (N, 3) m, from whose last it begins."""
+        legs = np.diff(np.vstack([here, places])[:, :2], axis=0)
+        length = self.length + float(np.linalg.norm(legs, axis=1).sum())
+        return replace(self, way_points=np.vstack([places, self.way_points]), length=length)
 
     def on_to(self, place: NDArray[np.float64]) -> "PathPlan":
         """The same plan, and then straight on to a place (1, 3) m."""

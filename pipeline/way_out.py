@@ -1,9 +1,10 @@
-"""Out of a place where the robot cannot turn: straight on or straight back."""
+"""Out of a place where the robot cannot turn, straight on or straight back; out of one that is shut, as it came."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.surface.drivable import DrivableSurface
+from pipeline.surface.paths import ShortestPaths
 
 CORNER = 0.355
 """m from the robot's middle to what its chassis sweeps when it turns in place."""
@@ -13,6 +14,9 @@ STEP = 0.05
 """m between the places that are tried."""
 NEAR = 0.1
 """m around the robot that need not be drivable: it may have slid nearer to something than it may stand."""
+
+STRIDE = 0.4
+"""m between the places of a way back."""
 
 
 def way_out(
@@ -45,3 +49,26 @@ def _roomiest(
     room = np.where(passable, surface.grid.at(surface.to_hazard, places), 0.0)
     best = room.argmax()
     return places[best] if room[best] > surface.grid.at(surface.to_hazard, here) + STEP else here
+
+
+def way_back(
+    surface: DrivableSurface, paths: ShortestPaths, track: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Where the robot came from, if the map says that it could not have: it slid there, or noise shut the way.
+
+    Args:
+        surface: where it may drive.
+        paths: that lead from where it is.
+        track: (N, 2) m where it has been, place by place.
+
+    Returns:
+        (M, 2) m, back along the track to the last place where it can turn and to which no path leads; None if
+        there is none.
+    """
+    can_turn = surface.grid.at(surface.turnable | surface.slidable, track)
+    beyond = np.flatnonzero(can_turn & ~np.isfinite(surface.grid.at(paths.cost, track)))
+    if not len(beyond):
+        return None
+    way = track[beyond[-1] :][::-1]
+    driven = np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))
+    return way[1:][np.append(np.diff(driven // STRIDE) > 0, True)]

@@ -62,8 +62,9 @@ def test_a_plan_may_begin_elsewhere(u_turn):
     straight_on = plan.on_to(plan.way_points[-1:] + np.array([0.3, 0.4, 0.0]))
     assert straight_on.length == pytest.approx(plan.length + 0.5)
     np.testing.assert_array_equal(straight_on.way_points[:-1], plan.way_points)
-    longer = plan.after(np.array([(-1.0, -1.5, 0.0)]))
-    np.testing.assert_array_equal(longer.way_points, np.vstack([(-1.0, -1.5, 0.0), plan.way_points]))
+    longer = plan.after(np.array([(-1.3, -1.5, 0.0), (-1.0, -1.5, 0.0)]), np.array([-1.3, -1.1, 0.0]))
+    np.testing.assert_array_equal(longer.way_points[1:], np.vstack([(-1.0, -1.5, 0.0), plan.way_points]))
+    assert longer.length == pytest.approx(plan.length + 0.7)
 
 
 @pytest.mark.parametrize("side", [-1, 1])

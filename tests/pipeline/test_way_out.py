@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from pipeline.surface.drivable import DrivableSurface, drivable_surface
+from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import from_yaw
-from pipeline.way_out import CORNER, way_out
+from pipeline.way_out import CORNER, way_back, way_out
 from tests.pipeline.worlds import flat, ground_points, ridge, surface_of, wall_points
 
 
@@ -57,3 +58,27 @@ def test_a_robot_that_was_held_beside_a_wall_leaves_for_more_room_though_it_cann
     assert ramp.grid.at(ramp.drivable, out)
     assert ramp.grid.at(ramp.to_hazard, out) > ramp.grid.at(ramp.to_hazard, (-0.5, 0.02)) + 0.05
     assert out[0] > -0.5  # backwards
+
+
+def test_it_goes_back_as_it_came_where_the_map_says_that_it_could_not_have_come():
+    shut = drivable_surface(
+        surface_of(
+            ground_points(flat, (-3, 3), (-1, 1)),
+            wall_points((0.3, -1), (0.3, 1)),
+            wall_points((1.6, -1), (1.6, 1)),
+        )
+    )
+    came = np.column_stack([np.linspace(-1.5, 0.9, 300), np.full(300, 0.1)])
+    way = way_back(shut, ShortestPaths(shut, came[-1]), came)
+    assert way is not None
+    assert shut.grid.at(shut.turnable, way[-1])
+    assert -0.3 < way[-1, 0] < 0.0  # the last such place before the wall
+    np.testing.assert_allclose(np.abs(np.diff(way[:-1, 0])), 0.4, atol=0.02)
+    assert 0.4 < way[0, 0] < 0.6
+
+
+def test_it_stays_where_all_of_its_way_is_still_open():
+    surface = before_a_wall()
+    came = np.array([(-2.0, 0.0), (-1.0, 0.0)])
+    assert way_back(surface, ShortestPaths(surface, came[-1]), came) is None
+    assert way_back(surface, ShortestPaths(surface, came[-1]), came[:0]) is None

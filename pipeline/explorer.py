@@ -172,9 +172,8 @@ class Explorer:
         detections = self._find_victims(frame, T_map_camera)
         with self.stopwatch("exploration"):
             view, back = self._next_view(surface, paths, T_map_base), None
-            if view is None and (back := way_back(surface, paths, self._track)) is not None:
-                paths = ShortestPaths(surface, back[-1])
-                view = self._next_view(surface, paths, T_map_base)
+            if view is None:
+                view, paths, back = self._view_beyond(surface, paths, T_map_base)
             if view is not None:
                 self.second_looks.aim(surface.on_ground(view.position[None])[0], view.heading)
         with self.stopwatch("topological_map"):
@@ -254,6 +253,21 @@ class Explorer:
         view = self.goals.next_view(*look) if self.goals else None
         is_done = not self.may_explore or (self.goals is not None and not self.goals.left)
         return view if view or is_done else self.exploration.next_view(*look)
+
+    def _view_beyond(
+        self, surface: DrivableSurface, paths: ShortestPaths, T_map_base: NDArray[np.float64]
+    ) -> tuple[View | None, ShortestPaths, NDArray[np.float64] | None]:
+        """Where to go next from where the robot came, the paths from there and the way back (N, 2), if there is one.
+
+        Where nothing is left to see there either, the paths stay those that lead further: the map is of all that they reach.
+        """
+        back = way_back(surface, paths, self._track)
+        if back is None:
+            return None, paths, None
+        beyond = ShortestPaths(surface, back[-1])
+        view = self._next_view(surface, beyond, T_map_base)
+        leads_further = beyond.reachable.sum() > paths.reachable.sum()
+        return view, beyond if view or leads_further else paths, back
 
     def _glance(self) -> NDArray[np.float32]:
         """(N, 3) the returns that the camera has now, in ``map``."""

@@ -259,7 +259,7 @@ class Explorer:
     ) -> tuple[View | None, ShortestPaths, NDArray[np.float64] | None]:
         """Where to go next from where the robot came, the paths from there and the way back (N, 2), if there is one.
 
-        Where nothing is left to see there either, the paths stay those that lead further: the map is of all that they reach.
+        Where nothing is left to see there either, the paths are those that lead further, for the map is made of them.
         """
         back = way_back(surface, paths, self._track)
         if back is None:

@@ -11,8 +11,11 @@ from pipeline.navigation import Halt, Leg, Outcome
 from pipeline.path_plan import PathPlan
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.surface.drivable import drivable_surface
+from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import from_yaw
 from tests.pipeline.still_robot import StillRobot
+from tests.pipeline.worlds import flat, ground_points, wall_points
 
 
 class PlacedRobot(StillRobot):
@@ -94,3 +97,30 @@ def test_goals_come_before_views_and_views_only_as_long_as_goals_are_out_of_reac
     assert explorer.look().view is None
     explorer.may_explore, explorer.goals = True, Goals(explorer.topological_map, [])
     assert explorer.look().view is None
+
+
+def test_a_robot_that_is_shut_in_goes_back_as_it_came(explorer):
+    """A wall stands between the robot at x = 1 and the place at x = -1 from which it came."""
+    ends = [wall_points((x, -1), (x, 1)) for x in (0.0, 2.0)]
+    explorer.surface_map.update(np.vstack([ground_points(flat, (-3, 2), (-1, 1)), *ends]))
+    surface, T = drivable_surface(explorer.surface_map), from_yaw(1.0, 0, 0, np.pi)
+    paths = ShortestPaths(surface, (1.0, 0.0))
+    assert explorer._view_beyond(surface, paths, T) == (None, paths, None)
+    explorer._track = np.column_stack([np.linspace(-2, 1, 200), np.zeros(200)])
+    view, beyond, back = explorer._view_beyond(surface, paths, T)
+    assert view.position[0] < 0
+    assert back[0, 0] > 0.5
+    assert beyond.reachable[tuple(surface.grid.cell_of(back[-1]))]
+    assert not paths.reachable[tuple(surface.grid.cell_of(back[-1]))]
+
+
+@pytest.mark.parametrize(("here", "there"), [(-1.0, 0.7), (0.7, -1.0)])
+def test_when_nothing_is_left_the_map_is_that_of_the_larger_room(explorer, monkeypatch, here, there):
+    walls = [wall_points((x, -1), (x, 1)) for x in (-3.0, 0.0, 1.5)]
+    explorer.surface_map.update(np.vstack([ground_points(flat, (-3, 1.5), (-1, 1)), *walls]))
+    surface = drivable_surface(explorer.surface_map)
+    explorer._track = np.column_stack([np.linspace(there, here, 100), np.zeros(100)])
+    monkeypatch.setattr(explorer, "_next_view", lambda *look: None)
+    view, kept, _ = explorer._view_beyond(surface, ShortestPaths(surface, (here, 0.0)), np.eye(4))
+    assert view is None
+    assert kept.reachable[tuple(surface.grid.cell_of([-1.0, 0.0]))]

@@ -210,7 +210,7 @@ class Explorer:
         self._track = np.vstack([self._track, track])
         for halt in self.navigator.halts:
             # An obstacle beside a robot that cannot leave would only shut it in.
-            if halt.command.v != 0 and halt.freed:
+            if halt.touches:
                 self.surface_map.add_obstacle(bumper(halt))
         return reached
 

@@ -34,6 +34,10 @@ class NavigationConfig:
         back_limit: there it backs to a way point that is further off its heading, rad: the less it turns, the less it
             slides.
         ramp_turn_rate: of such turns, rad/s.
+        ramp_slide: m that the robot slides down in such a turn, a radian and a sine of the tilt: 0.18 in a quarter
+            turn on 16°, measured.
+        hold_gain: m/s at which it makes up for that, a metre that it is off or will be.
+        hold_speed: of that at most, m/s.
         short: to a way point no farther that lies right behind it the robot backs also on level ground, m.
         right_behind: angle off its tail, rad.
         acceleration, turn_acceleration: that the drive allows itself, m/s² and rad/s²; commands come true so late.
@@ -61,6 +65,9 @@ class NavigationConfig:
     turn_limit: float = np.deg2rad(35)
     back_limit: float = np.deg2rad(90)
     ramp_turn_rate: float = 0.4
+    ramp_slide: float = 0.42
+    hold_gain: float = 1.0
+    hold_speed: float = 0.1
     short: float = 0.8
     right_behind: float = np.deg2rad(10)
     acceleration: float = 0.3
@@ -84,6 +91,11 @@ class Outcome(Enum):
     """Something stands in the way that the map does not show."""
     MOVED = "moved"
     """The robot was lifted and set down elsewhere."""
+
+
+@dataclass(frozen=True)
+class Turn(Velocity):
+    """A command to turn in place; ``v`` only makes up for sliding down a ramp meanwhile."""
 
 
 @dataclass
@@ -114,6 +126,11 @@ class Halt:
     T_map_base: NDArray[np.float64]
     command: Velocity
     freed: bool
+
+    @property
+    def touches(self) -> bool:
+        """Whether something stands right before the end of the robot that went ahead."""
+        return self.freed and not isinstance(self.command, Turn)
 
 
 class _Progress:
@@ -253,7 +270,7 @@ class Navigator:
 
     def _turn_to(self, heading: Callable[[NDArray[np.float64]], float]) -> Iterator[Velocity]:
         """Commands that turn on the spot, the shorter way, to the heading wanted at each pose."""
-        config = self.config
+        config, place = self.config, self.T_map_base[:2, 3].copy()
         while True:
             T = self.T_map_base
             error = wrap_angle(heading(T) - yaw_of(T))
@@ -261,7 +278,18 @@ class Navigator:
                 return
             fastest = config.ramp_turn_rate if self._on_ramp else config.max_turn_rate
             rate = np.clip(config.turn_gain * abs(error), config.min_turn_rate, fastest)
-            yield Velocity(0.0, float(np.sign(error) * rate))
+            yield Turn(self._hold(T, place, error) if self._on_ramp else 0.0, float(np.sign(error) * rate))
+
+    def _hold(self, T: NDArray[np.float64], place: NDArray[np.float64], left: float) -> float:
+        """Speed (m/s) that keeps a robot at a place (2,) of a ramp while it turns by what is ``left``, rad.
+
+        It can only make up for what it slides along its heading, so it does so ahead of time as well. It strays by
+        0.12 m in a quarter turn on 16° instead of 0.21, measured.
+        """
+        config, ahead = self.config, T[:2, 0] / np.linalg.norm(T[:2, 0])
+        slide = config.ramp_slide * abs(left) * T[:2, 2]
+        speed = config.hold_gain * (place - T[:2, 3] - slide) @ ahead
+        return float(np.clip(speed, -config.hold_speed, config.hold_speed))
 
     def _straight_to(
         self, start: NDArray[np.float64], target: NDArray[np.float64], backwards: bool
@@ -292,7 +320,7 @@ class Navigator:
         """Give commands until they end or something stands ahead; a robot that leans too far or is held backs out."""
         progress = _Progress(self.config, self.T_map_base, self._time)
         for command in commands:
-            if command.v > 0 and not is_clear(self.T_map_base[:2, 3]):
+            if command.v > 0 and not isinstance(command, Turn) and not is_clear(self.T_map_base[:2, 3]):
                 self._drive(Velocity())
                 return Outcome.BLOCKED
             before, T = self.T_map_base, self._drive(command)
@@ -311,7 +339,7 @@ class Navigator:
     def _back_out(self, command: Velocity) -> None:
         """Undo the last of the motion: that way was free."""
         config = self.config
-        if command.v == 0:
+        if isinstance(command, Turn):
             undo, seconds = Velocity(0.0, -np.sign(command.omega) * config.ramp_turn_rate), config.back_turn
             seconds /= config.ramp_turn_rate
         else:
@@ -328,7 +356,7 @@ class Navigator:
 
     def _came_away(self, T: NDArray[np.float64], command: Velocity) -> bool:
         """Whether the robot has undone most of what it should have from the pose where it was held."""
-        if command.v == 0:
+        if isinstance(command, Turn):
             return bool(abs(wrap_angle(yaw_of(self.T_map_base) - yaw_of(T))) > self.config.back_turn / 2)
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - T[:3, 3]) > self.config.back_out / 2)
 

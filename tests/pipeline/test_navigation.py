@@ -10,6 +10,9 @@ from tests.pipeline.kinematic_robot import KinematicRobot
 
 coordinates = st.floats(-3, 3)
 
+NO_SLIDE = NavigationConfig(hold_gain=0.0)
+"""For the kinematic robot, whose wheels do not slide."""
+
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=4), st.floats(-np.pi, np.pi))
@@ -190,7 +193,7 @@ def test_on_a_ramp_it_turns_by_no_more_than_it_must(bearing):
 
 def test_on_a_ramp_it_turns_slowly_where_the_way_leads_across():
     robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16))
-    navigator = Navigator(robot)
+    navigator = Navigator(robot, NO_SLIDE)
     assert navigator.follow(np.array([(0.5, 0.0), (0.5, 0.5)]))
     turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
     assert max(turning) == NavigationConfig().ramp_turn_rate
@@ -225,7 +228,7 @@ def test_it_backs_to_what_lies_right_behind_it_and_near(target, backs):
 @pytest.mark.parametrize("back_up", [True, False])
 def test_it_looks_back_or_ahead_at_the_end_as_told_even_if_the_other_were_nearer(back_up, pitch):
     robot = KinematicRobot(pitch=lambda x, y: pitch)
-    assert Navigator(robot).follow(np.array([(0.5 if back_up else -0.5, 0.0)]), back_up=back_up)
+    assert Navigator(robot, NO_SLIDE).follow(np.array([(0.5 if back_up else -0.5, 0.0)]), back_up=back_up)
     assert abs(wrap_angle(yaw_of(robot.T) - np.pi)) < np.deg2rad(3)
 
 

@@ -9,7 +9,9 @@ from dm_control import composer, mjcf
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from pipeline.robot import Velocity
+from pipeline.frame import Frame
+from pipeline.navigation import NavigationConfig, Navigator
+from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_rotation, inverse, tilt_of, wrap_angle, yaw_of
 from sarsim.assets import asset
 from sarsim.odometry import OdometryConfig, WheelOdometry
@@ -39,11 +41,11 @@ class Track(composer.Arena):
 
 
 class Slope(composer.Arena):
-    """A plane that rises at 19° towards +x."""
+    """A plane that rises by so many degrees towards +x."""
 
-    def _build(self) -> None:
+    def _build(self, degrees: float = 19) -> None:
         self._mjcf_root = mjcf.RootElement("slope")
-        angle = np.radians(19)
+        angle = np.radians(degrees)
         normal = (-np.sin(angle), 0, np.cos(angle))
         self._mjcf_root.worldbody.add("geom", type="plane", size=(0, 0, 0.1), zaxis=normal)
 
@@ -323,3 +325,40 @@ def _bounds(model, data) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     geoms = [geom for geom in range(model.ngeom) if model.geom_matid[geom] != model.material("lug").id]
     points = np.concatenate([_corners(model, data, geom) for geom in geoms])
     return points.min(axis=0), points.max(axis=0)
+
+
+class Body:
+    """A drive as the navigator knows a robot; no one looks."""
+
+    control_period = CONTROL
+
+    def __init__(self, drive: Drive) -> None:
+        self._drive = drive
+
+    def sense(self) -> Frame:
+        raise NotImplementedError
+
+    def drive(self, command: Velocity) -> Motion:
+        drive = self._drive.go(CONTROL, command.v, command.omega)
+        robot, physics = drive.robot, drive.physics
+        felt = robot.gyro(physics), robot.accelerometer(physics), robot.wheel_speed(physics)
+        return Motion(physics.data.time, drive.pose, *felt)
+
+
+def strays(first: float, last: float, config: NavigationConfig) -> float:
+    """m that the robot strays at most when it turns from one heading to another, degrees, on 16°."""
+    drive = Drive(Slope(16), z=0.2, pitch=-np.radians(16))
+    navigator, here = Navigator(Body(drive), config), drive.pose[:2, 3]
+    assert navigator.follow(here[None], np.radians(first))
+    drive.start, drive.poses = drive.pose, []
+    assert navigator.follow(drive.pose[None, :2, 3], np.radians(last))
+    assert abs(wrap_angle(yaw_of(drive.pose) - np.radians(last))) < np.radians(4)
+    return drive.strayed
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 90), (90, 0), (90, 180), (180, 90)])
+def test_it_makes_up_for_sliding_down_a_ramp_that_it_turns_on(first: float, last: float) -> None:
+    held, free = (strays(first, last, NavigationConfig(hold_gain=gain)) for gain in (1.0, 0.0))
+    print(f"{first}° to {last}° on 16°: strays {held:.3f} m, {free:.3f} m if it lets itself slide")
+    assert held < 0.14
+    assert held < 0.8 * free

@@ -106,7 +106,7 @@ def bumper(halt: Halt) -> NDArray[np.float64]:
 class Explorer:
     """Explores with a robot: each ``look`` renews the maps and the plan, each ``drive`` follows the plan.
 
-    With ``goals`` it drives to these, and explores only as long as no way is known to those that are left, and
+    With ``goals`` it drives to these, and explores only while no way is known to any that is left, and if it
     ``may_explore``. ``T_map_start`` (4×4) is where it looked first.
     """
 
@@ -238,7 +238,7 @@ class Explorer:
         return plan and plan.on_to(surface.on_ground(view.position[None]))
 
     def _backs_up(self, look: Look, plan: PathPlan) -> bool | None:
-        """Whether to drive the last leg backwards; None, either way, where the robot could not turn before it."""
+        """Whether to drive the last leg backwards; None, either will do, where the robot could not turn before it."""
         surface, start = look.surface, np.vstack([look.T_map_base[:3, 3], plan.way_points])[-2]
         can_turn = surface.grid.at(surface.turnable | surface.slidable, start)
         return look.view.backwards if look.view is not None and can_turn else None

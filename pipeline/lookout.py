@@ -60,7 +60,7 @@ class Lookout:
     def is_clear(self, position: NDArray[np.float64], target: NDArray[np.float64]) -> bool:
         """Whether nothing stands between the robot and a way point (2,) that it drives straight to.
 
-        It glances when the way point is new, and every ``stride``.
+        It glances when the way point is new, and every ``stride``; not when the way point is nearer than it can see.
         """
         config, is_new = self.config, target is not self._target
         if np.linalg.norm(target - position) + config.beyond < config.near:

@@ -14,7 +14,6 @@ STEP = 0.05
 """m between the places that are tried."""
 NEAR = 0.1
 """m around the robot that need not be drivable: it may have slid nearer to something than it may stand."""
-
 STRIDE = 0.4
 """m between the places of a way back."""
 
@@ -24,8 +23,8 @@ def way_out(
 ) -> NDArray[np.float64]:
     """(2,) m, the nearest place before or behind the robot where it can turn; its own if it need not go there.
 
-    Where no straight way leads to such a place, its own as well; for a robot that ``was_held`` when it last
-    drove, the place with most room.
+    Where no straight way leads to such a place, its own as well; but for a robot that ``was_held`` and has got
+    nowhere since, the place before or behind it with most room, if that is more than it has.
     """
     here, ahead = T_map_base[:2, 3], T_map_base[:2, 0] / np.linalg.norm(T_map_base[:2, 0])
     if surface.grid.at(surface.to_hazard, here) >= CORNER:

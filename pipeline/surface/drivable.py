@@ -26,8 +26,8 @@ class DrivableConfig:
         max_tilt: rad.
         clearance: of the robot's centre from hazards while driving straight, m, and on the level from unknown
             ground: a wall that is only met at grazing angles stays unknown.
-        driven_clearance: from both where the robot has driven before, m; half of its width: what stands there, it has
-            passed, and no noise of later looks shall shut it in.
+        driven_clearance: from hazards and the unknown alike in cells where its centre has been, m; half of its width:
+            it has passed what stands beside them, and no noise of later looks shall shut it in.
         ramp_unknown_clearance: from unknown ground on ramps, m; half of the robot's width. What lies behind a crest
             is seen from nowhere else.
         turning_clearance: from hazards while turning in place, m; the corners of the chassis sweep 0.355 m, and
@@ -35,8 +35,8 @@ class DrivableConfig:
         ramp_tilt: a steeper cell belongs to a ramp, rad.
         ramp_margin: so near to a ramp the robot's wheels may already be on it, m.
         ramp_alignment: largest angle between a drive over a ramp and its slope, rad.
-        ramp_slide: further away when turning on a ramp, m: it slides down by 0.18 in a quarter turn on 16°, measured,
-            of which the turning clearance has 0.03 to spare.
+        ramp_slide: further away when turning on a ramp, m: in a quarter turn on 16° it strays by up to 0.13,
+            measured, although it makes up for sliding.
         ramp_drift: one that crosses a ramp sideways, m: 0.013 in 2 m on 16°, measured.
         max_drop_gap: known ground so far apart, with unknown ground between, may be the two sides of a drop, m.
     """

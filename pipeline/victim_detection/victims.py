@@ -29,12 +29,12 @@ class VictimsConfig:
         observation: what counts as a person.
         gate: largest squared Mahalanobis distance of an observation from the victim that it may be of; 11.34 holds
             99 % of them (χ² of three degrees of freedom).
-        touch: m between points of two that overlap.
-        overlap: share of the points of the smaller of two that overlap; those are one, whose parts were seen.
+        touch: m within which points of two touch.
+        overlap: share of the points of the smaller of two that touch the other's; from there on they are one.
         worth_a_look: sum of the confidences of all detections of someone from which on a second look is worth while.
-        enough: the same, to be confirmed.
-        whole: size at least of what is seen of most people, m; less may be a part of anything.
-        certain: confidence at least of someone of whom so little is seen.
+        enough: the same, from which on someone is confirmed.
+        whole: m across what is seen of most people, at least; less may be a part of anything.
+        certain: mean confidence, 0 for each miss, that confirms someone of whom less is seen.
         looks: at least, that found a victim before it is confirmed.
         apart: m at least between the farthest two places of these looks.
         in_view: m within which someone who is not hidden ought to be found again.
@@ -106,7 +106,7 @@ class Victim:
 
     @property
     def size(self) -> float:
-        """m across what was seen."""
+        """m across what was seen, as :func:`size_of` has it."""
         return size_of(self.points)
 
     @property
@@ -132,7 +132,7 @@ class Victims:
 
     @property
     def confirmed(self) -> list[Victim]:
-        """Those found by enough looks from different places, and by more than missed them."""
+        """Those of whom :meth:`is_confirmed` holds."""
         return [victim for victim in self.all if self.is_confirmed(victim)]
 
     @property
@@ -141,7 +141,10 @@ class Victims:
         return [v for v in self.all if v.evidence >= self.config.worth_a_look and not self.is_confirmed(v)]
 
     def is_confirmed(self, victim: Victim) -> bool:
-        """Whether it was found often enough, from different places, and more often than missed."""
+        """Whether it was found often and surely enough, from different places, and more often than missed.
+
+        If little is seen of it, what was found must also be sure in the mean.
+        """
         config, found = self.config, len(victim.cameras)
         is_often = found >= config.looks and found > victim.missed and victim.apart >= config.apart
         is_person = victim.size >= config.whole or victim.confidence >= config.certain

@@ -133,7 +133,7 @@ def _mapped_environment(recording: Recording, size: tuple[float, float]) -> Metr
 
 
 def _accuracy(recording: Recording) -> dict[str, float]:
-    """DESIGN's four figures of each map and sensor, and how far the map and exact rays agree."""
+    """The report's four figures of each map and sensor, and how far the map and exact rays agree."""
     scored = MetricMap()
     score = VoxelScore(scored)
     for n in track(range(len(recording.ideal)), "following noise-free rays", transient=True):

@@ -45,7 +45,8 @@ class ExplorerConfig:
         start_ahead: the same in a strip before the robot, m.
         start_width: of that strip, m.
         lifted: a robot that is elsewhere by this without having driven was set down anew, m.
-        patience: drives that something ended since the robot last got anywhere, after which it stays.
+        patience: drives that something ended since one last brought the robot further than ``lifted``, after which it
+            stays.
     """
 
     metric_map: MetricMapConfig = field(default_factory=MetricMapConfig)

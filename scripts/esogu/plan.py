@@ -202,7 +202,7 @@ FURNITURE: dict[str, list[Place]] = {
 COURSE: list[Place] = [
     # Machines laboratory: a field of three ridges, two tiles wide, along y.
     *(("ridge", x, y, NORTH) for x in (1.1, 2.3) for y in (-6.1, -4.9, -3.7)),
-    # Robotics laboratory: over a high deck; beside it, behind a wall, crossing ridges.
+    # Robotics laboratory: over a high deck; beside it, behind a wall, two ridges in a row.
     ("ramp_34", 7.9, -3.2, 90.0),
     ("deck_34", 9.1, -3.2, 0.0),
     ("deck_34", 10.3, -3.2, 0.0),

@@ -265,10 +265,12 @@ class Explorer:
         back = way_back(surface, paths, self._track)
         if back is None:
             return None, paths, None
-        beyond = ShortestPaths(surface, back[-1])
+        beyond, frontiers = ShortestPaths(surface, back[-1]), self.exploration.frontiers
         view = self._next_view(surface, beyond, T_map_base)
-        leads_further = beyond.reachable.sum() > paths.reachable.sum()
-        return view, beyond if view or leads_further else paths, back
+        if view or beyond.reachable.sum() > paths.reachable.sum():
+            return view, beyond, back
+        self.exploration.frontiers = frontiers
+        return None, paths, None
 
     def _glance(self) -> NDArray[np.float32]:
         """(N, 3) the returns that the camera has now, in ``map``."""

@@ -69,5 +69,5 @@ def way_back(
     if not len(beyond):
         return None
     way = track[beyond[-1] :][::-1]
-    driven = np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))
-    return way[1:][np.append(np.diff(driven // STRIDE) > 0, True)]
+    driven = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+    return way[np.append(np.diff(driven // STRIDE) > 0, True)]

@@ -96,7 +96,7 @@ def _sightings(situation: Situation) -> Markup:
         element("h2", "Sightings that are not confirmed"),
         element(
             "p",
-            "Seen too seldom or from one place alone. They may be people, or something that looks like one.",
+            "Seen too seldom, too little of, or from one place alone. They may be people, or something like them.",
         ),
         *(card(s, situation.T_map_entrance, confirmed=False) for s in situation.sightings),
     )

@@ -34,7 +34,7 @@ class VictimsConfig:
         worth_a_look: sum of the confidences of all detections of someone from which on a second look is worth while.
         enough: the same, from which on someone is confirmed.
         whole: m across what is seen of most people, at least; less may be a part of anything.
-        certain: mean confidence, 0 for each miss, that confirms someone of whom less is seen.
+        sure: confidence of each of so many looks as are needed, that confirms someone of whom less is seen.
         looks: at least, that found a victim before it is confirmed.
         apart: m at least between the farthest two places of these looks.
         in_view: m within which someone who is not hidden ought to be found again.
@@ -46,9 +46,9 @@ class VictimsConfig:
     touch: float = 0.15
     overlap: float = 0.15
     worth_a_look: float = 0.5
-    enough: float = 0.75
-    whole: float = 0.65
-    certain: float = 0.75
+    enough: float = 1.0
+    whole: float = 0.85
+    sure: float = 0.6
     looks: int = 2
     apart: float = 0.3
     in_view: float = 3.0
@@ -143,11 +143,12 @@ class Victims:
     def is_confirmed(self, victim: Victim) -> bool:
         """Whether it was found often and surely enough, from different places, and more often than missed.
 
-        If little is seen of it, what was found must also be sure in the mean.
+        If little is seen of it, only looks that are sure count for often enough.
         """
         config, found = self.config, len(victim.cameras)
         is_often = found >= config.looks and found > victim.missed and victim.apart >= config.apart
-        is_person = victim.size >= config.whole or victim.confidence >= config.certain
+        sure = sum(confidence >= config.sure for confidence in victim.confidences)
+        is_person = victim.size >= config.whole or sure >= config.looks
         return is_often and victim.evidence >= config.enough and is_person
 
     def update(

@@ -98,23 +98,23 @@ def victims_of(confidences: tuple[float, ...], config: VictimsConfig) -> Victims
     return victims
 
 
-@pytest.mark.parametrize("confidences", [(0.3, 0.9), (0.9, 0.3), (0.4, 0.4), (0.3, 0.3, 0.3)])
+@pytest.mark.parametrize("confidences", [(0.3, 0.9), (0.9, 0.3), (0.5, 0.5), (0.4, 0.4, 0.4)])
 def test_many_uncertain_detections_tell_as_much_as_few_sure_ones(confidences: tuple[float, ...]) -> None:
     (victim,) = victims_of(confidences, VictimsConfig(whole=0.3)).confirmed
     assert victim.confidence == pytest.approx(np.mean(confidences))
 
 
 def test_little_evidence_is_worth_a_second_look_and_less_is_not() -> None:
-    for confidences, worth in (((0.3,), 0), ((0.3, 0.3), 1), ((0.6,), 1)):
+    for confidences, worth in (((0.3,), 0), ((0.4, 0.4), 1), ((0.6,), 1)):
         victims = victims_of(confidences, VictimsConfig(whole=0.3))
         assert victims.confirmed == []
         assert len(victims.unconfirmed) == worth
 
 
-def test_what_is_small_must_be_certain() -> None:
-    assert victims_of((0.7, 0.7), VictimsConfig()).confirmed == []
-    assert len(victims_of((0.7, 0.7), VictimsConfig()).unconfirmed) == 1
-    assert len(victims_of((0.9, 0.7), VictimsConfig()).confirmed) == 1
+def test_of_what_is_small_two_looks_must_be_sure() -> None:
+    assert victims_of((0.9, 0.5, 0.5), VictimsConfig()).confirmed == []
+    assert len(victims_of((0.9, 0.5, 0.5), VictimsConfig()).unconfirmed) == 1
+    assert len(victims_of((0.9, 0.5, 0.7), VictimsConfig()).confirmed) == 1
 
 
 def test_two_people_stay_two() -> None:

@@ -27,9 +27,10 @@ class DrivableLayer:
         if last is None or not _same(last.grid, surface.grid):
             renewed = drivable_surface(surface, self.config)
         else:
-            changed = _differ(last.elevation, surface.elevation)
-            changed |= (self._doubted != doubted) | (self._driven != driven)
-            renewed = self._renewed(last, surface, changed) if changed.any() else last
+            changed = _differ(last.elevation, surface.elevation) | (self._doubted != doubted)
+            # To have driven there changes nothing where the robot may drive anyway.
+            changed |= (self._driven != driven) & ~last.drivable
+            renewed = self._renewed(last, surface, doubted, changed) if changed.any() else last
         self._last, self._doubted, self._driven = renewed, doubted, driven
         return renewed
 
@@ -37,6 +38,7 @@ class DrivableLayer:
         self,
         last: DrivableSurface,
         surface: SurfaceMap,
+        doubted: NDArray[np.bool_],
         changed: NDArray[np.bool_],
     ) -> DrivableSurface:
         grid = last.grid
@@ -46,8 +48,13 @@ class DrivableLayer:
         corner = grid.origin + grid.cell * np.array([around[0].start, around[1].start])
         # Whole in memory, as the kernels are compiled for.
         heights = np.ascontiguousarray(surface.elevation[around])
-        doubted, driven = surface.doubted[around], surface.driven[around]
-        part = judge(Grid(corner, grid.cell, heights.shape), heights, doubted, driven, self.config)
+        part = judge(
+            Grid(corner, grid.cell, heights.shape),
+            heights,
+            doubted[around],
+            surface.driven[around],
+            self.config,
+        )
         layers = {name: getattr(last, name).copy() for name in JUDGED}
         for name, layer in layers.items():
             layer[here] = getattr(part, name)[inside(here, around)]

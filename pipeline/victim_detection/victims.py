@@ -97,7 +97,7 @@ class Victim:
     @property
     def confidence(self) -> float:
         """Mean over the looks that ought to have found the person, 0 for those that did not."""
-        return sum(self.confidences) / (len(self.confidences) + self.missed)
+        return self.evidence / (len(self.confidences) + self.missed)
 
     @property
     def evidence(self) -> float:
@@ -146,10 +146,11 @@ class Victims:
         If little is seen of it, only looks that are sure count for often enough.
         """
         config, found = self.config, len(victim.cameras)
-        is_often = found >= config.looks and found > victim.missed and victim.apart >= config.apart
-        sure = sum(confidence >= config.sure for confidence in victim.confidences)
-        is_person = victim.size >= config.whole or sure >= config.looks
-        return is_often and victim.evidence >= config.enough and is_person
+        if found < config.looks or found <= victim.missed or victim.evidence < config.enough:
+            return False
+        is_sure = sum(confidence >= config.sure for confidence in victim.confidences) >= config.looks
+        # Distances and sizes come last: they take longest, and everyone is asked about several times a look.
+        return victim.apart >= config.apart and (is_sure or victim.size >= config.whole)
 
     def update(
         self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64]

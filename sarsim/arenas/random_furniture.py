@@ -34,7 +34,8 @@ BULKY = (
 """What hides much behind it. The first leaves room to drive under it, and its neighbours may be such, too."""
 SPREAD = 0.5
 """Share of the neighbours of a raised floor that are."""
-SMALL = ("chair", "chair", "crate_small", "fire_extinguisher")
+CHAIRS = ("chair", "office_chair", "lab_chair")
+SMALL = ("chair", "office_chair", "crate_small", "fire_extinguisher")
 """What may stand before something else, turned anyhow."""
 ACCOMPANIED = 0.4
 """Share of the tiles where one does."""
@@ -91,7 +92,9 @@ def hang_on_walls(layout: Layout, dice: Dice, share: float) -> list[Item]:
 def _furnish(dice: Dice, tile: Tile, front: Side) -> list[Item]:
     """Fill a tile into which the robot looks over its side ``front``."""
     back = opposite(front)
-    draw = dice.pick(("middle", "middle", "ramp", "back", "back", "back"))
+    draw = dice.pick(("middle", "middle", "ramp", "back", "back", "back", *("work",) * 4))
+    if draw == "work":
+        return _work_place(dice, tile, front)
     if draw == "middle":
         items = [Item(tile, dice.pick(FREESTANDING), YAW[back])]
     elif draw == "ramp":
@@ -104,6 +107,22 @@ def _furnish(dice: Dice, tile: Tile, front: Side) -> list[Item]:
         place = _shift(front, dice.number(20, 35), dice.number(-30, 30))
         items.append(Item(tile, dice.pick(SMALL), dice.number(0, 359), place))
     return items
+
+
+def _work_place(dice: Dice, tile: Tile, front: Side) -> list[Item]:
+    """A desk with one or two chairs, pushed under it or left before it, or the chairs alone."""
+    sides = (-1, 1) if dice.chance(0.5) else (dice.pick((-1, 1)),)
+    chairs = [
+        Item(
+            tile,
+            dice.pick(CHAIRS),
+            dice.number(0, 359),
+            _shift(front, dice.number(-10, 28), side * dice.number(20, 28)),
+        )
+        for side in sides
+    ]
+    desk = Item(tile, "desk", YAW[opposite(front)])
+    return [desk, *chairs] if dice.chance(0.75) else chairs
 
 
 def _shift(front: Side, ahead: int, aside: int) -> tuple[int, int]:

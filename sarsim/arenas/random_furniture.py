@@ -12,6 +12,11 @@ AGAINST_WALL = (
     ("seat", 19),
     ("crate", 29),
     ("column", 39),
+    ("motor", 8),
+    ("gas_bottles", 34),
+    ("pipes", 4),
+    ("sacks", 2),
+    ("sacks", 2),
     ("simple_elev_ramp", 0),
     ("simple_elev_ramp", 0),
     ("stairs_120", 0),
@@ -35,7 +40,8 @@ BULKY = (
 SPREAD = 0.5
 """Share of the neighbours of a raised floor that are."""
 CHAIRS = ("chair", "office_chair", "lab_chair")
-SMALL = ("chair", "office_chair", "crate_small", "fire_extinguisher")
+"""What stands at desks."""
+SMALL = ("chair", "office_chair", "crate_small", "fire_extinguisher", "bag")
 """What may stand before something else, turned anyhow."""
 ACCOMPANIED = 0.4
 """Share of the tiles where one does."""
@@ -92,7 +98,7 @@ def hang_on_walls(layout: Layout, dice: Dice, share: float) -> list[Item]:
 def _furnish(dice: Dice, tile: Tile, front: Side) -> list[Item]:
     """Fill a tile into which the robot looks over its side ``front``."""
     back = opposite(front)
-    draw = dice.pick(("middle", "middle", "ramp", "back", "back", "back", *("work",) * 4))
+    draw = dice.pick(("middle", "middle", "ramp", *("back",) * 5, *("work",) * 3))
     if draw == "work":
         return _work_place(dice, tile, front)
     if draw == "middle":

@@ -41,7 +41,7 @@ SPREAD = 0.5
 """Share of the neighbours of a raised floor that are."""
 CHAIRS = ("chair", "office_chair", "lab_chair")
 """What stands at desks."""
-SMALL = ("chair", "office_chair", "crate_small", "fire_extinguisher", "bag")
+SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
 """What may stand before something else, turned anyhow."""
 ACCOMPANIED = 0.4
 """Share of the tiles where one does."""
@@ -116,19 +116,11 @@ def _furnish(dice: Dice, tile: Tile, front: Side) -> list[Item]:
 
 
 def _work_place(dice: Dice, tile: Tile, front: Side) -> list[Item]:
-    """A desk with one or two chairs, pushed under it or left before it, or the chairs alone."""
+    """A desk with one or two chairs, pushed under it or left before it."""
     sides = (-1, 1) if dice.chance(0.5) else (dice.pick((-1, 1)),)
-    chairs = [
-        Item(
-            tile,
-            dice.pick(CHAIRS),
-            dice.number(0, 359),
-            _shift(front, dice.number(-10, 28), side * dice.number(20, 28)),
-        )
-        for side in sides
-    ]
-    desk = Item(tile, "desk", YAW[opposite(front)])
-    return [desk, *chairs] if dice.chance(0.75) else chairs
+    places = [_shift(front, dice.number(0, 20), side * dice.number(20, 28)) for side in sides]
+    chairs = [Item(tile, dice.pick(CHAIRS), dice.number(0, 359), place) for place in places]
+    return [Item(tile, "desk", YAW[opposite(front)]), *chairs]
 
 
 def _shift(front: Side, ahead: int, aside: int) -> tuple[int, int]:

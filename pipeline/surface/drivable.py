@@ -135,7 +135,7 @@ class DrivableSurface:
     def rules(self, ramp_alignment: float) -> path_kernels.Rules:
         """Where the robot may go if ramps must be met within ``ramp_alignment`` rad of their slope."""
         return path_kernels.Rules(
-            self.drivable, self.ramp, self.room, self.uphill, float(np.cos(ramp_alignment))
+            self.drivable, self.ramp, self.room, self.slidable, self.uphill, float(np.cos(ramp_alignment))
         )
 
 

@@ -20,6 +20,7 @@ class Rules(NamedTuple):
         drivable: bool, it may pass.
         ramp: bool, it must move along the slope there, unless there is room.
         room: bool, it may also move across.
+        slidable: bool, it may also turn on a ramp: there is room to slide.
         uphill: (nx, ny, 2) float32 unit vectors up the slopes.
         cos_alignment: least cosine between its way and a slope.
     """
@@ -27,6 +28,7 @@ class Rules(NamedTuple):
     drivable: NDArray[np.bool_]
     ramp: NDArray[np.bool_]
     room: NDArray[np.bool_]
+    slidable: NDArray[np.bool_]
     uphill: NDArray[np.float32]
     cos_alignment: float
 
@@ -34,7 +36,7 @@ class Rules(NamedTuple):
 def free_rules(drivable: NDArray[np.bool_]) -> Rules:
     """Rules that know no ramps."""
     nowhere = np.zeros_like(drivable)
-    return Rules(drivable, nowhere, nowhere, np.zeros((*drivable.shape, 2), np.float32), 0.0)
+    return Rules(drivable, nowhere, nowhere, nowhere, np.zeros((*drivable.shape, 2), np.float32), 0.0)
 
 
 @njit(cache=True)
@@ -119,25 +121,39 @@ def metres_on(starts, ends, origin, cell, mask):
 
 
 @njit(cache=True)
-def shortest_paths(starts, weight, rules):
+def shortest_paths(starts, weight, turn, rules):
     """Dijkstra over the eight neighbours of every drivable cell.
 
     A move costs its length in cells times the mean ``weight`` (nx, ny) of the two cells, and ``ACROSS`` times that
-    across a slope. Returns the (nx, ny) float32 cost from the nearest of the ``starts`` (K, 2) (inf where no path
-    leads) and the (nx, ny) int32 flat index of each cell's predecessor (-1 where there is none).
+    across a slope. On a ramp it matters besides whether the robot came along the slope or across it: to change over
+    where there is no room to slide costs ``turn`` cells. So each cell is two states: its flat index if the robot came
+    along, and nx·ny more if across.
+
+    Args:
+        starts: (K, 2) cells.
+        weight: (nx, ny) float64.
+        turn: cells.
+        rules: of the surface.
+
+    Returns:
+        (2, nx, ny) float32 cost of each state from the nearest of the starts, inf where no path leads, and (2 nx ny)
+        int32 the state before, -1 where there is none.
     """
     nx, ny = rules.drivable.shape
-    cost = np.full((nx, ny), np.inf, np.float32)
-    parent = np.full((nx, ny), -1, np.int32)
+    cells = nx * ny
+    cost = np.full(2 * cells, np.inf, np.float32)
+    parent = np.full(2 * cells, -1, np.int32)
     heap = [(np.float32(0.0), np.int32(starts[0, 0] * ny + starts[0, 1]))]
     for k in range(len(starts)):
-        cost[starts[k, 0], starts[k, 1]] = 0.0
-        heapq.heappush(heap, (np.float32(0.0), np.int32(starts[k, 0] * ny + starts[k, 1])))
+        for across in range(2):
+            state = across * cells + starts[k, 0] * ny + starts[k, 1]
+            cost[state] = 0.0
+            heapq.heappush(heap, (np.float32(0.0), np.int32(state)))
     while len(heap) > 0:
-        c, flat = heapq.heappop(heap)
-        i, j = flat // ny, flat % ny
-        if c > cost[i, j]:
+        c, state = heapq.heappop(heap)
+        if c > cost[state]:
             continue
+        i, j = state % cells // ny, state % ny
         for n in range(8):
             di, dj = _NEIGHBOURS[n]
             a, b = i + di, j + dj
@@ -151,9 +167,12 @@ def shortest_paths(starts, weight, rules):
                 continue
             across = not (is_aligned(ux, uy, a, b, rules) and is_aligned(ux, uy, i, j, rules))
             step = length * 0.5 * (weight[i, j] + weight[a, b]) * (ACROSS if across else 1.0)
+            if rules.ramp[i, j] and not rules.slidable[i, j] and across != (state >= cells):
+                step += turn
             new = np.float32(c + step)
-            if new < cost[a, b]:
-                cost[a, b] = new
-                parent[a, b] = flat
-                heapq.heappush(heap, (new, np.int32(a * ny + b)))
-    return cost, parent
+            then = across * cells + a * ny + b
+            if new < cost[then]:
+                cost[then] = new
+                parent[then] = state
+                heapq.heappush(heap, (new, np.int32(then)))
+    return cost.reshape(2, nx, ny), parent

@@ -24,12 +24,14 @@ class PathConfig:
             ramp can be met more exactly than 22.5°.
         ramp_cost: a metre on a ramp counts as much as so many on the level.
         narrow_cost: the same for a metre where the robot cannot turn, which keeps paths off the corners of walls.
+        tight_turn: to turn along or across the slope of a ramp without room to slide counts as so many metres.
         snap: a point off the drivable surface is moved onto it from no further than this, m.
     """
 
     ramp_alignment: float = np.deg2rad(23)
     ramp_cost: float = 2.0
     narrow_cost: float = 1.5
+    tight_turn: float = 3.0
     snap: float = 0.5
 
 
@@ -54,10 +56,15 @@ class ShortestPaths:
             return
         weight = np.where(surface.turnable, 1.0, self._config.narrow_cost)
         weight[surface.ramp] = self._config.ramp_cost
-        cells, self._parent = kernels.shortest_paths(
-            surface.grid.cell_of(starts), weight, surface.rules(self._config.ramp_alignment)
+        cell = surface.grid.cell
+        cost, self._parent = kernels.shortest_paths(
+            surface.grid.cell_of(starts),
+            weight,
+            self._config.tight_turn / cell,
+            surface.rules(self._config.ramp_alignment),
         )
-        self.cost = cells * np.float32(surface.grid.cell)
+        self.cost = cost.min(axis=0) * np.float32(cell)
+        self._arrives_across = cost[1] < cost[0]
 
     @property
     def reachable(self) -> NDArray[np.bool_]:
@@ -73,43 +80,53 @@ class ShortestPaths:
 
         It is that of the last ``LAST`` m, since a drive cuts the corners of a path over cells.
         """
-        cells = self._surface.grid.cell_of(xy)
-        flat = np.ravel_multi_index(tuple(cells.T), self.cost.shape)
+        state = self._state(xy)
+        cells = self._cell(state)
         for _ in range(round(LAST / self._surface.grid.cell)):
-            before = self._parent.ravel()[flat]
-            flat = np.where(before >= 0, before, flat)
-        way = cells - np.stack(np.unravel_index(flat, self.cost.shape), axis=-1)
+            before = self._parent[state]
+            state = np.where(before >= 0, before, state)
+        way = cells - self._cell(state)
         return np.arctan2(way[:, 1], way[:, 0])
 
     def pass_by(self, mask: NDArray[np.bool_], xy: ArrayLike) -> NDArray[np.bool_]:
         """(N,) whether the paths to (N, 2) reachable points lead over a mask (nx, ny), both ends included."""
-        cells = np.ravel_multi_index(tuple(self._surface.grid.cell_of(xy).T), self.cost.shape)
-        passed = np.zeros(len(cells), np.bool_)
-        on_way = np.arange(len(cells))
+        state = self._state(xy)
+        passed = np.zeros(len(state), np.bool_)
+        on_way = np.arange(len(state))
         while len(on_way):
-            passed[on_way] = mask.ravel()[cells[on_way]]
+            passed[on_way] = mask.ravel()[state[on_way] % mask.size]
             on_way = on_way[~passed[on_way]]
-            cells[on_way] = self._parent.ravel()[cells[on_way]]
-            on_way = on_way[cells[on_way] >= 0]
+            state[on_way] = self._parent[state[on_way]]
+            on_way = on_way[state[on_way] >= 0]
         return passed
 
     def sources(self) -> NDArray[np.int64]:
         """(nx, ny) flat index of the cell of that start from which the path to each cell comes; -1 if none leads."""
-        source = np.arange(self.cost.size)
-        if np.isfinite(self.cost).any():
-            source = np.where(self._parent.ravel() >= 0, self._parent.ravel(), source)
+        if not self.reachable.any():
+            return np.full(self.cost.shape, -1)
+        source = np.where(self._parent >= 0, self._parent, np.arange(len(self._parent)))
         while (source != source[source]).any():
             source = source[source]
-        return np.where(self.reachable, source.reshape(self.cost.shape), -1)
+        along, across = source.reshape(2, *self.cost.shape) % self.cost.size
+        return np.where(self.reachable, np.where(self._arrives_across, across, along), -1)
 
     def path_to(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 2) cell centres from the (nearest) start to a reachable point, m."""
-        flat = np.ravel_multi_index(tuple(self._surface.grid.cell_of(xy)), self.cost.shape)
-        cells = []
-        while flat >= 0:
-            cells.append(flat)
-            flat = self._parent.ravel()[flat]
-        return self._surface.grid.centre_of(np.stack(np.unravel_index(cells[::-1], self.cost.shape), axis=-1))
+        state, states = self._state(xy), []
+        while state >= 0:
+            states.append(state)
+            state = self._parent[state]
+        return self._surface.grid.centre_of(self._cell(np.array(states[::-1])))
+
+    def _state(self, xy: ArrayLike) -> NDArray[np.int64]:
+        """(...) the state in which the paths to points (..., 2) end."""
+        cell = tuple(np.moveaxis(self._surface.grid.cell_of(xy), -1, 0))
+        flat = np.ravel_multi_index(cell, self.cost.shape)
+        return np.asarray(flat + self.cost.size * self._arrives_across[cell])
+
+    def _cell(self, state: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(..., 2) the cells of states (...)."""
+        return np.stack(np.unravel_index(state % self.cost.size, self.cost.shape), axis=-1)
 
 
 def may_cut(surface: DrivableSurface, way: NDArray[np.float64]) -> NDArray[np.bool_]:

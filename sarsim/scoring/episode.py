@@ -114,7 +114,9 @@ class EpisodeScore:
         first, last = grid.nearest(drivable, start, 0.3), grid.nearest(drivable, goal, 0.3)
         if first is None or last is None:
             return float("nan")
-        cost, _ = shortest_paths(grid.cell_of(first)[None], np.ones(drivable.shape), free_rules(drivable))
+        (cost, _), _ = shortest_paths(
+            grid.cell_of(first)[None], np.ones(drivable.shape), 0.0, free_rules(drivable)
+        )
         return max(float(grid.at(cost, last)) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:

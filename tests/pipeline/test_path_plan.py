@@ -41,7 +41,9 @@ def test_a_goal_behind_a_wall_is_reached_over_nodes(u_turn, goal):
     assert surface.lines_are_drivable(way[:-1], way[1:]).all()
     assert plan.length == pytest.approx(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
     rules = free_rules(surface.drivable)
-    cost, _ = shortest_paths(surface.grid.cell_of(paths.start)[None], np.ones(surface.drivable.shape), rules)
+    (cost, _), _ = shortest_paths(
+        surface.grid.cell_of(paths.start)[None], np.ones(surface.drivable.shape), 0.0, rules
+    )
     assert plan.length <= 1.25 * float(surface.grid.at(cost, goal)) * surface.grid.cell
 
 

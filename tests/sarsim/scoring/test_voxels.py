@@ -22,7 +22,8 @@ def test_crossed_voxels_are_those_that_fine_sampling_finds(ends):
     expected[last] = crossed[last] = False
     # Sampling may miss a corner that a ray only grazes; the walk may not miss what sampling finds.
     assert not (expected & ~crossed).any()
-    assert crossed.sum() - expected.sum() <= 6
+    # It passes at most seven corners, and at each by the sides of two voxels.
+    assert crossed.sum() - expected.sum() <= 14
 
 
 def scored(points, camera):

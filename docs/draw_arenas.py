@@ -33,7 +33,7 @@ def main() -> None:
     roofed = RandomArenaConfig(ceiling=True, difficulty=1)
     save("arenas-more.jpg", [overview("random:11", large), eye("random:3", None, roofed)])
     furnished = RandomArenaConfig(columns=9, rows=7, furniture=0.25)
-    save("arenas-furniture.jpg", [overview("random:5", furnished), eye("random:5", None, furnished)])
+    save("arenas-furniture.jpg", [overview("random:16", furnished), eye("random:5", None, furnished)])
 
 
 def draw_library() -> None:

@@ -45,6 +45,8 @@ class NavigationConfig:
         blocked_share: of the commanded speed; a slower robot is held, unless it is on a ramp.
         stuck_time: s without progress after which the robot gives the leg up.
         stuck_distance: m that count as progress.
+        overdue: it also gives up a turn that has taken so many seconds, or a leg that has taken so many more than
+            four times what it takes at ``ramp_speed``: who slides back and forth is not still, and gets nowhere.
         jump: m; a robot that is elsewhere by this from one control period to the next was lifted.
         back_out: m that the robot backs out after it gave up.
         back_turn: rad that it turns back.
@@ -76,6 +78,7 @@ class NavigationConfig:
     blocked_share: float = 0.35
     stuck_time: float = 4.0
     stuck_distance: float = 0.02
+    overdue: float = 60.0
     jump: float = 0.15
     back_out: float = 0.3
     back_turn: float = np.deg2rad(20)
@@ -136,8 +139,10 @@ class Halt:
 class _Progress:
     """Notices when the robot is held, and when nothing moves any more, neither the position nor the heading."""
 
-    def __init__(self, config: NavigationConfig, T: NDArray[np.float64], time: float):
+    def __init__(self, config: NavigationConfig, T: NDArray[np.float64], time: float, length: float = 0.0):
+        """``length``: of the leg, m."""
         self._config = config
+        self._deadline = time + config.overdue + 4 * length / config.ramp_speed
         self._anchor, self._since = T, time
         self._last, self._time = T, time
         # Speeds forward and of turning: as commanded and so far come true, and the averages of what is and should be.
@@ -151,7 +156,7 @@ class _Progress:
         if moved or turned:
             self._anchor, self._since = T, time
         self._last, self._time = T, time
-        return held or time - self._since > self._config.stuck_time
+        return held or time - self._since > self._config.stuck_time or time > self._deadline
 
     def _is_held(self, T: NDArray[np.float64], dt: float, command: Velocity) -> bool:
         config = self._config
@@ -230,7 +235,7 @@ class Navigator:
 
     def _look_along(self, heading: float) -> bool:
         """Turn to the heading at the last way point; a turn that fails is a leg that failed."""
-        outcome = self._finish(self._turn_to(lambda T: heading))
+        outcome = self._finish(self._turn_to(heading))
         if outcome is not Outcome.REACHED and self.legs:
             self.legs[-1].outcome = outcome
         return outcome is Outcome.REACHED
@@ -239,8 +244,10 @@ class Navigator:
         """Turn towards the way point, or away from it, then drive straight to it."""
         T, started = self.T_map_base, self._time
         outcome = Outcome.REACHED
-        if np.linalg.norm(target - T[:2, 3]) > self.config.position_tolerance:
-            outcome = self._finish(self._approach(T, target, back_up), lambda here: is_clear(here, target))
+        length = float(np.linalg.norm(target - T[:2, 3]))
+        if length > self.config.position_tolerance:
+            commands = self._approach(T, target, back_up)
+            outcome = self._finish(commands, lambda here: is_clear(here, target), length)
         self.legs.append(Leg(target, outcome, self._time - started))
         return outcome is Outcome.REACHED
 
@@ -250,9 +257,10 @@ class Navigator:
         """Commands that bring the robot to the way point; if it may, it backs rather than turn around."""
         on_ramp = self._on_ramp
         backwards = self._should_back(T, target, on_ramp) if back_up is None else back_up
-        error = abs(wrap_angle(_bearing(T[:2, 3], target) + np.pi * backwards - yaw_of(T)))
-        if not on_ramp or error > self.config.turn_limit:
-            yield from self._turn_to(lambda T: _bearing(T[:2, 3], target) + np.pi * backwards)
+        # Not from where it slides to in the turn: the bearing of a way point that is near would turn as well.
+        heading = _bearing(T[:2, 3], target) + np.pi * backwards
+        if not on_ramp or abs(wrap_angle(heading - yaw_of(T))) > self.config.turn_limit:
+            yield from self._turn_to(heading)
         yield from self._straight_to(self.T_map_base[:2, 3].copy(), target, backwards)
 
     def _should_back(self, T: NDArray[np.float64], target: NDArray[np.float64], on_ramp: bool) -> bool:
@@ -268,12 +276,12 @@ class Navigator:
             np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < self.config.crest
         )
 
-    def _turn_to(self, heading: Callable[[NDArray[np.float64]], float]) -> Iterator[Velocity]:
-        """Commands that turn on the spot, the shorter way, to the heading wanted at each pose."""
+    def _turn_to(self, heading: float) -> Iterator[Velocity]:
+        """Commands that turn on the spot, the shorter way, to a heading."""
         config, place = self.config, self.T_map_base[:2, 3].copy()
         while True:
             T = self.T_map_base
-            error = wrap_angle(heading(T) - yaw_of(T))
+            error = wrap_angle(heading - yaw_of(T))
             if abs(error) < config.heading_tolerance:
                 return
             fastest = config.ramp_turn_rate if self._on_ramp else config.max_turn_rate
@@ -316,9 +324,10 @@ class Navigator:
         self,
         commands: Iterator[Velocity],
         is_clear: Callable[[NDArray[np.float64]], bool] = lambda here: True,
+        length: float = 0.0,
     ) -> Outcome:
         """Give commands until they end or something stands ahead; a robot that leans too far or is held backs out."""
-        progress = _Progress(self.config, self.T_map_base, self._time)
+        progress = _Progress(self.config, self.T_map_base, self._time, length)
         for command in commands:
             if command.v > 0 and not isinstance(command, Turn) and not is_clear(self.T_map_base[:2, 3]):
                 self._drive(Velocity())

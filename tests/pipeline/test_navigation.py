@@ -261,3 +261,36 @@ def test_it_does_not_glance_ahead_while_it_turns():
     assert not navigator.follow(np.array([(-1, 0)]), is_clear=lambda here, target: False)
     assert navigator.legs[0].outcome is Outcome.BLOCKED
     assert abs(wrap_angle(yaw_of(navigator.T_map_base) - np.pi)) < np.deg2rad(3)
+
+
+def test_a_turn_ends_although_the_robot_slides_around_its_way_point():
+    robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(-16))
+    navigator, drive = Navigator(robot, NO_SLIDE), robot.drive
+
+    def slide(command):
+        motion = drive(command)
+        if command.omega != 0 and command.v == 0:
+            # So that the way point stays to its left, or to its right.
+            aside = yaw_of(robot.T) - np.sign(command.omega) * np.pi / 2
+            robot.T[:2, 3] = np.array([0.0, 0.1]) + 0.1 * np.array([np.cos(aside), np.sin(aside)])
+        return motion
+
+    robot.drive = slide
+    assert navigator.follow(np.array([(0.0, 0.1)]))
+    assert len(robot.commands) * robot.control_period < 30
+
+
+def test_a_leg_on_which_the_robot_slides_back_again_and_again_is_given_up():
+    robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(-16))
+    navigator, drive = Navigator(robot, NO_SLIDE), robot.drive
+
+    def slide(command):
+        if robot.T[0, 3] > 0.1:
+            robot.T[0, 3] = 0.0
+        return drive(command)
+
+    robot.drive = slide
+    assert not navigator.follow(np.array([(0.6, 0.0)]))
+    assert navigator.legs[-1].outcome is Outcome.STUCK
+    limit = navigator.config.overdue + 4 * 0.6 / navigator.config.ramp_speed
+    assert limit < navigator.motion.time < limit + 10

@@ -34,7 +34,7 @@ class VictimsConfig:
         worth_a_look: sum of the confidences of all detections of someone from which on a second look is worth while.
         enough: the same, from which on someone is confirmed.
         whole: m across what is seen of most people, at least; less may be a part of anything.
-        sure: confidence of each of so many looks as are needed, that confirms someone of whom less is seen.
+        enough_of_part: the sum from which on someone is confirmed of whom less is seen.
         looks: at least, that found a victim before it is confirmed.
         apart: m at least between the farthest two places of these looks.
         in_view: m within which someone who is not hidden ought to be found again.
@@ -46,9 +46,9 @@ class VictimsConfig:
     touch: float = 0.15
     overlap: float = 0.15
     worth_a_look: float = 0.5
-    enough: float = 1.0
+    enough: float = 0.75
     whole: float = 0.85
-    sure: float = 0.6
+    enough_of_part: float = 1.2
     looks: int = 2
     apart: float = 0.3
     in_view: float = 3.0
@@ -143,14 +143,15 @@ class Victims:
     def is_confirmed(self, victim: Victim) -> bool:
         """Whether it was found often and surely enough, from different places, and more often than missed.
 
-        If little is seen of it, only looks that are sure count for often enough.
+        If little is seen of it, it takes more to be sure enough.
         """
         config, found = self.config, len(victim.cameras)
         if found < config.looks or found <= victim.missed or victim.evidence < config.enough:
             return False
-        is_sure = sum(confidence >= config.sure for confidence in victim.confidences) >= config.looks
         # Distances and sizes come last: they take longest, and everyone is asked about several times a look.
-        return victim.apart >= config.apart and (is_sure or victim.size >= config.whole)
+        return victim.apart >= config.apart and (
+            victim.evidence >= config.enough_of_part or victim.size >= config.whole
+        )
 
     def update(
         self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64]

@@ -105,16 +105,17 @@ def test_many_uncertain_detections_tell_as_much_as_few_sure_ones(confidences: tu
 
 
 def test_little_evidence_is_worth_a_second_look_and_less_is_not() -> None:
-    for confidences, worth in (((0.3,), 0), ((0.4, 0.4), 1), ((0.6,), 1)):
+    for confidences, worth in (((0.3,), 0), ((0.3, 0.4), 1), ((0.6,), 1)):
         victims = victims_of(confidences, VictimsConfig(whole=0.3))
         assert victims.confirmed == []
         assert len(victims.unconfirmed) == worth
 
 
-def test_of_what_is_small_two_looks_must_be_sure() -> None:
-    assert victims_of((0.9, 0.5, 0.5), VictimsConfig()).confirmed == []
-    assert len(victims_of((0.9, 0.5, 0.5), VictimsConfig()).unconfirmed) == 1
-    assert len(victims_of((0.9, 0.5, 0.7), VictimsConfig()).confirmed) == 1
+def test_what_is_small_takes_more_evidence() -> None:
+    for confidences, is_enough in (((0.6, 0.5), False), ((0.6, 0.7), True), ((0.4, 0.4, 0.5), True)):
+        victims = victims_of(confidences, VictimsConfig())
+        assert len(victims.confirmed) == is_enough
+        assert len(victims.unconfirmed) == (not is_enough)
 
 
 def test_two_people_stay_two() -> None:

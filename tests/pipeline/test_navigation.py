@@ -294,3 +294,19 @@ def test_a_leg_on_which_the_robot_slides_back_again_and_again_is_given_up():
     assert navigator.legs[-1].outcome is Outcome.STUCK
     limit = navigator.config.overdue + 4 * 0.6 / navigator.config.ramp_speed
     assert limit < navigator.motion.time < limit + 10
+
+
+def test_a_turn_that_makes_up_for_sliding_is_not_held_where_the_ramp_ends():
+    robot = KinematicRobot(pitch=lambda x, y: 0.0 if len(robot.commands) > 40 else -np.deg2rad(16))
+    navigator, drive = Navigator(robot), robot.drive
+
+    def slide(command):
+        robot.T[:2, 3] -= command.v * robot.control_period * robot.T[:2, 0]
+        if len(robot.commands) == 40:
+            robot.T[:2, 3] += 0.12 * robot.T[:2, 1]
+        return drive(command)
+
+    robot.drive = slide
+    navigator.follow(np.array([(0.0, 0.0)]), np.deg2rad(170))
+    assert any(abs(command.v) > 0.05 for command in robot.commands[20:40])
+    assert navigator.halts == []

@@ -103,7 +103,7 @@ def test_parameters_say_how_large_how_full_and_whether_there_is_a_ceiling():
     assert len(victims_of(model, data)) == 1
 
 
-FURNISHED = RandomArenaConfig(furniture=0.2, bulky=0.25, victims=1)
+FURNISHED = RandomArenaConfig(furniture=0.25, bulky=0.2, victims=1)
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +134,7 @@ def test_furniture_stands_hangs_and_replaces_walls(furnished):
         set(OTHER_WALLS),
         {kind for kind, _ in RAMPS},
     ):
-        assert len(kinds & sort) >= min(len(sort), 3)
+        assert len(kinds & sort) >= 2
 
 
 def test_furniture_has_a_share_of_the_tiles():

@@ -164,15 +164,15 @@ class _Progress:
             return False
         limit = np.array([config.acceleration, config.turn_acceleration]) * dt
         # What a turn makes up for sliding is no way to be made.
-        drives = not isinstance(command, Turn)
-        self._due += np.clip([drives * command.v, command.omega] - self._due, -limit, limit)
-        forward = drives * float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
+        v = 0.0 if isinstance(command, Turn) else command.v
+        self._due += np.clip([v, command.omega] - self._due, -limit, limit)
+        forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
         speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
         share = min(1.0, dt / config.blocked_time)
         self._wanted += share * (np.abs(self._due) - self._wanted)
         self._felt += share * (speeds * np.sign(self._due) - self._felt)
         counts = self._wanted > (0.04, 0.15)
-        counts[1] &= not drives or command.v == 0
+        counts[1] &= v == 0
         return bool((counts & (self._felt < config.blocked_share * self._wanted)).any())
 
 

@@ -143,12 +143,11 @@ def shortest_paths(starts, weight, turn, rules):
     cells = nx * ny
     cost = np.full(2 * cells, np.inf, np.float32)
     parent = np.full(2 * cells, -1, np.int32)
-    heap = [(np.float32(0.0), np.int32(starts[0, 0] * ny + starts[0, 1]))]
-    for k in range(len(starts)):
-        for across in range(2):
-            state = across * cells + starts[k, 0] * ny + starts[k, 1]
-            cost[state] = 0.0
-            heapq.heappush(heap, (np.float32(0.0), np.int32(state)))
+    first = starts[:, 0] * ny + starts[:, 1]
+    heap = [(np.float32(0.0), np.int32(state)) for state in np.concatenate((first, first + cells))]
+    for _, state in heap:
+        cost[state] = 0.0
+    heapq.heapify(heap)
     while len(heap) > 0:
         c, state = heapq.heappop(heap)
         if c > cost[state]:

@@ -1,7 +1,5 @@
 """Workers on this machine, each a process with an OpenGL context of its own."""
 
-import os
-import threading
 import traceback
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
@@ -64,10 +62,8 @@ class Worker:
         """Start it."""
         self.index = -1
         self.connection, theirs = Pipe()
-        their_lifeline, self._lifeline = Pipe(duplex=False)
-        self.process = processes.start(_serve, theirs, their_lifeline, lock, recipe, folder)
+        self.process = processes.start(_serve, theirs, lock, recipe, folder)
         theirs.close()
-        their_lifeline.close()
 
     def begin(self, index: int) -> None:
         """Let it make a scene."""
@@ -95,7 +91,6 @@ class Worker:
         self.process.kill()
         self.process.join()
         self.connection.close()
-        self._lifeline.close()
         return self.process.exitcode
 
 
@@ -112,11 +107,8 @@ def _check(deaths: int, worker: Worker) -> None:
         )
 
 
-def _serve(
-    connection: Connection, lifeline: Connection, lock: FolderLock, recipe: Recipe, folder: Path
-) -> None:
+def _serve(connection: Connection, lock: FolderLock, recipe: Recipe, folder: Path) -> None:
     """What a worker process does; ``lock`` is held as long as it lives."""
-    threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
     while True:
         index = connection.recv()
         try:
@@ -126,10 +118,3 @@ def _serve(
             connection.send(error)
         except Exception:
             connection.send(RuntimeError(f"scene {index}: {traceback.format_exc()}"))
-
-
-def _end_with_parent(lifeline: Connection) -> None:
-    """The other end closes when the parent dies, however it does."""
-    with suppress(EOFError, OSError):
-        lifeline.recv()
-    os._exit(1)

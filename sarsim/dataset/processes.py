@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,12 +20,30 @@ ONE_THREAD = {
 
 
 def start(function: Callable[..., object], *args: Any) -> BaseProcess:
-    """Call a function in a new process of one thread, which ends with this one and leaves Ctrl-C to it."""
+    """Call a function in a new process of one thread, which ends with this one, however that ends.
+
+    It leaves Ctrl-C to this one, and tidies up (``finally``, ``with``) when it is ended by SIGTERM.
+    """
     context = multiprocessing.get_context("spawn")
-    process = context.Process(target=function, args=args, daemon=True)
+    process = context.Process(target=_call, args=(function, args), daemon=True)
     with _environment(ONE_THREAD), _ignored_interrupts():
         process.start()
     return process
+
+
+def _call(function: Callable[..., object], args: tuple[Any, ...]) -> None:
+    """What the new process does."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    function(*args)
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed cannot end this process itself."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from pipeline.metric_map.metric_map import FREE, MetricMap
 from pipeline.transforms import wrap_angles
@@ -24,7 +25,7 @@ class SecondLooksConfig:
         near, far: distances from the victim, m.
         half_view: from the middle of the view within which the victim must be, rad.
         camera_height: above the ground, m.
-        margin: m before the victim in which nothing hides it.
+        margin: m around what was seen of the victim; within that nothing hides it, but the victim itself.
         tries: second looks at most at each.
     """
 
@@ -32,11 +33,11 @@ class SecondLooksConfig:
     angle: float = np.deg2rad(30)
     least: float = 0.3
     near: float = 1.3
-    far: float = 2.6
+    far: float = 3.2
     half_view: float = np.deg2rad(18)
     camera_height: float = 0.6
     margin: float = 0.35
-    tries: int = 2
+    tries: int = 4
 
 
 class SecondLooks:
@@ -81,8 +82,9 @@ class SecondLooks:
         distance = np.linalg.norm(way, axis=1)
         worth = np.where((distance >= config.near) & (distance <= config.far), config.worth, 0.0)
         worth *= self._newness(victim, places, target)
+        body = cKDTree(victim.points)
         for n in np.flatnonzero(worth):
-            worth[n] *= self._is_open(places[n] + (0, 0, config.camera_height), target)
+            worth[n] *= self._is_open(places[n] + (0, 0, config.camera_height), target, body)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
         in_view = np.abs(wrap_angles(off)) <= config.half_view
         return worth[:, None] * in_view
@@ -97,12 +99,14 @@ class SecondLooks:
         share = np.clip(angle / self.config.angle, self.config.least, 1.0)
         return np.where(apart >= self._victims.config.apart, share, 0.0)
 
-    def _is_open(self, camera: NDArray[np.float64], target: NDArray[np.float64]) -> bool:
-        """Whether all between a camera (3,) and what is before a victim is known to be free."""
-        length = np.linalg.norm(target - camera) - self.config.margin
-        along = np.arange(_HERE, length, _STEP) / np.linalg.norm(target - camera)
+    def _is_open(self, camera: NDArray[np.float64], target: NDArray[np.float64], body: cKDTree) -> bool:
+        """Whether all between a camera (3,) and a victim is known to be free: up to its feet, if they come first."""
+        length = np.linalg.norm(target - camera)
+        along = np.arange(_HERE, length, _STEP) / length
         line = camera + along[:, None] * (target - camera)
-        return bool((self._map.state_at(line) == FREE).all())
+        to_body, _ = body.query(line)
+        before = np.logical_and.accumulate(to_body > self.config.margin)
+        return bool((self._map.state_at(line[before]) == FREE).all())
 
 
 def _angles(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

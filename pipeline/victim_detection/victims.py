@@ -30,7 +30,12 @@ class VictimsConfig:
         gate: largest squared Mahalanobis distance of an observation from the victim that it may be of; 11.34 holds
             99 % of them (χ² of three degrees of freedom).
         touch: m within which points of two touch.
-        overlap: share of the points of the smaller of two that touch the other's; from there on they are one.
+        inside: share of the points of the smaller of two that touch the other's; from there on they are one.
+        overlap: the same, if both together measure no more than ``together``.
+        together: m across; nine people in ten measure no more, and two who lie side by side do.
+        part, between: who measures less than ``part`` is one with somebody of whom this holds too if no more than
+            ``between`` is between them, m, and both together measure no more than ``together``: of someone whose
+            middle is hidden two ends are seen.
         worth_a_look: sum of the confidences of all detections of someone from which on a second look is worth while.
         enough: the same, from which on someone is confirmed.
         whole: m across what is seen of most people, at least; less may be a part of anything.
@@ -44,7 +49,11 @@ class VictimsConfig:
     observation: ObservationConfig = field(default_factory=ObservationConfig)
     gate: float = 11.34
     touch: float = 0.15
+    inside: float = 0.5
     overlap: float = 0.15
+    together: float = 1.75
+    part: float = 1.0
+    between: float = 0.4
     worth_a_look: float = 0.5
     enough: float = 0.75
     whole: float = 0.85
@@ -199,12 +208,18 @@ class Victims:
         return float(apart @ np.linalg.solve(one.covariance + other.covariance, apart))
 
     def _overlap(self, one: Victim, other: Victim) -> bool:
-        """Whether enough of one lies where the other does, and both together are not too large for a person."""
+        """Whether enough of one lies where the other does, or beside it, for both together to be one person."""
+        config = self.config
         small, large = sorted((one.points, other.points), key=len)
-        if size_of(np.concatenate([small, large])) > self.config.observation.max_size:
+        together = size_of(np.concatenate([small, large]))
+        if together > config.observation.max_size:
             return False
-        distance, _ = cKDTree(large).query(small, distance_upper_bound=self.config.touch)
-        return bool(np.isfinite(distance).mean() >= self.config.overlap)
+        distance, _ = cKDTree(large).query(small)
+        share = (distance <= config.touch).mean()
+        if together > config.together:
+            return bool(share >= config.inside)
+        parts = max(one.size, other.size) <= config.part and distance.min() <= config.between
+        return bool(share >= config.overlap or parts)
 
     def _join(self, victim: Victim, other: Victim) -> None:
         """Add to a victim what is known of another, who is the same."""

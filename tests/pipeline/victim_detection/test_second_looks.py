@@ -48,9 +48,11 @@ def test_only_looks_towards_it_count(second_looks):
     assert counts.tolist() == [True, True, True, False, False, False, False]
 
 
-def test_neither_too_near_nor_too_far(second_looks):
-    for x, y in ((1.2, 0.6), (-0.4, 1.5)):
-        assert second_looks.gains(place(x, y), bearing_to_person(x, y)) == 0
+@pytest.mark.parametrize(("settings", "counts"), [({}, True), ({"near": 1.8}, False), ({"far": 1.3}, False)])
+def test_neither_too_near_nor_too_far(second_looks, settings, counts):
+    x, y = 0.6, 1.1  # 1.5 m away from what is seen
+    second_looks.config = SecondLooksConfig(**settings)
+    assert (second_looks.gains(place(x, y), bearing_to_person(x, y)) > 0) == counts
 
 
 def test_not_through_what_nobody_has_seen_nor_through_obstacles(second_looks):
@@ -65,7 +67,22 @@ def test_not_through_what_nobody_has_seen_nor_through_obstacles(second_looks):
     assert second_looks.gains(place(x, y), bearing_to_person(x, y)) == 0
 
 
-def test_after_two_looks_in_vain_it_is_given_up(second_looks):
+def test_the_feet_before_someone_hide_nobody(second_looks):
+    (victim,) = second_looks._victims.all
+    x, y = 0.6, 1.1
+    towards = np.array([x, y, 0.6]) - PERSON[:3]
+    feet = np.array(PERSON[:3]) + 0.4 * towards  # further before its middle than the margin
+    for _ in range(20):
+        T = camera_at(-0.5, 1.0)
+        frame = look(T, [PERSON, (*map(float, feet), 0.15)])
+        second_looks._map.integrate(frame.depth, INTRINSICS, T)
+    assert second_looks.gains(place(x, y), bearing_to_person(x, y)) == 0  # of something else
+    victim.points = np.vstack([victim.points, feet]).astype(np.float32)
+    assert second_looks.gains(place(x, y), bearing_to_person(x, y)) > 0
+
+
+def test_after_some_looks_in_vain_it_is_given_up(second_looks):
+    second_looks.config = SecondLooksConfig(tries=2)
     for tries, (x, y) in enumerate([(0.6, 1.0), (0.6, -1.0)]):
         heading = float(bearing_to_person(x, y)[0])
         (victim,) = second_looks.wanted

@@ -4,7 +4,7 @@ All that stands still belongs to the world's body, so hundreds of elements cost 
 a body ``victim_<id>`` of its own. The document refers to no file and opens in MuJoCo's viewer as it is.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
@@ -114,6 +114,11 @@ class ArenaBuilder:
         name = f"victim_{self._victims}"
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
         body.extend(Element("geom", geom.attrib | {"name": f"{name}_{n}"}) for n, geom in enumerate(geoms))
+
+    def change_asset(self, kind: str, name: str, attributes: Mapping[str, str]) -> None:
+        """Change a ``texture`` or a ``material`` of the library in this arena."""
+        (element,) = self.root.findall(f"asset/{kind}[@name='{name}']")
+        element.attrib.update(attributes)
 
     def drop_covered_panels(self) -> None:
         """Leave out the wall panels that lie inside others, whose faces coincide."""

@@ -17,6 +17,7 @@ from sarsim.arenas.promises import broken_promises
 from sarsim.arenas.random_clutter import place_obstacles, scatter_clutter
 from sarsim.arenas.random_furniture import OTHER_WALLS, hang_on_walls, place_bulky, place_furniture
 from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, make_maze, wall_items
+from sarsim.arenas.random_paint import paint
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
 
 CEILING = 2.4
@@ -56,6 +57,7 @@ class RandomArenaConfig:
             victims half hidden; 3 with continuous ramp fields and step fields. If not given, the remainder of
             the seed on division by 4.
         ceiling: 2.4 m high, all walls up to it.
+        painted: floor, walls, ramps and boards have colours and patterns of their own.
     """
 
     columns: int = 7
@@ -68,6 +70,7 @@ class RandomArenaConfig:
     ceiling: bool = False
     furniture: float = 0.0
     bulky: float = 0.0
+    painted: bool = False
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
@@ -81,8 +84,12 @@ def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBui
     difficulty = seed % 4 if config.difficulty is None else config.difficulty
     for attempt in range(ATTEMPTS):
         plan = _draw(Dice(np.random.default_rng([seed, attempt])), config, difficulty)
-        builder = None if plan is None else _build(f"random_{seed}", plan, config)
-        if builder is not None and not broken_promises(builder.to_xml()):
+        if plan is None:
+            continue
+        builder = _build(f"random_{seed}", plan, config)
+        if config.painted:
+            paint(builder, Dice(np.random.default_rng([seed, attempt, 1])))
+        if not broken_promises(builder.to_xml()):
             return builder
     raise InputError(
         f"random arena {seed}: {config.victims} victims and all the rest do not fit into"

@@ -39,6 +39,7 @@ class ArenaRange:
         victims: number.
         difficulty: 0 flat, to 3 with ramp fields and step fields.
         ceilings: share of the arenas that have one.
+        painted: share of the arenas with colours and patterns of their own.
     """
 
     tiles: tuple[int, int] = (4, 8)
@@ -50,6 +51,7 @@ class ArenaRange:
     ceilings: float = 0.2
     furniture: tuple[float, float] = (0.0, 0.0)
     bulky: tuple[float, float] = (0.0, 0.0)
+    painted: float = 0.0
 
     def __post_init__(self) -> None:
         for name in (
@@ -64,6 +66,7 @@ class ArenaRange:
         ):
             _check_order(f"random.{name}", getattr(self, name))
         _check_share("random.ceilings", self.ceilings)
+        _check_share("random.painted", self.painted)
 
     def draw(self, rng: np.random.Generator) -> RandomArenaConfig:
         """One of these arenas."""
@@ -76,9 +79,10 @@ class ArenaRange:
             victims=int(rng.integers(*self.victims, endpoint=True)),
             difficulty=int(rng.integers(*self.difficulty, endpoint=True)),
             ceiling=bool(rng.random() < self.ceilings),
-            # No number is drawn for nothing: datasets without furniture stay as they are.
+            # No number is drawn for nothing: datasets without furniture or paint stay as they are.
             furniture=round(rng.uniform(*self.furniture), 3) if self.furniture[1] else 0.0,
             bulky=round(rng.uniform(*self.bulky), 3) if self.bulky[1] else 0.0,
+            painted=bool(self.painted and rng.random() < self.painted),
         )
 
 

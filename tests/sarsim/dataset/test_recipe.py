@@ -31,6 +31,13 @@ def test_random_arenas_are_within_their_ranges() -> None:
     assert all(c and c.victims == 2 and c.ceiling and 0.3 <= c.ramps <= 0.4 for c in drawn)
 
 
+def test_a_share_of_the_arenas_is_painted() -> None:
+    for share, least, most in ((0.0, 0, 0), (0.5, 5, 25), (1.0, 30, 30)):
+        recipe = Recipe(random=ArenaRange(painted=share))
+        drawn = [first(recipe, index).random for index in range(30)]
+        assert least <= sum(config.painted for config in drawn if config) <= most
+
+
 def test_furniture_is_drawn_last_and_only_where_it_is_wanted() -> None:
     bare, furnished = np.random.default_rng(0), np.random.default_rng(0)
     without = ArenaRange().draw(bare)

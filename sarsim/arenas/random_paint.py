@@ -1,0 +1,51 @@
+"""Random colours and patterns of what an arena is built of: a network is to learn shapes, not plywood."""
+
+import colorsys
+
+from sarsim.arenas.dice import Dice
+from sarsim.arenas.elements import ArenaBuilder
+
+_TEXTURES = {"terrain": "concrete", "wall": "osb", "straight_ramp": "plywood"}
+"""Of the materials that have one."""
+_PLAIN = ("inclined_ramp", "hole_rim", "ceiling", "board", "timber", "cardboard", "plaster", "grey")
+_PATTERNS = ("none", "random", "edge", "cross")
+"""MuJoCo's marks; edges and crosses make tiles of a wall or a floor."""
+
+
+def paint(builder: ArenaBuilder, dice: Dice) -> None:
+    """Give floor, walls, ramps and boards of an arena other colours, and the larger ones other patterns."""
+    for material, texture in _TEXTURES.items():
+        colour = _colour(dice)
+        look = {
+            "builtin": dice.pick(("flat", "gradient")),
+            "rgb1": _text(colour),
+            "rgb2": _text(_shade(colour, dice)),
+            "mark": dice.pick(_PATTERNS),
+            "markrgb": _text(_shade(colour, dice)),
+        }
+        builder.change_asset("texture", texture, look)
+        repeats = dice.number(1, 3)
+        builder.change_asset("material", material, {"texrepeat": f"{repeats} {repeats}"})
+    for material in _PLAIN:
+        builder.change_asset("material", material, {"rgba": _text((*_colour(dice), 1.0))})
+
+
+def _colour(dice: Dice) -> tuple[float, float, float]:
+    """Red, green, blue; pale ones more often than strong ones."""
+    hue, saturation, value = (
+        dice.number(0, 99) / 100,
+        (dice.number(0, 9) / 10) ** 2,
+        dice.number(20, 95) / 100,
+    )
+    return colorsys.hsv_to_rgb(hue, saturation, value)
+
+
+def _shade(colour: tuple[float, float, float], dice: Dice) -> tuple[float, float, float]:
+    """The same somewhat darker or lighter."""
+    factor = dice.number(60, 120) / 100
+    red, green, blue = (min(1.0, factor * c) for c in colour)
+    return red, green, blue
+
+
+def _text(values: tuple[float, ...]) -> str:
+    return " ".join(f"{value:.3f}" for value in values)

@@ -29,13 +29,12 @@ class VictimsConfig:
         observation: what counts as a person.
         gate: largest squared Mahalanobis distance of an observation from the victim that it may be of; 11.34 holds
             99 % of them (χ² of three degrees of freedom).
+        together: m across; 24 people in 25 measure no more, and few who lie side by side do not.
+        between: m at most between two who are one if both measure no more than ``together``: of someone whose middle
+            is hidden, or of whom one look shows the legs and another one the head, two ends are seen.
         touch: m within which points of two touch.
-        inside: share of the points of the smaller of two that touch the other's; from there on they are one.
-        overlap: the same, if both together measure no more than ``together``.
-        together: m across; nine people in ten measure no more, and two who lie side by side do.
-        part, between: who measures less than ``part`` is one with somebody of whom this holds too if no more than
-            ``between`` is between them, m, and both together measure no more than ``together``: of someone whose
-            middle is hidden two ends are seen.
+        inside: share of the points of the smaller of two that touch the other's, from which on they are one even if
+            they measure more.
         worth_a_look: sum of the confidences of all detections of someone from which on a second look is worth while.
         enough: the same, from which on someone is confirmed.
         whole: m across what is seen of most people, at least; less may be a part of anything.
@@ -48,12 +47,10 @@ class VictimsConfig:
 
     observation: ObservationConfig = field(default_factory=ObservationConfig)
     gate: float = 11.34
+    together: float = 1.85
+    between: float = 0.4
     touch: float = 0.15
     inside: float = 0.5
-    overlap: float = 0.15
-    together: float = 1.75
-    part: float = 1.0
-    between: float = 0.4
     worth_a_look: float = 0.5
     enough: float = 0.75
     whole: float = 0.85
@@ -197,9 +194,7 @@ class Victims:
 
     def _same(self, victim: Victim, others: Sequence[Victim]) -> Victim | None:
         """The nearest of those who may be the same person; None if nobody may."""
-        near = [
-            o for o in others if self._distance(o, victim) <= self.config.gate or self._overlap(o, victim)
-        ]
+        near = [o for o in others if self._distance(o, victim) <= self.config.gate or self._is_one(o, victim)]
         return min(near, key=lambda other: self._distance(other, victim), default=None)
 
     def _distance(self, one: Victim, other: Victim) -> float:
@@ -207,19 +202,17 @@ class Victims:
         apart = one.position - other.position
         return float(apart @ np.linalg.solve(one.covariance + other.covariance, apart))
 
-    def _overlap(self, one: Victim, other: Victim) -> bool:
-        """Whether enough of one lies where the other does, or beside it, for both together to be one person."""
+    def _is_one(self, one: Victim, other: Victim) -> bool:
+        """Whether one lies where the other does, or so near that both together are one person."""
         config = self.config
         small, large = sorted((one.points, other.points), key=len)
         together = size_of(np.concatenate([small, large]))
         if together > config.observation.max_size:
             return False
-        distance, _ = cKDTree(large).query(small)
-        share = (distance <= config.touch).mean()
-        if together > config.together:
-            return bool(share >= config.inside)
-        parts = max(one.size, other.size) <= config.part and distance.min() <= config.between
-        return bool(share >= config.overlap or parts)
+        apart, _ = cKDTree(large).query(small)
+        if together <= config.together:
+            return bool(apart.min() <= config.between)
+        return bool((apart <= config.touch).mean() >= config.inside)
 
     def _join(self, victim: Victim, other: Victim) -> None:
         """Add to a victim what is known of another, who is the same."""
@@ -239,7 +232,7 @@ class Victims:
         """Join victims that have grown together: of someone seen in parts."""
         kept: list[Victim] = []
         for victim in self.all:
-            near = next((other for other in kept if self._overlap(other, victim)), None)
+            near = next((other for other in kept if self._is_one(other, victim)), None)
             if near is not None:
                 self._join(near, victim)
             else:

@@ -12,6 +12,8 @@ from pipeline.semantic_map.segments import Segment
 _SPACING = CELL / 2
 """m, at most, between the places on a line where it is held against a surface."""
 _HALF_DIAGONAL = CELL * np.sqrt(3) / 2
+_TOUCH = 1e-9
+"""m by which boxes are larger, so that rounding does not decide what touches one."""
 
 
 def crossings(
@@ -38,7 +40,7 @@ def crossings(
         (N,) bool.
     """
     result = np.zeros(len(a), np.bool_)
-    near = _near_boxes(a, b, [segment.box for segment in segments], margin, height)
+    near = _near_boxes(a, b, [segment.box for segment in segments], margin + _TOUCH, height)
     rows = np.flatnonzero(near.any(axis=1))
     if len(rows):
         some = [segments[int(k)] for k in np.flatnonzero(near.any(axis=0))]
@@ -71,7 +73,7 @@ def _cross(
     for lift in np.linspace(0, height, int(np.ceil(height / CELL)) + 1):
         up = np.array([0, 0, lift])
         start, end = a + up, b + up
-        enter, leave = clip(start, end, boxes, margin)
+        enter, leave = clip(start, end, boxes, margin + _TOUCH)
         for k in np.flatnonzero((enter <= leave).any(axis=0)):
             lines = np.flatnonzero((enter[:, k] <= leave[:, k]) & ~result)
             stretch = _sample(start[lines], end[lines], enter[lines, k], leave[lines, k])

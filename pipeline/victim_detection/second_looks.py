@@ -21,6 +21,7 @@ class SecondLooksConfig:
     Attributes:
         worth: m² of unseen ground that a look at someone unconfirmed counts for.
         angle: between looks, seen from the victim, from which on it counts in full, rad.
+        vain: angle at least from looks in vain, rad: who lies in a box is seen from its open side alone.
         least: share of the worth that counts however small the angle is.
         near, far: distances from the victim, m.
         half_view: from the middle of the view within which the victim must be, rad.
@@ -31,6 +32,7 @@ class SecondLooksConfig:
 
     worth: float = 1.0
     angle: float = np.deg2rad(30)
+    vain: float = np.deg2rad(50)
     least: float = 0.3
     near: float = 1.3
     far: float = 3.2
@@ -92,12 +94,14 @@ class SecondLooks:
     def _newness(
         self, victim: Victim, places: NDArray[np.float64], target: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N,) share of the worth: none where it was looked at from, all of it from quite another side."""
-        cameras = np.array(victim.cameras + victim.tried)[:, :2]
-        apart = np.linalg.norm(places[:, None, :2] - cameras, axis=2).min(axis=1)
-        angle = np.minimum.reduce([_angles(places[:, :2] - target[:2], c - target[:2]) for c in cameras])
-        share = np.clip(angle / self.config.angle, self.config.least, 1.0)
-        return np.where(apart >= self._victims.config.apart, share, 0.0)
+        """(N,) share of the worth: none where it was looked at from, nor on the side of looks in vain."""
+        config, apart = self.config, self._victims.config.apart
+        found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (victim.cameras, victim.tried))
+        vain = tried[_distances(tried, found).min(axis=1) >= apart]
+        share = np.clip(_angles(places, found, target).min(axis=1) / config.angle, config.least, 1.0)
+        is_new = _distances(places, np.vstack([found, tried])).min(axis=1) >= apart
+        is_new &= _angles(places, vain, target).min(axis=1, initial=np.inf) >= config.vain
+        return np.where(is_new, share, 0.0)
 
     def _is_open(self, camera: NDArray[np.float64], target: NDArray[np.float64], body: cKDTree) -> bool:
         """Whether all between a camera (3,) and a victim is known to be free: up to its feet, if they come first."""
@@ -109,6 +113,14 @@ class SecondLooks:
         return bool((self._map.state_at(line[before]) == FREE).all())
 
 
-def _angles(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) between vectors (N, 2) and one (2,), rad."""
-    return np.abs(np.arctan2(a[:, 0] * b[1] - a[:, 1] * b[0], a @ b))
+def _distances(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, M) m between places (N, 2 or 3) and (M, 2), seen from above."""
+    return np.linalg.norm(a[:, None, :2] - b, axis=2)
+
+
+def _angles(
+    a: NDArray[np.float64], b: NDArray[np.float64], target: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(N, M) rad between places (N, 2 or 3) and (M, 2) as seen from a target (3,)."""
+    bearings = (np.arctan2(*(p[:, :2] - target[:2]).T[::-1]) for p in (a, b))
+    return np.abs(wrap_angles(np.subtract.outer(*bearings)))

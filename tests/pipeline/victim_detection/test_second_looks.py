@@ -81,6 +81,17 @@ def test_the_feet_before_someone_hide_nobody(second_looks):
     assert second_looks.gains(place(x, y), bearing_to_person(x, y)) > 0
 
 
+def test_after_a_look_in_vain_another_side_is_taken(second_looks):
+    (victim,) = second_looks.wanted
+    beside = np.vstack([place(x, y) for x, y in ((0.6, 1.1), (0.3, -0.3), (0.6, -1.1))])
+    before = second_looks.gains(beside, BEARINGS).max(axis=1)
+    assert (before > 0).all()
+    victim.tried = [place(0.6, 1.5)[0]]
+    same_side, found_side, other_side = second_looks.gains(beside, BEARINGS).max(axis=1)
+    assert same_side == 0
+    assert (found_side, other_side) == pytest.approx(before[1:])
+
+
 def test_after_some_looks_in_vain_it_is_given_up(second_looks):
     second_looks.config = SecondLooksConfig(tries=2)
     for tries, (x, y) in enumerate([(0.6, 1.0), (0.6, -1.0)]):

@@ -115,10 +115,11 @@ class ArenaBuilder:
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
         body.extend(Element("geom", geom.attrib | {"name": f"{name}_{n}"}) for n, geom in enumerate(geoms))
 
-    def change_asset(self, kind: str, name: str, attributes: Mapping[str, str]) -> None:
+    def change_asset(self, kind: str, name: str, attributes: Mapping[str, str | Sequence[float]]) -> None:
         """Change a ``texture`` or a ``material`` of the library in this arena."""
         (element,) = self.root.findall(f"asset/{kind}[@name='{name}']")
-        element.attrib.update(attributes)
+        for key, value in attributes.items():
+            element.set(key, value if isinstance(value, str) else _text(value))
 
     def drop_covered_panels(self) -> None:
         """Leave out the wall panels that lie inside others, whose faces coincide."""

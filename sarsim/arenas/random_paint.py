@@ -1,6 +1,7 @@
 """Random colours and patterns of what an arena is built of: a network is to learn shapes, not plywood."""
 
 import colorsys
+from collections.abc import Sequence
 
 from sarsim.arenas.dice import Dice
 from sarsim.arenas.elements import ArenaBuilder
@@ -16,27 +17,24 @@ def paint(builder: ArenaBuilder, dice: Dice) -> None:
     """Give floor, walls, ramps and boards of an arena other colours, and the larger ones other patterns."""
     for material, texture in _TEXTURES.items():
         colour = _colour(dice)
-        look = {
+        look: dict[str, str | Sequence[float]] = {
             "builtin": dice.pick(("flat", "gradient")),
-            "rgb1": _text(colour),
-            "rgb2": _text(_shade(colour, dice)),
+            "rgb1": colour,
+            "rgb2": _shade(colour, dice),
             "mark": dice.pick(_PATTERNS),
-            "markrgb": _text(_shade(colour, dice)),
+            "markrgb": _shade(colour, dice),
         }
         builder.change_asset("texture", texture, look)
         repeats = dice.number(1, 3)
-        builder.change_asset("material", material, {"texrepeat": f"{repeats} {repeats}"})
+        builder.change_asset("material", material, {"texrepeat": (repeats, repeats)})
     for material in _PLAIN:
-        builder.change_asset("material", material, {"rgba": _text((*_colour(dice), 1.0))})
+        builder.change_asset("material", material, {"rgba": (*_colour(dice), 1.0)})
 
 
 def _colour(dice: Dice) -> tuple[float, float, float]:
     """Red, green, blue; pale ones more often than strong ones."""
-    hue, saturation, value = (
-        dice.number(0, 99) / 100,
-        (dice.number(0, 9) / 10) ** 2,
-        dice.number(20, 95) / 100,
-    )
+    hue, saturation = dice.number(0, 99) / 100, (dice.number(0, 9) / 10) ** 2
+    value = dice.number(20, 95) / 100
     return colorsys.hsv_to_rgb(hue, saturation, value)
 
 
@@ -45,7 +43,3 @@ def _shade(colour: tuple[float, float, float], dice: Dice) -> tuple[float, float
     factor = dice.number(60, 120) / 100
     red, green, blue = (min(1.0, factor * c) for c in colour)
     return red, green, blue
-
-
-def _text(values: tuple[float, ...]) -> str:
-    return " ".join(f"{value:.3f}" for value in values)

@@ -5,31 +5,31 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.exploration import Exploration, ExplorationConfig, View
+from pipeline.exploration.next_best_view import Exploration, ExplorationConfig, View
 from pipeline.frame import Frame
 from pipeline.goals import Goals
-from pipeline.localisation import OdometryLocalisation
-from pipeline.lookout import Lookout, LookoutConfig
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
-from pipeline.navigation import Halt, NavigationConfig, Navigator, Outcome
-from pipeline.path_plan import PathPlan, plan_path
+from pipeline.navigation.navigator import Halt, NavigationConfig, Navigator, Outcome
+from pipeline.navigation.obstacle_check import Lookout, LookoutConfig
+from pipeline.navigation.recovery import way_back, way_out
+from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
+from pipeline.segments.planes import PlanesConfig, find_planes
+from pipeline.segments.segments import Segments, SegmentsConfig
 from pipeline.semantic_map.classifier import PointClassifier
-from pipeline.semantic_map.planes import PlanesConfig, find_planes
-from pipeline.semantic_map.segments import Segments, SegmentsConfig
 from pipeline.semantic_map.semantic_map import SemanticMap, SemanticMapConfig
 from pipeline.stopwatch import Stopwatch
-from pipeline.surface.drivable import DrivableConfig, DrivableSurface
-from pipeline.surface.drivable_layer import DrivableLayer
-from pipeline.surface.missing import missing_ground
-from pipeline.surface.paths import ShortestPaths
-from pipeline.surface.surface_map import SurfaceConfig, SurfaceMap
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.transforms import transform_points
-from pipeline.victim_detection.detection import Detection, Detector
-from pipeline.victim_detection.second_looks import SecondLooks, SecondLooksConfig
-from pipeline.victim_detection.victims import Victims, VictimsConfig
-from pipeline.way_out import way_back, way_out
+from pipeline.traversability.depth_dropouts import missing_ground
+from pipeline.traversability.elevation_map import SurfaceConfig, SurfaceMap
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import DrivableConfig, DrivableSurface
+from pipeline.traversability.traversability_layer import DrivableLayer
+from pipeline.victims.detection.detection import Detection, Detector
+from pipeline.victims.reobservation import SecondLooks, SecondLooksConfig
+from pipeline.victims.victim_map import Victims, VictimsConfig
 
 BUMPER, HALF_WIDTH, BODY_HEIGHT = 0.29, 0.25, 0.3
 """m from the robot's middle to what it touches with its front or back; half of its width; its height."""

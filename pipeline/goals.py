@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.exploration import View
-from pipeline.path_plan import goal_name, obstacle_to, order_goals
-from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.paths import ShortestPaths
+from pipeline.exploration.next_best_view import View
+from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
 from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import DrivableSurface
 
 ARRIVED = 0.15
 """m; a robot so near to a goal has reached it."""

@@ -9,16 +9,15 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from pipeline import drawings
 from pipeline.explorer import Explorer, Look
 from pipeline.labels import Label
-from pipeline.layout import blueprint
-from pipeline.recording import Level, Recorder, RecordingConfig, Track
+from pipeline.recording.blueprint import blueprint
+from pipeline.recording.recorder import Level, Recorder, RecordingConfig, Track, drawings
+from pipeline.recording.viewer import Viewer, ViewerKind
 from pipeline.transforms import from_rotation, inverse
-from pipeline.viewer import Viewer, ViewerKind
-from sarsim.camera import geom_labels
-from sarsim.meshes import Mesh, drawn_geoms, geom_poses, joined_mesh
-from sarsim.pose import Pose
+from sarsim.ground_truth.meshes import Mesh, drawn_geoms, geom_poses, joined_mesh
+from sarsim.robots.pose import Pose
+from sarsim.sensors.camera import geom_labels
 from sarsim.simulated_robot import SimulatedRobot
 
 TRUE_TRACK_COLOUR = (0, 255, 120)

@@ -12,17 +12,17 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import transform_points
-from sarsim.air import Air
 from sarsim.arenas.arena import RescueArena
-from sarsim.camera import LabelledImage, RgbdCamera
-from sarsim.conditions import Conditions
-from sarsim.contacts import CollisionCounter
-from sarsim.lighting import Lighting, set_lighting
-from sarsim.odometry import WheelOdometry
-from sarsim.pose import Pose
-from sarsim.rendering import Renderer
+from sarsim.ground_truth.contacts import CollisionCounter
+from sarsim.robots.pose import Pose
+from sarsim.sensors.air import Air
+from sarsim.sensors.camera import LabelledImage, RgbdCamera
+from sarsim.sensors.conditions import Conditions
+from sarsim.sensors.lighting import Lighting, set_lighting
+from sarsim.sensors.odometry import WheelOdometry
+from sarsim.sensors.rendering import Renderer
+from sarsim.sensors.xtion import Xtion
 from sarsim.task import CONTROL_TIMESTEP, rescue_environment
-from sarsim.xtion import Xtion
 
 SENSORS = {"xtion": Xtion(), "ideal": Xtion.ideal()}
 SETTLING_TIME = 0.5

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from pipeline.robot import Velocity
 from sarsim.arenas.arena import RescueArena
-from sarsim.pioneer3at import Pioneer3AT
-from sarsim.skid_steer import SkidSteer
+from sarsim.robots.pioneer3at import Pioneer3AT
+from sarsim.robots.skid_steer import SkidSteer
 
 CONTROL_TIMESTEP = 0.02
 """s, the period of the drive's firmware."""

@@ -8,7 +8,7 @@ from rich.progress import track
 from rich.table import Table
 
 from pipeline.errors import InputError
-from sarsim.arenas.promises import broken_promises
+from sarsim.arenas.checks import broken_promises
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
 from sarsim.scripts.cli import run
 

@@ -9,10 +9,11 @@ import tyro
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.metric_map.exports import save_map_server, save_ply
+from pipeline.metric_map.io.exports import save_map_server, save_ply
+from pipeline.metric_map.io.npz import load_metric_map
+from pipeline.metric_map.io.octomap import write_bt, write_ot
+from pipeline.metric_map.io.octree import Octree, voxel_labels
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.metric_map.octomap import write_bt, write_ot
-from pipeline.metric_map.octree import Octree, voxel_labels
 from sarsim.scripts.cli import run
 
 
@@ -28,7 +29,7 @@ def export_map(path: Annotated[Path, tyro.conf.Positional], out: Path) -> None:
     if out.suffix not in (".bt", ".ot", ".ply", ".pgm"):
         raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply or .pgm")
     path = path / "metric_map.npz" if path.is_dir() else path
-    metric_map = MetricMap.load(path)
+    metric_map = load_metric_map(path)
     if out.suffix == ".pgm":
         save_map_server(out, metric_map)
         return

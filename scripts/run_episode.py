@@ -14,15 +14,16 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
-from pipeline.errands import Errands
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, ExplorerConfig, Look
 from pipeline.files import whole_file
-from pipeline.path_plan import place_name
+from pipeline.metric_map.io.npz import save_metric_map
+from pipeline.mission import Errands
+from pipeline.planning.path_plan import place_name
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
-from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier
-from pipeline.victim_detection.detector import VictimDetector
+from pipeline.semantic_map.networks.classifier import DgcnnClassifier
+from pipeline.victims.detection.detector import VictimDetector
 from sarsim.arenas.load import StartPose, load_arena
 from sarsim.arenas.random_arena import RandomArenaConfig
 from sarsim.assets import asset
@@ -196,7 +197,7 @@ class Episode:
     def _write(self) -> None:
         with whole_file(self.out / "report.json") as path:
             path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
-        self.explorer.metric_map.save(self.out / "metric_map.npz")
+        save_metric_map(self.explorer.metric_map, self.out / "metric_map.npz")
         self.explorer.semantic_map.save(self.out / "semantic_map.ply")
         self.explorer.topological_map.save(self.out / "topology.json")
         poses = self.robot.trajectory

@@ -1,7 +1,7 @@
 """Drive the robot through an arena by keyboard, in MuJoCo's viewer: ``teleop.py --arena A``."""
 
 from pipeline.errors import InputError
-from pipeline.viewer import has_display
+from pipeline.recording.viewer import has_display
 from sarsim.arenas.load import StartPose, load_arena
 from sarsim.arenas.random_arena import RandomArenaConfig
 from sarsim.scripts.cli import run

@@ -13,10 +13,10 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.dgcnn.classifier import load_classifier
-from pipeline.semantic_map.dgcnn.clouds import LabelledCloud
-from pipeline.semantic_map.dgcnn.parallel import Worker
-from pipeline.semantic_map.dgcnn.training import Trainer, TrainingConfig
+from pipeline.semantic_map.networks.classifier import load_classifier
+from pipeline.semantic_map.networks.clouds import LabelledCloud
+from pipeline.semantic_map.networks.parallel import Worker
+from pipeline.semantic_map.networks.training import Trainer, TrainingConfig
 from sarsim.dataset.folder import Dataset
 from sarsim.scripts.cli import guarded, parse
 from sarsim.scripts.training.yolo import TrainYolo

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from pipeline.errors import InputError
-from pipeline.viewer import Viewer, has_display
+from pipeline.recording.viewer import Viewer, has_display
 from sarsim.scripts.cli import run
 
 RECORDING = "episode.rrd"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.metric_map.blocks import BlockArray, parts
-from pipeline.metric_map.files import read_npz, write_npz
 from pipeline.metric_map.grid_kernels import WORD, any_mark, fold, is_rigid
 from pipeline.metric_map.projective_update import project
 from pipeline.metric_map.ray_traversal import trace
@@ -202,30 +200,6 @@ class MetricMap:
             around = self._log_odds.read(first - 1, tuple(side + 2 for side in block.shape))
             found.append(np.argwhere((block < 0) & _beside(around == 0)) + first)
         return self._centres(found)
-
-    def save(self, path: Path | str) -> None:
-        """Write the map to an ``.npz`` file, see :func:`pipeline.metric_map.files.write_npz`.
-
-        Raises:
-            InputError: if it cannot be written.
-        """
-        lower, upper = self.bounds()
-        write_npz(Path(path), asdict(self.config), lower, self.log_odds(lower, upper))
-
-    @classmethod
-    def load(cls, path: Path | str) -> MetricMap:
-        """Read a map that :meth:`save` wrote.
-
-        Raises:
-            InputError: if the file is missing, damaged or foreign.
-        """
-        settings, lower, log_odds = read_npz(Path(path))
-        try:
-            result = cls(MetricMapConfig(**settings))
-        except TypeError as error:
-            raise InputError(f"{path}: the settings of the metric map are incomplete or wrong") from error
-        result.set_log_odds(lower, log_odds)
-        return result
 
     def _centres(self, indices: list[NDArray[np.int64]]) -> NDArray[np.float32]:
         return self.voxel_centre(np.concatenate([np.zeros((0, 3), np.int64), *indices]))

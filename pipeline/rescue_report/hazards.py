@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.grid_map import Grid
 from pipeline.rescue_report.places import Place, places
-from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.grid import Grid
+from pipeline.traversability.traversability import DrivableSurface
 
 SLOPE = np.deg2rad(8)
 """Ground that is steeper counts as a slope, rad."""

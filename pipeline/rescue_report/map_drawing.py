@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.grid_map import Grid
 from pipeline.labels import COLOURS, Label
 from pipeline.rescue_report.hazards import Hazards
 from pipeline.rescue_report.markup import Markup, element, joined, png
@@ -13,7 +14,6 @@ from pipeline.rescue_report.paper import Paper, at, dots, line
 from pipeline.rescue_report.signs import SIGNS, patterns
 from pipeline.rescue_report.situation import Person, Situation
 from pipeline.rescue_report.words import counted, number
-from pipeline.surface.grid import Grid
 from pipeline.transforms import yaw_of
 
 PALE = 0.35

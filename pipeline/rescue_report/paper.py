@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.surface.grid import Grid
+from pipeline.grid_map import Grid
 
 LONGER, SHORTER = 1000.0, 800.0
 """Units that the drawing's width and height take at most; signs are some 30 units wide."""

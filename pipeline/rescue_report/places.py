@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.surface.grid import Grid
+from pipeline.grid_map import Grid
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.path_plan import plan_path
+from pipeline.planning.path_plan import plan_path
 from pipeline.rescue_report.hazards import APART, Hazards
 from pipeline.rescue_report.places import Place, places
-from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.paths import ShortestPaths
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle, wrap_angles
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import DrivableSurface
 
 BESIDE = 1.0
 """m from the robot's middle to what was seen of someone, within which it stands beside them."""

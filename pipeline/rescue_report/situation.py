@@ -11,11 +11,11 @@ from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.rescue_report.posture import Posture, posture_of
 from pipeline.rescue_report.routes import Route, Router
 from pipeline.rescue_report.unseen import Unseen, find_unseen
-from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import yaw_of
-from pipeline.victim_detection.marks import confirmed_marks, unconfirmed_marks
-from pipeline.victim_detection.victims import Victim
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import DrivableSurface
+from pipeline.victims.display_ids import confirmed_marks, unconfirmed_marks
+from pipeline.victims.victim_map import Victim
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.rescue_report.places import Place, places
-from pipeline.surface.drivable import DrivableSurface
+from pipeline.traversability.traversability import DrivableSurface
 
 FROM_WALL = 0.15
 """m from a wall or a step; no ground is expected nearer."""

@@ -1,1 +1,1 @@
-"""Semantic map (thesis 3.2): a class for every point, and the planes and bounding boxes found in them."""
+"""Semantic map (thesis 3.2): a class for every point, and the labelled points of all frames."""

@@ -9,6 +9,16 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.labels import Label
 
+CLASSES = (
+    Label.WALL,
+    Label.TERRAIN,
+    Label.INCLINED_RAMP,
+    Label.STRAIGHT_RAMP,
+    Label.CEILING,
+    Label.CLUTTER,
+)
+"""What a network tells apart, in the order of its outputs."""
+
 
 class PointClassifier(Protocol):
     """Gives every point of a frame its class probabilities."""

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.semantic_map.cells import centres
-from pipeline.semantic_map.segments import Segment
-from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.grid import Grid, box_around
+from pipeline.grid_map import Grid, box_around
+from pipeline.segments.cells import centres
+from pipeline.segments.segments import Segment
+from pipeline.traversability.traversability import DrivableSurface
 
 _TALL = 0.4
 """m above the ground around it; what is taller hides what is behind it, decks and ramps do not."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.semantic_map.crossings import crossings
-from pipeline.semantic_map.segments import Segment
-from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.path_kernels import ACROSS
+from pipeline.segments.crossings import crossings
+from pipeline.segments.segments import Segment
+from pipeline.traversability.shortest_paths_kernels import ACROSS
+from pipeline.traversability.traversability import DrivableSurface
 
 
 @dataclass(frozen=True)

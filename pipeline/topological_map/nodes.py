@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
-from pipeline.semantic_map.planes import PlanePatch
-from pipeline.semantic_map.segments import Segment, Segments
+from pipeline.segments.planes import PlanePatch
+from pipeline.segments.segments import Segment, Segments
 from pipeline.topological_map.ground import Ground
 
 LEVEL = 0.12

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.labels import Label
-from pipeline.semantic_map.segments import Segments
-from pipeline.surface.paths import ShortestPaths, simplify
+from pipeline.segments.segments import Segments
 from pipeline.topological_map.cover import Views
 from pipeline.topological_map.node_set import NodeSet
 from pipeline.topological_map.nodes import Place, label_at
+from pipeline.traversability.shortest_paths import ShortestPaths, simplify
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.paths import ShortestPaths, simplify
 from pipeline.topological_map.links import Links
 from pipeline.topological_map.node_set import Node
+from pipeline.traversability.shortest_paths import ShortestPaths, simplify
+from pipeline.traversability.traversability import DrivableSurface
 
 
 def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:

@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 
 from pipeline.files import whole_file
 from pipeline.labels import Label
-from pipeline.semantic_map.planes import PlanePatch
-from pipeline.semantic_map.segments import Segments
-from pipeline.surface.drivable import DrivableSurface
-from pipeline.surface.paths import ShortestPaths
+from pipeline.segments.planes import PlanePatch
+from pipeline.segments.segments import Segments
 from pipeline.topological_map.cover import Cover
 from pipeline.topological_map.ground import Ground
 from pipeline.topological_map.links import LinkConfig, Links, drive_seconds
@@ -25,6 +23,8 @@ from pipeline.topological_map.nodes import NodeConfig, thesis_places
 from pipeline.topological_map.placement import CoverConfig, Placement
 from pipeline.topological_map.roadmap import add_passages, roadmap
 from pipeline.topological_map.spanning_tree import collision_free_tree
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import DrivableSurface
 
 
 @dataclass(frozen=True)

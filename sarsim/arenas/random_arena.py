@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.errors import InputError
-from sarsim.arenas.dice import Dice
+from sarsim.arenas.checks import broken_promises
 from sarsim.arenas.elements import TILE, ArenaBuilder
 from sarsim.arenas.layout import Item, Layout, Side, Tile
-from sarsim.arenas.promises import broken_promises
 from sarsim.arenas.random_clutter import place_obstacles, scatter_clutter
+from sarsim.arenas.random_draws import Dice
 from sarsim.arenas.random_furniture import OTHER_WALLS, hang_on_walls, place_bulky, place_furniture
 from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, make_maze, wall_items
 from sarsim.arenas.random_paint import paint

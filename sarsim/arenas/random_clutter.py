@@ -1,7 +1,7 @@
 """Draws what stands in the way in a random arena."""
 
-from sarsim.arenas.dice import Dice
 from sarsim.arenas.layout import SIDES, STEP, YAW, Item, Layout, Side, Tile, opposite
+from sarsim.arenas.random_draws import Dice
 
 DIAGONALS = ("wall_diag_120", "corner_diag_120")
 OBSTACLES: dict[int, tuple[str, ...]] = {

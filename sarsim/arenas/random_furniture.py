@@ -1,7 +1,7 @@
 """Draws furniture and rescue elements that the robot cannot drive over: things that are easily taken for others."""
 
-from sarsim.arenas.dice import Dice
 from sarsim.arenas.layout import STEP, YAW, Item, Layout, Side, Tile, opposite
+from sarsim.arenas.random_draws import Dice
 
 AGAINST_WALL = (
     ("cabinet_low", 14),

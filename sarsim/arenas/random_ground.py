@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from sarsim.arenas.dice import Dice
 from sarsim.arenas.layout import FLOOR, SIDES, STEP, YAW, Ground, Item, Layout, Side, Tile, opposite
+from sarsim.arenas.random_draws import Dice
 
 LEVELS = (17, 25, 34)
 """cm, heights of decks and of the ramps up to them; 25 stands for 25.5."""

@@ -3,8 +3,8 @@
 import colorsys
 from collections.abc import Sequence
 
-from sarsim.arenas.dice import Dice
 from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.random_draws import Dice
 
 _TEXTURES = {"terrain": "concrete", "wall": "osb", "straight_ramp": "plywood"}
 """Of the materials that have one."""

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sarsim.arenas.dice import Dice
 from sarsim.arenas.elements import TILE
 from sarsim.arenas.layout import SIDES, STEP, Layout, Side, Tile, opposite
-from sarsim.victims import Placement, Posture, VictimModel, make_victim
+from sarsim.arenas.random_draws import Dice
+from sarsim.victims.victims import Placement, Posture, VictimModel, make_victim
 
 ROOM = 0.04
 """m between a victim and the edges of its tiles."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.errors import InputError
+from pipeline.grid_map import Grid
 from pipeline.labels import Label
-from pipeline.surface.grid import Grid
-from sarsim.scoring.true_surface import CELL, FreeGround, Survey
+from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
 HEADINGS = 16
 FAR = 3.0

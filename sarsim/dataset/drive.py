@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
-from pipeline.surface.drivable import DrivableConfig, DrivableSurface, judge
-from pipeline.surface.paths import ShortestPaths, simplify
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
-from sarsim.dataset.footing import Footing
-from sarsim.odometry import OdometryConfig, WheelOdometry
-from sarsim.pose import Pose
-from sarsim.scoring.true_surface import TrueSurface
+from pipeline.traversability.shortest_paths import ShortestPaths, simplify
+from pipeline.traversability.traversability import DrivableConfig, DrivableSurface, judge
+from sarsim.dataset.wheel_contact import Footing
+from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.robots.pose import Pose
+from sarsim.sensors.odometry import OdometryConfig, WheelOdometry
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 CANDIDATES = 12

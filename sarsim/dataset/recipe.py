@@ -7,12 +7,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pipeline.errors import InputError
-from sarsim.air import Air
 from sarsim.arenas.random_arena import RandomArenaConfig
-from sarsim.conditions import Conditions
 from sarsim.dataset.drive import DriveConfig
-from sarsim.lighting import Lighting
-from sarsim.xtion import Xtion
+from sarsim.sensors.air import Air
+from sarsim.sensors.conditions import Conditions
+from sarsim.sensors.lighting import Lighting
+from sarsim.sensors.xtion import Xtion
 
 RANDOM = "random"
 PREFIX = "random:"

@@ -17,19 +17,19 @@ from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import build_random
 from sarsim.assets import asset
-from sarsim.camera import RgbdCamera, geom_labels
 from sarsim.closing import Closing
 from sarsim.dataset import image_kernels
 from sarsim.dataset.drive import Drive
-from sarsim.dataset.footing import Footing
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
-from sarsim.lighting import set_lighting
-from sarsim.pioneer3at import Pioneer3AT
-from sarsim.pose import Pose
-from sarsim.rendering import Renderer, hidden
-from sarsim.scoring.true_surface import Survey
-from sarsim.victims import victims_of
+from sarsim.dataset.wheel_contact import Footing
+from sarsim.ground_truth.true_surface import Survey
+from sarsim.robots.pioneer3at import Pioneer3AT
+from sarsim.robots.pose import Pose
+from sarsim.sensors.camera import RgbdCamera, geom_labels
+from sarsim.sensors.lighting import set_lighting
+from sarsim.sensors.rendering import Renderer, hidden
+from sarsim.victims.victims import victims_of
 
 ATTEMPTS = 10
 """Random arenas that are drawn for a scene before it is given up."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
-from pipeline.victim_detection.labelled_image import LabelledImage
+from pipeline.victims.detection.labelled_image import LabelledImage
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.scene_file import Scene
 

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer, Look
-from pipeline.navigation import Outcome
-from pipeline.surface.path_kernels import free_rules, shortest_paths
-from sarsim.scoring.faces import score_segments, true_faces
+from pipeline.navigation.navigator import Outcome
+from pipeline.traversability.shortest_paths_kernels import free_rules, shortest_paths
+from sarsim.ground_truth.faces import score_segments, true_faces
+from sarsim.ground_truth.true_surface import true_surface
 from sarsim.scoring.semantics import SemanticScore
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.trajectory import driven, greatest_tilt, score_localisation, times_tipped
-from sarsim.scoring.true_surface import true_surface
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot

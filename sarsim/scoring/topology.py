@@ -6,11 +6,11 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.surface.path_kernels import free_rules, lines_are_drivable
 from pipeline.topological_map.sight_kernels import count_in
 from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.traversability.shortest_paths_kernels import free_rules, lines_are_drivable
+from sarsim.ground_truth.true_surface import CELL, TrueSurface
 from sarsim.scoring.topology_kernels import cells_in_sight, mark
-from sarsim.scoring.true_surface import CELL, TrueSurface
 
 SIGHT = 2.0
 """m from which a node covers a cell that it sees."""

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from pipeline.surface.path_kernels import line_is_drivable
+from pipeline.traversability.shortest_paths_kernels import line_is_drivable
 
 
 @njit(cache=True)

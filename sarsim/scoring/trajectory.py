@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.files import whole_file
 from pipeline.transforms import tilt_of
-from sarsim.pose import Pose
+from sarsim.robots.pose import Pose
 
 TIPPED = np.deg2rad(45)
 LIFT = 0.15

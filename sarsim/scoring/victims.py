@@ -1,8 +1,8 @@
 """Whether the robot has found the victims.
 
 A victim's position is the middle of the box around the whole person in its own frame, hidden parts included
-(:attr:`sarsim.victims.Victim.centre`). One that the robot confirmed is of the victim next to it, within ``NEAR``,
-each of one only: someone reported twice is found once, and a false alarm once.
+(:attr:`sarsim.victims.victims.Victim.centre`). One that the robot confirmed is of the victim next to it, within
+``NEAR``, each of one only: someone reported twice is found once, and a false alarm once.
 """
 
 from typing import Any
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from sarsim.camera import LabelledImage
-from sarsim.victims import victims_of
+from sarsim.sensors.camera import LabelledImage
+from sarsim.victims.victims import victims_of
 
 NEAR = 0.5
 """m from the true position within which a victim counts as found."""

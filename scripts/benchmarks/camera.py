@@ -19,10 +19,10 @@ from rich.progress import track
 
 from pipeline.errors import InputError
 from sarsim.assets import asset
-from sarsim.camera import RgbdCamera
-from sarsim.rendering import COLOUR_QUALITY, Renderer
 from sarsim.scripts.benchmarks.subject import Result, Subject
-from sarsim.xtion import Xtion
+from sarsim.sensors.camera import RgbdCamera
+from sarsim.sensors.rendering import COLOUR_QUALITY, Renderer
+from sarsim.sensors.xtion import Xtion
 
 POSES = [
     (-2.4, -1.35, 0.0),

@@ -29,8 +29,8 @@ from sarsim.dataset.local_engine import Worker, wait_for
 from sarsim.dataset.manifest import SCENES
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import render_scene
-from sarsim.rendering import COLOUR_QUALITY, Renderer
 from sarsim.scripts.benchmarks.subject import Result, Subject
+from sarsim.sensors.rendering import COLOUR_QUALITY, Renderer
 
 
 @dataclass(frozen=True)

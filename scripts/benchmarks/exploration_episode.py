@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.baselines import NearestFrontier, RandomWalk
 from pipeline.errors import InputError
+from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.files import whole_file
-from pipeline.navigation import Outcome
+from pipeline.navigation.navigator import Outcome
 from sarsim.scoring.episode import MOST
 from sarsim.scripts.benchmarks.top_view import top_view
 from sarsim.scripts.run_episode import Episode, EpisodeConfig

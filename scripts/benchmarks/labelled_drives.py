@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from sarsim.conditions import Conditions
 from sarsim.dataset.drive import DriveConfig
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.render import World, arena_of
-from sarsim.lighting import Lighting
-from sarsim.rendering import Renderer
+from sarsim.sensors.conditions import Conditions
+from sarsim.sensors.lighting import Lighting
+from sarsim.sensors.rendering import Renderer
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from pipeline.explorer import Explorer
 from pipeline.frame import Intrinsics
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
-from sarsim.pose import Pose
+from sarsim.robots.pose import Pose
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 STEPS = 160

@@ -8,15 +8,15 @@ from typing import Any
 from rich.progress import track
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier, DgcnnConfig
-from pipeline.semantic_map.dgcnn.planar_vote import PlanarVoteConfig
+from pipeline.semantic_map.networks.classifier import DgcnnClassifier, DgcnnConfig
+from pipeline.semantic_map.planar_vote import PlanarVoteConfig
 from sarsim.assets import asset
 from sarsim.dataset.drive import DriveConfig
-from sarsim.lighting import Lighting
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
 from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, agreement, speed
 from sarsim.scripts.benchmarks.subject import Result, Subject
+from sarsim.sensors.lighting import Lighting
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"
 """Test data beside the checkout."""

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from rich.progress import track
 from torch.nn import functional
 
-from pipeline.semantic_map.dgcnn.blocks import CLASSES, Block, BlockConfig, cut
-from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier, DgcnnConfig, save_classifier
-from pipeline.semantic_map.dgcnn.inference import FastDgcnn
-from pipeline.semantic_map.dgcnn.network import Dgcnn
-from pipeline.semantic_map.dgcnn.ragged import RaggedDgcnn
-from pipeline.semantic_map.dgcnn.threads import single_threaded
-from pipeline.semantic_map.dgcnn.weights import load_weights
+from pipeline.semantic_map.classifier import CLASSES
+from pipeline.semantic_map.networks.blocks import Block, BlockConfig, cut
+from pipeline.semantic_map.networks.classifier import DgcnnClassifier, DgcnnConfig, save_classifier
+from pipeline.semantic_map.networks.dgcnn import Dgcnn
+from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
+from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
+from pipeline.semantic_map.networks.dgcnn_cpu.threads import single_threaded
+from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame
 

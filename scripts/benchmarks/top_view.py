@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.surface.grid import Grid
-from sarsim.scoring.true_surface import TrueSurface
+from pipeline.grid_map import Grid
+from sarsim.ground_truth.true_surface import TrueSurface
 
 WIDTH = 900
 """Pixels that the arena takes at most, along its longer side."""

@@ -13,9 +13,8 @@ from rich.table import Table
 
 from pipeline.errors import InputError
 from pipeline.explorer import ExplorerConfig
-from pipeline.victim_detection.detector import DetectorConfig, VictimDetector
-from pipeline.victim_detection.weights import load_network
-from sarsim.lighting import Lighting
+from pipeline.victims.detection.detector import DetectorConfig, VictimDetector
+from pipeline.victims.detection.weights import load_network
 from sarsim.scripts.benchmarks.exploration_episode import Job
 from sarsim.scripts.benchmarks.exploration_figures import group_figures
 from sarsim.scripts.benchmarks.exploration_processes import cores, run_jobs
@@ -31,6 +30,7 @@ from sarsim.scripts.benchmarks.victims_frames import (
 )
 from sarsim.scripts.benchmarks.victims_speed import speed, tiny
 from sarsim.scripts.run_episode import DETECTOR, WEIGHTS, EpisodeConfig, Labels, make_classifier
+from sarsim.sensors.lighting import Lighting
 from sarsim.simulated_robot import SimulationConfig
 
 GROUPS = ("nist_6x4", "esogu_52x15", "random")

@@ -7,14 +7,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.victim_detection.average_precision import AveragePrecision
-from pipeline.victim_detection.detection import Detector
+from pipeline.victims.detection.average_precision import AveragePrecision
+from pipeline.victims.detection.detection import Detector
 from sarsim.dataset.drive import DriveConfig
 from sarsim.dataset.recipe import ArenaRange, LightingShares, Recipe
 from sarsim.dataset.render import World, find_scene
-from sarsim.lighting import Lighting
-from sarsim.rendering import Renderer
 from sarsim.scoring.victims import VISIBLE
+from sarsim.sensors.lighting import Lighting
+from sarsim.sensors.rendering import Renderer
 
 MOST_HIDDEN = 0.6
 """Share of someone behind other things up to which the person is to be found."""

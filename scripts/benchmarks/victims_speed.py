@@ -7,18 +7,18 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pipeline.victim_detection.architectures import COCO_TINY_ANCHORS, yolov3_tiny
-from pipeline.victim_detection.darknet_cfg import DarknetCfg
-from pipeline.victim_detection.detector import VictimDetector, of_both_sizes
-from pipeline.victim_detection.inference import to_tensor
-from pipeline.victim_detection.network import DarknetNetwork
+from pipeline.victims.detection.architectures import COCO_TINY_ANCHORS, yolov3_tiny
+from pipeline.victims.detection.darknet_cfg import DarknetCfg
+from pipeline.victims.detection.detector import VictimDetector, of_both_sizes
+from pipeline.victims.detection.inference import to_tensor
+from pipeline.victims.detection.network import DarknetNetwork
 
 THREADS = 2
 WIDTH, HEIGHT = 640, 480
 
 
 class PlainNetwork:
-    """A network in PyTorch as it is, in place of :class:`pipeline.victim_detection.inference.FusedNetwork`."""
+    """A network in PyTorch as it is, in place of :class:`pipeline.victims.detection.inference.FusedNetwork`."""
 
     def __init__(self, network: DarknetNetwork):
         self.cfg, self._network = network.cfg, network

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from pipeline.errors import InputError
-from pipeline.victim_detection.training import Trainer, TrainingConfig
+from pipeline.victims.detection.training import Trainer, TrainingConfig
 from sarsim.dataset.victim_images import VictimImages
 from sarsim.scripts.cli import Interruptible
 

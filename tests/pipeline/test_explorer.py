@@ -3,17 +3,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.exploration import View
+from pipeline.exploration.next_best_view import View
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.goals import Goals
-from pipeline.navigation import Halt, Leg, Outcome
-from pipeline.path_plan import PathPlan
+from pipeline.navigation.navigator import Halt, Leg, Outcome
+from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.surface.drivable import drivable_surface
-from pipeline.surface.paths import ShortestPaths
 from pipeline.transforms import from_yaw
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import drivable_surface
 from tests.pipeline.still_robot import StillRobot
 from tests.pipeline.worlds import flat, ground_points, wall_points
 

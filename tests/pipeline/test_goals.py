@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pipeline.goals import ARRIVED, PATIENCE, Goals
-from pipeline.surface.paths import ShortestPaths
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw
+from pipeline.traversability.shortest_paths import ShortestPaths
 from tests.pipeline.topological_map.grounds import U_TURN, room, topology_of
 
 START = (-2.4, -1.5)

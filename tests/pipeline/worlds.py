@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.surface.surface_map import SurfaceMap
+from pipeline.traversability.elevation_map import SurfaceMap
 
 Height = Callable[[NDArray, NDArray], NDArray]
 

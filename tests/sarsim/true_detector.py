@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.victim_detection.detection import Detection
+from pipeline.victims.detection.detection import Detection
 from sarsim.dataset.image_kernels import victim_boxes
 from sarsim.simulated_robot import SimulatedRobot
-from sarsim.victims import victims_of
+from sarsim.victims.victims import victims_of
 
 
 class TrueDetector:

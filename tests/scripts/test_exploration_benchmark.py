@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.surface.grid import Grid
-from sarsim.scoring.true_surface import TrueSurface
+from pipeline.grid_map import Grid
+from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scripts.benchmarks import exploration_processes
 from sarsim.scripts.benchmarks.exploration import ExplorationBenchmark
 from sarsim.scripts.benchmarks.exploration_episode import Job, run_job

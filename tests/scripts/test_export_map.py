@@ -7,8 +7,9 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.labels import COLOURS, Label
+from pipeline.metric_map.io.npz import save_metric_map
+from pipeline.metric_map.io.octomap import read_octomap
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.metric_map.octomap import read_octomap
 from pipeline.semantic_map.ply import write_ply
 from sarsim.scripts.export_map import export_map
 
@@ -19,7 +20,7 @@ def episode(tmp_path):
     metric_map = MetricMap()
     metric_map.set_log_odds(np.array([0, 0, 2]), np.full((2, 1, 3), 40, np.int8))
     metric_map.set_log_odds(np.array([0, 1, 3]), np.full((2, 1, 1), -9, np.int8))
-    metric_map.save(tmp_path / "metric_map.npz")
+    save_metric_map(metric_map, tmp_path / "metric_map.npz")
     points = metric_map.occupied_centres()
     labels = np.full(len(points), Label.WALL, np.uint8)
     write_ply(tmp_path / "semantic_map.ply", points, COLOURS[labels], labels)

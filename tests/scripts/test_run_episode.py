@@ -12,11 +12,11 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from pipeline.metric_map.metric_map import MetricMap
-from pipeline.victim_detection.weights import write_weights
+from pipeline.metric_map.io.npz import load_metric_map
+from pipeline.victims.detection.weights import write_weights
 from sarsim.scripts import run_episode
 from sarsim.scripts.run_episode import WEIGHTS, Episode, EpisodeConfig
-from tests.pipeline.victim_detection.networks import SMALL, random_network
+from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 CHECK_REPORT = Path(__file__).parents[3] / "shared" / "check_report.py"
 
@@ -68,7 +68,7 @@ def test_true_labels_and_true_poses_make_no_error(report):
 
 
 def test_every_file_reads_back(episode, report):
-    assert len(MetricMap.load(episode / "metric_map.npz").occupied_centres()) > 1000
+    assert len(load_metric_map(episode / "metric_map.npz").occupied_centres()) > 1000
     cloud = o3d.t.io.read_point_cloud(str(episode / "semantic_map.ply"))
     assert len(cloud.point.positions) == report["semantic_map"]["points"]
     assert set(np.unique(cloud.point["label"].numpy())) == {1, 2, 3, 4, 6}

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from safetensors import safe_open
 
-from pipeline.semantic_map.dgcnn.classifier import DgcnnClassifier
+from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from sarsim.dataset.generate import generate
 from sarsim.dataset.local_engine import LocalEngine
 from sarsim.dataset.recipe import Recipe

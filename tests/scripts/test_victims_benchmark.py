@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.victim_detection.architectures import yolov3_small
-from pipeline.victim_detection.weights import load_network, write_weights
-from sarsim.lighting import Lighting
+from pipeline.victims.detection.architectures import yolov3_small
+from pipeline.victims.detection.weights import load_network, write_weights
 from sarsim.scripts.benchmarks import victims
 from sarsim.scripts.benchmarks.victims import VictimsBenchmark
 from sarsim.scripts.benchmarks.victims_frames import People, ap50, ap50_by, recipe, scene_frames
 from sarsim.scripts.benchmarks.victims_speed import speed, tiny
-from tests.pipeline.victim_detection.networks import random_network
+from sarsim.sensors.lighting import Lighting
+from tests.pipeline.victims.detection.networks import random_network
 
 BOXES = np.array([(0, 0, 20, 20), (100, 0, 140, 20), (200, 0, 240, 40)], np.float64)
 ANCHORS = [(8.0 * n, 8.0 * n) for n in range(1, 10)]

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from pipeline.explorer import Explorer
 from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.victim_detection.detection import Detection
-from pipeline.victim_detection.victims import Victim, Victims
+from pipeline.victims.detection.detection import Detection
+from pipeline.victims.victim_map import Victim, Victims
 from tests.pipeline.still_robot import StillRobot
 
 

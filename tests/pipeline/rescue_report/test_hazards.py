@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.rescue_report.hazards import Hazards, find_hazards
-from pipeline.surface.drivable import drivable_surface
-from pipeline.surface.paths import ShortestPaths
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import drivable_surface
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ridge, surface_of, wall_points
 
 AREA = (-1.5, 1.5), (-1.0, 1.0)

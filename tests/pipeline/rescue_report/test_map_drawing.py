@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from pipeline.grid_map import Grid
 from pipeline.labels import Label
 from pipeline.rescue_report.map_drawing import draw_map, pale
 from pipeline.rescue_report.paper import LONGER, MARGIN, Paper
-from pipeline.surface.grid import Grid
 from tests.pipeline.rescue_report.html_page import read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
 

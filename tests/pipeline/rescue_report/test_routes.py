@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.rescue_report.hazards import find_hazards
 from pipeline.rescue_report.routes import Route, Router, straight_parts
-from pipeline.surface.drivable import drivable_surface
-from pipeline.surface.paths import ShortestPaths
 from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import drivable_surface
 from tests.pipeline.rescue_report.people import block
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ridge, surface_of, wall_points
 

@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.rescue_report.unseen import AHEAD, Unseen, find_unseen
-from pipeline.surface.drivable import drivable_surface
-from pipeline.surface.paths import ShortestPaths
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import drivable_surface
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 ROOM = (-2.0, 2.0), (-1.5, 1.5)

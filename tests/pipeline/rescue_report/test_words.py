@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.rescue_report import words
-from pipeline.victim_detection.marks import letters
+from pipeline.victims.display_ids import letters
 
 
 def test_numbers_have_a_true_minus_and_no_negative_zero() -> None:

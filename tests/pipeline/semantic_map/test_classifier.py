@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.semantic_map.classifier import TruthClassifier
-from tests.pipeline.semantic_map.polygon_scene import floor, look, pose
+from tests.pipeline.polygon_scene import floor, look, pose
 
 FRAME = look([floor(-5, 5, -5, 5)], pose(0, 0, 0.6, 0.0, 0.3))
 

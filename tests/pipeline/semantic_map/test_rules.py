@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.labels import Label
 from pipeline.semantic_map.rules import RuleClassifier, tilt_and_roughness
-from tests.pipeline.semantic_map.polygon_scene import floor, look, pose, wall, wedge
+from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 
 SCENE = [
     floor(-5, 5, -5, 5),

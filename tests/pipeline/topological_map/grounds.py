@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
-from pipeline.semantic_map.cells import cells_of
-from pipeline.semantic_map.plane import Moments
-from pipeline.semantic_map.planes import PlanePatch
-from pipeline.semantic_map.segments import Segments
-from pipeline.surface.drivable import DrivableSurface, drivable_surface
-from pipeline.surface.paths import ShortestPaths
+from pipeline.segments.cells import cells_of
+from pipeline.segments.plane import Moments
+from pipeline.segments.planes import PlanePatch
+from pipeline.segments.segments import Segments
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import DrivableSurface, drivable_surface
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 Wall = tuple[tuple[float, float], tuple[float, float]]

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.surface.path_kernels import free_rules, lines_are_drivable
 from pipeline.topological_map import sight_kernels as kernels
 from pipeline.topological_map.cover import Cover
 from pipeline.topological_map.ground import Ground
+from pipeline.traversability.shortest_paths_kernels import free_rules, lines_are_drivable
 from tests.pipeline.topological_map.grounds import U_TURN, room
 
 REACH = 12

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.surface.drivable import drivable_surface
 from pipeline.topological_map.links import LinkConfig, Links
+from pipeline.traversability.traversability import drivable_surface
 from tests.pipeline.topological_map.grounds import room
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
 

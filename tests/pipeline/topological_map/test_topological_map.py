@@ -7,13 +7,13 @@ import tyro
 
 from pipeline.explorer import ExplorerConfig
 from pipeline.labels import Label
-from pipeline.path_plan import plan_path
-from pipeline.semantic_map.planes import PlanePatch
-from pipeline.semantic_map.segments import Segments
-from pipeline.surface.drivable import drivable_surface
-from pipeline.surface.paths import ShortestPaths
+from pipeline.planning.path_plan import plan_path
+from pipeline.segments.planes import PlanePatch
+from pipeline.segments.segments import Segments
 from pipeline.topological_map.nodes import NodeConfig, segment_nodes
 from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import drivable_surface
 from tests.pipeline.topological_map.grounds import patch, room, topology_of
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
 

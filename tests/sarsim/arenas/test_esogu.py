@@ -9,17 +9,17 @@ import shapely
 
 from pipeline.labels import Label
 from pipeline.robot import Velocity
+from sarsim.arenas.checks import broken_promises
 from sarsim.arenas.load import load_arena
-from sarsim.arenas.promises import broken_promises
 from sarsim.assets import asset
-from sarsim.camera import geom_labels
-from sarsim.contacts import OBSTACLES
-from sarsim.scoring.columns import convex_bodies
-from sarsim.scoring.true_surface import CELL, HEADROOM, true_surface
-from sarsim.scripts.esogu import building, plan
-from sarsim.scripts.make_esogu import TARGET, VICTIMS, laboratory_floor, people_on_the_floor
+from sarsim.ground_truth.columns import convex_bodies
+from sarsim.ground_truth.contacts import OBSTACLES
+from sarsim.ground_truth.true_surface import CELL, HEADROOM, true_surface
+from sarsim.scripts.assets.esogu import building, plan
+from sarsim.scripts.assets.make_esogu import TARGET, VICTIMS, laboratory_floor, people_on_the_floor
+from sarsim.sensors.camera import geom_labels
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from sarsim.victims import victims_of
+from sarsim.victims.victims import victims_of
 
 ROOMS = (*plan.SOUTH_ROOMS, *plan.NORTH_ROOMS)
 WALLS = ("outer", "corridor_south", "corridor_north", "south", "north", "column", "ceiling", "floor")

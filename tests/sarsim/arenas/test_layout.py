@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sarsim.arenas.dice import Dice
 from sarsim.arenas.layout import BLOCKED, FLOOR, SIDES, Ground, Layout, opposite
+from sarsim.arenas.random_draws import Dice
 from sarsim.arenas.random_ground import choose_start, lay_ramps, make_maze
 
 EAST, NORTH, WEST, SOUTH = SIDES

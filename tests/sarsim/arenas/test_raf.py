@@ -13,8 +13,8 @@ from pipeline.errors import InputError
 from sarsim.arenas.elements import element_library
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.raf import FAMILIES, TYPES, build_raf
-from sarsim.camera import geom_labels
-from sarsim.victims import victims_of
+from sarsim.sensors.camera import geom_labels
+from sarsim.victims.victims import victims_of
 from tests.sarsim.arenas.raf_geometry import ELEMENTS, LOOSE, MOUNTS, TILE, WALL, steady, top_of
 
 SHARED = Path(__file__).parents[4] / "shared" / "arenas" / "raf"

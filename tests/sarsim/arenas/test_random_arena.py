@@ -10,12 +10,12 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from sarsim.arenas.dice import Dice
+from sarsim.arenas.checks import broken_promises
 from sarsim.arenas.elements import ArenaBuilder, element_library
 from sarsim.arenas.layout import BLOCKED, YAW, Layout
 from sarsim.arenas.load import load_arena
-from sarsim.arenas.promises import broken_promises
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
+from sarsim.arenas.random_draws import Dice
 from sarsim.arenas.random_furniture import (
     AGAINST_WALL,
     BULKY,
@@ -29,9 +29,9 @@ from sarsim.arenas.random_furniture import (
     place_bulky,
     place_furniture,
 )
-from sarsim.camera import geom_labels
-from sarsim.scoring.true_surface import true_surface
-from sarsim.victims import make_victim, victims_of
+from sarsim.ground_truth.true_surface import true_surface
+from sarsim.sensors.camera import geom_labels
+from sarsim.victims.victims import make_victim, victims_of
 
 SEEDS = range(6)
 WITHOUT_VICTIMS = {

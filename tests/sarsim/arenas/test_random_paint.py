@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from sarsim.arenas.dice import Dice
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
+from sarsim.arenas.random_draws import Dice
 from sarsim.arenas.random_paint import paint
 
 

@@ -10,7 +10,7 @@ from pipeline.transforms import yaw_of
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.start import find_start, start_at
-from sarsim.scoring.true_surface import CELL, Survey
+from sarsim.ground_truth.true_surface import CELL, Survey
 
 
 def compiled(builder):

@@ -11,11 +11,11 @@ from pipeline.errors import InputError
 from pipeline.transforms import from_yaw, inverse, tilt_of
 from sarsim.arenas.load import load_arena
 from sarsim.dataset.drive import DeadReckoning, Drive, DriveConfig, rotation_vector
-from sarsim.dataset.footing import Footing
-from sarsim.odometry import OdometryConfig
-from sarsim.pose import Pose
-from sarsim.scoring.columns import convex_bodies
-from sarsim.scoring.true_surface import TrueSurface, true_surface
+from sarsim.dataset.wheel_contact import Footing
+from sarsim.ground_truth.columns import convex_bodies
+from sarsim.ground_truth.true_surface import TrueSurface, true_surface
+from sarsim.robots.pose import Pose
+from sarsim.sensors.odometry import OdometryConfig
 
 COUNT = 120
 

@@ -9,7 +9,7 @@ import pytest
 from pipeline.errors import InputError
 from sarsim.dataset.drive import DriveConfig
 from sarsim.dataset.recipe import ArenaRange, DustRange, LightingShares, Recipe, SceneRecipe, SensorRange
-from sarsim.lighting import Lighting
+from sarsim.sensors.lighting import Lighting
 
 
 def first(recipe: Recipe, index: int) -> SceneRecipe:

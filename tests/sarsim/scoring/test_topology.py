@@ -4,11 +4,11 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from pipeline.grid_map import Grid
 from pipeline.labels import Label
-from pipeline.surface.grid import Grid
 from pipeline.topological_map.node_set import Node
+from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scoring.topology import score_topology
-from sarsim.scoring.true_surface import TrueSurface
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.transforms import from_rotation, from_yaw
-from sarsim.pose import Pose
+from sarsim.robots.pose import Pose
 from sarsim.scoring.trajectory import driven, greatest_tilt, score_localisation, times_tipped, write_tum
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
-from sarsim.camera import LabelledImage
 from sarsim.scoring.victims import VISIBLE, VictimScore
+from sarsim.sensors.camera import LabelledImage
 
 ROOM = """<mujoco><size nuser_geom="1"/><worldbody><geom type="plane" size="5 5 1" user="2"/>
 <body name="victim_a" pos="1 0 0.2"><geom type="box" size="0.5 0.2 0.2" user="6"/>

@@ -1,0 +1,75 @@
+"""Draw docs/images/camera.jpg: what the robot's camera delivers at one place of the NIST arena."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import COLOURS
+from sarsim.arenas.load import load_arena
+from sarsim.sensors.camera import RgbdCamera
+from sarsim.sensors.xtion import Xtion
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+POSITION, YAW = (-1.55, 1.1, 0.0), np.radians(4)  # in the northern lane, before a victim, a ramp and a deck
+ERROR = 0.04  # m, the end of the error's colour scale
+
+
+def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Near is blue, 3.5 m red, no return black."""
+    picture = cv2.applyColorMap((depth / 3.5 * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
+    return np.where((depth > 0)[..., None], picture, 0).astype(np.uint8)
+
+
+def error_picture(error: NDArray[np.float32], returns: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Too near is blue, too far red, right is grey."""
+    scaled = ((error / ERROR + 1) / 2 * 255).clip(0, 255).astype(np.uint8)
+    side = np.abs(scaled.astype(np.float32) - 127.5)[..., None] / 127.5
+    red_or_blue = np.where((scaled > 127)[..., None], (40, 40, 230), (230, 90, 40))
+    return ((1 - side) * 225 + side * red_or_blue).astype(np.uint8) * returns[..., None]
+
+
+def titled(picture: NDArray[np.uint8], title: str) -> NDArray[np.uint8]:
+    """The picture under a line of text."""
+    bar = np.full((44, picture.shape[1], 3), 255, np.uint8)
+    cv2.putText(bar, title, (8, 31), cv2.FONT_HERSHEY_SIMPLEX, 0.9, (40, 40, 40), 2, cv2.LINE_AA)
+    return np.vstack([bar, picture])
+
+
+def main() -> None:
+    """Put the robot down, look once, draw."""
+    simulation = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(sensor="ideal"), seed=0)
+    quaternion = (np.cos(YAW / 2), 0, 0, np.sin(YAW / 2))
+    simulation.robot.set_pose(simulation.physics, POSITION, quaternion)
+    simulation.physics.forward()
+    ideal = RgbdCamera(simulation.renderer, simulation.robot.camera.full_identifier).look(
+        simulation.physics.data.ptr
+    )
+    noisy = Xtion().apply(ideal, np.random.default_rng(0))
+    returns = noisy.depth > 0
+    bgr = COLOURS[:, ::-1]
+    rows = [
+        [
+            titled(ideal.rgb[..., ::-1], "colour"),
+            titled(depth_picture(ideal.depth), "true depth"),
+            titled(bgr[ideal.label], "label"),
+        ],
+        [
+            titled(
+                error_picture(noisy.depth - ideal.depth, returns),
+                f"error, red and blue: {ERROR * 100:.0f} cm",
+            ),
+            titled(depth_picture(noisy.depth), "depth of the Xtion"),
+            titled(bgr[noisy.label] * returns[..., None], "labels of its points"),
+        ],
+    ]
+    picture = np.vstack([np.hstack(row) for row in rows])
+    cv2.imwrite(
+        str(Path(__file__).parents[1] / "images" / "camera.jpg"),
+        cv2.resize(picture, None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA),
+    )
+
+
+if __name__ == "__main__":
+    main()

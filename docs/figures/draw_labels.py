@@ -1,0 +1,51 @@
+"""Draw docs/images/semantic-labels.jpg: what the robot sees, and labels: true, of the network, after the vote."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import COLOURS
+from pipeline.semantic_map.networks.classifier import DgcnnClassifier, DgcnnConfig
+from sarsim.assets import asset
+from sarsim.dataset.drive import DriveConfig
+from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
+
+FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
+"""By arena, which frames of a drive."""
+DRIVE = DriveConfig(look_distance=2.0, look_turn=0.8)
+
+
+def label_picture(seen: TrueFrame, labels: NDArray[np.integer]) -> NDArray[np.uint8]:
+    """(H, W, 3) BGR, the (N,) labels of the returns in their colours; no return is black."""
+    picture = np.zeros((*seen.frame.depth.shape, 3), np.uint8)
+    picture[seen.frame.returns] = COLOURS[labels, ::-1]
+    return picture
+
+
+def column(seen: TrueFrame, networks: list[DgcnnClassifier]) -> NDArray[np.uint8]:
+    """Colour, true labels and given ones, one above the other."""
+    given = [
+        network.classify(seen.frame, seen.points, seen.T_map_camera).argmax(axis=1) for network in networks
+    ]
+    colour = seen.frame.rgb[..., ::-1]
+    return np.vstack([colour, *(label_picture(seen, labels) for labels in (seen.labels, *given))])
+
+
+def main() -> None:
+    """Drive, look, draw."""
+    weights = asset("weights", "dgcnn.safetensors")
+    networks = [DgcnnClassifier(weights, DgcnnConfig(planes=None)), DgcnnClassifier(weights)]
+    columns = [
+        column(seen, networks)
+        for arena, wanted in FRAMES.items()
+        for number, seen in enumerate(drive_through(arena, 1 + max(wanted), seed=0, drive=DRIVE))
+        if number in wanted
+    ]
+    picture = cv2.resize(np.hstack(columns), None, fx=0.4, fy=0.4, interpolation=cv2.INTER_AREA)
+    cv2.imwrite(str(Path(__file__).parents[1] / "images" / "semantic-labels.jpg"), picture)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""Draw docs/images/metric-map.jpg: the map as an octree coloured by class, after 40, 80, 120 and 160 frames."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.explorer import Explorer
+from pipeline.labels import COLOURS
+from pipeline.metric_map.io.octree import Octree, voxel_labels
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.semantic_map.semantic_map import SemanticMap
+from sarsim.arenas.load import load_arena
+from sarsim.simulated_robot import Pose, SimulatedRobot, SimulationConfig
+
+PERIOD = 1.4  # s between two frames
+FRAMES = (40, 80, 120, 160)
+ELEVATION, AZIMUTH = np.radians(52), np.radians(-75)
+PIXELS_PER_METRE = 112
+SIZE = (800, 560)  # width, height of a panel
+BRIGHTNESS = (0.62, 0.8, 1.0)  # of faces across x, y and z
+
+
+class Mapper:
+    """Maps what the robot sees every few seconds of its way, and draws the map now and then."""
+
+    def __init__(self, robot: SimulatedRobot):
+        self._robot, self._classifier = robot, TruthClassifier()
+        self._metric_map, self._semantic_map = MetricMap(), SemanticMap()
+        self._next, self._frames = 0.0, 0
+        self.panels: list[NDArray[np.uint8]] = []
+
+    def look(self, pose: Pose) -> None:
+        """Take a frame if it is time to."""
+        if pose.time < self._next or self._frames == FRAMES[-1]:
+            return
+        self._next = pose.time + PERIOD
+        self._frames += 1
+        frame = self._robot.sense()
+        T_map_camera = frame.T_odom_base @ frame.T_base_camera
+        points = frame.points(T_map_camera)
+        self._metric_map.integrate(frame.depth, frame.intrinsics, T_map_camera)
+        self._semantic_map.update(points, self._classifier.classify(frame, points, T_map_camera))
+        if self._frames in FRAMES:
+            self.panels.append(self._panel())
+
+    def _panel(self) -> NDArray[np.uint8]:
+        points, labels = self._semantic_map.points(), self._semantic_map.labels()
+        octree = Octree.from_metric_map(self._metric_map, voxel_labels(self._metric_map, points, labels))
+        picture = draw(octree)
+        text = f"step {self._frames}"
+        cv2.putText(
+            picture, text, (20, SIZE[1] - 20), cv2.FONT_HERSHEY_SIMPLEX, 1.0, (60, 60, 60), 2, cv2.LINE_AA
+        )
+        return picture
+
+
+def draw(octree: Octree) -> NDArray[np.uint8]:
+    """The occupied leaves as cubes, the nearest last."""
+    picture = np.full((SIZE[1], SIZE[0], 3), 255, np.uint8)
+    occupied = octree.log_odds > 0
+    centres, sides = octree.centres[occupied], octree.sides[occupied]
+    colours = COLOURS[octree.label[occupied]][:, ::-1]
+    toward = np.array(
+        [np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)]
+    )
+    for n in np.argsort(centres @ toward):
+        draw_cube(picture, centres[n], sides[n], colours[n], np.sign(toward))
+    return picture
+
+
+def draw_cube(
+    picture: NDArray[np.uint8], centre: NDArray, side: float, colour: NDArray[np.uint8], toward: NDArray
+) -> None:
+    """The three faces of a cube that face the viewer."""
+    for axis in range(3):
+        corners = np.tile(centre + 0.5 * side * toward * np.eye(3)[axis], (4, 1))
+        others = [other for other in range(3) if other != axis]
+        corners[:, others] += 0.5 * side * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+        face = to_pixels(corners)
+        shade = colour * BRIGHTNESS[axis]
+        cv2.fillConvexPoly(picture, face, shade.tolist(), cv2.LINE_AA)
+        cv2.polylines(picture, [face], True, (shade * 0.7).tolist(), 1, cv2.LINE_AA)
+
+
+def to_pixels(points: NDArray) -> NDArray[np.int32]:
+    """(N, 2) pixels of (N, 3) points, seen from afar."""
+    right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0])
+    up = np.array(
+        [-np.sin(ELEVATION) * np.cos(AZIMUTH), -np.sin(ELEVATION) * np.sin(AZIMUTH), np.cos(ELEVATION)]
+    )
+    x, y = (points - [0, 0, 0.3]) @ right, (points - [0, 0, 0.3]) @ up
+    centred = np.column_stack([x, -y]) * PIXELS_PER_METRE
+    return np.rint(centred + np.array(SIZE) / 2).astype(np.int32)
+
+
+def main() -> None:
+    """Explore and draw."""
+    robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
+    explorer, mapper = Explorer(robot, TruthClassifier(), seed=0), Mapper(robot)
+    robot.on_motion = mapper.look
+    look = explorer.look()
+    while look.plan is not None and len(mapper.panels) < len(FRAMES):
+        explorer.drive(look)
+        look = explorer.look()
+    robot.close()
+    rows = [np.hstack(mapper.panels[:2]), np.hstack(mapper.panels[2:])]
+    path = Path(__file__).parents[1] / "images" / "metric-map.jpg"
+    cv2.imwrite(str(path), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 80])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,94 @@
+"""Draw the pictures of recording.md: ``python docs/figures/draw_recording.py runs/nist_6x4-0/episode.rrd``.
+
+Needs no screen, but Debian's xvfb and mesa-vulkan-drivers; for the browser's picture Playwright, in whatever Python
+runs this, and Debian's chromium.
+"""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from rerun.chunk import RrdReader
+
+from pipeline.recording.blueprint import blueprint
+from pipeline.recording.viewer import Viewer
+
+IMAGES = Path(__file__).parents[1] / "images"
+SIZE = (1400, 900)
+MAP = (slice(36, 672), slice(0, 1080))
+"""Rows and columns of the window that show the map."""
+
+BROWSER_FLAGS = [
+    "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox"
+]  # fmt: skip
+LOADING_TIME = 60
+"""s that the page gets; it loads slowly where the processor draws."""
+
+
+def main() -> None:
+    recording = Path(sys.argv[1])
+    semantic, metric, segments = (in_window(recording, tab) for tab in range(3))
+    save("recording-native.jpg", semantic)
+    tabs = np.hstack([metric[MAP], segments[MAP]])
+    save("recording-tabs.jpg", cv2.resize(tabs, None, fx=0.65, fy=0.65, interpolation=cv2.INTER_AREA))
+    save("recording-web.jpg", in_browser(recording))
+
+
+def in_window(recording: Path, tab: int) -> NDArray[np.uint8]:
+    """The native viewer with one of the map's tabs in front."""
+    with tempfile.TemporaryDirectory() as folder:
+        layout, picture = Path(folder, "tab.rbl"), Path(folder, "picture.png")
+        blueprint(*arena_bounds(recording), tab=tab).save("sarsim", layout)
+        # On a screen so large the pointer, in its middle, hovers over nothing.
+        screen = ["xvfb-run", "-a", "-s", "-screen 0 6000x4000x24"]
+        viewer = [
+            sys.executable,
+            "-m",
+            "rerun_cli",
+            recording,
+            layout,
+            "--bind",
+            "127.0.0.1",
+            "--port",
+            "auto",
+        ]
+        size = "x".join(map(str, SIZE))
+        subprocess.run([*screen, *viewer, "--screenshot-to", picture, "--window-size", size], check=True)
+        return cv2.resize(cv2.imread(str(picture)), SIZE, interpolation=cv2.INTER_AREA)
+
+
+def in_browser(recording: Path) -> NDArray[np.uint8]:
+    """The page for the browser."""
+    from playwright.sync_api import sync_playwright
+
+    viewer = Viewer("web", recording)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=BROWSER_FLAGS)
+        page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]}, color_scheme="dark")
+        page.goto(viewer.page)
+        page.wait_for_timeout(1000 * LOADING_TIME)
+        picture = page.screenshot()
+    viewer.close()
+    return cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
+
+
+def arena_bounds(recording: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The corners (3,) of the box around the recorded arena."""
+    vertices = []
+    for chunk in RrdReader(recording).stream():
+        if chunk.entity_path.startswith("/world/arena/"):
+            for row in chunk.to_record_batch().to_pylist():
+                vertices += row["Mesh3D:vertex_positions"]
+    return np.min(vertices, axis=0), np.max(vertices, axis=0)
+
+
+def save(name: str, picture: NDArray[np.uint8]) -> None:
+    cv2.imwrite(str(IMAGES / name), picture, [cv2.IMWRITE_JPEG_QUALITY, 82])
+
+
+if __name__ == "__main__":
+    main()

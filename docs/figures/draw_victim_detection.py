@@ -1,0 +1,81 @@
+"""Draw the picture of victim-detection.md: ``python docs/figures/draw_victim_detection.py [CFG WEIGHTS]``."""
+
+import sys
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.transforms import inverse, transform_points
+from pipeline.victims.detection.detector import DetectorConfig, VictimDetector
+from pipeline.victims.observation import Observation, ObservationConfig, observe
+from sarsim.dataset.render import World, find_scene
+from sarsim.scripts.benchmarks.victims_frames import recipe, with_lighting
+from sarsim.scripts.run_episode import DETECTOR
+from sarsim.sensors.lighting import Lighting
+from sarsim.sensors.rendering import Renderer
+
+IMAGE = Path(__file__).parents[1] / "images" / "victim-detections.jpg"
+SEED, LOOKS, A_ROW, LEAST = 2026, 4, 3, 3000
+"""Of the arenas; looks at each; pictures for each light; pixels that show people in a picture."""
+FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
+"""RGB of a box that is a person by its depth, and of one that is none; the person's pixels are tinted."""
+
+
+def main() -> None:
+    """Draw what a detector, the shipped one if none is given, finds in each light."""
+    cfg, weights = (Path(name) for name in sys.argv[1:3] or DETECTOR)
+    detector = VictimDetector.load(cfg, weights, DetectorConfig(confidence=0.5))
+    rows = [np.hstack([picture(frame, detector) for frame in frames(light)]) for light in Lighting]
+    cv2.imwrite(str(IMAGE), cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])
+
+
+def frames(light: Lighting) -> Iterator[Frame]:
+    """The look of each arena in which people are largest, of the first arenas that show any."""
+    arenas, shown = with_lighting(recipe(SEED, LOOKS), light), 0
+    for index in count():
+        scene, arena = find_scene(arenas, index)
+        with World(arena, scene, Renderer, arenas.width, arenas.height) as world:
+            poses = world.drive(arenas, arenas.rng(index, "drive")).looks(LOOKS)
+            intrinsics, noise = world.content().intrinsics, arenas.rng(index, "noise")
+            looks = [world.look(pose, noise) for pose in poses]
+        best = max(looks, key=lambda look: look.victim_area.sum())
+        if best.victim_area.sum() < LEAST:
+            continue
+        yield Frame(0.0, best.rgb, best.depth, intrinsics, best.T_base_camera, np.eye(4))
+        shown += 1
+        if shown == A_ROW:
+            return
+
+
+def picture(frame: Frame, detector: VictimDetector) -> NDArray[np.uint8]:
+    """(H, W, 3) the image with what was detected, and whether its depth says that it is a person."""
+    result = frame.rgb.copy()
+    for detection in detector.detect(frame.rgb):
+        seen = observe(frame, detection, frame.T_base_camera, ObservationConfig())
+        if isinstance(seen, Observation):
+            tint(result, frame, seen.points)
+        colour = FOUND if isinstance(seen, Observation) else REFUSED
+        x0, y0, x1, y1 = (round(edge) for edge in detection.box)
+        cv2.rectangle(result, (x0, y0), (x1, y1), colour, 2)
+        text = f"{detection.confidence:.2f}" + (
+            "" if isinstance(seen, Observation) else f" {seen.reason[:24]}"
+        )
+        cv2.putText(result, text, (x0 + 4, max(y0 - 6, 18)), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 2)
+    return np.asarray(cv2.resize(result, (480, 360), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def tint(image: NDArray[np.uint8], frame: Frame, points: NDArray[np.float32]) -> None:
+    """Colour the pixels of (N, 3) points in the base's frame."""
+    k = frame.intrinsics
+    x, y, z = transform_points(inverse(frame.T_base_camera), points).T
+    u, v = (np.floor(k.fx * x / z + k.cx).astype(int), np.floor(k.fy * y / z + k.cy).astype(int))
+    image[v, u] = (0.6 * image[v, u] + 0.4 * np.array(FOUND)).astype(np.uint8)
+
+
+if __name__ == "__main__":
+    main()

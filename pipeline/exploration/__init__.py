@@ -1,0 +1,1 @@
+"""Exploration: the next best view, its baselines, and what a view should show."""

@@ -1,0 +1,1 @@
+"""Localisation: where the robot is in ``map``."""

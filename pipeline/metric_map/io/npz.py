@@ -1,0 +1,70 @@
+"""The metric map's own file: a versioned ``.npz``."""
+
+import zipfile
+import zlib
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
+
+FORMAT = "sarsim metric map"
+VERSION = 1
+
+
+def save_metric_map(metric_map: MetricMap, path: Path) -> None:
+    """Write a map as a compressed ``.npz``, whole or not at all.
+
+    Its entries: ``format`` (str) and ``version`` (int); ``lower`` (3,) int64, the index of the first voxel;
+    ``log_odds`` (nx, ny, nz) int8; and every field of the configuration under its own name.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    lower, upper = metric_map.bounds()
+    log_odds = metric_map.log_odds(lower, upper)
+    entries: dict[str, Any] = {"format": FORMAT, "version": VERSION, "lower": lower, "log_odds": log_odds}
+    with whole_file(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **entries, **asdict(metric_map.config))
+
+
+def load_metric_map(path: Path) -> MetricMap:
+    """Read what :func:`save_metric_map` wrote.
+
+    Raises:
+        InputError: the file is missing, damaged, foreign or of another version.
+    """
+    entries = _entries(path)
+    if str(entries.pop("format", "")) != FORMAT:
+        raise InputError(f"{path}: not a metric map")
+    if entries.pop("version", np.array(0)).tolist() != VERSION:
+        raise InputError(f"{path}: not of version {VERSION} of the metric map's format")
+    lower, log_odds = entries.pop("lower", np.zeros(0)), entries.pop("log_odds", np.zeros(0))
+    if lower.shape != (3,) or lower.dtype != np.int64 or log_odds.ndim != 3 or log_odds.dtype != np.int8:
+        raise InputError(f"{path}: lower or log_odds is missing or has the wrong shape or type")
+    settings: dict[str, Any] = {
+        name: tuple(value.tolist()) if value.ndim else value.item() for name, value in entries.items()
+    }
+    try:
+        result = MetricMap(MetricMapConfig(**settings))
+    except TypeError as error:
+        raise InputError(f"{path}: the settings of the metric map are incomplete or wrong") from error
+    result.set_log_odds(lower, log_odds)
+    return result
+
+
+def _entries(path: Path) -> dict[str, NDArray[Any]]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (ValueError, KeyError, EOFError, AttributeError, TypeError, NotImplementedError) as error:
+        raise InputError(f"{path}: not a readable metric map ({error})") from error
+    except (MemoryError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"{path}: a damaged metric map ({error})") from error

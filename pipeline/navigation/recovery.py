@@ -1,0 +1,73 @@
+"""Out of a place where the robot cannot turn, straight on or straight back; out of one that is shut, as it came."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import DrivableSurface
+
+CORNER = 0.355
+"""m from the robot's middle to what its chassis sweeps when it turns in place."""
+LONGEST = 0.8
+"""m that are tried."""
+STEP = 0.05
+"""m between the places that are tried."""
+NEAR = 0.1
+"""m around the robot that need not be drivable: it may have slid nearer to something than it may stand."""
+STRIDE = 0.4
+"""m between the places of a way back."""
+
+
+def way_out(
+    surface: DrivableSurface, T_map_base: NDArray[np.float64], was_held: bool = False
+) -> NDArray[np.float64]:
+    """(2,) m, the nearest place before or behind the robot where it can turn; its own if it need not go there.
+
+    Where no straight way leads to such a place, its own as well; but for a robot that ``was_held`` and has got
+    nowhere since, the place before or behind it with most room, if that is more than it has.
+    """
+    here, ahead = T_map_base[:2, 3], T_map_base[:2, 0] / np.linalg.norm(T_map_base[:2, 0])
+    if surface.grid.at(surface.to_hazard, here) >= CORNER:
+        return here
+    way = np.arange(STEP, LONGEST, STEP)
+    signed = np.stack([way, -way], axis=1).ravel()[:, None]
+    places, starts = here + signed * ahead, here + np.clip(signed, -NEAR, NEAR) * ahead
+    good = surface.grid.at(surface.turnable | surface.slidable, places)
+    good &= surface.lines_are_drivable(starts, places)
+    if good.any():
+        return places[good.argmax()]
+    return _roomiest(surface, here, places) if was_held else here
+
+
+def _roomiest(
+    surface: DrivableSurface, here: NDArray[np.float64], places: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(2,) m, of places (2 N, 2) by turns before and behind, the one with most room that the robot gets to."""
+    passable = surface.grid.at(surface.drivable, places) | (np.linalg.norm(places - here, axis=1) <= NEAR)
+    passable = np.logical_and.accumulate(passable.reshape(-1, 2)).ravel()
+    room = np.where(passable, surface.grid.at(surface.to_hazard, places), 0.0)
+    best = room.argmax()
+    return places[best] if room[best] > surface.grid.at(surface.to_hazard, here) + STEP else here
+
+
+def way_back(
+    surface: DrivableSurface, paths: ShortestPaths, track: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Where the robot came from, if the map says that it could not have: it slid there, or noise shut the way.
+
+    Args:
+        surface: where it may drive.
+        paths: that lead from where it is.
+        track: (N, 2) m where it has been, place by place.
+
+    Returns:
+        (M, 2) m, back along the track to the last place where it can turn and to which no path leads; None if
+        there is none.
+    """
+    can_turn = surface.grid.at(surface.turnable | surface.slidable, track)
+    beyond = np.flatnonzero(can_turn & ~np.isfinite(surface.grid.at(paths.cost, track)))
+    if not len(beyond):
+        return None
+    way = track[beyond[-1] :][::-1]
+    driven = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+    return way[np.append(np.diff(driven // STRIDE) > 0, True)]

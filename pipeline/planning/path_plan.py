@@ -1,0 +1,199 @@
+"""Path plan (thesis 3.4): Dijkstra's algorithm on the topological map."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.planning.visiting_order import visiting_order
+from pipeline.topological_map.links import drive_seconds
+from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
+from pipeline.traversability.shortest_paths import ShortestPaths, may_cut, simplify
+from pipeline.traversability.traversability import DrivableSurface
+
+_START, _GOAL = "start", "goal"
+THICKEST = 0.3
+"""m; ground that nobody has seen may be the inside of a wall if something so near cannot be driven on."""
+
+
+@dataclass(frozen=True, eq=False)
+class PathPlan:
+    """A way to a goal.
+
+    Attributes:
+        way_points: (N, 3) m in ``map``, from the first place to drive to up to the goal.
+        nodes: ids of the nodes that the way leads over or past.
+        length: m along the ground plan, from where the robot is.
+    """
+
+    way_points: NDArray[np.float64]
+    nodes: list[int]
+    length: float
+
+    def after(self, places: NDArray[np.float64], here: NDArray[np.float64]) -> "PathPlan":
+        """The same plan, if the robot first drives from here (3,) over places (N, 3) m, from whose last it begins."""
+        legs = np.diff(np.vstack([here, places])[:, :2], axis=0)
+        length = self.length + float(np.linalg.norm(legs, axis=1).sum())
+        return replace(self, way_points=np.vstack([places, self.way_points]), length=length)
+
+    def on_to(self, place: NDArray[np.float64]) -> "PathPlan":
+        """The same plan, and then straight on to a place (1, 3) m."""
+        leg = float(np.linalg.norm(place[0, :2] - self.way_points[-1, :2]))
+        return replace(self, way_points=np.vstack([self.way_points, place]), length=self.length + leg)
+
+
+def plan_path(
+    topology: TopologicalMap, surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike
+) -> PathPlan | None:
+    """The quickest way over the topological map from where ``paths`` start.
+
+    A goal in sight is driven to straight, unless ramps could be met more head-on. Otherwise the robot and the goal
+    are joined to every node that a straight drive reaches; if no way leads over nodes, the shortest way over the grid
+    is taken, and on a roadmap also where it is quicker by more than the roadmap's greatest detour: few nodes lie in
+    wide curves. Way points that a straight drive can pass by are left out.
+    Returns None if no way leads to the goal: :func:`obstacle_to` says why.
+    """
+    goal = np.asarray(goal, np.float64)[:2]
+    if obstacle_to(surface, paths, goal) is not None:
+        return None
+    assert paths.start is not None
+    grid_way = np.vstack([paths.start, paths.path_to(goal)[1:-1], goal])
+    if may_cut(surface, grid_way)[-1]:
+        return _plan(surface, grid_way[[0, -1]], [])
+    nodes = _nodes_between(topology, surface, paths.start, goal)
+    over_grid = simplify(surface, grid_way)
+    if nodes is None:
+        return _plan(surface, over_grid, [])
+    over_nodes = _shortened(surface, np.vstack([paths.start, _way_over(topology, nodes), goal]))
+    if topology.config.graph == "roadmap" and _is_quicker(over_grid, over_nodes, surface, topology.config):
+        return _plan(surface, over_grid, nodes)
+    return _plan(surface, over_nodes, nodes)
+
+
+def obstacle_to(surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike) -> str | None:
+    """Why the robot cannot drive to a goal (2,), in a line for the log; None if it can."""
+    goal = np.asarray(goal, np.float64)[:2]
+    grid = surface.grid
+    name = goal_name(goal)
+    if not np.isfinite(goal).all():
+        return f"{name} is not a place"
+    if paths.start is None:
+        return f"{name} cannot be driven to: the robot stands where it cannot drive"
+    if np.isnan(grid.at(surface.elevation, goal, outside=np.nan)):
+        if grid.at(surface.to_hazard, goal, outside=np.inf) < THICKEST:
+            return f"{name} is in a wall or right behind one: nobody has seen the ground there"
+        return f"{name} is off the map: nobody has seen the ground there"
+    if grid.at(surface.hazard, goal):
+        return f"{name} is in a wall, on a step or on ground too steep"
+    if not grid.at(surface.drivable, goal):
+        return f"{name} is too near to an obstacle or to unknown ground"
+    if not np.isfinite(paths.cost_to(goal)):
+        return f"{name} cannot be reached from ({paths.start[0]:.2f}, {paths.start[1]:.2f}) m"
+    return None
+
+
+def goal_name(goal: NDArray[np.float64]) -> str:
+    """What a goal (2,) is called in the log."""
+    return f"the goal {place_name(goal)}"
+
+
+def place_name(xy: NDArray[np.float64]) -> str:
+    """What a place (2,) is called in the log."""
+    x, y = np.round(xy, 2) + 0.0  # which makes 0 of -0
+    return f"({x:.2f}, {y:.2f}) m"
+
+
+def order_goals(
+    topology: TopologicalMap, surface: DrivableSurface, paths: ShortestPaths, goals: Sequence[ArrayLike]
+) -> list[int]:
+    """The order in which to visit several goals so that the drive from where ``paths`` start is short.
+
+    Times come from the topological map where it links the goals, and from the length of the way over the grid where
+    it links none. Goals that the robot cannot drive to are left out: :func:`obstacle_to` says why.
+
+    Returns:
+        Indices of ``goals``.
+    """
+    places = [np.asarray(goal, np.float64)[:2] for goal in goals]
+    wanted = [k for k, place in enumerate(places) if obstacle_to(surface, paths, place) is None]
+    if not wanted or paths.start is None:
+        return []
+    seconds = _seconds_between(topology, surface, [paths.start, *(places[k] for k in wanted)])
+    return [wanted[k - 1] for k in visiting_order(seconds)]
+
+
+def _seconds_between(
+    topology: TopologicalMap, surface: DrivableSurface, places: list[NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """(N, N) s from place to place: straight on, over the map, or else as long as a way around is likely to take."""
+    graph, names = topology.graph.copy(), [f"place {k}" for k in range(len(places))]
+    for name, place in zip(names, places, strict=True):
+        _link(graph, name, place, topology, surface)
+    result = np.zeros((len(places), len(places)))
+    for k, name in enumerate(names):
+        others = np.array(places)
+        starts = np.repeat(places[k][None], len(others), axis=0)
+        straight = drive_seconds(surface, starts, others, topology.config.links)
+        reach = nx.single_source_dijkstra_path_length(graph, name)
+        over = np.array([reach.get(other, np.inf) for other in names])
+        direct = np.where(surface.lines_are_drivable(starts, others), straight, np.inf)
+        least = np.minimum(over, direct)
+        result[k] = np.where(np.isfinite(least), least, 2 * straight)
+    return result
+
+
+def _nodes_between(
+    topology: TopologicalMap, surface: DrivableSurface, start: NDArray[np.float64], goal: NDArray[np.float64]
+) -> list[int] | None:
+    """Ids of the nodes on the quickest way, by Dijkstra's algorithm; None if there is no way over nodes."""
+    graph = topology.graph.copy()
+    for name, xy in ((_START, start), (_GOAL, goal)):
+        _link(graph, name, xy, topology, surface)
+    try:
+        return nx.dijkstra_path(graph, _START, _GOAL)[1:-1]
+    except nx.NetworkXNoPath:
+        return None
+
+
+def _way_over(topology: TopologicalMap, nodes: list[int]) -> NDArray[np.float64]:
+    """(N, 2) the places that the edges from node to node lead over."""
+    legs = [topology.way(a, b)[1:, :2] for a, b in pairwise(nodes)]
+    return np.vstack([topology.nodes[nodes[0]].position[None, :2], *legs])
+
+
+def _is_quicker(
+    way: NDArray[np.float64],
+    other: NDArray[np.float64],
+    surface: DrivableSurface,
+    config: TopologicalMapConfig,
+) -> bool:
+    """Whether a way (N, 2) that can be driven takes less time than another one by more than the greatest detour."""
+    seconds, longer = (drive_seconds(surface, w[:-1], w[1:], config.links).sum() for w in (way, other))
+    return bool(config.max_detour * seconds < longer and surface.lines_are_drivable(way[:-1], way[1:]).all())
+
+
+def _link(
+    graph: nx.Graph, name: str, xy: NDArray[np.float64], topology: TopologicalMap, surface: DrivableSurface
+) -> None:
+    """Join a place (2,) to every node that a straight drive reaches."""
+    graph.add_node(name)
+    for n, seconds in topology.links_from(xy, surface).items():
+        graph.add_edge(name, n, weight=seconds)
+
+
+def _shortened(surface: DrivableSurface, way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(M, 2) the way (N, 2) without the points that straight drives pass by."""
+    kept = [0]
+    while kept[-1] < len(way) - 1:
+        ahead = 1 + np.flatnonzero(may_cut(surface, way[kept[-1] :]))
+        kept.append(kept[-1] + (int(ahead[-1]) if len(ahead) else 1))
+    return way[kept]
+
+
+def _plan(surface: DrivableSurface, way: NDArray[np.float64], nodes: list[int]) -> PathPlan:
+    """The plan for a way (N, 2) that begins where the robot is."""
+    length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+    return PathPlan(surface.on_ground(way[1:]), nodes, length)

@@ -1,0 +1,1 @@
+"""The recording: everything that the robot knows, step by step, in Rerun."""

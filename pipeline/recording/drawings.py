@@ -1,0 +1,161 @@
+"""Maps and plans as Rerun draws them; lengths in m, everything in ``map``."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+import rerun as rr
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.exploration.next_best_view import View
+from pipeline.frame import Frame
+from pipeline.labels import COLOURS, Label
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.planning.path_plan import PathPlan
+from pipeline.segments.segments import Segments
+from pipeline.semantic_map.semantic_map import SemanticMap
+from pipeline.topological_map.topological_map import TopologicalMap
+
+EDGE_COLOUR = (25, 25, 25)
+PLAN_COLOUR = (0, 220, 255)
+FRONTIER_COLOUR = (220, 0, 220)
+TRAJECTORY_COLOUR = (255, 255, 255)
+
+_LIFT = np.array([0, 0, 0.06])
+"""m; what lies on the ground is drawn a little above it, where points and voxels do not hide it."""
+
+
+def annotations() -> rr.AnnotationContext:
+    """The label table."""
+    return rr.AnnotationContext(
+        [rr.AnnotationInfo(int(label), label.name.lower(), tuple(COLOURS[label])) for label in Label]
+    )
+
+
+def transform(T: NDArray[np.float64]) -> rr.Transform3D:
+    """A 4×4 pose."""
+    return rr.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3])
+
+
+def pinhole(frame: Frame) -> rr.Pinhole:
+    """The camera, with x right, y down, z forward."""
+    k = frame.intrinsics
+    return rr.Pinhole(
+        resolution=[k.width, k.height],
+        focal_length=[k.fx, k.fy],
+        principal_point=[k.cx, k.cy],
+        camera_xyz=rr.ViewCoordinates.RDF,
+        image_plane_distance=0.35,
+    )
+
+
+def colour_image(rgb: NDArray[np.uint8], quality: int) -> rr.EncodedImage:
+    """(H, W, 3) uint8 as JPEG of a ``quality`` up to 100."""
+    _, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
+
+
+def depth_image(depth: NDArray[np.float32], max_depth: float) -> rr.EncodedDepthImage:
+    """(H, W) float32 m as a PNG of whole millimetres, 0 = no return; the colours end at ``max_depth`` m."""
+    millimetres = np.round(np.nan_to_num(depth, posinf=0, neginf=0) * 1000).clip(0, 65535).astype(np.uint16)
+    # Higher levels take five times as long for a tenth of the size.
+    _, data = cv2.imencode(".png", millimetres, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return rr.EncodedDepthImage(
+        data.tobytes(),
+        media_type="image/png",
+        meter=0.001,
+        colormap="turbo",
+        depth_range=(0, 1000 * max_depth),
+    )
+
+
+def label_image(frame: Frame, labels: NDArray[np.uint8]) -> rr.SegmentationImage:
+    """The classes of a frame's returns, (N,) uint8, back in the image; unlabelled where there is no return."""
+    image = np.full(frame.depth.shape, Label.UNLABELLED, np.uint8)
+    image[frame.returns] = labels
+    return rr.SegmentationImage(image)
+
+
+def occupied_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.VoxelGridMap:
+    """Voxels of the map, given by their (N, 3) centres, coloured by height."""
+    return _voxels(metric_map, centres, values=centres[:, 2], value_range=(-0.3, 1.5), colormap="viridis")
+
+
+def free_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.VoxelGridMap:
+    """Voxels of the map, given by their (N, 3) centres, as a mist."""
+    return _voxels(metric_map, centres, colors=[(150, 200, 255)] * len(centres), opacity=0.03)
+
+
+def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **looks: Any) -> rr.VoxelGridMap:
+    size = metric_map.config.voxel_size
+    return rr.VoxelGridMap(
+        metric_map.voxel_index(centres).astype(np.int32),
+        voxel_size=np.full(3, size),
+        translation=metric_map.voxel_centre(np.zeros((1, 3), np.int64))[0] - size / 2,
+        **looks,
+    )
+
+
+def labelled_points(semantic_map: SemanticMap, spacing: float) -> rr.Points3D:
+    """The semantic map, thinned to its oldest point in every cube of side ``spacing``."""
+    points = semantic_map.points()
+    x, y, z = np.floor(points / spacing).astype(np.int64).T
+    _, oldest = np.unique((x << 42) + (y << 21) + z, return_index=True)
+    return rr.Points3D(points[oldest], class_ids=semantic_map.labels()[oldest], radii=spacing * 0.75)
+
+
+def segment_boxes(segments: Segments) -> rr.Boxes3D:
+    """The segments' bounding boxes in the colours of their labels."""
+    boxes = [segment.box for segment in segments]
+    poses = np.array([box.T_map_box for box in boxes]).reshape(-1, 4, 4)
+    quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat() if boxes else np.zeros((0, 4))
+    return rr.Boxes3D(
+        centers=poses[:, :3, 3],
+        half_sizes=np.array([box.extent / 2 for box in boxes]).reshape(-1, 3),
+        quaternions=quaternions,
+        class_ids=[int(segment.label) for segment in segments],
+        labels=[f"{segment.label.name.lower()} {segment.id}" for segment in segments],
+        show_labels=False,
+        fill_mode="transparentfillmajorwireframe",
+    )
+
+
+def nodes(topology: TopologicalMap) -> rr.Points3D:
+    """The nodes, with their ids, in the colours of the segments they stand on."""
+    places = np.array([node.position for node in topology.nodes.values()]).reshape(-1, 3)
+    return rr.Points3D(
+        places + 1.5 * _LIFT,
+        class_ids=[int(node.label) for node in topology.nodes.values()],
+        labels=[str(n) for n in topology.nodes],
+        show_labels=False,
+        radii=0.09,
+    )
+
+
+def edges(topology: TopologicalMap) -> rr.LineStrips3D:
+    """The edges that plans are made on."""
+    ways = [topology.way(a, b) for a, b in topology.graph.edges]
+    return rr.LineStrips3D([way + _LIFT for way in ways], colors=EDGE_COLOUR, radii=0.015)
+
+
+def path(T_map_base: NDArray[np.float64], plan: PathPlan | None, view: View | None) -> rr.LineStrips3D:
+    """The way from where the robot is, with a short line at its end along the view; nothing without a plan."""
+    strips = []
+    if plan is not None:
+        strips.append(np.vstack([T_map_base[:3, 3], plan.way_points]))
+    if plan is not None and view is not None:
+        heading = 0.3 * np.array([np.cos(view.heading), np.sin(view.heading), 0])
+        strips.append(plan.way_points[-1] + np.array([np.zeros(3), heading]))
+    return rr.LineStrips3D([strip + 1.5 * _LIFT for strip in strips], colors=PLAN_COLOUR, radii=0.025)
+
+
+def frontier_points(frontiers: NDArray[np.float64]) -> rr.Points3D:
+    """(N, 3) middles of the frontiers."""
+    return rr.Points3D(frontiers + _LIFT, colors=FRONTIER_COLOUR, radii=0.06)
+
+
+def trajectory(positions: Sequence[ArrayLike], colour: tuple[int, int, int]) -> rr.LineStrips3D:
+    """Positions (3,) as one line."""
+    return rr.LineStrips3D([np.array(positions) + _LIFT], colors=colour, radii=0.008)

@@ -1,0 +1,106 @@
+"""Bounding boxes of surfaces: what the thesis keeps in memory in place of points (figure 6)."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.segments.plane import Plane
+from pipeline.transforms import from_rotation
+
+AZIMUTHS = np.deg2rad(np.arange(360))
+LEVEL = np.cos(np.deg2rad(8))
+"""A plane whose normal is nearer to vertical than this has no sure direction of ascent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """An oriented bounding box of a piece of plane.
+
+    Attributes:
+        T_map_box: 4×4, origin in the middle, z along the plane's normal, x level, y upwards in the plane.
+        extent: (3,) m, the lengths along x, y, z; z is the thickness that noise gives.
+    """
+
+    T_map_box: NDArray[np.float64]
+    extent: NDArray[np.float64]
+
+    @property
+    def area(self) -> float:
+        """m², in the plane."""
+        return float(self.extent[0] * self.extent[1])
+
+
+def corners(box: Box) -> NDArray[np.float64]:
+    """(8, 3) corners in ``map``: the four of the far face, the four of the face seen, x fastest."""
+    signs = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
+    return signs * (box.extent / 2) @ box.T_map_box[:3, :3].T + box.T_map_box[:3, 3]
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """How far points reach in 360 level directions, down and up. Hulls unite exactly, in any order, and only grow.
+
+    Attributes:
+        reach: (360,) float64, greatest x · cos(k°) + y · sin(k°), m.
+        low, high: least and greatest z, m.
+    """
+
+    reach: NDArray[np.float64]
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, points: NDArray[np.float32]) -> Self:
+        """The hull of (N, 3) points."""
+        outline = cv2.convexHull(np.ascontiguousarray(points[:, :2], np.float32))[:, 0].astype(np.float64)
+        reach = (outline @ np.stack([np.cos(AZIMUTHS), np.sin(AZIMUTHS)])).max(axis=0)
+        return cls(reach, float(points[:, 2].min()), float(points[:, 2].max()))
+
+    def union(self, other: "Hull") -> "Hull":
+        """The hull of both."""
+        return Hull(np.maximum(self.reach, other.reach), min(self.low, other.low), max(self.high, other.high))
+
+    def span(self, axis: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(2,) reach from ``origin`` (2,) against and along the level ``axis`` (2,), to the nearest degree."""
+        k = round(np.rad2deg(np.arctan2(axis[1], axis[0]))) % 360
+        offset = np.cos(AZIMUTHS[k]) * origin[0] + np.sin(AZIMUTHS[k]) * origin[1]
+        return np.array([-self.reach[(k + 180) % 360] - offset, self.reach[k] - offset])
+
+
+def bounding_box(plane: Plane, centre: NDArray[np.float64], hull: Hull, thickness: float) -> Box:
+    """The box around a hull in a plane.
+
+    Args:
+        plane: its axes are the box's.
+        centre: (3,) a point of the plane amid the hull's points.
+        hull: of the points.
+        thickness: m, along the normal.
+    """
+    n = plane.normal
+    level = abs(n[2]) > LEVEL
+    x = _least_area_axis(hull) if level else np.array([-n[1], n[0], 0.0])
+    y = np.cross(n, x)
+    y /= np.linalg.norm(y)
+    x = np.cross(y, n)
+    spans = np.stack([_span(hull, x, centre), _span(hull, y, centre), [-thickness / 2, thickness / 2]])
+    R = np.stack([x, y, n], axis=1)
+    return Box(from_rotation(R, centre + R @ spans.mean(axis=1)), spans[:, 1] - spans[:, 0])
+
+
+def _span(hull: Hull, axis: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2,) least and greatest coordinate along an ``axis`` in the hull's plane, from ``centre``."""
+    slant = np.hypot(axis[0], axis[1])
+    if abs(axis[2]) > slant:
+        return np.sort((np.array([hull.low, hull.high]) - centre[2]) / axis[2])
+    return hull.span(axis[:2], centre[:2]) / slant
+
+
+def _least_area_axis(hull: Hull) -> NDArray[np.float64]:
+    """The level direction of the rectangle of least area, x of the map if that is no more than 3 % larger."""
+    width = hull.reach + np.roll(hull.reach, 180)
+    area = width[:90] * width[90:180]
+    k = 0 if area[0] <= 1.03 * area.min() else int(area.argmin())
+    return np.array([np.cos(AZIMUTHS[k]), np.sin(AZIMUTHS[k]), 0.0])

@@ -1,0 +1,123 @@
+"""Which lines pass through which segments: the test for edges that cross walls (thesis 3.3, figures 8 to 10)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.segments.boxes import Box
+from pipeline.segments.cells import CELL
+from pipeline.segments.segments import Segment
+
+_SPACING = CELL / 2
+"""m, at most, between the places on a line where it is held against a surface."""
+_HALF_DIAGONAL = CELL * np.sqrt(3) / 2
+_TOUCH = 1e-9
+"""m by which boxes are larger, so that rounding does not decide what touches one."""
+
+
+def crossings(
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
+    segments: Sequence[Segment],
+    margin: float = 0.0,
+    height: float = 0.0,
+) -> NDArray[np.bool_]:
+    """Which of the straight lines from ``a`` to ``b`` pass through one of the segments.
+
+    The parametric line (thesis, equations 1 to 3) is clipped to the segment's box, which takes the place of the
+    plane of equation 4. What is inside must also come near a cell in which the surface was seen: a door in a wall
+    is open although the wall's box is not.
+
+    Args:
+        a: (N, 3) m in ``map``.
+        b: (N, 3) m in ``map``.
+        segments: those that block, of whatever label.
+        margin: m; a line that comes this near to a surface passes through it.
+        height: m, of the body that moves along the line: it reaches from the line up to so far above it.
+
+    Returns:
+        (N,) bool.
+    """
+    result = np.zeros(len(a), np.bool_)
+    near = _near_boxes(a, b, [segment.box for segment in segments], margin + _TOUCH, height)
+    rows = np.flatnonzero(near.any(axis=1))
+    if len(rows):
+        some = [segments[int(k)] for k in np.flatnonzero(near.any(axis=0))]
+        result[rows] = _cross(a[rows], b[rows], some, margin, height)
+    return result
+
+
+def _near_boxes(
+    a: NDArray[np.float64], b: NDArray[np.float64], boxes: Sequence[Box], margin: float, height: float
+) -> NDArray[np.bool_]:
+    """(N, S) where the upright box around a line and what moves along it meets that around a segment's box."""
+    T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
+    half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
+    reach = np.einsum("sij,sj->si", np.abs(T[:, :3, :3]), half)
+    low, high = np.minimum(a, b), np.maximum(a, b) + np.array([0, 0, height])
+    above = (low[:, None] <= T[:, :3, 3] + reach).all(axis=2)
+    return above & (high[:, None] >= T[:, :3, 3] - reach).all(axis=2)
+
+
+def _cross(
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
+    segments: Sequence[Segment],
+    margin: float,
+    height: float,
+) -> NDArray[np.bool_]:
+    """:func:`crossings` of lines and segments that are near each other."""
+    result = np.zeros(len(a), np.bool_)
+    boxes = [segment.box for segment in segments]
+    for lift in np.linspace(0, height, int(np.ceil(height / CELL)) + 1):
+        up = np.array([0, 0, lift])
+        start, end = a + up, b + up
+        enter, leave = clip(start, end, boxes, margin + _TOUCH)
+        for k in np.flatnonzero((enter <= leave).any(axis=0)):
+            lines = np.flatnonzero((enter[:, k] <= leave[:, k]) & ~result)
+            stretch = _sample(start[lines], end[lines], enter[lines, k], leave[lines, k])
+            result[lines] = _near_surface(*stretch, len(lines), segments[int(k)], margin)
+    return result
+
+
+def clip(
+    a: NDArray[np.float64], b: NDArray[np.float64], boxes: Sequence[Box], margin: float = 0.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where N lines are inside S boxes that are ``margin`` m larger on every side.
+
+    Returns:
+        (N, S) and (N, S), the t in [0, 1] at which x = a + (b - a) t enters and leaves; enter > leave where it never
+        does.
+    """
+    T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
+    half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
+    start = np.einsum("nsi,sij->nsj", a[:, None] - T[:, :3, 3], T[:, :3, :3])
+    step = np.einsum("ni,sij->nsj", b - a, T[:, :3, :3])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        first, last = (-half - start) / step, (half - start) / step
+    # A line along a pair of faces is between them always or never.
+    along, between = step == 0, np.abs(start) <= half
+    enter = np.where(along, np.where(between, -np.inf, np.inf), np.minimum(first, last))
+    leave = np.where(along, np.inf, np.maximum(first, last))
+    return np.maximum(enter.max(axis=2), 0), np.minimum(leave.min(axis=2), 1)
+
+
+def _sample(
+    a: NDArray[np.float64], b: NDArray[np.float64], enter: NDArray[np.float64], leave: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """(M, 3) points close together from where each line enters to where it leaves, and their (M,) lines."""
+    counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / _SPACING).astype(int) + 1
+    line = np.repeat(np.arange(len(a)), counts)
+    share = np.concatenate([np.linspace(0, 1, count) for count in counts] or [np.empty(0)])
+    t = enter[line] + share * (leave - enter)[line]
+    return a[line] + t[:, None] * (b - a)[line], line
+
+
+def _near_surface(
+    points: NDArray[np.float64], line: NDArray[np.intp], lines: int, segment: Segment, margin: float
+) -> NDArray[np.bool_]:
+    """(lines,) bool, the lines of which some point is near a cell of the segment."""
+    on_plane = points - segment.plane.distance(points)[:, None] * segment.plane.normal
+    distance, _ = segment.tree.query(on_plane)
+    return np.bincount(line, distance <= margin + _HALF_DIAGONAL, lines) > 0

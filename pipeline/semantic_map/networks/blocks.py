@@ -1,0 +1,90 @@
+"""Clouds cut into columns for the network, and the six channels of their points."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+from pipeline.semantic_map.classifier import CLASSES
+
+NO_CLASS = -1
+_CLASS_OF_LABEL = {label: number for number, label in enumerate(CLASSES)} | {
+    Label.VICTIM: CLASSES.index(Label.CLUTTER),  # finding victims is another stage's task
+    Label.UNLABELLED: NO_CLASS,
+}
+CLASS_OF_LABEL = np.array([_CLASS_OF_LABEL[label] for label in Label], np.int8)
+"""(8,) number of the class of every label."""
+
+
+@dataclass(frozen=True)
+class BlockConfig:
+    """How clouds become blocks; a network wants the settings that it was trained with."""
+
+    voxel_size: float = 0.03
+    """m; a cloud is thinned to one point a voxel, so that blocks near the camera are as dense as far ones."""
+    size: float = 1.0
+    """m, edge of a column in x and y."""
+    points: int = 4096
+    """Most points of a block."""
+    reach: float = 3.5
+    """m; normalized coordinates are the way from the camera as a share of its reach."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A column of a cloud, or a random part of one that has too many points.
+
+    Attributes:
+        index: (n,) its points in the cloud; one may be there several times.
+        points: (n, 6) float32, as :func:`channels` has them.
+    """
+
+    index: NDArray[np.int64]
+    points: NDArray[np.float32]
+
+
+def cut(
+    points: NDArray[np.float32],
+    camera: NDArray[np.floating],
+    config: BlockConfig,
+    shift: float,
+    fewest: int,
+    rng: np.random.Generator,
+) -> Iterator[Block]:
+    """Blocks that together hold every point at least once.
+
+    Args:
+        points: (M, 3) float32 in ``map``, finite.
+        camera: (3,) where it stood.
+        config: how to cut.
+        shift: m, by which the grid of columns is moved along x and y.
+        fewest: a smaller column is filled up with points drawn from it again.
+        rng: draws those, and deals out the points of a column that has too many.
+    """
+    columns = np.floor((points[:, :2] - shift) / config.size).astype(np.int64)
+    order = np.lexsort(columns.T)
+    ends = np.flatnonzero((np.diff(columns[order], axis=0) != 0).any(axis=1)) + 1
+    for index in np.split(order, ends) if len(points) else []:
+        centre = (columns[index[0]] + 0.5) * config.size + shift
+        parts = -(-len(index) // config.points)
+        for part in np.array_split(rng.permutation(index), parts) if parts > 1 else [index]:
+            if len(part) < fewest:
+                part = np.append(part, rng.choice(part, fewest - len(part)))
+            yield Block(part, channels(points[part], centre, camera, config))
+
+
+def channels(
+    points: NDArray[np.float32],
+    centre: NDArray[np.float64],
+    camera: NDArray[np.floating],
+    config: BlockConfig,
+) -> NDArray[np.float32]:
+    """(n, 6) float32: x and y from the middle of the block, z in ``map``, then normalized x, y, z.
+
+    S3DIS normalizes by the extent of a room. A frame has no such extent, but a reach: here it is the way from the
+    camera over that, so distances keep their proportions, and the noise of a point can be told from where it is.
+    """
+    here = points - np.append(centre, 0)
+    return np.concatenate([here, (points - camera) / config.reach], axis=1).astype(np.float32)

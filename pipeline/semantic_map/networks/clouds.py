@@ -1,0 +1,49 @@
+"""Labelled frames as clouds to train and to validate with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.semantic_map.classifier import CLASSES
+from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL
+from pipeline.semantic_map.voxels import VoxelCloud
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledCloud:
+    """A frame, thinned.
+
+    Attributes:
+        points: (M, 3) float32 in ``map``.
+        counts: (M, 6) uint16 returns by class in the voxel of each point.
+        camera: (3,) float64, where it stood.
+    """
+
+    points: NDArray[np.float32]
+    counts: NDArray[np.uint16]
+    camera: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, frame: Frame, T_map_camera: NDArray[np.float64], voxel_size: float) -> "LabelledCloud":
+        """From a frame with true labels; returns without a label are left out.
+
+        Raises:
+            InputError: the frame has no labels.
+        """
+        if frame.label is None:
+            raise InputError(f"the frame at {frame.time:.2f} s carries no true labels to learn from")
+        classes = CLASS_OF_LABEL[frame.label[frame.returns]]
+        known = classes >= 0
+        cloud = VoxelCloud.of(frame.points(T_map_camera)[known], voxel_size)
+        cells = cloud.voxel_of_point * len(CLASSES) + classes[known]
+        size = (len(cloud.points) + 1) * len(CLASSES)  # the last row has the returns that are nowhere
+        counts = np.bincount(cells, minlength=size).reshape(-1, len(CLASSES))[:-1]
+        return cls(cloud.points, counts.clip(max=65535).astype(np.uint16), T_map_camera[:3, 3])
+
+    @property
+    def classes(self) -> NDArray[np.int64]:
+        """(M,) most frequent class of every point."""
+        return self.counts.argmax(axis=1)

@@ -1,0 +1,206 @@
+"""The network's forward pass for one block on the CPU: several times as fast as it is written, and as exact."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn.functional import leaky_relu
+
+from pipeline.errors import InputError
+from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, SLOPE, Dgcnn, EdgeConv
+from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels as kernels
+from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
+
+TILE = 64
+"""Points at a time: what belongs to them, above all 1 MB of distances from 4,096 points, stays in the cache."""
+
+Features = NDArray[np.float32]
+Edges = Callable[[slice, NDArray[np.int32]], Features]
+"""From some of the points and their (R, k) neighbours to (R k, C) responses on the edges."""
+
+
+class FastDgcnn:
+    """A trained network made ready.
+
+    An EdgeConv's first layer is linear in [x_j − x_i, x_i], so it is applied to points and added up for edges as
+    A x_j + B x_i. A layer after an activation needs every edge. The very first layer is computed as it stands: it has
+    few channels, and the differences of neighbours are small numbers, which A x_j + B x_i would round away. The
+    maximum comes before batch norm and activation, which are monotone. The global feature is the same for all points,
+    so its share of the next layer is computed once.
+    """
+
+    def __init__(self, network: Dgcnn, threads: int | None = None) -> None:
+        """Take over the weights; ``threads`` is the number of processors if not given.
+
+        Raises:
+            InputError: k is too large.
+        """
+        if network.k > kernels.BOUNDS:
+            raise InputError(
+                f"DGCNN with k = {network.k}: at most {kernels.BOUNDS} neighbours can be selected"
+            )
+        self.channels, self.classes, self.k = network.channels, network.classes, network.k
+        self._threads = RowThreads(threads or os.cpu_count() or 1)
+        self._conv1, self._conv2, self._conv3 = (_Layer.all_of(conv) for conv in network.edge_convs)
+        self._embedding = _Layer.of(network.embedding).folded()
+        self._head1, self._head2 = _Layer.of(network.head1).folded(), _Layer.of(network.head2).folded()
+        self._classifier = network.classifier.weight.detach()[..., 0]
+
+    def __call__(self, points: Features) -> Features:
+        """(N, channels) float32 points to (N, classes) float32 logits.
+
+        Raises:
+            InputError: another number of channels, fewer than k points, or points that are not finite.
+        """
+        self._check(points)
+        return self._threads.run(lambda: self._logits(torch.from_numpy(np.ascontiguousarray(points))).numpy())
+
+    def _logits(self, x: Tensor) -> Tensor:
+        x1 = self._edge_conv(x[:, -GRAPH_CHANNELS:], self._edges_of_differences(x), self._conv1[1])
+        x2 = self._edge_conv(x1, self._edges_of_sums(x1), self._conv2[1])
+        x3 = self._last_edge_conv(x2)
+        return self._segment(torch.cat((x1, x2, x3), dim=1))
+
+    def _check(self, points: Features) -> None:
+        if points.ndim != 2 or points.shape[1] != self.channels or len(points) < self.k:
+            raise InputError(
+                f"DGCNN: a block of points {points.shape} is not (at least {self.k}, {self.channels})"
+            )
+        if not np.isfinite(points).all():
+            raise InputError("DGCNN: a block holds points that are not finite")
+
+    def _neighbours(self, x: Tensor) -> Callable[[slice], NDArray[np.int32]]:
+        """A function that finds the neighbours of some of the points, by their distances from all."""
+        # Added up in the same order as in network.nearest: another one rounds to other neighbours.
+        half_square = (x.T.contiguous().square().sum(dim=0) / 2).numpy()
+
+        def neighbours(rows: slice) -> NDArray[np.int32]:
+            product = linear(x[rows], x).numpy()
+            result = np.empty((len(product), self.k), np.int32)
+            kernels.select_nearest(product, half_square, result)
+            return result
+
+        return neighbours
+
+    def _edge_conv(self, graph: Tensor, edges: Edges, last: "_Layer") -> Tensor:
+        """An EdgeConv of two layers: the graph's (N, C) features, and the first layer's response on its edges."""
+        neighbours = self._neighbours(graph.contiguous())
+        features = np.empty((len(graph), len(last.weight)), np.float32)
+        scale, shift = last.scale.numpy(), last.shift.numpy()
+
+        def tile(rows: slice) -> None:
+            responses = linear(torch.from_numpy(edges(rows, neighbours(rows))), last.weight).numpy()
+            kernels.largest_edge(responses, scale, shift, SLOPE32, features[rows])
+
+        self._threads.over(len(graph), TILE, tile)
+        return torch.from_numpy(features)
+
+    def _edges_of_differences(self, x: Tensor) -> Edges:
+        first = self._conv1[0]
+        scale, shift = first.scale.numpy(), first.shift.numpy()
+
+        def edges(rows: slice, neighbours: NDArray[np.int32]) -> Features:
+            differences = np.empty((neighbours.size, 2 * self.channels), np.float32)
+            kernels.difference_edges(x.numpy(), rows.start, neighbours, differences)
+            responses = linear(torch.from_numpy(differences), first.weight).numpy()
+            kernels.normalize_edges(responses, scale, shift, SLOPE32)
+            return responses
+
+        return edges
+
+    def _edges_of_sums(self, x: Tensor) -> Edges:
+        of_neighbour, of_point = self._conv2[0].split(x)
+
+        def edges(rows: slice, neighbours: NDArray[np.int32]) -> Features:
+            responses = np.empty((neighbours.size, of_point.shape[1]), np.float32)
+            kernels.sum_edges(of_neighbour, of_point[rows], neighbours, SLOPE32, responses)
+            return responses
+
+        return edges
+
+    def _last_edge_conv(self, x: Tensor) -> Tensor:
+        """An EdgeConv of one layer: all of it can wait until after the maximum."""
+        of_neighbour, of_point = self._conv3[0].split(x)
+        neighbours = self._neighbours(x)
+        features = np.empty_like(of_point)
+
+        def tile(rows: slice) -> None:
+            kernels.largest_sum(of_neighbour, of_point[rows], neighbours(rows), SLOPE32, features[rows])
+
+        self._threads.over(len(x), TILE, tile)
+        return torch.from_numpy(features)
+
+    def _segment(self, local: Tensor) -> Tensor:
+        """(N, 192) features of the three EdgeConvs to (N, classes) logits."""
+        weight, bias = self._embedding
+        largest: list[Tensor] = []
+        self._threads.over(
+            len(local), TILE, lambda rows: largest.append(linear(local[rows], weight).amax(dim=0))
+        )
+        everything = leaky_relu(torch.stack(largest).amax(dim=0) + bias, SLOPE)
+        weight, bias = self._head1
+        of_everything, of_local = weight[:, : len(everything)], weight[:, len(everything) :].contiguous()
+        bias = bias + of_everything @ everything
+        logits = torch.empty(len(local), self.classes)
+
+        def tile(rows: slice) -> None:
+            x = leaky_relu(linear(local[rows], of_local, bias), SLOPE)
+            x = leaky_relu(linear(x, *self._head2), SLOPE)
+            logits[rows] = linear(x, self._classifier)
+
+        self._threads.over(len(local), TILE, tile)
+        return logits
+
+
+SLOPE32 = np.float32(SLOPE)
+
+
+def linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
+    """``x Wᵀ + b``, as torch.nn.functional.linear, which leaves float32 to MKL; on AMD oneDNN is twice as fast."""
+    return torch.ops.mkldnn._linear_pointwise(x, weight, bias, "none", [], "")
+
+
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """A linear map and what batch norm makes of its response, scale · W x + shift, with no scale below 0.
+
+    Attributes:
+        weight: (outputs, inputs) float32; rows whose scale would be negative change signs with it.
+        scale: (outputs,) float32.
+        shift: (outputs,) float32.
+    """
+
+    weight: Tensor
+    scale: Tensor
+    shift: Tensor
+
+    @classmethod
+    def of(cls, layer: nn.Sequential) -> "_Layer":
+        convolution, norm = cast(nn.Conv1d, layer[0]), cast(nn.BatchNorm1d, layer[1])
+        weight = convolution.weight.detach().flatten(start_dim=1)
+        mean, variance = cast(Tensor, norm.running_mean), cast(Tensor, norm.running_var)
+        # Rounded as in batch norm itself.
+        scale = torch.rsqrt(variance + norm.eps) * norm.weight.detach()
+        shift = norm.bias.detach().double() - mean.double() * scale.double()
+        sign = torch.where(scale < 0, -1.0, 1.0)
+        return cls(weight * sign[:, None], scale.abs(), shift.float())
+
+    @classmethod
+    def all_of(cls, conv: EdgeConv) -> "list[_Layer]":
+        return [cls.of(cast(nn.Sequential, layer)) for layer in conv.layers]
+
+    def folded(self) -> tuple[Tensor, Tensor]:
+        """Weight and bias of one linear map that does it all."""
+        return self.weight * self.scale[:, None], self.shift
+
+    def split(self, x: Tensor) -> tuple[Features, Features]:
+        """(N, outputs) A x and B x + shift of (N, C) features; the response on [x_j − x_i, x_i] is their sum."""
+        weight, bias = self.folded()
+        of_difference, of_point = weight.chunk(2, dim=1)
+        of_neighbour = linear(x, of_difference.contiguous())
+        return of_neighbour.numpy(), linear(x, of_point - of_difference, bias).numpy()

@@ -1,0 +1,95 @@
+"""Batch norm over responses that are not kept: their sums going forward, their largest going back."""
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn.functional import leaky_relu
+
+from pipeline.semantic_map.networks.dgcnn import SLOPE
+
+
+@dataclass(frozen=True, eq=False)
+class Norm:
+    """Batch norm over the responses of a batch: γ/σ · (r − μ) + β.
+
+    Attributes:
+        mean: (C,) float32, μ.
+        sigma: (C,) float32, σ.
+        gamma, beta: (C,) float32.
+        count: number of responses.
+    """
+
+    mean: Tensor
+    sigma: Tensor
+    gamma: Tensor
+    beta: Tensor
+    count: int
+
+    @classmethod
+    def of(
+        cls,
+        total: NDArray[np.float64],
+        total_square: NDArray[np.float64],
+        count: int,
+        sign: Tensor,
+        norm: nn.BatchNorm1d,
+    ) -> "Norm":
+        """From the sums of the responses times ``sign``; the layer's running mean and variance are kept up."""
+        mean = torch.from_numpy(total / count).float()
+        variance = torch.from_numpy(np.maximum(total_square / count - (total / count) ** 2, 0)).float()
+        running_mean, running_variance = cast(Tensor, norm.running_mean), cast(Tensor, norm.running_var)
+        momentum = cast(float, norm.momentum)
+        running_mean.lerp_(mean * sign, momentum)
+        running_variance.lerp_(variance * (count / max(count - 1, 1)), momentum)
+        sigma = (variance + norm.eps).sqrt()
+        return cls(mean, sigma, norm.weight.detach() * sign, norm.bias.detach(), count)
+
+    @property
+    def scale(self) -> Tensor:
+        """γ/σ."""
+        return self.gamma / self.sigma
+
+    @property
+    def shift(self) -> Tensor:
+        """β − μ γ/σ."""
+        return self.beta - self.mean * self.scale
+
+    def affine(self, to_gamma: Tensor, to_beta: Tensor) -> tuple[Tensor, Tensor]:
+        """Of what batch norm takes from the gradient of a response r, p + q r, the p and the q."""
+        factor = self.scale * to_gamma / (self.sigma * self.count)
+        return self.scale * to_beta / self.count - factor * self.mean, factor
+
+
+@dataclass(frozen=True, eq=False)
+class Largest:
+    """The largest responses of groups, and what became of them.
+
+    Attributes:
+        responses: (R, C) float32, before batch norm.
+        winners: (R, C) int32, which of its group each is.
+        norm: with γ ≥ 0, so that the largest stays the largest.
+    """
+
+    responses: Tensor
+    winners: NDArray[np.int32]
+    norm: Norm
+
+    def activated(self) -> Tensor:
+        """(R, C) after batch norm and LeakyReLU."""
+        return leaky_relu(self.responses * self.norm.scale + self.norm.shift, SLOPE)
+
+    def backward(self, gradient: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """From the gradient of ``activated``, to the winners' responses before batch norm's share, to γ and to β."""
+        norm = self.norm
+        normalized = (self.responses - norm.mean) / norm.sigma
+        step = torch.where(normalized * norm.gamma + norm.beta > 0, gradient, SLOPE * gradient)
+        return step * norm.scale, (step * normalized).sum(dim=0), step.sum(dim=0)
+
+
+def signs(gamma: Tensor) -> Tensor:
+    """−1 where batch norm turns the order of responses round, else 1."""
+    return torch.where(gamma < 0, -1.0, 1.0)

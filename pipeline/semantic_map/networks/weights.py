@@ -1,0 +1,89 @@
+"""Weights as safetensors files, under the tensor names of the published checkpoints (antao97/dgcnn.pytorch)."""
+
+from pathlib import Path
+from typing import cast
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from pipeline.semantic_map.networks.dgcnn import Dgcnn
+
+_NETWORK = "dgcnn"
+
+
+def load_weights(path: Path) -> tuple[Dgcnn, dict[str, str]]:
+    """A network in evaluation mode, and what the file says about it (nothing, where others wrote it).
+
+    Number of channels and classes follow from the weights. k stands in the file's metadata, 20 if not.
+
+    Raises:
+        InputError: no such file, not safetensors, weights of another network, or numbers that are not finite.
+    """
+    tensors, metadata = _read(path)
+    if metadata.get("network", _NETWORK) != _NETWORK:
+        raise InputError(f"{path}: weights of {metadata['network']}, not of {_NETWORK}")
+    try:
+        channels, classes = tensors["conv1.0.weight"].shape[1] // 2, tensors["conv9.weight"].shape[0]
+        network = Dgcnn(channels, classes, int(metadata.get("k", 20)))
+    except (KeyError, IndexError, ValueError) as error:
+        raise InputError(
+            f"{path}: not a DGCNN for segmentation: conv1.0.weight or conv9.weight is amiss"
+        ) from error
+    _fill(network, tensors, path)
+    return network.eval(), metadata
+
+
+def save_weights(path: Path, network: Dgcnn, metadata: dict[str, str] | None = None) -> None:
+    """Write the weights, with ``metadata`` about them. InputError if that is impossible."""
+    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in published_names(network).items()}
+    with whole_file(path) as file:
+        save_file(tensors, file, {"network": _NETWORK, "k": str(network.k)} | (metadata or {}))
+
+
+def published_names(network: Dgcnn) -> dict[str, Tensor]:
+    """All parameters and running statistics, shared with the network, by their published names."""
+    layers = [cast(nn.Sequential, layer) for conv in network.edge_convs for layer in conv.layers]
+    layers += [network.embedding, network.head1, network.head2]
+    tensors = {"conv9.weight": network.classifier.weight.data}
+    for number, (linear, norm, _) in enumerate(layers, start=1):
+        tensors[f"conv{number}.0.weight"] = cast(Tensor, linear.weight).data
+        tensors |= {f"bn{number}.{name}": tensor.data for name, tensor in norm.state_dict().items()}
+    return tensors
+
+
+def _fill(network: Dgcnn, tensors: dict[str, Tensor], path: Path) -> None:
+    """Copy the tensors into the network; no more and no fewer than it needs."""
+    wanted = published_names(network)
+    # The published code registers its batch norms twice, as bn1 and as conv1.1.
+    tensors = {name: t for name, t in tensors.items() if not (name[:4] == "conv" and name[5:8] == ".1.")}
+    _refuse(sorted(wanted.keys() - tensors.keys()), "missing", path)
+    _refuse(sorted(tensors.keys() - wanted.keys()), "unknown", path)
+    for name, tensor in tensors.items():
+        if tensor.shape != wanted[name].shape:
+            shapes = f"{tuple(tensor.shape)} instead of {tuple(wanted[name].shape)}"
+            raise InputError(f"{path}: weights of another network: {name} is {shapes}")
+        if not tensor.double().isfinite().all():
+            raise InputError(f"{path}: {name} holds numbers that are not finite")
+        wanted[name].copy_(tensor)
+
+
+def _refuse(names: list[str], what: str, path: Path) -> None:
+    if names:
+        others = f" and {len(names) - 1} more" if names[1:] else ""
+        raise InputError(f"{path}: weights of another network: {names[0]}{others} {what}")
+
+
+def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
+    try:
+        if path.read_bytes()[:2] in (b"PK", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"):
+            raise InputError(f"{path}: a pickle, which could run code: have it converted to safetensors")
+        with safe_open(path, framework="pt") as file:
+            names = file.keys()
+            return {name: file.get_tensor(name) for name in names}, file.metadata() or {}
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except SafetensorError as error:
+        raise InputError(f"{path}: not a whole safetensors file: {' '.join(str(error).split())}") from error

@@ -1,0 +1,1 @@
+"""Traversability: how high the ground is, and where the robot may drive on it."""

@@ -1,0 +1,160 @@
+"""Shortest drivable paths on the surface grid: they tell what is reachable and join what the nodes leave apart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.traversability import shortest_paths_kernels as kernels
+from pipeline.traversability.traversability import DrivableSurface
+
+SHAVE = 0.3
+"""m; so much further a straight drive may lead where the robot cannot turn: 0.37 m beside the end of a thin wall, of
+which the camera may have missed the last few centimetres."""
+LAST = 0.3
+"""m of a path that tell in which direction it ends."""
+
+
+@dataclass(frozen=True)
+class PathConfig:
+    """How paths over the grid are weighed.
+
+    Attributes:
+        ramp_alignment: largest angle between a drive over a ramp and its slope, rad. On eight neighbours no
+            ramp can be met more exactly than 22.5°.
+        ramp_cost: a metre on a ramp counts as much as so many on the level.
+        narrow_cost: the same for a metre where the robot cannot turn, which keeps paths off the corners of walls.
+        tight_turn: to turn along or across the slope of a ramp without room to slide counts as so many metres.
+        snap: a point off the drivable surface is moved onto it from no further than this, m.
+    """
+
+    ramp_alignment: float = np.deg2rad(23)
+    ramp_cost: float = 2.0
+    narrow_cost: float = 1.5
+    tight_turn: float = 3.0
+    snap: float = 0.5
+
+
+class ShortestPaths:
+    """All shortest paths over the drivable surface from one point, or from the nearest of several.
+
+    Attributes:
+        start: (2,) the point on the surface that stands for the (first) wanted one, m; None where there is none near.
+        cost: (nx, ny) float32 m, ramps and narrow places counted dearer; inf where no path leads.
+    """
+
+    def __init__(self, surface: DrivableSurface, start: ArrayLike, config: PathConfig | None = None):
+        """``start``: (2,) or (K, 2) points, m; more columns are ignored."""
+        self._config = config or PathConfig()
+        self._surface = surface
+        wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
+        snapped = [surface.grid.nearest(surface.drivable, xy, self._config.snap) for xy in wanted]
+        starts = [xy for xy in snapped if xy is not None]
+        self.start = snapped[0]
+        if not starts:
+            self.cost = np.full(surface.drivable.shape, np.inf, np.float32)
+            return
+        weight = np.where(surface.turnable, 1.0, self._config.narrow_cost)
+        weight[surface.ramp] = self._config.ramp_cost
+        cell = surface.grid.cell
+        cost, self._parent = kernels.shortest_paths(
+            surface.grid.cell_of(starts),
+            weight,
+            self._config.tight_turn / cell,
+            surface.rules(self._config.ramp_alignment),
+        )
+        self.cost = cost.min(axis=0) * np.float32(cell)
+        self._arrives_across = cost[1] < cost[0]
+
+    @property
+    def reachable(self) -> NDArray[np.bool_]:
+        """(nx, ny) cells to which a path leads."""
+        return np.isfinite(self.cost)
+
+    def cost_to(self, xy: ArrayLike) -> float:
+        """Cost to a point, m; inf where no path leads."""
+        return float(self._surface.grid.at(self.cost, xy, outside=np.inf))
+
+    def arrival_at(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """(N,) heading in rad at which the paths to (N, 2) reachable points end; 0 at the start itself.
+
+        It is that of the last ``LAST`` m, since a drive cuts the corners of a path over cells.
+        """
+        state = self._state(xy)
+        cells = self._cell(state)
+        for _ in range(round(LAST / self._surface.grid.cell)):
+            before = self._parent[state]
+            state = np.where(before >= 0, before, state)
+        way = cells - self._cell(state)
+        return np.arctan2(way[:, 1], way[:, 0])
+
+    def pass_by(self, mask: NDArray[np.bool_], xy: ArrayLike) -> NDArray[np.bool_]:
+        """(N,) whether the paths to (N, 2) reachable points lead over a mask (nx, ny), both ends included."""
+        state = self._state(xy)
+        passed = np.zeros(len(state), np.bool_)
+        on_way = np.arange(len(state))
+        while len(on_way):
+            passed[on_way] = mask.ravel()[state[on_way] % mask.size]
+            on_way = on_way[~passed[on_way]]
+            state[on_way] = self._parent[state[on_way]]
+            on_way = on_way[state[on_way] >= 0]
+        return passed
+
+    def sources(self) -> NDArray[np.int64]:
+        """(nx, ny) flat index of the cell of that start from which the path to each cell comes; -1 if none leads."""
+        if not self.reachable.any():
+            return np.full(self.cost.shape, -1)
+        source = np.where(self._parent >= 0, self._parent, np.arange(len(self._parent)))
+        while (source != source[source]).any():
+            source = source[source]
+        along, across = source.reshape(2, *self.cost.shape) % self.cost.size
+        return np.where(self.reachable, np.where(self._arrives_across, across, along), -1)
+
+    def path_to(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """(N, 2) cell centres from the (nearest) start to a reachable point, m."""
+        state, states = self._state(xy), []
+        while state >= 0:
+            states.append(state)
+            state = self._parent[state]
+        return self._surface.grid.centre_of(self._cell(np.array(states[::-1])))
+
+    def _state(self, xy: ArrayLike) -> NDArray[np.int64]:
+        """(...) the state in which the paths to points (..., 2) end."""
+        cell = tuple(np.moveaxis(self._surface.grid.cell_of(xy), -1, 0))
+        flat = np.ravel_multi_index(cell, self.cost.shape)
+        return np.asarray(flat + self.cost.size * self._arrives_across[cell])
+
+    def _cell(self, state: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(..., 2) the cells of states (...)."""
+        return np.stack(np.unravel_index(state % self.cost.size, self.cost.shape), axis=-1)
+
+
+def may_cut(surface: DrivableSurface, way: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N - 1,) which of the later points of a way (N, 2) the robot can drive to straight from the first.
+
+    Ramps are met head-on and corners are given a wide berth as by the way itself: no straight drive leads further
+    across a slope than the way does, nor much further where the robot cannot turn.
+    """
+    first = np.repeat(way[:1], len(way) - 1, axis=0)
+    narrow = ~surface.turnable & ~surface.ramp
+    allowed = surface.lines_are_drivable(first, way[1:])
+    for metres, spare in (
+        (surface.metres_across, surface.grid.cell),
+        (lambda a, b: surface.metres_on(a, b, narrow), SHAVE),
+    ):
+        allowed &= metres(first, way[1:]) <= np.cumsum(metres(way[:-1], way[1:])) + spare
+    return allowed
+
+
+def simplify(surface: DrivableSurface, path: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The fewest points of a grid path that straight drivable lines join; bends lie where the robot can turn."""
+    bends = [0]
+    while bends[-1] < len(path) - 1:
+        rest = np.arange(bends[-1] + 1, len(path))
+        ahead = may_cut(surface, path[bends[-1] :])
+        turnable = surface.grid.at(surface.turnable, path[rest])
+        turnable[-1] = True
+        slidable = turnable | surface.grid.at(surface.slidable, path[rest])
+        choices = (rest[ahead & turnable], rest[ahead & slidable], rest[ahead], rest[:1])
+        bends.append(int(next(choice for choice in choices if len(choice))[-1]))
+    return path[bends]

@@ -1,0 +1,157 @@
+"""The texts of YOLOv3, of YOLOv3-tiny, and of a YOLOv3 small enough for a robot's processor.
+
+``python -m pipeline.victims.detection.architectures FOLDER`` writes the first two as published for COCO.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from pipeline.files import whole_file
+
+COCO_CLASSES = 80
+Anchors = Sequence[tuple[float, float]]
+# Fitted to COCO by Redmon and Farhadi, arXiv:1804.02767, and as in the published yolov3-tiny.cfg.
+COCO_ANCHORS = (
+    (10, 13),
+    (16, 30),
+    (33, 23),
+    (30, 61),
+    (62, 45),
+    (59, 119),
+    (116, 90),
+    (156, 198),
+    (373, 326),
+)
+COCO_TINY_ANCHORS = ((10, 14), (23, 27), (37, 58), (81, 82), (135, 169), (344, 319))
+
+
+class CfgWriter:
+    """Writes a ``.cfg``, section by section."""
+
+    def __init__(self, width: int, height: int, classes: int, anchors: Anchors) -> None:
+        """A network for images of ``width`` × ``height`` pixels; the anchors go from small to large."""
+        self._classes, self._anchors = classes, anchors
+        self._text = ""
+        self._count = -1
+        self.section("net", width=width, height=height, channels=3)
+
+    def section(self, kind: str, **settings: object) -> int:
+        """Add one; the number of its layer."""
+        lines = [f"{'from' if key == 'source' else key}={value}\n" for key, value in settings.items()]
+        self._text += f"[{kind}]\n" + "".join(lines) + "\n"
+        self._count += 1
+        return self._count - 1
+
+    def conv(self, filters: int, size: int, stride: int = 1) -> int:
+        """Convolution, batch normalization and leaky ReLU."""
+        return self.section(
+            "convolutional",
+            batch_normalize=1,
+            filters=filters,
+            size=size,
+            stride=stride,
+            pad=1,
+            activation="leaky",
+        )
+
+    def residual(self, filters: int) -> int:
+        """Darknet-53's block."""
+        self.conv(filters // 2, 1)
+        self.conv(filters, 3)
+        return self.section("shortcut", source=-3, activation="linear")
+
+    def head(self, mask: Sequence[int]) -> None:
+        """Boxes at this scale, of the anchors of these numbers."""
+        filters = len(mask) * (5 + self._classes)
+        self.section("convolutional", filters=filters, size=1, stride=1, pad=1, activation="linear")
+        self.section(
+            "yolo",
+            mask=",".join(map(str, mask)),
+            anchors=", ".join(f"{w:g},{h:g}" for w, h in self._anchors),
+            classes=self._classes,
+            num=len(self._anchors),
+        )
+
+    def upward(self, back: int, filters: int, skip: int) -> None:
+        """From the layer ``back`` before the head to the next finer scale, joined with layer ``skip``."""
+        self.section("route", layers=-back)
+        self.conv(filters, 1)
+        self.section("upsample", stride=2)
+        self.section("route", layers=f"-1,{skip}")
+
+    @property
+    def text(self) -> str:
+        """All sections."""
+        return self._text
+
+
+def yolov3(width: int, height: int, classes: int, anchors: Anchors) -> str:
+    """Darknet-53 with three scales, nine anchors."""
+    cfg = CfgWriter(width, height, classes, anchors)
+    cfg.conv(32, 3)
+    stages = []
+    for filters, blocks in ((64, 1), (128, 2), (256, 8), (512, 8), (1024, 4)):
+        cfg.conv(filters, 3, 2)
+        stages.append([cfg.residual(filters) for _ in range(blocks)][-1])
+    for scale, filters in enumerate((512, 256, 128)):
+        if scale > 0:
+            cfg.upward(4, filters, stages[-1 - scale])
+        for _ in range(3):
+            cfg.conv(filters, 1)
+            cfg.conv(2 * filters, 3)
+        cfg.head(range(6 - 3 * scale, 9 - 3 * scale))
+    return cfg.text
+
+
+def yolov3_tiny(width: int, height: int, classes: int, anchors: Anchors) -> str:
+    """Seven convolutions with maxima between them and two scales, six anchors."""
+    cfg = CfgWriter(width, height, classes, anchors)
+    for filters in (16, 32, 64, 128):
+        cfg.conv(filters, 3)
+        cfg.section("maxpool", size=2, stride=2)
+    fine = cfg.conv(256, 3)
+    cfg.section("maxpool", size=2, stride=2)
+    cfg.conv(512, 3)
+    cfg.section("maxpool", size=2, stride=1)
+    cfg.conv(1024, 3)
+    cfg.conv(256, 1)
+    cfg.conv(512, 3)
+    cfg.head((3, 4, 5))
+    cfg.upward(4, 128, fine)
+    cfg.conv(256, 3)
+    cfg.head((0, 1, 2))
+    return cfg.text
+
+
+def yolov3_small(width: int, height: int, classes: int, anchors: Anchors) -> str:
+    """YOLOv3 with a quarter of its channels and one block a stage, nine anchors."""
+    cfg = CfgWriter(width, height, classes, anchors)
+    cfg.conv(16, 3, 2)
+    cfg.conv(32, 3, 2)
+    stages = []
+    for filters in (64, 128, 256):
+        cfg.conv(filters, 3, 2)
+        stages.append(cfg.residual(filters))
+    for scale, filters in enumerate((128, 64, 32)):
+        if scale > 0:
+            cfg.upward(4, filters, stages[-1 - scale])
+        cfg.conv(filters, 1)
+        cfg.conv(2 * filters, 3)
+        cfg.head(range(6 - 3 * scale, 9 - 3 * scale))
+    return cfg.text
+
+
+def main() -> None:
+    """Write the published networks into the folder that the command line names."""
+    folder = Path(sys.argv[1])
+    for name, build, anchors in (
+        ("yolov3", yolov3, COCO_ANCHORS),
+        ("yolov3-tiny", yolov3_tiny, COCO_TINY_ANCHORS),
+    ):
+        with whole_file(folder / f"{name}.cfg") as file:
+            file.write_text(build(416, 416, COCO_CLASSES, anchors))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""Average precision as COCO counts it (Lin et al., arXiv:1405.0312, and its published evaluation), of one class.
+
+Unlike there, precision is taken at every recall, not at 101 of them.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.victims.detection.boxes import overlaps
+
+
+@dataclass
+class AveragePrecision:
+    """Gathers detections image by image.
+
+    Attributes:
+        overlap: least intersection over union of a detection with what it has found.
+    """
+
+    overlap: float = 0.5
+    _scores: list[float] = field(default_factory=list)
+    _right: list[bool] = field(default_factory=list)
+    _present: int = 0
+
+    def add(
+        self,
+        boxes: NDArray[np.floating],
+        scores: NDArray[np.floating],
+        truths: NDArray[np.floating],
+        ignored: NDArray[np.bool_],
+    ) -> None:
+        """Add an image: (N, 4) detections with their (N,) scores and (M, 4) true boxes, some of them ignored."""
+        order = np.argsort(-scores, kind="stable")
+        found = match(overlaps(boxes[order], truths), ignored, self.overlap)
+        counts = (found < 0) | ~np.append(ignored, False)[found]
+        self._scores += scores[order][counts].tolist()
+        self._right += (found >= 0)[counts].tolist()
+        self._present += int((~ignored).sum())
+
+    @property
+    def value(self) -> float:
+        """Area under precision over recall, precision made to fall; NaN where there was nothing to find."""
+        if self._present == 0:
+            return float("nan")
+        right = np.array(self._right, bool)[np.argsort(-np.array(self._scores), kind="stable")]
+        found = np.cumsum(right)
+        precision = found / np.arange(1, len(right) + 1)
+        highest = np.maximum.accumulate(precision[::-1])[::-1]
+        return float(highest[right].sum() / self._present)
+
+
+def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], least: float) -> NDArray[np.intp]:
+    """What each detection has found.
+
+    Each takes the truth that it overlaps most of those that no better detection has taken; one that is ignored only
+    if there is none else, and that one may be taken again and again.
+
+    Args:
+        overlap: (N, M) of the detections, the best first, with the truths.
+        ignored: (M,) truths.
+        least: overlap.
+
+    Returns:
+        (N,) index of a truth, −1 = none.
+    """
+    free = np.ones(len(ignored), bool)
+    found = np.full(len(overlap), -1, np.intp)
+    for detection, row in enumerate(overlap):
+        for candidates in (free & ~ignored, ignored):
+            near = np.where(candidates & (row >= least), row, -1)
+            if found[detection] < 0 and near.max(initial=-1) >= 0:
+                found[detection] = near.argmax()
+        if found[detection] >= 0:
+            free[found[detection]] = False
+    return found

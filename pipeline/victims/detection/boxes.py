@@ -1,0 +1,62 @@
+"""Boxes as rows of x0, y0, x1, y1 in pixels: what a network's numbers mean, overlap, and one box for each thing."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, logit
+
+from pipeline.victims.detection.darknet_cfg import Yolo
+
+LARGEST_EXPONENT = (
+    20.0  # of an anchor's size: nothing in an image is so large, and its square is still a float32
+)
+
+
+def decode(
+    head: NDArray[np.float32], yolo: Yolo, width: int, height: int, threshold: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Boxes of one scale, by equations of section 2.1 of YOLOv3.
+
+    Args:
+        head: (anchors · (5 + classes), H, W) what went into [yolo].
+        yolo: the scale.
+        width: of the network's input, pixels.
+        height: of the network's input, pixels.
+        threshold: least objectness, over 0.
+
+    Returns:
+        (N, 4) boxes in the network's input, pixels, and (N, classes) objectness times class probability.
+    """
+    rows, columns = head.shape[1:]
+    cells = head.reshape(len(yolo.mask), 5 + yolo.classes, rows, columns)
+    anchor, y, x = np.nonzero(cells[:, 4] >= logit(threshold))
+    found = cells[anchor, :, y, x]
+    middle = (expit(found[:, :2]) + np.stack([x, y], axis=1)) * (width / columns, height / rows)
+    sizes = np.array(yolo.anchors)[list(yolo.mask)][anchor]
+    half = np.exp(np.minimum(found[:, 2:4], LARGEST_EXPONENT)) * sizes / 2
+    boxes = np.concatenate([middle - half, middle + half], axis=1)
+    return boxes.astype(np.float32), expit(found[:, 5:]) * expit(found[:, 4:5])
+
+
+def areas(boxes: NDArray[np.floating]) -> NDArray[np.floating]:
+    """(N,) square pixels; 0 of a box that is turned inside out."""
+    return np.prod(np.maximum(boxes[:, 2:] - boxes[:, :2], 0), axis=1)
+
+
+def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(N, M) intersection over union of (N, 4) with (M, 4) boxes; 0 where both are empty."""
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
+    common = np.prod(np.maximum(high - low, 0), axis=2, dtype=np.float64)
+    union = areas(a)[:, None] + areas(b)[None] - common
+    return np.divide(common, union, out=np.zeros_like(common), where=union > 0)
+
+
+def suppress(boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap: float) -> NDArray[np.intp]:
+    """Indices of the boxes that overlap none with a higher score by more than that: greedy, best first."""
+    order = np.argsort(-scores, kind="stable")
+    kept: list[int] = []
+    while len(order):
+        best, order = order[0], order[1:]
+        kept.append(best)
+        order = order[overlaps(boxes[[best]], boxes[order])[0] <= overlap]
+    return np.array(kept, np.intp)

@@ -1,0 +1,196 @@
+"""Networks as Darknet describes them: the text of a ``.cfg`` file, read into typed layers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.victims.detection.cfg_section import CfgSection, read_sections
+
+
+@dataclass(frozen=True)
+class Convolutional:
+    """A convolution; ``padding`` is on each side."""
+
+    filters: int
+    size: int
+    stride: int
+    padding: int
+    batch_normalize: bool
+    activation: str
+
+
+@dataclass(frozen=True)
+class Maxpool:
+    """The highest of a window; ``padding`` is shared by both sides, an odd rest goes to the right and the bottom."""
+
+    size: int
+    stride: int
+    padding: int
+
+
+@dataclass(frozen=True)
+class Upsample:
+    """Every pixel repeated ``stride`` times both ways."""
+
+    stride: int
+
+
+@dataclass(frozen=True)
+class Route:
+    """The channels of the layers of these numbers, one after another."""
+
+    layers: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Shortcut:
+    """The layer before plus the layer of this number."""
+
+    layer: int
+
+
+@dataclass(frozen=True)
+class Yolo:
+    """Boxes at one scale: those of ``anchors`` (width, height in pixels of the input) that ``mask`` numbers."""
+
+    anchors: tuple[tuple[float, float], ...]
+    mask: tuple[int, ...]
+    classes: int
+
+    @property
+    def channels(self) -> int:
+        """Numbers in each cell: x, y, width, height, objectness and the classes of every anchor."""
+        return len(self.mask) * (5 + self.classes)
+
+
+Layer = Convolutional | Maxpool | Upsample | Route | Shortcut | Yolo
+
+
+@dataclass(frozen=True)
+class DarknetCfg:
+    """A network.
+
+    Attributes:
+        width: of its input, pixels.
+        height: of its input, pixels.
+        channels: of its input.
+        layers: in order; layers refer to one another by the index in it.
+        name: what errors call it.
+    """
+
+    width: int
+    height: int
+    channels: int
+    layers: tuple[Layer, ...]
+    name: str = "cfg"
+
+    @classmethod
+    def read(cls, path: Path) -> "DarknetCfg":
+        """From a file. InputError where it cannot be read, or as of :meth:`parse`."""
+        try:
+            return cls.parse(path.read_text(), str(path))
+        except UnicodeDecodeError as error:
+            raise InputError(f"{path}: not a text: not a Darknet .cfg") from error
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}") from error
+
+    @classmethod
+    def parse(cls, text: str, name: str = "cfg") -> "DarknetCfg":
+        """From a text.
+
+        Raises:
+            InputError: a section or setting that is unknown, missing or impossible, by its line.
+        """
+        sections = read_sections(text, name)
+        if not sections or sections[0].kind not in ("net", "network"):
+            raise InputError(f"{name}: a Darknet .cfg begins with [net]")
+        width, height, channels = (sections[0].whole(key) for key in ("width", "height", "channels"))
+        layers = tuple(_layer(section, index) for index, section in enumerate(sections[1:]))
+        classes = {layer.classes for layer in layers if isinstance(layer, Yolo)}
+        if len(classes) != 1:
+            what = "several numbers of classes" if classes else "no [yolo] section"
+            raise InputError(f"{name}: {what}: not a YOLOv3 network")
+        return cls(width, height, channels, layers, name)
+
+    @property
+    def heads(self) -> list[Yolo]:
+        """The scales, in order."""
+        return [layer for layer in self.layers if isinstance(layer, Yolo)]
+
+    @property
+    def classes(self) -> int:
+        """Kinds of things that the network tells apart."""
+        return self.heads[0].classes
+
+
+def _layer(section: CfgSection, index: int) -> Layer:
+    if section.kind not in _READERS:
+        known = ", ".join(f"[{kind}]" for kind in _READERS)
+        raise section.error(f"unknown section; YOLOv3 has {known}")
+    return _READERS[section.kind](section, index)
+
+
+def _convolutional(section: CfgSection, index: int) -> Convolutional:
+    section.refuse_others(groups="1", dilation="1", antialiasing="0", flipped="0", binary="0", xnor="0")
+    size = section.whole("size")
+    padding = size // 2 if section.flag("pad") else section.whole("padding", 0, least=0)
+    activation = section.word("activation", ("leaky", "linear"))
+    stride, normalize = section.whole("stride", 1), section.flag("batch_normalize")
+    return Convolutional(section.whole("filters"), size, stride, padding, normalize, activation)
+
+
+def _maxpool(section: CfgSection, index: int) -> Maxpool:
+    section.refuse_others(maxpool_depth="0", antialiasing="0")
+    size = section.whole("size")
+    return Maxpool(size, section.whole("stride", 1), section.whole("padding", size - 1, least=0))
+
+
+def _upsample(section: CfgSection, index: int) -> Upsample:
+    section.refuse_others(scale="1")
+    return Upsample(section.whole("stride", 2))
+
+
+def _route(section: CfgSection, index: int) -> Route:
+    section.refuse_others(groups="1")
+    layers = tuple(_index(section, number, index) for number in section.wholes("layers"))
+    return Route(layers)
+
+
+def _shortcut(section: CfgSection, index: int) -> Shortcut:
+    section.refuse_others(weights_type="none")
+    section.word("activation", ("linear",))
+    sources = section.wholes("from")
+    if len(sources) != 1:
+        raise section.error(f"from: one layer, not {len(sources)}")
+    return Shortcut(_index(section, sources[0], index))
+
+
+def _yolo(section: CfgSection, index: int) -> Yolo:
+    section.refuse_others(scale_x_y="1", new_coords="0")
+    numbers = section.decimals("anchors")
+    anchors = tuple(zip(numbers[::2], numbers[1::2], strict=False))
+    if len(numbers) != 2 * section.whole("num") or min(numbers) <= 0:
+        raise section.error(f"anchors: {section.whole('num')} pairs of positive numbers as num has it")
+    mask = tuple(section.wholes("mask"))
+    if not all(0 <= number < len(anchors) for number in mask):
+        raise section.error(f"mask: numbers of anchors, 0 to {len(anchors) - 1}")
+    return Yolo(anchors, mask, section.whole("classes"))
+
+
+_READERS: dict[str, Callable[[CfgSection, int], Layer]] = {
+    "convolutional": _convolutional,
+    "maxpool": _maxpool,
+    "upsample": _upsample,
+    "route": _route,
+    "shortcut": _shortcut,
+    "yolo": _yolo,
+}
+
+
+def _index(section: CfgSection, number: int, index: int) -> int:
+    """Of a layer before the one of ``index``; a negative number counts back from it."""
+    result = number + index if number < 0 else number
+    if not 0 <= result < index:
+        raise section.error(f"layer {number}: there is no such layer before it")
+    return result

@@ -1,0 +1,192 @@
+"""YOLOv3 in PyTorch, layer by layer as a Darknet ``.cfg`` has it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pipeline.errors import InputError
+from pipeline.victims.detection.darknet_cfg import (
+    Convolutional,
+    DarknetCfg,
+    Layer,
+    Maxpool,
+    Route,
+    Shortcut,
+    Upsample,
+    Yolo,
+)
+
+BATCH_NORM_EPSILON = 1e-6  # as Darknet's batchnorm_layer.c on a processor, and OpenCV's reader
+LEAKY_SLOPE = 0.1  # as Darknet's activations.h
+
+
+class DarknetNetwork(nn.Module):
+    """A network of the YOLOv3 family.
+
+    Attributes:
+        cfg: what it was built from.
+        shapes: (channels, height, width) of each layer's output.
+    """
+
+    def __init__(self, cfg: DarknetCfg) -> None:
+        """Build it with random weights.
+
+        Raises:
+            InputError: layers that do not fit together.
+        """
+        super().__init__()
+        self.cfg = cfg
+        self.shapes = _shapes(cfg)
+        inputs = [(cfg.channels, cfg.height, cfg.width), *self.shapes]
+        self.layers = nn.ModuleList(_module(layer, inputs[i]) for i, layer in enumerate(cfg.layers))
+        self._kept = _needed_later(cfg.layers)
+
+    def forward(self, images: Tensor) -> list[Tensor]:
+        """What goes into each [yolo]: (N, anchors · (5 + classes), H, W), from (N, C, H, W) images of 0 to 1."""
+        kept: dict[int, Tensor] = {}
+        heads: list[Tensor] = []
+        x = images
+        for index, (layer, module) in enumerate(zip(self.cfg.layers, self.layers, strict=True)):
+            if isinstance(layer, Route):
+                x = (
+                    torch.cat([kept[i] for i in layer.layers], dim=1)
+                    if layer.layers[1:]
+                    else kept[layer.layers[0]]
+                )
+            elif isinstance(layer, Shortcut):
+                x = x + kept[layer.layer]
+            elif isinstance(layer, Yolo):
+                heads.append(x)
+            else:
+                x = module(x)
+            if index in self._kept:
+                kept[index] = x
+        return heads
+
+    @property
+    def stride(self) -> int:
+        """Pixels of the input that become one cell where there are fewest."""
+        return self.cfg.width // min(width for _, _, width in self.shapes)
+
+    def resized(self, width: int, height: int) -> "DarknetNetwork":
+        """The same weights for an input of another size, in evaluation.
+
+        Raises:
+            InputError: layers that do not fit together at that size.
+        """
+        network = DarknetNetwork(replace(self.cfg, width=width, height=height)).eval()
+        network.load_state_dict(self.state_dict())
+        return network
+
+    @property
+    def convolutions(self) -> list["DarknetConvolution"]:
+        """In the order of the file."""
+        return [module for module in self.layers if isinstance(module, DarknetConvolution)]
+
+
+class DarknetConvolution(nn.Module):
+    """Convolution, batch normalization where there is one, leaky ReLU where there is one."""
+
+    def __init__(self, layer: Convolutional, channels: int) -> None:
+        """For an input of so many channels."""
+        super().__init__()
+        normalize = layer.batch_normalize
+        self.conv = nn.Conv2d(
+            channels, layer.filters, layer.size, layer.stride, layer.padding, bias=not normalize
+        )
+        self.norm = nn.BatchNorm2d(layer.filters, BATCH_NORM_EPSILON) if normalize else None
+        self.leaky = layer.activation == "leaky"
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, C, H, W) in and out."""
+        x = self.conv(x)
+        if self.norm is not None:
+            x = self.norm(x)
+        return functional.leaky_relu(x, LEAKY_SLOPE, inplace=True) if self.leaky else x
+
+
+class DarknetMaxpool(nn.Module):
+    """Darknet's maximum: a window over the edge sees only what lies inside."""
+
+    def __init__(self, layer: Maxpool, height: int, width: int) -> None:
+        """For an input of that size."""
+        super().__init__()
+        self.size, self.stride = layer.size, layer.stride
+        left = layer.padding // 2
+        right, bottom = (_reach(layer, extent) - left - extent for extent in (width, height))
+        self.margins = (left, right, left, bottom)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, C, H, W) in and out."""
+        if any(self.margins):
+            x = functional.pad(x, self.margins, value=float("-inf"))
+        return functional.max_pool2d(x, self.size, self.stride)
+
+
+def _reach(layer: Maxpool, extent: int) -> int:
+    """How far the windows over an input of this extent reach, its left margin included."""
+    return (_pooled(layer, extent) - 1) * layer.stride + layer.size
+
+
+def _pooled(layer: Maxpool, extent: int) -> int:
+    return (extent + layer.padding - layer.size) // layer.stride + 1
+
+
+def _module(layer: Layer, shape: tuple[int, int, int]) -> nn.Module:
+    match layer:
+        case Convolutional():
+            return DarknetConvolution(layer, shape[0])
+        case Maxpool():
+            return DarknetMaxpool(layer, *shape[1:])
+        case Upsample():
+            return nn.Upsample(scale_factor=layer.stride, mode="nearest")
+    return nn.Identity()  # route, shortcut and yolo have nothing to learn: forward does them
+
+
+def _shapes(cfg: DarknetCfg) -> list[tuple[int, int, int]]:
+    shapes: list[tuple[int, int, int]] = []
+    before = (cfg.channels, cfg.height, cfg.width)
+    for index, layer in enumerate(cfg.layers):
+        before = _shape(layer, before, shapes, f"{cfg.name}: layer {index} ({type(layer).__name__.lower()})")
+        if min(before) < 1:
+            raise InputError(f"{cfg.name}: nothing is left after layer {index}: make the input larger")
+        shapes.append(before)
+    return shapes
+
+
+def _shape(
+    layer: Layer, before: tuple[int, int, int], shapes: Sequence[tuple[int, int, int]], where: str
+) -> tuple[int, int, int]:
+    channels, height, width = before
+    match layer:
+        case Convolutional():
+            extents = ((e + 2 * layer.padding - layer.size) // layer.stride + 1 for e in (height, width))
+            return (layer.filters, *extents)  # type: ignore[return-value]
+        case Maxpool():
+            return channels, _pooled(layer, height), _pooled(layer, width)
+        case Upsample():
+            return channels, height * layer.stride, width * layer.stride
+        case Route():
+            sources = [shapes[i] for i in layer.layers]
+            if len({shape[1:] for shape in sources}) != 1:
+                raise InputError(f"{where}: layers of other sizes: {_sizes(sources)}")
+            return (sum(shape[0] for shape in sources), *sources[0][1:])
+        case Shortcut():
+            if shapes[layer.layer] != before:
+                raise InputError(f"{where}: layers of other sizes: {_sizes([shapes[layer.layer], before])}")
+        case Yolo():
+            if channels != layer.channels:
+                raise InputError(f"{where}: needs filters={layer.channels} before it, not {channels}")
+    return before
+
+
+def _sizes(shapes: Sequence[tuple[int, int, int]]) -> str:
+    return ", ".join("×".join(map(str, shape)) for shape in shapes)
+
+
+def _needed_later(layers: Sequence[Layer]) -> set[int]:
+    routed = {i for layer in layers if isinstance(layer, Route) for i in layer.layers}
+    return routed | {layer.layer for layer in layers if isinstance(layer, Shortcut)}

@@ -1,0 +1,103 @@
+"""Darknet's ``.weights``: a header, then float32 in the order of the layers.
+
+The header is three int32 (major, minor, revision) and the number of images seen, int64 (int32 before version 0.2).
+Each convolution has, as Darknet's ``parser.c`` reads it, its biases, with batch normalization scales, means and
+variances, and then its kernel (filters, channels, size, size).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from pipeline.victims.detection.darknet_cfg import DarknetCfg
+from pipeline.victims.detection.network import DarknetNetwork
+
+VERSION = (0, 2, 5)  # as the Darknet that published YOLOv3 writes
+
+
+@dataclass(frozen=True)
+class _Header:
+    seen: int
+    size: int
+
+
+def load_network(cfg: Path, weights: Path) -> DarknetNetwork:
+    """A network in evaluation mode.
+
+    Raises:
+        InputError: as of :meth:`DarknetCfg.read`, :class:`DarknetNetwork` and :func:`read_weights`.
+    """
+    network = DarknetNetwork(DarknetCfg.read(cfg))
+    read_weights(weights, network)
+    return network.eval()
+
+
+def read_weights(path: Path, network: DarknetNetwork) -> int:
+    """Fill the network; the number of images that it has seen in training.
+
+    Raises:
+        InputError: no such file, too short or too long for the network, or numbers that are not finite.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    header = _read_header(content, path)
+    tensors = list(_tensors(network))
+    _check_length(path, len(content), header.size + 4 * sum(t.numel() for t in tensors), network)
+    numbers = np.frombuffer(content, "<f4", offset=header.size)
+    if not np.isfinite(numbers).all():
+        raise InputError(f"{path}: holds numbers that are not finite")
+    _fill(tensors, numbers)
+    return header.seen
+
+
+def write_weights(path: Path, network: DarknetNetwork, seen: int = 0) -> None:
+    """Write the network, having seen so many images. InputError if that is impossible."""
+    with whole_file(path) as partial, partial.open("wb") as file:
+        file.write(np.array(VERSION, "<i4").tobytes() + np.array(seen, "<i8").tobytes())
+        for tensor in _tensors(network):
+            file.write(tensor.detach().cpu().contiguous().numpy().astype("<f4").tobytes())
+
+
+def _tensors(network: DarknetNetwork) -> Iterator[Tensor]:
+    """All tensors of the file, in its order, shared with the network."""
+    for layer in network.convolutions:
+        if layer.norm is None:
+            assert layer.conv.bias is not None
+            yield layer.conv.bias
+        else:
+            mean, variance = layer.norm.running_mean, layer.norm.running_var
+            assert mean is not None and variance is not None
+            yield from (layer.norm.bias, layer.norm.weight, mean, variance)
+        yield layer.conv.weight
+
+
+@torch.no_grad()
+def _fill(tensors: list[Tensor], numbers: NDArray[np.float32]) -> None:
+    ends = np.cumsum([tensor.numel() for tensor in tensors])
+    for tensor, part in zip(tensors, np.split(numbers, ends[:-1]), strict=True):
+        tensor.copy_(torch.tensor(part).view(tensor.shape))
+
+
+def _read_header(content: bytes, path: Path) -> _Header:
+    if len(content) < 20:
+        raise InputError(f"{path}: {len(content)} bytes, too short for Darknet weights")
+    major, minor = (int(number) for number in np.frombuffer(content, "<i4", 2))
+    if not (0 <= major < 1000 and 0 <= minor < 1000):
+        raise InputError(f"{path}: not Darknet weights: version {major}.{minor}")
+    seen = np.frombuffer(content, "<i8" if 10 * major + minor >= 2 else "<i4", 1, offset=12)
+    return _Header(int(seen[0]), 12 + seen.nbytes)
+
+
+def _check_length(path: Path, length: int, wanted: int, network: DarknetNetwork) -> None:
+    if length != wanted:
+        which = "short" if length < wanted else "long"
+        raise InputError(f"{path}: {length} bytes, too {which} for {network.cfg.name}, which needs {wanted}")

@@ -1,0 +1,102 @@
+"""What every random arena promises, checked on its true geometry."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
+from sarsim.victims.victims import Victim, victims_of
+
+CAMERA_HEIGHT = 0.6
+"""m above the ground."""
+NEAR, FAR = 0.8, 3.5
+"""m that the camera sees."""
+DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)
+"""Lower and upper edge of its picture."""
+VISIBLE_SHARE = 0.2
+"""of a victim's parts that the camera must see from one place."""
+SPECK = 0.1
+"""m²; so small a piece of ground is no part to drive on."""
+VIEW_SPACING = 4
+"""cells between the places from which victims are looked for."""
+
+
+def broken_promises(mjcf: str) -> list[str]:
+    """What the MJCF of an arena with a site ``start`` fails to keep; empty if all is well.
+
+    There is a free start; all ground on which a P3-AT can be is one part, joined for driving; a camera at the height
+    of the P3-AT's sees every victim from it.
+    """
+    model = mujoco.MjModel.from_xml_string(mjcf)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    survey = Survey(model, data, None)
+    start = data.site("start").xpos
+    ground = survey.ground_from(start)
+    piece = 0 if ground is None else int(ground.pieces[tuple(ground.grid.cell_of(start))])
+    if ground is None or not piece:
+        return ["the start is not free"]
+    broken = [f"{area:.2f} m² of ground are cut off" for area in _cut_off(survey, ground, piece)]
+    places = _places(ground, ground.pieces == piece)
+    unseen = [v.id for v in victims_of(model, data) if not is_visible(model, data, v, places)]
+    return broken + [f"victim {victim} is hidden" for victim in unseen]
+
+
+def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> list[float]:
+    """m² of each piece of ground but the one in which the robot starts."""
+    sizes = np.bincount(ground.pieces.ravel())
+    others = np.delete(sizes, [0, piece]).tolist()
+    for label in (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP):
+        for apart in survey.grounds(label, SPECK):
+            if not np.array_equal(apart.height, ground.height, equal_nan=True):
+                others += np.bincount(apart.pieces.ravel())[1:].tolist()
+    return [area for cells in others if (area := cells * CELL**2) > SPECK]
+
+
+def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(N, 3) m, where the camera may be."""
+    cells = np.argwhere(drivable)
+    cells = cells[(cells % VIEW_SPACING == 0).all(axis=1)]
+    return np.column_stack([ground.grid.centre_of(cells), ground.height[tuple(cells.T)] + CAMERA_HEIGHT])
+
+
+def is_visible(
+    model: mujoco.MjModel, data: mujoco.MjData, victim: Victim, places: NDArray[np.float64]
+) -> bool:
+    """Whether enough of a victim is seen from one of the camera's places (N, 3)."""
+    parts = data.geom_xpos[victim.geoms]
+    distance = np.linalg.norm(places - parts.mean(axis=0), axis=1)
+    near = places[(distance >= NEAR) & (distance <= FAR)]
+    order = np.argsort(np.round(distance[(distance >= NEAR) & (distance <= FAR)], 3), kind="stable")
+    own = set(victim.geoms.tolist())
+    return any(_share_seen(model, data, place, parts, own) >= VISIBLE_SHARE for place in near[order])
+
+
+def _share_seen(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    place: NDArray[np.float64],
+    parts: NDArray[np.float64],
+    own: set[int],
+) -> float:
+    rays = parts - place
+    elevation = np.arctan2(rays[:, 2], np.linalg.norm(rays[:, :2], axis=1))
+    geom = np.full(len(parts), -1, np.int32)
+    distance = np.full(len(parts), -1.0)
+    mujoco.mj_multiRay(
+        model,
+        data,
+        place,
+        np.ascontiguousarray(rays).ravel(),
+        None,
+        1,
+        -1,
+        geom,
+        distance,
+        None,
+        len(parts),
+        10.0,
+    )
+    seen = (elevation >= DOWN) & (elevation <= UP) & np.isin(geom, list(own))
+    return float(seen.mean())

@@ -1,0 +1,60 @@
+"""How a Pioneer 3-AT stands on the ground, from the places where its wheels touch."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.grid_map import Grid
+from pipeline.transforms import from_rotation
+from sarsim.dataset import wheel_contact_kernels as kernels
+from sarsim.ground_truth.columns import ConvexBodies
+
+AXLES = np.array(
+    [(0.135, 0.199, 0.111), (0.135, -0.199, 0.111), (-0.135, 0.199, 0.111), (-0.135, -0.199, 0.111)]
+)
+"""(4, 3) m in ``base_link``: front left, front right, rear left, rear right."""
+RADIUS = 0.110
+"""m; a tyre of 0.111 m sinks in by 1 mm under the robot's weight."""
+CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])
+"""(3,) m in ``base_link``."""
+UNDERSIDE = np.array([(x, y, 0.08) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.1, 0.0, 0.1)])
+"""(N, 3) m in ``base_link``: the lowest points of the chassis."""
+REACH = 0.2
+"""m; what is that much higher than the middle of the robot is no ground to it."""
+
+
+class Footing:
+    """The ground of an arena as the robot's wheels meet it."""
+
+    def __init__(self, bodies: ConvexBodies, grid: Grid):
+        """``bodies``: of the arena without the robot; ``grid``: over them."""
+        self._ground = _ground(bodies, grid)
+
+    def stand(self, x: float, y: float, yaw: float, height: float) -> NDArray[np.float64] | None:
+        """4×4 pose of ``base_link`` at (x, y) m that looks along ``yaw`` rad, at rest and without play in the tyres.
+
+        None where the robot cannot stand: a wheel is over nothing, or the chassis would touch the ground.
+
+        Args:
+            x: m.
+            y: m.
+            yaw: rad.
+            height: m of the ground near (x, y).
+        """
+        below = height + REACH
+        z, climb, rise = kernels.stand(self._ground, x, y, yaw, below, AXLES, RADIUS, CENTRE_OF_MASS)
+        if not np.isfinite(z):
+            return None
+        R = kernels.attitude(yaw, climb, rise)
+        if not kernels.is_clear(self._ground, x, y, z, R, below, UNDERSIDE):
+            return None
+        return from_rotation(R, (x, y, z))
+
+
+def _ground(bodies: ConvexBodies, grid: Grid) -> kernels.Ground:
+    windows = bodies.windows(grid)
+    count = np.zeros(grid.shape, np.int64)
+    kernels.count_bodies(windows, count)
+    start = count.cumsum().reshape(grid.shape) - count
+    listed = np.empty(count.sum(), np.int64)
+    kernels.list_bodies(windows, start.copy(), listed)
+    return kernels.Ground(bodies.planes, bodies.first, start, count, listed, grid.origin, grid.cell)

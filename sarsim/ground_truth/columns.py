@@ -1,0 +1,256 @@
+"""What stands above every cell of a grid: the arena as vertical columns of matter and air."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from pipeline.grid_map import Grid
+from sarsim.ground_truth import columns_kernels as kernels
+from sarsim.sensors.camera import geom_labels
+
+ENDLESS = 25.0
+"""m from its middle that an endless plane counts."""
+_GAP = 1e-3
+"""m; bodies that lie nearer to each other stand on each other."""
+_GEOM = mujoco.mjtGeom
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexBodies:
+    """The convex hulls of geoms in the world: what the robot's wheels meet.
+
+    Attributes:
+        planes: (M, 4) float64 (n, d), n·p ≤ d inside.
+        first: (N + 1,) where the planes of each body begin.
+        corners: (K, 2) float64 m, outlines seen from above, counter-clockwise.
+        first_corner: (N + 1,) where the outline of each body begins.
+        low, high: (N, 3) float64 m, the box around each.
+        label: (N,) uint8.
+    """
+
+    planes: NDArray[np.float64]
+    first: NDArray[np.int64]
+    corners: NDArray[np.float64]
+    first_corner: NDArray[np.int64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    label: NDArray[np.uint8]
+
+    def windows(self, grid: Grid, margin: float = 0.0) -> NDArray[np.int64]:
+        """(N, 4) cells i0, i1, j0, j1 (ends excluded) around each body and ``margin`` m more."""
+        first = np.clip(grid.cell_of(self.low[:, :2] - margin), 0, grid.shape)
+        end = np.clip(grid.cell_of(self.high[:, :2] + margin) + 1, 0, grid.shape)
+        return np.stack([first[:, 0], end[:, 0], first[:, 1], end[:, 1]], axis=1)
+
+
+def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None) -> ConvexBodies:
+    """The bodies of all geoms but the robot's.
+
+    A height field counts as the box around it, and a round shape as a polyhedron within 0.5 % of it.
+    """
+    labels, turned = geom_labels(model), _TurnedShapes(model)
+    others = np.flatnonzero(
+        model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body)
+    )
+    shapes = [turned(int(geom), data.geom_xmat[geom].reshape(3, 3)) for geom in others]
+    position = data.geom_xpos[others]
+    planes = [
+        np.column_stack([s.planes[:, :3], s.planes[:, 3] + s.planes[:, :3] @ p])
+        for s, p in zip(shapes, position, strict=True)
+    ]
+    outlines = [s.outline + p[:2] for s, p in zip(shapes, position, strict=True)]
+    return ConvexBodies(
+        planes=np.concatenate(planes),
+        first=_offsets(planes),
+        corners=np.concatenate(outlines),
+        first_corner=_offsets(outlines),
+        low=position + [s.low for s in shapes],
+        high=position + [s.high for s in shapes],
+        label=labels[others],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """The bodies over each cell's centre, joined where they touch; cell [i, j] has ``count`` of them from ``start``.
+
+    Attributes:
+        grid: of the cells.
+        start, count: (nx, ny) int64.
+        bottom, top: (N,) float64 m.
+        normal_z: (N,) float64 of the surface at the top.
+        owner: (N,) int64 index of the convex body whose top it is.
+    """
+
+    grid: Grid
+    start: NDArray[np.int64]
+    count: NDArray[np.int64]
+    bottom: NDArray[np.float64]
+    top: NDArray[np.float64]
+    normal_z: NDArray[np.float64]
+    owner: NDArray[np.int64]
+
+    def place_near(self, xy: NDArray[np.float64], height: float, reach: float, headroom: float) -> int | None:
+        """The top nearest to a height, of those within ``reach`` that have headroom; None if there is none."""
+        i, j = self.grid.cell_of(xy)
+        if not (0 <= i < self.grid.shape[0] and 0 <= j < self.grid.shape[1]):
+            return None
+        index = kernels.place_near(
+            self.start, self.count, self.bottom, self.top, i, j, height, reach, headroom
+        )
+        return None if index < 0 else int(index)
+
+
+def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
+    """Cut bodies into columns."""
+    windows = bodies.windows(grid)
+    count = np.zeros(grid.shape, np.int64)
+    kernels.count_bodies(bodies.planes, bodies.first, windows, grid.origin, grid.cell, count)
+    start = np.cumsum(count.ravel()).reshape(count.shape) - count
+    total = int(count.sum())
+    bottom, top, normal_z = np.empty(total), np.empty(total), np.empty(total)
+    owner = np.empty(total, np.int64)
+    kernels.fill_bodies(
+        bodies.planes,
+        bodies.first,
+        windows,
+        grid.origin,
+        grid.cell,
+        start.copy(),
+        bottom,
+        top,
+        normal_z,
+        owner,
+    )
+    kernels.merge_bodies(start, count, bottom, top, normal_z, owner, _GAP)
+    return Columns(grid, start, count, bottom, top, normal_z, owner)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shape:
+    """A convex body in its geom's frame: (M, 4) planes and (N, 3) vertices."""
+
+    planes: NDArray[np.float64]
+    vertices: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _TurnedShape:
+    """The same in the world's directions, around the geom's position."""
+
+    planes: NDArray[np.float64]
+    outline: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+class _TurnedShapes:
+    """Shapes of geoms; an arena repeats few of them, so they are kept."""
+
+    def __init__(self, model: mujoco.MjModel):
+        self._model = model
+        self._shapes: dict[tuple[float, ...], _Shape] = {}
+        self._turned: dict[tuple[float, ...], _TurnedShape] = {}
+
+    def __call__(self, geom: int, R: NDArray[np.float64]) -> _TurnedShape:
+        model = self._model
+        key = (model.geom_type[geom], model.geom_dataid[geom], *model.geom_size[geom])
+        if key not in self._shapes:
+            self._shapes[key] = _shape(model, geom)
+        turned_key = (*key, *R.ravel())
+        if turned_key not in self._turned:
+            self._turned[turned_key] = _turned(self._shapes[key], R)
+        return self._turned[turned_key]
+
+
+def _turned(shape: _Shape, R: NDArray[np.float64]) -> _TurnedShape:
+    planes = np.column_stack([shape.planes[:, :3] @ R.T, shape.planes[:, 3]])
+    vertices = shape.vertices @ R.T
+    return _TurnedShape(planes, _outline(vertices[:, :2]), vertices.min(axis=0), vertices.max(axis=0))
+
+
+def _outline(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 2) the convex outline of points, counter-clockwise; of points on a line, its ends."""
+    try:
+        return xy[ConvexHull(xy).vertices]
+    except QhullError:
+        order = np.lexsort(xy.T)
+        return xy[order[[0, -1]]]
+
+
+def _offsets(parts: list[NDArray[np.float64]]) -> NDArray[np.int64]:
+    return np.cumsum([0] + [len(part) for part in parts])
+
+
+def _shape(model: mujoco.MjModel, geom: int) -> _Shape:
+    kind, size = _GEOM(model.geom_type[geom]), model.geom_size[geom]
+    if kind == _GEOM.mjGEOM_PLANE:
+        return _plane(np.where(size[:2] > 0, size[:2], ENDLESS))
+    if kind in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF):
+        mesh = model.geom_dataid[geom]
+        first = model.mesh_vertadr[mesh]
+        return _hull(model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64))
+    if kind in _ROUND:
+        return _hull(_ROUND[kind](size))
+    return _box(model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:])
+
+
+def _plane(half: NDArray[np.float64]) -> _Shape:
+    """Everything below a rectangle."""
+    normals = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], np.float64)
+    distances = np.array([0, half[0], half[0], half[1], half[1]])
+    vertices = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * [*half, 0]
+    return _Shape(np.column_stack([normals, distances]), vertices)
+
+
+def _box(centre: NDArray[np.float64], half: NDArray[np.float64]) -> _Shape:
+    normals = np.concatenate([np.eye(3), -np.eye(3)])
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return _Shape(np.column_stack([normals, np.tile(half, 2) + normals @ centre]), centre + corners * half)
+
+
+def _hull(vertices: NDArray[np.float64]) -> _Shape:
+    return _Shape(_faces(vertices.tobytes()) * [1, 1, 1, -1], vertices)
+
+
+@lru_cache(256)
+def _faces(points: bytes) -> NDArray[np.float64]:
+    """(M, 4) of the convex hull of (N, 3) float64 points; arenas are surveyed again and again."""
+    return np.unique(ConvexHull(np.frombuffer(points).reshape(-1, 3)).equations.round(6), axis=0)
+
+
+def _cylinder(size: NDArray[np.float64]) -> NDArray[np.float64]:
+    circle = _circle() * size[0]
+    return np.concatenate([np.column_stack([circle, np.full(len(circle), z)]) for z in (-size[1], size[1])])
+
+
+def _capsule(size: NDArray[np.float64]) -> NDArray[np.float64]:
+    end = np.array([0, 0, size[1]])
+    return np.concatenate([_ball() * size[0] - end, _ball() * size[0] + end])
+
+
+def _ball() -> NDArray[np.float64]:
+    """(N, 3) points on the unit sphere."""
+    latitudes = np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1]
+    rings = [np.column_stack([_circle() * np.cos(a), np.full(32, np.sin(a))]) for a in latitudes]
+    return np.concatenate([*rings, [(0, 0, -1), (0, 0, 1)]])
+
+
+def _circle() -> NDArray[np.float64]:
+    """(32, 2) points on the unit circle."""
+    angle = np.arange(32) * 2 * np.pi / 32
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+_ROUND: dict[mujoco.mjtGeom, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+    _GEOM.mjGEOM_CYLINDER: _cylinder,
+    _GEOM.mjGEOM_CAPSULE: _capsule,
+    _GEOM.mjGEOM_SPHERE: lambda size: _ball() * size[0],
+    _GEOM.mjGEOM_ELLIPSOID: lambda size: _ball() * size,
+}
+"""Points on the round shapes."""

@@ -1,0 +1,201 @@
+"""The ground as it is: where a Pioneer 3-AT may truly stand and be driven to."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.errors import InputError
+from pipeline.grid_map import Grid
+from pipeline.labels import Label
+from sarsim.ground_truth import columns_kernels as kernels
+from sarsim.ground_truth.columns import ConvexBodies, columns, convex_bodies
+from sarsim.ground_truth.contacts import OBSTACLES
+
+CELL = 0.05
+MAX_STEP = 0.08
+MAX_TILT = np.deg2rad(20)
+CLEARANCE = 0.30
+HEADROOM = 0.65
+MARGIN = 0.5
+"""m of grid around the arena."""
+START_REACH = 0.3
+"""m; a start so far above or below the ground is taken to stand on it."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrueSurface:
+    """The true ground on a grid of 5 cm cells; layers are (nx, ny).
+
+    Attributes:
+        grid: where the cells lie.
+        height: float64 m of the ground in each cell; NaN where the robot cannot come over the neighbouring cells.
+        drivable: bool, connected to the start, and from 0.30 m around free of steps above 0.08 m, tilt above 20°,
+            walls and clutter, with 0.65 m of headroom.
+        walls: bool, a wall stands in the cell at the height of the robot's body.
+    """
+
+    grid: Grid
+    height: NDArray[np.float64]
+    drivable: NDArray[np.bool_]
+    walls: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class FreeGround:
+    """Ground that steps of at most ``MAX_STEP`` join; layers are (nx, ny).
+
+    Attributes:
+        grid: where the cells lie.
+        height: float64 m, NaN where this ground does not reach.
+        label: uint8 of the ground.
+        pieces: int32, 0 where the robot may not be; where it may, the number of the piece it can drive around in.
+        to_obstacle: float64 m to the nearest wall, clutter or victim in the robot's way, exact up to ``CLEARANCE``.
+        walls: bool, a wall stands in the cell at the height of the robot's body.
+    """
+
+    grid: Grid
+    height: NDArray[np.float64]
+    label: NDArray[np.uint8]
+    pieces: NDArray[np.int32]
+    to_obstacle: NDArray[np.float64]
+    walls: NDArray[np.bool_]
+
+
+class Survey:
+    """The arena cut into cells, ready to be searched for ground.
+
+    Attributes:
+        bodies: of the arena.
+        grid: where the cells lie.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None):
+        """``robot_body``: id of the robot's root body, which is transparent; None if there is no robot."""
+        self.bodies = convex_bodies(model, data, robot_body)
+        self.grid = _grid_around(self.bodies)
+        self._columns = columns(self.bodies, self.grid)
+        self._is_obstacle = np.isin(self.bodies.label, OBSTACLES)
+
+    def place(self, start: NDArray[np.float64], reach: float = START_REACH) -> float | None:
+        """Height in m of the ground with headroom that is nearest to a point (3,); None if none is in reach."""
+        body = self._place(start, reach)
+        return None if body is None else float(self._columns.top[body])
+
+    def grounds(self, label: Label, min_area: float) -> Iterator[FreeGround]:
+        """All ground that is joined to a patch of a label larger than ``min_area`` m², the largest patch first."""
+        height = self._lowest(label)
+        unseen = ~np.isnan(height)
+        patches, _ = ndimage.label(unseen, np.ones((3, 3)))
+        sizes = np.bincount(patches.ravel())[1:] * CELL**2
+        for patch in 1 + np.argsort(-sizes, kind="stable")[: np.count_nonzero(sizes > min_area)]:
+            cells = unseen & (patches == patch)
+            while cells.sum() * CELL**2 > min_area:
+                i, j = np.unravel_index(cells.argmax(), cells.shape)
+                cells[i, j] = False
+                ground = self.ground_from(np.array([*self.grid.centre_of((i, j)), height[i, j]]))
+                if ground is not None:
+                    yield ground
+                    unseen &= np.isnan(ground.height)
+                    cells &= unseen
+
+    def _lowest(self, label: Label) -> NDArray[np.float64]:
+        """(nx, ny) m of the lowest place of a label with headroom in each cell; NaN where there is none."""
+        c, height = self._columns, np.full(self.grid.shape, np.nan)
+        chosen = self.bodies.label == label
+        kernels.lowest_places(c.start, c.count, c.bottom, c.top, c.owner, chosen, HEADROOM, height)
+        return height
+
+    def ground_from(self, start: NDArray[np.float64]) -> FreeGround | None:
+        """The ground that is joined to the one at ``start`` (3,) m; None if there is no ground."""
+        body = self._place(start, START_REACH)
+        if body is None:
+            return None
+        height, edge = self._flood(self.grid.cell_of(start), body)
+        known = ~np.isnan(height)
+        hazard = known & (edge | (_tilt(height) > MAX_TILT))
+        clear = self.grid.distance_to(hazard) > CLEARANCE
+        to_obstacle = self._to_obstacle(height, self._is_obstacle)
+        pieces, _ = ndimage.label(known & clear & (to_obstacle > CLEARANCE), np.ones((3, 3)))
+        walls = self._to_obstacle(height, self.bodies.label == Label.WALL) < CELL / 2 - 1e-6
+        return FreeGround(self.grid, height, self._label(height), pieces, to_obstacle, walls)
+
+    def surface_from(self, start: NDArray[np.float64]) -> TrueSurface:
+        """The surface around a robot at ``start`` (3,) m; InputError if it is not drivable there."""
+        ground = self.ground_from(start)
+        if ground is None:
+            raise InputError(
+                f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m is not above free ground"
+            )
+        piece = ground.pieces[tuple(ground.grid.cell_of(start))]
+        if not piece:
+            raise InputError(
+                f"the arena has no free start: the robot cannot stand at ({start[0]:g}, {start[1]:g}) m"
+            )
+        return TrueSurface(ground.grid, ground.height, ground.pieces == piece, ground.walls)
+
+    def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
+        return self._columns.place_near(start, float(start[2]), reach, HEADROOM)
+
+    def _flood(self, first: NDArray[np.int64], body: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Heights of the joined ground, and where it ends in a step."""
+        c = self._columns
+        height, edge = np.full(self.grid.shape, np.nan), np.zeros(self.grid.shape, np.bool_)
+        kernels.flood(
+            c.start, c.count, c.bottom, c.top, c.normal_z, c.owner, self._is_obstacle, *first, body,
+            MAX_STEP, HEADROOM, np.cos(MAX_TILT), height, edge,
+        )  # fmt: skip
+        return height, edge
+
+    def _label(self, height: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """(nx, ny) of the ground; 0 where there is none."""
+        c = self._columns
+        owner = np.full(self.grid.shape, -1)
+        kernels.owners(c.start, c.count, c.top, c.owner, height, owner)
+        return np.append(self.bodies.label, np.uint8(Label.UNLABELLED))[owner]
+
+    def _to_obstacle(self, height: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """(nx, ny) m to the nearest of the chosen bodies that is in the way; inf beyond ``CLEARANCE``."""
+        b, distance = self.bodies, np.full(self.grid.shape, np.inf)
+        windows = b.windows(self.grid, CLEARANCE + CELL)
+        windows[~chosen, 1] = 0
+        kernels.lower_distance(
+            b.corners, b.first_corner, windows, b.low[:, 2], b.high[:, 2], self.grid.origin, CELL, height,
+            MAX_STEP, HEADROOM, distance,
+        )  # fmt: skip
+        return distance
+
+
+def true_surface(
+    model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None, start: NDArray[np.float64]
+) -> TrueSurface:
+    """Survey the arena from the ``start`` (3,) m outwards.
+
+    Raises:
+        InputError: the start itself is not drivable.
+    """
+    return Survey(model, data, robot_body).surface_from(start)
+
+
+def _grid_around(bodies: ConvexBodies) -> Grid:
+    """A grid over all that the arena is made of."""
+    low, high = bodies.low[:, :2].min(axis=0), bodies.high[:, :2].max(axis=0)
+    # Rounding errors must not add a row of cells.
+    origin = np.floor((low - MARGIN) / CELL + 1e-6) * CELL
+    nx, ny = np.ceil((high + MARGIN - origin) / CELL - 1e-6).astype(int)
+    return Grid(origin, CELL, (int(nx), int(ny)))
+
+
+def _tilt(height: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(nx, ny) rad of the ground; the gentler of the two sides counts, so that an edge tilts nothing."""
+    slopes = []
+    for axis in (0, 1):
+        forward = np.diff(height, axis=axis, append=np.nan) / CELL
+        backward = np.diff(height, axis=axis, prepend=np.nan) / CELL
+        sides = np.stack([forward, backward])
+        gentler = np.nanmin(np.where(np.isnan(sides), np.inf, np.abs(sides)), axis=0)
+        slopes.append(np.where(np.isfinite(gentler), gentler, 0.0))
+    return np.arctan(np.hypot(*slopes))

@@ -1,0 +1,1 @@
+"""Robots: their bodies and drives."""

@@ -1,0 +1,1 @@
+"""Sensors: camera, light, air, noise models, and odometry."""

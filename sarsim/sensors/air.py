@@ -1,0 +1,91 @@
+"""Dust in the air: it takes depth returns away, gives false ones, and veils colours."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from sarsim.sensors import air_kernels
+from sarsim.sensors.camera import LabelledImage
+from sarsim.sensors.lighting import Lighting, beam, distances, stretch
+from sarsim.sensors.xtion_kernels import random_bits
+
+MAX_EXTINCTION = 0.5
+"""1/m in the densest dust: contrast falls to 2 % over 3.9 / 0.5 = 8 m (Koschmieder), like thick fog."""
+GREY = np.array((0.62, 0.60, 0.56), np.float32)
+"""Colour of dust in white light."""
+LAMP_VEIL = 0.5
+"""Radiance of endless dust in the lamp's beam, of a white surface's at 1 m."""
+
+
+@dataclass(frozen=True)
+class Air:
+    """Dust between the robot and what it sees.
+
+    Attributes:
+        dust: concentration, from 0 for clear air to 1.
+        speck_rate: chance, in the densest dust, that a ray without end returns from a speck.
+    """
+
+    dust: float = 0.0
+    speck_rate: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.dust <= 1:
+            raise InputError(f"dust {self.dust:g}: must be from 0 to 1")
+
+    @property
+    def extinction(self) -> float:
+        """Share of light that a metre takes away, for thin layers: β in Beer and Lambert's e^(−β r), 1/m."""
+        return MAX_EXTINCTION * self.dust
+
+    def veil(
+        self, radiance: NDArray[np.float32], truth: LabelledImage, lighting: Lighting
+    ) -> NDArray[np.float32]:
+        """(H, W, 3) float32 radiance seen through the dust: blended by distance to the light that it scatters.
+
+        What the lamp lights loses on the way there as well, and dust in the beam shines back.
+        """
+        if self.dust == 0:
+            return radiance
+        distance = distances(truth)
+        reach = np.where(distance > 0, distance, np.float32(np.inf))
+        passing = np.exp(np.float32(-self.extinction) * reach)[..., None]
+        light = lighting.value
+        if light.lamp > 0:
+            passing = passing**2
+            dust_light = LAMP_VEIL * light.lamp * beam(truth)[..., None] * GREY
+        else:
+            dust_light = light.arena * GREY
+        return (radiance * passing + dust_light * (1 - passing)).astype(np.float32)
+
+    def thin(
+        self, measured: LabelledImage, truth: LabelledImage, min_range: float, rng: np.random.Generator
+    ) -> LabelledImage:
+        """The measured image without the returns that dust swallows, and with those that it makes.
+
+        A return from distance r comes through with probability e^(−2 β r). A ray that travels r returns from a
+        speck before that with probability ``dust * speck_rate`` (1 − e^(−2 β r)), by the same law; specks are
+        unlabelled.
+
+        Args:
+            measured: by the depth sensor in clear air.
+            truth: the same look before the sensor.
+            min_range: m, nearer specks do not return.
+            rng: drawn from once.
+        """
+        key = rng.integers(1 << 64, dtype=np.uint64)
+        if self.dust == 0:
+            return measured
+        depth, specks = air_kernels.thin(
+            measured.depth,
+            distances(truth),
+            stretch(truth.intrinsics),
+            random_bits(key, *measured.depth.shape),
+            self.extinction,
+            self.dust * self.speck_rate,
+            min_range,
+        )
+        label = np.where(specks, np.uint8(0), measured.label)
+        return replace(measured, depth=depth, label=label, instance=np.where(specks, -1, measured.instance))

@@ -1,0 +1,127 @@
+"""The robot's RGB-D camera as it would be without noise, and the true label of every pixel."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.frame import Intrinsics
+from pipeline.labels import Label
+from pipeline.transforms import from_rotation, inverse
+from sarsim.sensors.rendering import Renderer, fixed_camera
+
+# MuJoCo's camera looks along -z with y up, camera_optical along z with y down.
+_MUJOCO_OPTICAL = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledImage:
+    """What the camera sees in one look.
+
+    Attributes:
+        rgb: (H, W, 3) uint8.
+        depth: (H, W) float32, metres along the optical axis; 0 = no return.
+        label: (H, W) uint8 true label of the surface that each depth comes from; 0 = nothing or unlabelled.
+        instance: (H, W) int32 geom id of that surface; -1 = nothing.
+        intrinsics: of all four images.
+        T_world_camera: 4×4 pose of ``camera_optical`` in the world.
+        T_base_camera: 4×4 pose of ``camera_optical`` in the body that carries the camera.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    label: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+    intrinsics: Intrinsics
+    T_world_camera: NDArray[np.float64]
+    T_base_camera: NDArray[np.float64]
+
+
+class RgbdCamera:
+    """A camera of a model, seen through a renderer.
+
+    What carries the camera, the whole tree of bodies that moves with it, gives no return and has no label.
+    """
+
+    def __init__(self, renderer: Renderer, camera: int | str) -> None:
+        """``camera``: id or name in the renderer's model.
+
+        Raises:
+            InputError: no such camera, or a geom whose label is not one of :class:`pipeline.labels.Label`.
+        """
+        model = renderer.model
+        self.camera_id = fixed_camera(model, camera).fixedcamid
+        self.base_body = int(model.body_rootid[model.cam_bodyid[self.camera_id]])
+        self.intrinsics = camera_intrinsics(model, self.camera_id, renderer.width, renderer.height)
+        self._renderer = renderer
+        other = _not_of_body(model, self.base_body)
+        # Indexed by geom id; the last element is what -1, no geom, stands for.
+        self._label = np.append(np.where(other, geom_labels(model), np.uint8(0)), np.uint8(Label.UNLABELLED))
+        self._instance = np.append(np.where(other, np.arange(model.ngeom), -1), -1).astype(np.int32)
+
+    def look(self, data: mujoco.MjData) -> LabelledImage:
+        """Take one noise-free look, at whatever range."""
+        geom, depth = self._renderer.segmentation_and_depth(data, self.camera_id)
+        instance = self._instance.take(geom)
+        return LabelledImage(
+            rgb=self._renderer.colour(data, self.camera_id),
+            depth=depth * (instance >= 0),
+            label=self._label.take(geom),
+            instance=instance,
+            intrinsics=self.intrinsics,
+            T_world_camera=self.pose(data),
+            T_base_camera=self.pose_in_base(data),
+        )
+
+    def pose(self, data: mujoco.MjData) -> NDArray[np.float64]:
+        """4×4 pose of ``camera_optical`` in the world."""
+        R = data.cam_xmat[self.camera_id].reshape(3, 3) @ _MUJOCO_OPTICAL
+        return from_rotation(R, data.cam_xpos[self.camera_id])
+
+    def pose_in_base(self, data: mujoco.MjData) -> NDArray[np.float64]:
+        """4×4 pose of ``camera_optical`` in the robot's root body; in the world if no robot carries it."""
+        T_world_base = from_rotation(data.xmat[self.base_body].reshape(3, 3), data.xpos[self.base_body])
+        return inverse(T_world_base) @ self.pose(data)
+
+
+def camera_intrinsics(model: mujoco.MjModel, camera_id: int, width: int, height: int) -> Intrinsics:
+    """Intrinsics of a model's camera for pictures of ``width`` × ``height`` pixels.
+
+    A camera with a ``sensorsize`` has its focal lengths and principal point (an offset from the middle, to the
+    left and upwards) in metres on the sensor; any other one has ``fovy`` and square pixels.
+    """
+    sensor = model.cam_sensorsize[camera_id]
+    if np.all(sensor > 0):
+        fx, fy, px, py = model.cam_intrinsic[camera_id] * np.tile([width, height] / sensor, 2)
+    else:
+        fx = fy = height / 2 / np.tan(np.radians(model.cam_fovy[camera_id]) / 2)
+        px = py = 0.0
+    return Intrinsics(width, height, float(fx), float(fy), float(width / 2 - px), float(height / 2 - py))
+
+
+def geom_labels(model: mujoco.MjModel) -> NDArray[np.uint8]:
+    """(ngeom,) uint8 labels, from the first ``user`` number of each geom; 0 in a model without such numbers.
+
+    Raises:
+        InputError: a number that is no label.
+    """
+    if model.nuser_geom == 0:
+        return np.zeros(model.ngeom, np.uint8)
+    numbers = model.geom_user[:, 0]
+    wrong = np.flatnonzero(~np.isin(numbers, list(Label)))
+    if wrong.size:
+        geom = model.geom(wrong[0])
+        name = geom.name or geom.id
+        raise InputError(
+            f"geom {name!r} has user={numbers[wrong[0]]:g}, which is no label (0 to {max(Label):d})"
+        )
+    return numbers.astype(np.uint8)
+
+
+def _not_of_body(model: mujoco.MjModel, root: int) -> NDArray[np.bool_]:
+    """(ngeom,) bool, the geoms outside the tree of bodies of ``root``; all of them if that is the world."""
+    if root == 0:
+        return np.ones(model.ngeom, np.bool_)
+    return model.body_rootid[model.geom_bodyid] != root

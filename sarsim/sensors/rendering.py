@@ -1,0 +1,199 @@
+"""Pictures of a model: colour, and geom ids with the depth that belongs to them."""
+
+import importlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from sarsim.closing import Closing
+from sarsim.sensors import culling
+
+COLOUR_QUALITY = {"offsamples": 0, "shadowsize": 1024, "numslices": 24, "numstacks": 12}
+"""A picture with the default shadow map of 4096 texels takes three times as long and looks much the same."""
+ID_QUALITY = {"offsamples": 0, "shadowsize": 0, "numslices": 48, "numstacks": 24}
+"""Multisampling would blend ids and depths at edges (MuJoCo issue 1121). With so many faces a ball or cylinder of
+0.3 m radius stays within 1 mm of the round one, the default is off by 2 mm."""
+
+_RENDER = mujoco.mjtRndFlag
+_NOT_DRAWN = 5  # a group of geoms
+_SCENE = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
+
+
+class Renderer(Closing):
+    """Draws one model in one OpenGL context, without a screen.
+
+    Two contexts in one process get in each other's way, so there is one renderer for all the cameras of a model.
+    It belongs to the thread that made it. Geoms of groups 0 to 2 are drawn, as the viewer does; sites are not.
+    """
+
+    def __init__(self, model: mujoco.MjModel, width: int = 640, height: int = 480) -> None:
+        """Pictures are ``width`` × ``height`` pixels, whatever the model's own offscreen size."""
+        self.model = model
+        self.width = width
+        self.height = height
+        self._gl = _offscreen_context(width, height)
+        self._gl.make_current()
+        self._colours = _resources(model, width, height, COLOUR_QUALITY)
+        self._ids = _resources(model, width, height, ID_QUALITY)
+        # MuJoCo draws with reversed z in a float buffer: read as it is, depth keeps its precision far away.
+        self._ids.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        self._rectangle = mujoco.MjrRect(0, 0, width, height)
+        self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 1000)
+        self._option = mujoco.MjvOption()
+        self._option.sitegroup[:] = 0
+
+    def colour(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera) -> NDArray[np.uint8]:
+        """(H, W, 3) uint8 RGB."""
+        self._update(data, camera, ids=False)
+        pixels = np.empty((self.height, self.width, 3), np.uint8)
+        self._draw(self._colours, pixels, None)
+        return np.ascontiguousarray(pixels[::-1])
+
+    def segmentation_and_depth(
+        self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """The geom that every pixel shows and how far it is, from one render pass without multisampling.
+
+        Both come from the same fragment, so they agree at edges too.
+
+        Returns:
+            (H, W) int32 geom id, -1 where there is none, and (H, W) float32 depth along the optical axis in
+            metres, 0 where there is no geom.
+        """
+        self._update(data, camera, ids=True)
+        pixels = np.empty((self.height, self.width, 3), np.uint8)
+        buffer = np.empty((self.height, self.width), np.float32)
+        self._draw(self._ids, pixels, buffer)
+        geom = self._geom_ids(pixels[::-1])
+        return geom, np.where(geom < 0, np.float32(0), self._metres(buffer[::-1]))
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self._gl.make_current()
+        self._colours.free()
+        self._ids.free()
+        self._gl.free()
+
+    def _update(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera, *, ids: bool) -> None:
+        """Take over from ``data`` what the picture needs."""
+        self._gl.make_current()
+        view = camera if isinstance(camera, mujoco.MjvCamera) else fixed_camera(self.model, camera)
+        mujoco.mjv_updateCamera(self.model, data, view, self._scene)
+        between_eyes = mujoco.mjv_averageCamera(*self._scene.camera)  # the scene has two, for stereo
+        planes = culling.frustum(between_eyes, self.width / self.height)
+        needed = (culling.in_picture if ids else culling.in_lit_picture)(self.model, data, planes)
+        with hidden(self.model, ~needed):
+            mujoco.mjv_updateScene(self.model, data, self._option, None, view, _SCENE, self._scene)
+        if not ids:
+            _leave_out_shadows(self._scene, culling.floors(self.model, data))
+        self._flags(ids)
+
+    def _flags(self, ids: bool) -> None:
+        """Draw ids as flat colours, or what a camera sees: light and shadow, but no reflections and no haze."""
+        flags = self._scene.flags
+        flags[_RENDER.mjRND_SEGMENT] = flags[_RENDER.mjRND_IDCOLOR] = ids
+        flags[_RENDER.mjRND_SHADOW] = flags[_RENDER.mjRND_SKYBOX] = not ids
+        flags[_RENDER.mjRND_REFLECTION] = flags[_RENDER.mjRND_HAZE] = False
+
+    def _draw(
+        self, resources: mujoco.MjrContext, pixels: NDArray[np.uint8], depth: NDArray[np.float32] | None
+    ) -> None:
+        """Draw the scene, the lowest row of the picture first."""
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, resources)
+        mujoco.mjr_render(self._rectangle, self._scene, resources)
+        mujoco.mjr_readPixels(pixels, depth, self._rectangle, resources)
+
+    def _geom_ids(self, pixels: NDArray[np.uint8]) -> NDArray[np.int32]:
+        """(H, W) int32 geom ids from colours that count the scene's geoms from 1; 0 is the background."""
+        table = np.full(self._scene.ngeom + 1, -1, np.int32)
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                table[geom.segid + 1] = geom.objid
+        index = pixels[..., 0].astype(np.int32)
+        index |= pixels[..., 1].astype(np.int32) << 8
+        index |= pixels[..., 2].astype(np.int32) << 16
+        return table.take(index)
+
+    def _metres(self, buffer: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Depth in metres of a reversed-z buffer, which holds 1 at the near plane and 0 at the far one.
+
+        There perspective is b = near (far - z) / (z (far - near)). Nothing cancels in its inverse.
+        """
+        near = np.float32(self.model.vis.map.znear * self.model.stat.extent)
+        far = np.float32(self.model.vis.map.zfar * self.model.stat.extent)
+        return near * far / ((far - near) * buffer + near)
+
+
+def fixed_camera(model: mujoco.MjModel, camera: int | str) -> mujoco.MjvCamera:
+    """A camera of the model, by id or name.
+
+    Raises:
+        InputError: the model has no such camera.
+    """
+    index = model.camera(camera).id if isinstance(camera, int) and 0 <= camera < model.ncam else -1
+    if isinstance(camera, str):
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
+    if index < 0:
+        raise InputError(f"the model has no camera {camera!r}")
+    view = mujoco.MjvCamera()
+    view.type = mujoco.mjtCamera.mjCAMERA_FIXED
+    view.fixedcamid = index
+    return view
+
+
+def _offscreen_context(width: int, height: int) -> Any:
+    """An OpenGL context of the platform that MUJOCO_GL names.
+
+    ``mujoco.GLContext`` would be another one if mujoco was imported before sarsim, which sets MUJOCO_GL.
+    """
+    platform = os.environ["MUJOCO_GL"].strip().lower()
+    if platform not in ("egl", "osmesa", "glfw"):
+        raise InputError(f"MUJOCO_GL={platform} cannot draw without a screen: set it to egl or osmesa")
+    return importlib.import_module(f"mujoco.{platform}").GLContext(width, height)
+
+
+@contextmanager
+def hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
+    """Put geoms into a group that is not drawn, for a while."""
+    groups = model.geom_group.copy()
+    model.geom_group[geoms] = _NOT_DRAWN
+    try:
+        yield
+    finally:
+        model.geom_group[:] = groups
+
+
+def _leave_out_shadows(scene: mujoco.MjvScene, floors: NDArray[np.bool_]) -> None:
+    """Leave out the shadows that nobody can see: of lights that are out, and of floors, (ngeom,) bool.
+
+    Shadows take most of a picture's time, even where none falls into it.
+    """
+    for light in scene.lights[: scene.nlight]:
+        if not (light.ambient.any() or light.diffuse.any() or light.specular.any()):
+            light.castshadow = 0
+    for geom in scene.geoms[: scene.ngeom]:
+        if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and floors[geom.objid]:
+            geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # MuJoCo's word for what casts no shadow
+
+
+def _resources(model: mujoco.MjModel, width: int, height: int, quality: dict[str, int]) -> mujoco.MjrContext:
+    """What one kind of picture needs in the OpenGL context: buffers, textures and meshes of a ``quality``.
+
+    MuJoCo reads size and quality from the model, which gets its own values back.
+    """
+    settings = [(model.vis.quality, name, value) for name, value in quality.items()]
+    settings += [(model.vis.global_, "offwidth", width), (model.vis.global_, "offheight", height)]
+    before = [getattr(owner, name) for owner, name, _ in settings]
+    try:
+        for owner, name, value in settings:
+            setattr(owner, name, value)
+        return mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+    finally:
+        for (owner, name, _), value in zip(settings, before, strict=True):
+            setattr(owner, name, value)

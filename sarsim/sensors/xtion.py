@@ -1,0 +1,127 @@
+"""The ASUS Xtion PRO LIVE: what a structured-light sensor makes of the true depth."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Intrinsics
+from sarsim.sensors import xtion_kernels as kernels
+from sarsim.sensors.camera import LabelledImage
+
+EDGE = 0.25  # pixels of disparity, two of the sensor's steps: what breaks less is no edge to it
+
+
+@dataclass(frozen=True)
+class Xtion:
+    """The sensor's range and its errors, each of which can be switched off.
+
+    Sources: axial noise from Nguyen, Izadi & Lovell, "Modeling Kinect sensor noise for improved 3D reconstruction
+    and tracking" (3DIMPVT 2012), a sensor of the same make; steps of disparity from Khoshelham & Elberink,
+    "Accuracy and resolution of Kinect depth data" (Sensors 2012); range from the maker's data sheet.
+    """
+
+    min_range: float = 0.8
+    """m along the optical axis; nothing nearer returns."""
+    max_range: float = 3.5
+    """m along the optical axis; nothing farther returns."""
+    axial_noise: bool = True
+    """Gaussian noise of depth that grows with distance, and steeply past 60° of incidence."""
+    lateral_noise: bool = True
+    """Frayed edges: near one, a pixel may see what lies across it."""
+    lateral_sigma: float = 0.8
+    """pixels."""
+    quantisation: bool = True
+    """Depth in steps of disparity, so coarser the farther."""
+    disparity_step: float = 1 / 8
+    """pixels."""
+    baseline: float = 0.075
+    """m from the camera to the projector, which stands to its right."""
+    grazing: bool = True
+    """No return from surfaces that are seen at a grazing angle."""
+    max_incidence: float = 82.0
+    """degrees between the line of sight and the surface's normal."""
+    shadow: bool = True
+    """No return where the projector's light does not reach: left of near edges."""
+    dropout: float = 0.0
+    """Share of the pixels that return nothing for no reason."""
+
+    @classmethod
+    def ideal(cls, min_range: float = 0.8, max_range: float = 3.5) -> Self:
+        """A sensor with a range and no errors."""
+        return cls(
+            min_range=min_range,
+            max_range=max_range,
+            axial_noise=False,
+            lateral_noise=False,
+            quantisation=False,
+            grazing=False,
+            shadow=False,
+        )
+
+    def apply(self, image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
+        """The image with measured depth; label and instance are of the surface that each depth comes from."""
+        depth, source = self.measure(image.depth, image.intrinsics, rng)
+        if not self.lateral_noise:
+            return replace(image, depth=depth)
+        label, instance = image.label.ravel()[source], image.instance.ravel()[source]
+        return replace(image, depth=depth, label=label, instance=instance)
+
+    def measure(
+        self, depth: NDArray[np.float32], intrinsics: Intrinsics, rng: np.random.Generator
+    ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Measured depth, and where in the picture each value was taken.
+
+        Args:
+            depth: (H, W) float32 true depth in metres; 0 = nothing there.
+            intrinsics: of ``depth``.
+            rng: drawn from once a call, whatever is switched on.
+
+        Returns:
+            (H, W) float32 depth in metres, 0 = no return, and (H, W) int64 flat index of the pixel whose true
+            depth was measured: another one than the pixel itself only beside a depth edge.
+        """
+        key = rng.integers(1 << 64, dtype=np.uint64)
+        source = np.arange(depth.size).reshape(depth.shape)
+        if self._has_no_error():
+            return self._in_range(depth), source
+        bits = kernels.random_bits(key, *depth.shape)
+        disparity = self._disparity(depth, intrinsics)
+        slopes = kernels.slopes(disparity)
+        cosine = kernels.cosine_of_incidence(
+            disparity, *slopes, intrinsics.rays, intrinsics.fx, intrinsics.fy
+        )
+        if self.lateral_noise:
+            source = kernels.lateral_source(disparity, *slopes, bits, self.lateral_sigma, EDGE)
+        measured = np.where(self._returns(disparity, cosine, bits), depth, np.float32(0)).ravel()[source]
+        if self.axial_noise:
+            kernels.add_noise(measured, kernels.axial_sigma(depth, cosine).ravel()[source], bits)
+        if self.quantisation:
+            focal_baseline = np.float32(intrinsics.fx * self.baseline)
+            kernels.quantise(measured, focal_baseline, np.float32(self.disparity_step))
+        return self._in_range(measured), source
+
+    def _has_no_error(self) -> bool:
+        return self == self.ideal(self.min_range, self.max_range)
+
+    def _in_range(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.where((depth >= self.min_range) & (depth <= self.max_range), depth, np.float32(0))
+
+    def _disparity(self, depth: NDArray[np.float32], intrinsics: Intrinsics) -> NDArray[np.float32]:
+        """(H, W) float32 disparity in pixels of depth in metres, or the other way round; 0 stays 0."""
+        product = np.float32(intrinsics.fx * self.baseline)
+        return np.divide(product, depth, out=np.zeros_like(depth), where=depth > 0)
+
+    def _returns(
+        self, disparity: NDArray[np.float32], cosine: NDArray[np.float32], bits: NDArray[np.uint64]
+    ) -> NDArray[np.bool_]:
+        """(H, W) bool, the pixels whose surface sends the projector's light back."""
+        returns = disparity > 0
+        if self.grazing:
+            returns &= cosine > np.cos(np.radians(self.max_incidence))
+        if self.shadow:
+            returns &= ~kernels.projector_shadow(disparity)
+        if self.dropout > 0:
+            returns &= (bits >> np.uint64(48)) >= self.dropout * (1 << 16)
+        return returns

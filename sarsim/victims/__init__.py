@@ -1,0 +1,1 @@
+"""Victims: people who lie, sit or lean in an arena."""

@@ -1,0 +1,183 @@
+"""What a victim is in or under: rubble, a box, a wall panel with a hole."""
+
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+from sarsim.victims.mjcf import geom, quaternion
+
+PANEL = 0.02
+"""m thickness of boards and panels."""
+MAX_SLOPE = np.radians(28)
+"""How steeply a board of the rubble leans."""
+WALL, HOLE = 1.2, (0.28, 0.24)
+"""m: the least size of a wall panel, and half sizes of its hole."""
+GAP, RIM = 0.03, 0.05
+"""m between a person and what surrounds it, and between a hole and the panel's edge."""
+MAX_DEPTH = 0.6
+"""m; what of a person is further out sticks out of the box."""
+WOOD = (0.62, 0.48, 0.33)
+CONCRETE = (0.55, 0.54, 0.52)
+
+
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """Geoms around a person, and places on their surfaces that tell how far they reach.
+
+    Attributes:
+        geoms: of the body ``cover_<id>``.
+        points: (N, 3) m.
+    """
+
+    geoms: list[Element]
+    points: NDArray[np.float64]
+
+
+def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> Cover:
+    """Boards that lean on the half of a person that is further from the head, and blocks beside it.
+
+    Args:
+        name: what the geoms' names begin with.
+        person: (N, 3) places on the person, whose head is towards +x.
+        rng: drawn from.
+    """
+    cover = Cover([], np.empty((0, 3)))
+    low, high = person.min(axis=0), person.max(axis=0)
+    for n in range(rng.integers(3, 5)):
+        for _ in range(10):
+            middle = np.array([low[0] + (high[0] - low[0]) * rng.uniform(0.08, 0.5), (low[1] + high[1]) / 2])
+            yaw = rng.choice([-1, 1]) * np.pi / 2 + rng.uniform(-0.5, 0.5)
+            board = _board(f"{name}_board_{n}", middle, yaw, rng, np.concatenate([person, cover.points]))
+            if board is not None:
+                cover = joined([cover, board])
+                break
+    for n in range(rng.integers(3, 6)):
+        cover = joined([cover, _block(f"{name}_block_{n}", person, cover.points, rng)])
+    return cover
+
+
+def box(name: str, person: NDArray[np.float64]) -> Cover:
+    """A box around a person that is open towards +x; legs may stick out of it."""
+    low, high = person.min(axis=0) - GAP, person.max(axis=0) + GAP
+    high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL / 2
+    middle, half = (low + high) / 2, (high - low) / 2
+    cover = Cover([], np.empty((0, 3)))
+    for side, axis, sign in (
+        ("back", 0, -1),
+        ("left", 1, 1),
+        ("right", 1, -1),
+        ("top", 2, 1),
+        ("bottom", 2, -1),
+    ):
+        centre, size = middle.copy(), half.copy()
+        centre[axis] += sign * (half[axis] + PANEL / 2)
+        size[axis] = PANEL / 2
+        cover = joined([cover, _block_of(f"{name}_{side}", Label.CLUTTER, centre, size, np.eye(3), WOOD)])
+    return cover
+
+
+def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.float64]) -> Cover:
+    """A wall panel before a person, 1.2 m high and wide or wider, with a hole before head and chest."""
+    left = max(WALL / 2, person[:, 1].max() + RIM)
+    right = min(-WALL / 2, person[:, 1].min() - RIM)
+    x = person[:, 0].max() + GAP + PANEL
+    wide, high = HOLE
+    y = float(np.clip(chin[1], right + wide + RIM, left - wide - RIM))
+    z = float(np.clip(chin[2], high, WALL - high - RIM))
+    pieces = {
+        "left": ((y + wide, left), (0, WALL)),
+        "right": ((right, y - wide), (0, WALL)),
+        "above": ((y - wide, y + wide), (z + high, WALL)),
+        "below": ((y - wide, y + wide), (0, z - high)),
+    }
+    cover = Cover([], np.empty((0, 3)))
+    for piece, (across, up) in pieces.items():
+        if up[1] - up[0] > 0.01:
+            centre = np.array([x, sum(across) / 2, sum(up) / 2])
+            size = np.array([PANEL, (across[1] - across[0]) / 2, (up[1] - up[0]) / 2])
+            cover = joined([cover, _block_of(f"{name}_{piece}", Label.WALL, centre, size, np.eye(3), WOOD)])
+    return cover
+
+
+def seat(name: str, half_sizes: NDArray[np.float64]) -> Cover:
+    """The block that a seated person sits on, with its back to the wall."""
+    centre = np.array([half_sizes[0], 0, half_sizes[2]])
+    return _block_of(f"{name}_seat", Label.CLUTTER, centre, half_sizes, np.eye(3), CONCRETE)
+
+
+def joined(covers: list[Cover]) -> Cover:
+    """All of them as one."""
+    return Cover(
+        [g for c in covers for g in c.geoms], np.concatenate([np.empty((0, 3)), *(c.points for c in covers)])
+    )
+
+
+def _board(
+    name: str, middle: NDArray[np.float64], yaw: float, rng: np.random.Generator, under: NDArray[np.float64]
+) -> Cover | None:
+    """A board over ``middle`` with one end on the floor that rests on the highest of the places ``under`` it.
+
+    None if it would lean too steeply.
+    """
+    length, width = rng.uniform(0.8, 1.2), rng.uniform(0.12, 0.26)
+    along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
+    t = (under[:, :2] - middle) @ across
+    strip = under[np.abs(t) < width / 2 + 0.02]
+    for reach in (
+        np.arange(0.45, 0.8, 0.05) * length
+    ):  # from the end on the floor to the middle of what it lies on
+        s = (strip[:, :2] - middle) @ along + reach
+        slope = np.arctan(
+            np.max(strip[:, 2] / np.maximum(s, 0.02), where=(s > 0) & (s < length), initial=0.0)
+        )
+        if slope < MAX_SLOPE:
+            break
+    else:
+        return None
+    x = np.array([*(along * np.cos(slope)), np.sin(slope)])
+    rotation = np.stack([x, [*across, 0], np.cross(x, [*across, 0])], axis=1)
+    foot = np.array([*(middle - along * reach), 0])
+    centre = foot + x * length / 2 + rotation[:, 2] * (PANEL / 2 + 0.001)
+    return _block_of(
+        name, Label.CLUTTER, centre, np.array([length / 2, width / 2, PANEL / 2]), rotation, WOOD, rng
+    )
+
+
+def _block(
+    name: str, person: NDArray[np.float64], others: NDArray[np.float64], rng: np.random.Generator
+) -> Cover:
+    """A block on the floor close to the far half of a person, clear of everything."""
+    low, high = person.min(axis=0), person.max(axis=0)
+    taken = np.concatenate([person, others])
+    for _ in range(40):
+        size, yaw = rng.uniform(0.03, 0.11, 3), rng.uniform(0, np.pi)
+        place = np.array(
+            [rng.uniform(low[0] - 0.1, (low[0] + high[0]) / 2), rng.uniform(low[1] - 0.2, high[1] + 0.2)]
+        )
+        rotation = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        near = np.abs((taken[:, :2] - place) @ rotation[:2, :2]) < size[:2] + 0.02
+        if not near.all(axis=1).any():
+            return _block_of(name, Label.CLUTTER, np.array([*place, size[2]]), size, rotation, CONCRETE, rng)
+    return Cover([], np.empty((0, 3)))
+
+
+def _block_of(
+    name: str,
+    label: Label,
+    centre: NDArray[np.float64],
+    size: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+    colour: tuple[float, ...],
+    rng: np.random.Generator | None = None,
+) -> Cover:
+    """A box geom and a grid of places on it, 5 cm apart or closer."""
+    rgba = (*np.array(colour) * (rng.uniform(0.75, 1.15) if rng else 1), 1)
+    axes = [np.linspace(-half, half, 2 + int(2 * half / 0.05)) for half in size]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    piece = geom(
+        name, label, type="box", pos=centre, quat=quaternion(rotation), size=size, rgba=np.clip(rgba, 0, 1)
+    )
+    return Cover([piece], grid @ rotation.T + centre)

@@ -1,0 +1,215 @@
+"""The library of bodies and of the postures in which they came to rest: ``assets/victims/people.npz``.
+
+``scripts/assets/make_victims.py`` makes it: surfaces around dm_control's CMU humanoid, which falls as a ragdoll.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import Rotation
+
+from sarsim.assets import asset
+
+UNIT = 1e-4
+"""m; vertices are kept as whole numbers of it."""
+HEIGHT = 2.01
+"""m that the library's people measure when they stand."""
+NECK = np.array([0, 0.63, 0.01])
+"""m at rest; what a child's larger head grows from."""
+CHIN = np.array([[0, 0.6, 0.03]])
+"""m at rest; between head and chest."""
+AGAINST_WALL = ("sitting", "slumped", "seated")
+"""The postures in which a wall at x = 0 holds the person up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A surface of triangles.
+
+    Attributes:
+        vertices: (N, 3) m.
+        faces: (M, 3) indices of vertices, counter-clockwise from outside.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+
+    def moved(self, R: NDArray[np.float64], shift: NDArray[np.float64]) -> "Shape":
+        """Turned by a (3, 3) rotation, then shifted."""
+        return Shape(self.vertices @ R.T + shift, self.faces)
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A person in a posture, in the victim's own frame.
+
+    Attributes:
+        body: the whole surface but for the hair.
+        rest: (N, 3) where the body's vertices are when the arms are stretched out, x to the left, y up, m.
+        face_parts: (M,) index of the part of each face of the body.
+        parts: their names.
+        hair: by style.
+        turn: (3, 3) of the head from rest to the posture.
+        offset: (3,) m of the head, likewise.
+        head_scale: how large the head is, of an adult's.
+        scale: stature over ``HEIGHT``.
+    """
+
+    body: Shape
+    rest: NDArray[np.float64]
+    face_parts: NDArray[np.int64]
+    parts: tuple[str, ...]
+    hair: dict[str, Shape]
+    turn: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    head_scale: float
+    scale: float
+
+    def faces_of(self, part: str) -> NDArray[np.int64]:
+        """(K, 3) the body's faces that belong to a part."""
+        return self.body.faces[self.face_parts == self.parts.index(part)]
+
+    def on_head(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 3) places at rest on an adult's head, in the posture."""
+        grown = points + (self.head_scale - 1) * (points - NECK)
+        return self.scale * grown @ self.turn.T + self.offset
+
+    def places(self, hair_style: str) -> NDArray[np.float64]:
+        """(N, 3) vertices of the parts and the hair, if there is any."""
+        shown = self.body.vertices[np.unique(self.body.faces)]
+        return np.concatenate([shown, self.hair[hair_style].vertices]) if hair_style in self.hair else shown
+
+    @property
+    def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest corner of the body."""
+        shown = self.places("bald")
+        return shown.min(axis=0), shown.max(axis=0)
+
+    def only(self, parts: tuple[str, ...]) -> "Figure":
+        """Some parts of the person, closed where the others were."""
+        kept = np.isin(self.face_parts, [self.parts.index(part) for part in parts])
+        index = np.array([parts.index(p) if p in parts else 0 for p in self.parts])
+        body, face_parts = self.body.faces[kept], index[self.face_parts[kept]]
+        vertices, rest = self.body.vertices, self.rest
+        for face, corners in _holes(body):
+            cap = np.stack([corners[:, 1], corners[:, 0], np.full(len(corners), len(vertices))], axis=1)
+            body, face_parts = (
+                np.concatenate([body, cap]),
+                np.append(face_parts, np.full(len(cap), face_parts[face])),
+            )
+            vertices, rest = (np.vstack([v, v[corners[:, 0]].mean(axis=0)]) for v in (vertices, rest))
+        return replace(self, body=Shape(vertices, body), rest=rest, face_parts=face_parts, parts=parts)
+
+    def moved(self, yaw: float, shift: NDArray[np.float64]) -> "Figure":
+        """The person turned left about the origin, then shifted."""
+        R = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        return replace(
+            self,
+            body=self.body.moved(R, shift),
+            hair={style: shape.moved(R, shift) for style, shape in self.hair.items()},
+            turn=R @ self.turn,
+            offset=R @ self.offset + shift,
+        )
+
+    def centred(self) -> "Figure":
+        """The person with its middle above the origin and its lowest place on the floor."""
+        low, high = self.extremes
+        return self.moved(0, -np.array([*(low + high)[:2] / 2, low[2]]))
+
+
+class People:
+    """The library.
+
+    Attributes:
+        postures: (P,) of the poses.
+        builds: (P,) of the poses: man, woman, stout or child.
+        block: (3,) half sizes of what the seated ones sit on, in library metres.
+    """
+
+    def __init__(self, arrays: dict[str, NDArray]):
+        """``arrays``: as in the file."""
+        self._arrays = arrays
+        self.postures, self.builds = arrays["postures"], arrays["builds"]
+        self.block = arrays["block"]
+        self._build_names = list(arrays["build_names"])
+
+    def figure(self, pose: int, stature: float) -> Figure:
+        """A person of ``stature`` metres in one of the poses."""
+        arrays, build = self._arrays, self._build_names.index(self.builds[pose])
+        scale, head_scale = stature / HEIGHT, float(arrays["head_scales"][build])
+        rest = arrays["vertices"][build] * UNIT
+        turns, offsets = bone_motions(arrays["rest"], arrays["poses"][pose])
+        head = list(arrays["bones"]).index("head")
+        moved = scale * skinned(rest, arrays["weights"], turns, offsets)
+        body = Shape(self._pressed(moved, pose), arrays["faces"].astype(np.int64))
+        parts = tuple(str(part) for part in arrays["parts"])
+        figure = Figure(
+            body, rest, arrays["face_parts"], parts, {}, turns[head], scale * offsets[head], head_scale, scale
+        )
+        for style in arrays["hair_styles"]:
+            vertices = figure.on_head(arrays[f"{style}_hair_vertices"] * UNIT)
+            faces = arrays[f"{style}_hair_faces"].astype(np.int64)
+            figure.hair[str(style)] = Shape(self._pressed(vertices, pose), faces)
+        return figure
+
+    def _pressed(self, places: NDArray[np.float64], pose: int) -> NDArray[np.float64]:
+        """Places that are pressed flat where they would be in the floor or in the wall at x = 0."""
+        wall = 0 if self.postures[pose] in AGAINST_WALL else -np.inf
+        return np.maximum(places, [wall, -np.inf, 0])
+
+
+@cache
+def people() -> People:
+    """The library, read once."""
+    with np.load(asset("victims", "people.npz"), allow_pickle=False) as file:
+        return People({name: file[name] for name in file.files})
+
+
+def bone_motions(
+    rest: NDArray[np.floating], pose: NDArray[np.floating]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(B, 3, 3) rotations and (B, 3) translations that take bones from rest to a pose.
+
+    Both are (B, 7): place and quaternion w x y z.
+    """
+    before, after = (Rotation.from_quat(p[:, [4, 5, 6, 3]]).as_matrix() for p in (rest, pose))
+    turns = after @ before.transpose(0, 2, 1)
+    return turns, pose[:, :3] - np.einsum("bij,bj->bi", turns, rest[:, :3])
+
+
+def skinned(
+    vertices: NDArray[np.float64],
+    weights: NDArray[np.floating] | NDArray[np.uint8],
+    turns: NDArray[np.float64],
+    offsets: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """(N, 3) vertices moved by the weighted mean of their bones' motions (linear blend skinning)."""
+    shares = weights / weights.sum(axis=1, keepdims=True, dtype=np.float64)
+    moved = np.einsum("bij,nj->nbi", turns, vertices) + offsets
+    return np.einsum("nb,nbi->ni", shares, moved)
+
+
+def vertex_normals(shape: Shape) -> NDArray[np.float64]:
+    """(N, 3) outward normals of length 1: of the faces around each vertex, weighed by area."""
+    a, b, c = (shape.vertices[shape.faces[:, n]] for n in range(3))
+    normals = np.zeros_like(shape.vertices)
+    np.add.at(normals, shape.faces, np.cross(b - a, c - a)[:, None])
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+
+def _holes(faces: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """The holes of a surface: a face beside each, and the (K, 2) edges around it, as the faces have them."""
+    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    rim = np.sort(first[count == 1])
+    n = int(faces.max()) + 1
+    graph = coo_array((np.ones(len(rim)), edges[rim].T), shape=(n, n))
+    loop = connected_components(graph, directed=False)[1][edges[rim, 0]]
+    for which in dict.fromkeys(loop.tolist()):
+        around = rim[loop == which]
+        yield int(around[0]) // 3, edges[around]

@@ -1,0 +1,274 @@
+"""Victims: people who lie, sit or lean in an arena, and where they truly are.
+
+An arena builder asks for one and sets it down::
+
+    victim = make_victim("3", rng, posture="sitting", placement="open")
+    victim.add_to(mujoco_element, position=(1.2, 0.6, 0.0), yaw=0.5)     # plain XML
+    victim.add_to_mjcf(arena.mjcf_model, position=(1.2, 0.6, 0.0), yaw=0.5)  # PyMJCF
+
+and whoever scores asks ``victims_of(model, data)`` where they are. A victim is one body ``victim_<id>`` of the world,
+without joints, all of whose geoms carry label 6; what covers or surrounds it (rubble, a box, a wall with a hole) is
+a second body ``cover_<id>`` with labels 7 and 1. Names of geoms, meshes, materials and textures begin with
+``victim_<id>_``. Nothing refers to a file or a default class, so that the MJCF opens anywhere.
+
+A victim's own frame: x, y on the floor, z up. Its footprint is around the origin, unless ``needs_wall``: then the
+origin is at the foot of the wall against which it leans, the wall is the plane x = 0 and the person is on its +x
+side, facing +x. A person in a box or behind a hole faces +x too.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, get_args
+from xml.etree.ElementTree import Element, SubElement
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.labels import Label
+from pipeline.transforms import from_rotation
+from sarsim.sensors.camera import geom_labels
+from sarsim.victims.body import UPPER_BODY, Outfit, person_mjcf
+from sarsim.victims.cover import Cover, box, joined, rubble, seat, wall_with_hole
+from sarsim.victims.mjcf import numbers
+from sarsim.victims.people import AGAINST_WALL, CHIN, Figure, people
+
+Posture = Literal["lying", "prone", "side", "sitting", "slumped", "seated", "bust"]
+"""On the back, face down, on a side, against a wall upright or fallen to a side, on a block; head and shoulders."""
+
+Placement = Literal["open", "rubble", "box", "hole"]
+"""In plain view, half under boards and blocks, in a box open towards +x, behind a wall panel with a hole."""
+
+POSTURES: tuple[Posture, ...] = get_args(Posture)
+PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
+PREFIX = "victim_"
+SUITABLE: dict[Placement, tuple[Posture, ...]] = {
+    "open": POSTURES,
+    "rubble": ("lying", "prone", "side"),
+    "box": ("bust", "sitting"),
+    "hole": ("side", "sitting", "seated"),
+}
+"""The postures that a placement may have; without a choice, those of them that need no wall."""
+STATURE = {"man": (1.65, 1.88), "woman": (1.55, 1.75), "stout": (1.62, 1.82), "child": (1.0, 1.4)}
+"""m, by build."""
+
+
+@dataclass(frozen=True, eq=False)
+class VictimModel:
+    """A victim as MJCF, before it is set down.
+
+    Attributes:
+        id: in the arena.
+        posture: of the person.
+        placement: what it is in or under.
+        needs_wall: whether it leans against a wall at x = 0, which the arena must have there.
+        figure: the person.
+        outfit: what it looks like.
+        cover: what it is in, under or on.
+        box: (2, 3) lowest and highest corner of the person in its own frame, m.
+        footprint: (2, 2) lowest and highest x, y of the person and what covers it, m.
+        height: of the person and what covers it, m.
+    """
+
+    id: str
+    posture: Posture
+    placement: Placement
+    needs_wall: bool
+    figure: Figure
+    outfit: Outfit
+    cover: Cover
+    box: NDArray[np.float64]
+    footprint: NDArray[np.float64]
+    height: float
+
+    def add_to(self, root: Element, position: Sequence[float], yaw: float) -> None:
+        """Set it down in a ``<mujoco>`` element: its origin at ``position`` (m), turned left by ``yaw`` (rad)."""
+        for parent, children in (("asset", self.assets), ("worldbody", self._set_down(position, yaw))):
+            element = root.find(parent)
+            (SubElement(root, parent) if element is None else element).extend(children)
+
+    def add_to_mjcf(self, root: mjcf.RootElement, position: Sequence[float], yaw: float) -> None:
+        """Set it down in a PyMJCF model, likewise."""
+        for asset in self.assets:
+            root.asset.add(asset.tag, **asset.attrib)
+        for body in self._set_down(position, yaw):
+            added = root.worldbody.add("body", **body.attrib)
+            for geom in body:
+                added.add(geom.tag, **geom.attrib)
+
+    @property
+    def assets(self) -> list[Element]:
+        """Children for ``<asset>``."""
+        return self._person[0]
+
+    @property
+    def bodies(self) -> list[Element]:
+        """Children for ``<worldbody>``: the person's, then what covers it, each in the victim's own frame."""
+        person = _body(f"{PREFIX}{self.id}", self._person[1])
+        return [person, _body(_cover_name(self.id), self.cover.geoms)] if self.cover.geoms else [person]
+
+    @cached_property
+    def _person(self) -> tuple[list[Element], list[Element]]:
+        """Assets and geoms; most of the people that an arena draws fit nowhere, and are never written down."""
+        return person_mjcf(f"{PREFIX}{self.id}", self.figure, self.outfit)
+
+    def _set_down(self, position: Sequence[float], yaw: float) -> list[Element]:
+        pose = {"pos": numbers(position), "quat": numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
+        moved = []
+        for body in self.bodies:
+            moved.append(Element("body", body.attrib | pose))
+            moved[-1].extend(body)
+        return moved
+
+
+@dataclass(frozen=True, eq=False)
+class Victim:
+    """Where a victim truly is.
+
+    Attributes:
+        id: in the arena.
+        T_world_victim: 4×4 pose of its own frame.
+        box: (2, 3) lowest and highest corner in its own frame, m.
+        geoms: ids of its geoms, the instances that a camera sees.
+    """
+
+    id: str
+    T_world_victim: NDArray[np.float64]
+    box: NDArray[np.float64]
+    geoms: NDArray[np.int64]
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """(3,) middle of the box in the world, m."""
+        return self.T_world_victim[:3, :3] @ self.box.mean(axis=0) + self.T_world_victim[:3, 3]
+
+
+def make_victim(
+    id: str,
+    rng: np.random.Generator,
+    posture: Posture | None = None,
+    placement: Placement = "open",
+    stature: float | None = None,
+    room: tuple[float, float] = (np.inf, np.inf),
+) -> VictimModel:
+    """A person of random build, size and clothes; the same generator state gives the same one.
+
+    Args:
+        id: unique in the arena; letters, digits and underscores.
+        rng: drawn from.
+        posture: one that needs no wall, at random, if not given.
+        placement: what it is in or under.
+        stature: m that the person would measure standing; suits the build if not given.
+        room: m along x and y that the person must not exceed.
+
+    Raises:
+        InputError: a posture that the placement cannot have, or nobody so fits into the room.
+    """
+    choice = [p for p in SUITABLE[placement] if posture in (p, None) and (posture or p not in AGAINST_WALL)]
+    if not choice:
+        raise InputError(f"victim {id}: nobody is {posture} in placement {placement!r}")
+    posture = choice[rng.integers(len(choice))]
+    figures = _figures(posture, placement, stature, rng)
+    fitting = ((f, b) for f, b in figures if np.all(np.subtract(*f.extremes[::-1])[:2] <= room))
+    figure, build = next(fitting, (None, ""))
+    if figure is None:
+        raise InputError(f"victim {id}: nobody {posture} fits into {room[0]:g} × {room[1]:g} m")
+    outfit = Outfit.random(build, rng)
+    person = figure.places(outfit.hair_style)
+    cover = _cover(_cover_name(id), posture, placement, figure, person, rng)
+    everything = np.concatenate([person, cover.points])
+    return VictimModel(
+        id, posture, placement, posture in AGAINST_WALL and placement != "box", figure, outfit, cover,
+        box=_extremes(person), footprint=_extremes(everything)[:, :2], height=float(everything[:, 2].max()),
+    )  # fmt: skip
+
+
+def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Victim]:
+    """The victims of a model, in the order of its bodies: bodies ``victim_<id>`` whose geoms carry label 6."""
+    labels = geom_labels(model)
+    victims = []
+    for body in range(model.nbody):
+        name = model.body(body).name.rpartition("/")[2]
+        geoms = np.flatnonzero((model.geom_bodyid == body) & (labels == Label.VICTIM))
+        if name.startswith(PREFIX) and geoms.size:
+            pose = from_rotation(data.xmat[body].reshape(3, 3), data.xpos[body])
+            victims.append(Victim(name.removeprefix(PREFIX), pose, _box(model, geoms), geoms))
+    return victims
+
+
+def _figures(
+    posture: Posture, placement: Placement, stature: float | None, rng: np.random.Generator
+) -> Iterator[tuple[Figure, str]]:
+    """The people of the library in a posture, in random order, of random stature, and their builds."""
+    library = people()
+    kept = "sitting" if posture == "bust" else posture  # a bust is the upper half of someone who sits upright
+    for pose in rng.permutation(np.flatnonzero(library.postures == kept)):
+        build = str(library.builds[pose])
+        figure = library.figure(int(pose), stature or rng.uniform(*STATURE[build]))
+        if posture == "bust":
+            figure = figure.only(UPPER_BODY).centred()
+        elif placement == "hole" and posture not in AGAINST_WALL:
+            forward = figure.turn @ [0, 0, 1]
+            figure = figure.moved(-np.arctan2(forward[1], forward[0]), np.zeros(3)).centred()
+        yield figure, build
+
+
+def _cover(
+    name: str,
+    posture: Posture,
+    placement: Placement,
+    figure: Figure,
+    person: NDArray[np.float64],
+    rng: np.random.Generator,
+) -> Cover:
+    """What the person is in, under or on."""
+    covers = [seat(name, people().block * figure.scale)] if posture == "seated" else []
+    if placement == "rubble":
+        covers.append(rubble(name, person, rng))
+    elif placement == "box":
+        covers.append(box(name, person))
+    elif placement == "hole":
+        covers.append(wall_with_hole(name, person, figure.on_head(CHIN)[0]))
+    return joined(covers)
+
+
+def _cover_name(id: str) -> str:
+    """Of the body that covers a victim."""
+    return f"cover_{id}"
+
+
+def _body(name: str, geoms: list[Element]) -> Element:
+    body = Element("body", name=name)
+    body.extend(geoms)
+    return body
+
+
+def _extremes(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2, 3) lowest and highest corner of places."""
+    return np.stack([places.min(axis=0), places.max(axis=0)])
+
+
+def _box(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(2, 3) lowest and highest corner of geoms in the frame of their body, m."""
+    corners = [_extent(model, int(geom)) for geom in geoms]
+    return np.stack(
+        [np.min([low for low, _ in corners], axis=0), np.max([high for _, high in corners], axis=0)]
+    )
+
+
+def _extent(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest and highest corner of a geom in its body's frame."""
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+    R, position = rotation.reshape(3, 3), model.geom_pos[geom]
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.geom_dataid[geom]
+        first = model.mesh_vertadr[mesh]
+        vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]] @ R.T + position
+        return vertices.min(axis=0), vertices.max(axis=0)
+    middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
+    reach = np.abs(R) @ half
+    return R @ middle + position - reach, R @ middle + position + reach

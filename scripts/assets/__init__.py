@@ -1,0 +1,1 @@
+"""What writes the files in assets/ that no hand writes: the laboratory floor and the people."""

@@ -1,0 +1,154 @@
+"""The building around the furniture: walls with doors and windows, columns, ceiling and lamps."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from sarsim.scripts.assets.esogu.parts import Part, moved
+
+LENGTH, WIDTH, HEIGHT = 52.0, 15.0, 2.7
+"""m from outside to outside along x and y, and from floor to ceiling."""
+OUTER, INNER = 0.2, 0.12
+"""m, thickness of the outer walls and of those between rooms."""
+SOUTH_WALL, NORTH_WALL = -0.66, 2.06
+"""y in m, the middles of the corridor's walls."""
+DOOR, DOOR_HEIGHT = 1.0, 2.05
+"""m, clear opening."""
+FRAME = 0.03
+"""m, thickness of a door's frame."""
+PANEL = 2.4
+"""m, no piece of wall is longer, so that a camera's picture leaves out what it does not show, and a lamp on the
+robot, whose light is computed at corners, has corners to shine on."""
+SILL, LINTEL = 0.95, 2.3
+"""m, lower and upper edge of the windows."""
+COLUMN = 0.4
+"""m, its sides."""
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room on one side of the corridor.
+
+    Attributes:
+        name: what it is for.
+        west, east: x in m of the middles of its walls.
+        doors: x in m of the middles of its door openings.
+        hinges: of each door, 1 where the leaf stands open east of it and -1 where west of it; 0 for no leaf.
+        windows: x in m of the middles of its windows.
+    """
+
+    name: str
+    west: float
+    east: float
+    doors: tuple[float, ...]
+    hinges: tuple[int, ...]
+    windows: tuple[float, ...]
+
+
+def outer_walls(south: tuple[Room, ...], north: tuple[Room, ...]) -> Iterator[Part]:
+    """The four outer walls; the long ones have windows."""
+    x, y = (LENGTH - OUTER) / 2, (WIDTH - OUTER) / 2
+    for end in (-x, x):
+        for low, high in _cut(-y + OUTER / 2, y - OUTER / 2):
+            yield _wall((end, (low + high) / 2), (OUTER, high - low), 0, HEIGHT)
+    for side, rooms in ((-1, south), (1, north)):
+        for low, high in _cut(-LENGTH / 2, LENGTH / 2):
+            yield _wall(((low + high) / 2, side * y), (high - low, OUTER), 0, HEIGHT)
+        for window in (w for room in rooms for w in room.windows):
+            yield from moved(_window(), window, side * (y - OUTER / 2), -90 * side)
+
+
+def corridor_wall(y: float, inward: int, rooms: tuple[Room, ...]) -> Iterator[Part]:
+    """The wall between the corridor and the rooms on one side of it.
+
+    Args:
+        y: m of its middle.
+        inward: 1 if the rooms are north of it, -1 if south.
+        rooms: along it.
+    """
+    half = DOOR / 2 + FRAME
+    doors = sorted(door for room in rooms for door in room.doors)
+    ends = [-LENGTH / 2 + OUTER, *np.ravel([(d - half, d + half) for d in doors]), LENGTH / 2 - OUTER]
+    for low, high in zip(ends[::2], ends[1::2], strict=True):
+        for a, b in _cut(float(low), float(high)):
+            yield _wall(((a + b) / 2, y), (b - a, INNER), 0, HEIGHT)
+    for door in doors:
+        yield _wall((door, y), (2 * half, INNER), DOOR_HEIGHT + FRAME, HEIGHT)
+        yield from moved(_door_frame(), door, y, 0)
+    for room in rooms:
+        for door, hinge in zip(room.doors, room.hinges, strict=True):
+            if hinge:
+                # A leaf that stands open by half a turn, with its handle between it and the wall.
+                middle = door + hinge * (DOOR + 2 * FRAME)
+                yield from moved(_door_leaf(), middle, y + inward * (INNER / 2 + 0.08), 0)
+
+
+def partitions(rooms: tuple[Room, ...], low: float, high: float) -> Iterator[Part]:
+    """The walls between the rooms on one side, from y = ``low`` to ``high`` m."""
+    for room in rooms[:-1]:
+        for a, b in _cut(low, high):
+            yield _wall((room.east, (a + b) / 2), (INNER, b - a), 0, HEIGHT)
+
+
+def columns(places: tuple[tuple[float, float], ...]) -> Iterator[Part]:
+    """Square columns from floor to ceiling."""
+    for place in places:
+        yield _wall(place, (COLUMN, COLUMN), 0, HEIGHT, "column")
+
+
+def ceiling() -> Iterator[Part]:
+    """The ceiling in pieces, with lamps over rooms and corridor."""
+    xs, ys = (
+        np.linspace(-LENGTH / 2, LENGTH / 2, 14),
+        np.array([-WIDTH / 2, SOUTH_WALL, NORTH_WALL, WIDTH / 2]),
+    )
+    for west, east in pairwise(xs):
+        for low, high in pairwise(ys):
+            x, y = (west + east) / 2, (low + high) / 2
+            yield Part("ceiling", "ceiling", (x, y, HEIGHT + 0.02), (east - west, high - low, 0.04))
+            yield Part("ceiling", "lamp", (x, y, HEIGHT - 0.015), (1.2, 0.3, 0.03))
+
+
+def _cut(low: float, high: float) -> list[tuple[float, float]]:
+    """Equal pieces no longer than ``PANEL``."""
+    edges = np.linspace(low, high, 1 + int(np.ceil((high - low) / PANEL - 1e-9)))
+    return list(pairwise(edges.tolist()))
+
+
+def _wall(
+    middle: tuple[float, float],
+    extent: tuple[float, float],
+    low: float,
+    high: float,
+    material: str = "plaster",
+) -> Part:
+    return Part("wall", material, (*middle, (low + high) / 2), (*extent, high - low))
+
+
+def _window() -> list[Part]:
+    """Glass and sill, flat on the plane x = 0 and facing +x; a camera that measures depth meets the glass."""
+    height = LINTEL - SILL
+    return [
+        Part("wall", "glass", (0.005, 0, (SILL + LINTEL) / 2), (0.01, 1.5, height), solid=False),
+        Part("wall", "frame", (0.06, 0, SILL - 0.02), (0.12, 1.6, 0.04)),
+    ]
+
+
+def _door_frame() -> list[Part]:
+    side = (DOOR + FRAME) / 2
+    deep, up = INNER + 0.04, DOOR_HEIGHT / 2
+    return [
+        Part("wall", "door_frame", (-side, 0, up), (FRAME, deep, DOOR_HEIGHT)),
+        Part("wall", "door_frame", (side, 0, up), (FRAME, deep, DOOR_HEIGHT)),
+        Part("wall", "door_frame", (0, 0, DOOR_HEIGHT + FRAME / 2), (DOOR + 2 * FRAME, deep, FRAME)),
+    ]
+
+
+def _door_leaf() -> list[Part]:
+    handle = (0.12, 0.1, 0.025)
+    return [
+        Part("wall", "door", (0, 0, DOOR_HEIGHT / 2), (DOOR - 0.02, 0.04, DOOR_HEIGHT - 0.02)),
+        Part("wall", "steel", (0, 0, 1.05), handle, solid=False),
+    ]

@@ -1,0 +1,77 @@
+"""Parts of furniture and of the building: labelled boxes and cylinders, and where they stand."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Literal
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from sarsim.victims.mjcf import numbers
+
+Point = tuple[float, float, float]
+MARGIN = 1e-9
+"""deg; a yaw so near to 0 turns nothing."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A box or a cylinder.
+
+    Attributes:
+        label: name of its default class.
+        material: what it looks like.
+        middle: x, y, z in m.
+        extent: whole lengths along its own x, y, z in m; of a cylinder its diameter twice, and its length.
+        yaw: deg, how far it is turned left.
+        shape: what it is; the axis of a cylinder is z, of a lying one y.
+        solid: whether the robot can run into it.
+    """
+
+    label: str
+    material: str
+    middle: Point
+    extent: Point
+    yaw: float = 0.0
+    shape: Literal["box", "cylinder", "lying_cylinder"] = "box"
+    solid: bool = True
+
+    def moved(self, x: float, y: float, yaw: float) -> "Part":
+        """Turned left about the origin by ``yaw`` (deg), then shifted by ``x``, ``y`` (m)."""
+        turn = np.radians(yaw)
+        px, py, pz = self.middle
+        middle = (
+            x + np.cos(turn) * px - np.sin(turn) * py,
+            y + np.sin(turn) * px + np.cos(turn) * py,
+            pz,
+        )
+        return replace(self, middle=middle, yaw=(self.yaw + yaw) % 360)
+
+    def element(self, name: str) -> Element:
+        """As a geom."""
+        words = {"name": name, "class": self.label, "material": self.material, "pos": numbers(self.middle)}
+        half = np.array(self.extent) / 2
+        if self.shape == "box":
+            words["size"] = numbers(half)
+        else:
+            words |= {"type": "cylinder", "size": numbers([half[0], half[2]])}
+        if (quat := self._quat()) is not None:
+            words["quat"] = quat
+        if not self.solid:
+            words |= {"contype": "0", "conaffinity": "0"}
+        return Element("geom", words)
+
+    def _quat(self) -> str | None:
+        half = np.radians(self.yaw) / 2
+        if self.shape == "lying_cylinder":  # its axis, z, is laid along y first
+            return numbers(
+                np.sqrt(0.5) * np.array([np.cos(half), -np.cos(half), -np.sin(half), np.sin(half)])
+            )
+        if abs(self.yaw) < MARGIN or self.shape == "cylinder":
+            return None
+        return numbers([np.cos(half), 0, 0, np.sin(half)])
+
+
+def moved(parts: Iterable[Part], x: float, y: float, yaw: float) -> list[Part]:
+    """All parts of something, moved together."""
+    return [part.moved(x, y, yaw) for part in parts]

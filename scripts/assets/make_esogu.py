@@ -1,0 +1,161 @@
+"""Make ``assets/arenas/esogu_52x15.xml``, the laboratory floor, from its plan in ``scripts/assets/esogu``."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
+
+import numpy as np
+
+from pipeline.files import whole_file
+from sarsim.arenas.elements import ArenaBuilder
+from sarsim.assets import asset
+from sarsim.scripts.assets.esogu import building, plan
+from sarsim.scripts.assets.esogu.furniture import PIECES
+from sarsim.scripts.assets.esogu.materials import COLOURS, TEXTURES, TILES_PER_METRE
+from sarsim.scripts.assets.esogu.parts import Part, moved
+from sarsim.scripts.cli import run
+from sarsim.victims.mjcf import numbers
+from sarsim.victims.victims import make_victim
+
+SEED = 52
+"""of the victims' looks."""
+HALF_TILE = 0.6
+FLOOR_GRID = 0.8
+"""m; the robot's lamp shines on the corners of such squares."""
+QUADS = "2"
+"""in a row on each face of a box; most of a picture's time goes into their corners."""
+CEILING_GROUP = "2"
+"""MuJoCo's viewer hides it on the key 2."""
+LIGHTS = (
+    # name, direction, diffuse: what comes from the lamps, from the windows, and back from the floor
+    ("lamps", (-0.25, 0.4, -0.88), (0.52, 0.52, 0.5)),
+    ("windows", (0.45, -0.75, -0.5), (0.26, 0.27, 0.29)),
+    ("floor_bounce", (0.2, 0.3, 0.93), (0.3, 0.3, 0.29)),
+)
+CAMERAS = (
+    ("top", {"pos": "0 0 52", "fovy": "45"}),
+    ("overview", {"pos": "0 -38 43", "xyaxes": "1 0 0 0 0.75 0.66", "fovy": "45"}),
+)
+TARGET = asset("arenas", "esogu_52x15.xml")
+VICTIMS = "esogu_52x15_victims.xml"
+
+
+def make_esogu(folder: Path = TARGET.parent) -> None:
+    """Write the arena, and beside it the victims that it includes."""
+    for name, text in (TARGET.name, laboratory_floor().to_xml()), (VICTIMS, people_on_the_floor()):
+        with whole_file(folder / name) as path:
+            path.write_text(text)
+
+
+def laboratory_floor() -> ArenaBuilder:
+    """The building, its furniture, the robots' course and the start."""
+    builder = ArenaBuilder("esogu_52x15")
+    _add_materials(builder.root)
+    SubElement(builder.root, "include", file=VICTIMS)
+    _add_surroundings(builder.root)
+    _add_building(_world(builder))
+    for room, places in plan.FURNITURE.items():
+        _add_furniture(_world(builder), room, places)
+    _add_course(builder)
+    builder.set_start((*plan.START, 0.0), 0.0)
+    return builder
+
+
+def people_on_the_floor() -> str:
+    """MJCF of the victims, to be included."""
+    root = Element("mujocoinclude")
+    for number, victim in enumerate(plan.VICTIMS, 1):
+        rng = np.random.default_rng([SEED, number])
+        model = make_victim(str(number), rng, victim.posture, victim.placement)
+        model.add_to(root, (victim.x, victim.y, 0.0), np.radians(victim.yaw))
+    indent(root, " ")
+    return tostring(root, encoding="unicode") + "\n"
+
+
+def _world(builder: ArenaBuilder) -> Element:
+    world = builder.root.find("worldbody")
+    assert world is not None
+    return world
+
+
+def _add_materials(root: Element) -> None:
+    assets = root.find("asset")
+    assert assets is not None
+    for same_name in [m for m in assets.findall("material") if m.get("name") in COLOURS]:
+        assets.remove(same_name)
+    for texture in TEXTURES:
+        flat = {"type": "2d", "builtin": "flat", "width": "64", "height": "64"}
+        SubElement(assets, "texture", texture | flat)
+        tiled = {"texture": texture["name"], "texuniform": "true", "texrepeat": TILES_PER_METRE}
+        SubElement(assets, "material", {"name": texture["name"], "specular": "0.1"} | tiled)
+    SubElement(assets, "material", {"name": "lamp", "rgba": "1 1 0.97 1"})
+    for name, rgb in COLOURS.items():
+        SubElement(assets, "material", {"name": name, "rgba": numbers((*rgb, 1)), "specular": "0.1"})
+
+
+def _add_surroundings(root: Element) -> None:
+    """Light and cameras. A shadow would take a picture of its own, and the ceiling would keep the light out."""
+    SubElement(root, "statistic", center="0 0 0.5", extent="15")
+    quality = root.find("visual/quality")
+    assert quality is not None
+    quality.set("numquads", QUADS)
+    world = root.find("worldbody")
+    assert world is not None
+    for name, direction, diffuse in LIGHTS:
+        attributes = {"name": name, "directional": "true", "castshadow": "false"}
+        colours = {"diffuse": numbers(diffuse), "specular": "0.1 0.1 0.1"}
+        SubElement(world, "light", attributes | {"dir": numbers(direction)} | colours)
+    for name, attributes in CAMERAS:
+        SubElement(world, "camera", {"name": name} | attributes)
+
+
+def _add_building(world: Element) -> None:
+    half = (building.LENGTH / 2, building.WIDTH / 2, FLOOR_GRID)
+    floor = {"name": "floor", "class": "terrain", "material": "floor_tiles", "size": numbers(half)}
+    SubElement(world, "geom", floor)
+    inner = building.WIDTH / 2 - building.OUTER
+    half_wall = building.INNER / 2
+    shell = {
+        "outer": building.outer_walls(plan.SOUTH_ROOMS, plan.NORTH_ROOMS),
+        "corridor_south": building.corridor_wall(building.SOUTH_WALL, -1, plan.SOUTH_ROOMS),
+        "corridor_north": building.corridor_wall(building.NORTH_WALL, 1, plan.NORTH_ROOMS),
+        "south": building.partitions(plan.SOUTH_ROOMS, -inner, building.SOUTH_WALL - half_wall),
+        "north": building.partitions(plan.NORTH_ROOMS, building.NORTH_WALL + half_wall, inner),
+        "column": building.columns(plan.COLUMNS),
+        "ceiling": building.ceiling(),
+    }
+    for name, parts in shell.items():
+        world.append(Comment(f" {name} "))
+        _append(world, name, parts)
+    for geom in world.iterfind("geom[@class='ceiling']"):
+        geom.set("group", CEILING_GROUP)
+
+
+def _add_furniture(world: Element, room: str, places: list[plan.Place]) -> None:
+    world.append(Comment(f" {room} "))
+    for number, (kind, x, y, yaw) in enumerate(places):
+        _append(world, f"{room.replace(' ', '_')}_{number}_{kind}", moved(PIECES[kind](), x, y, yaw))
+
+
+def _append(world: Element, name: str, parts: Iterable[Part]) -> None:
+    world.extend(part.element(f"{name}_{number}") for number, part in enumerate(parts))
+
+
+def _add_course(builder: ArenaBuilder) -> None:
+    _world(builder).append(Comment(" course "))
+    for kind, x, y, yaw in plan.COURSE:
+        if kind == "ridge":
+            dx, dy = HALF_TILE * np.cos(np.radians(yaw)), HALF_TILE * np.sin(np.radians(yaw))
+            builder.add_element("ramp_17", (x - dx, y - dy, 0), yaw + 90)
+            builder.add_element("ramp_17", (x + dx, y + dy, 0), yaw - 90)
+        else:
+            builder.add_element(kind, (x, y, 0), yaw)
+
+
+def main() -> None:
+    """Entry point."""
+    run(make_esogu)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,1 +1,0 @@
-"""What ``scripts/make_esogu.py`` makes the ESOGU laboratory floor of."""

@@ -1,0 +1,117 @@
+"""What the baselines of exploration do in small worlds."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pipeline.exploration.baselines import ROBOT_SIZE, NearestFrontier, RandomWalk
+from pipeline.exploration.next_best_view import Exploration
+from pipeline.transforms import from_yaw
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import drivable_surface
+from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
+
+
+def next_view(exploration: Exploration, world, pose):
+    surface = drivable_surface(world)
+    return exploration.next_view(surface, world.measured, ShortestPaths(surface, pose[:2, 3]), pose)
+
+
+def room(*corners, x=(-2.0, 2.0), y=(-2.0, 2.0)):
+    """Ground with walls from corner to corner."""
+    walls = [wall_points(a, b) for a, b in pairwise(corners)]
+    return surface_of(ground_points(flat, x, y), *walls)
+
+
+def closed_room():
+    return room((-2, -2), (2, -2), (2, 2), (-2, 2), (-2, -2))
+
+
+def corridor(west, east):
+    """Open at both ends, along x."""
+    world = surface_of(ground_points(flat, (west, east), (-1, 1)))
+    for y in (-1, 1):
+        world.update(wall_points((west, y), (east, y)))
+    return world
+
+
+def test_the_nearest_frontier_in_view_is_looked_at_from_where_the_robot_stands():
+    view = next_view(NearestFrontier(), corridor(-6, 2), from_yaw(0, 0, 0, 0))
+    assert abs(view.heading) < np.deg2rad(30)
+    np.testing.assert_allclose(view.position, (0, 0), atol=1e-9)
+    assert view.gain >= ROBOT_SIZE
+
+
+def test_it_drives_only_so_near_that_the_frontier_is_in_view():
+    exploration = NearestFrontier()
+    view = next_view(exploration, corridor(-9, 6), from_yaw(0, 0, 0, 0))
+    assert exploration.config.near < 6 - view.position[0] <= exploration.config.far + 0.3
+    assert view.turn
+
+
+def test_what_is_larger_does_not_draw_it_away_from_what_is_nearer():
+    world = room((-4, -2), (1.5, -2), (1.5, -0.4), x=(-4, 1.5))
+    world.update(wall_points((1.5, 0.4), (1.5, 2)))  # a door in the east, all open in the west
+    world.update(wall_points((1.5, 2), (-4, 2)))
+    pose = from_yaw(0, 0, 0, np.pi)
+    assert abs(next_view(NearestFrontier(), world, pose).heading) < np.deg2rad(30)
+    assert abs(next_view(Exploration(), world, pose).heading) > np.deg2rad(90)
+
+
+def test_a_frontier_smaller_than_the_robot_comes_last_but_comes():
+    gains = np.array([[0.1, 0.2], [0.0, 0.9], [0.3, 0.8]])
+    distance, seconds = np.array([0.0, 2.0, 1.0]), np.ones((3, 2))
+    worth = NearestFrontier()._worth(gains, distance, seconds)
+    np.testing.assert_equal(worth, [[0, 0], [0, 0], [0.3, 0.8]])
+    worth = NearestFrontier()._worth(0.25 * gains, distance, seconds)
+    np.testing.assert_equal(worth, 0.25 * np.array([[0, 0.2], [0, 0], [0, 0]]))
+    assert not NearestFrontier()._worth(0.01 * gains, distance, seconds).any()
+
+
+def test_nothing_is_left_in_a_closed_room():
+    exploration = NearestFrontier()
+    assert next_view(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
+    assert len(exploration.frontiers) == 0
+
+
+def test_a_frontier_that_never_comes_into_view_is_given_up():
+    world, exploration, pose = corridor(-3, 2), NearestFrontier(), from_yaw(0, 0, 0, 0)
+    world.update(wall_points((-3, -1), (-3, 1)))
+    views = []
+    while (view := next_view(exploration, world, pose)) is not None and len(views) < 100:
+        views.append(view)
+        pose = from_yaw(*view.position, 0, view.heading)
+    assert 3 <= len(views) < 100
+    assert len({tuple(v.position) for v in views}) > 1
+
+
+def test_nobody_looks_from_where_the_robot_cannot_stand():
+    world = surface_of(ground_points(flat, (0, 0.3), (0, 0.3)))
+    for exploration in (NearestFrontier(), RandomWalk(0)):
+        assert next_view(exploration, world, from_yaw(0.1, 0.1, 0, 0)) is None
+
+
+def test_a_random_walk_goes_by_its_seed_and_ends():
+    world, pose = closed_room(), from_yaw(0, 0, 0, 0)
+
+    def walk(seed):
+        exploration = RandomWalk(seed, looks=5)
+        views = [next_view(exploration, world, pose) for _ in range(5)]
+        assert next_view(exploration, world, pose) is None
+        return [(*view.position, view.heading) for view in views]
+
+    assert walk(1) == walk(1)
+    assert walk(1) != walk(2)
+
+
+@pytest.mark.parametrize("stride", [0.5, 1.0])
+def test_a_random_walk_stays_where_the_robot_can_turn_and_not_far(stride):
+    world, exploration, pose = corridor(-9, 6), RandomWalk(0, stride), from_yaw(0, 0, 0, 0)
+    surface = drivable_surface(world)
+    for _ in range(10):
+        view = next_view(exploration, world, pose)
+        assert np.linalg.norm(view.position - pose[:2, 3]) <= stride + 0.1
+        assert surface.grid.at(surface.turnable, view.position)
+        assert view.turn
+        pose = from_yaw(*view.position, 0, view.heading)

@@ -1,0 +1,312 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.navigation.navigator import NavigationConfig, Navigator, Outcome
+from pipeline.robot import Velocity
+from pipeline.transforms import from_yaw, wrap_angle, yaw_of
+from tests.pipeline.kinematic_robot import KinematicRobot
+
+coordinates = st.floats(-3, 3)
+
+NO_SLIDE = NavigationConfig(hold_gain=0.0)
+"""For the kinematic robot, whose wheels do not slide."""
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=4), st.floats(-np.pi, np.pi))
+def test_it_reaches_its_way_points_and_its_heading(way_points, heading):
+    robot = KinematicRobot()
+    assert Navigator(robot).follow(np.array(way_points), heading)
+    assert np.linalg.norm(robot.T[:2, 3] - way_points[-1]) < 0.06
+    assert abs(wrap_angle(yaw_of(robot.T) - heading)) < np.deg2rad(3)
+
+
+@pytest.mark.parametrize(("target", "sign"), [((0, 1), 1), ((0, -1), -1), ((-1, 0.1), 1), ((-1, -0.1), -1)])
+def test_it_turns_the_shorter_way(target, sign):
+    robot = KinematicRobot()
+    Navigator(robot).follow(np.array([target]))
+    turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
+    assert np.all(np.sign(turning) == sign)
+
+
+def test_the_wider_the_angle_the_faster_the_turn():
+    robot = KinematicRobot()
+    Navigator(robot).follow(np.array([(-1, 0.001)]))
+    turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
+    assert turning[0] == NavigationConfig().max_turn_rate
+    assert np.all(np.diff(turning) <= 0)
+    assert turning[-1] < 0.2
+
+
+def test_it_drives_at_the_speed_of_the_thesis_and_slower_on_ramps():
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16) if 1 < x < 2 else 0.0)
+    speeds = []
+    navigator = Navigator(robot)
+    robot_drive = robot.drive
+
+    def spy(command):
+        speeds.append((robot.T[0, 3], command.v))
+        return robot_drive(command)
+
+    robot.drive = spy
+    assert navigator.follow(np.array([(3, 0)]))
+    assert {v for x, v in speeds if 0.1 < x < 0.9} == {0.2}
+    assert {v for x, v in speeds if 1.1 < x < 1.9} == {0.15}
+    assert max(v for _, v in speeds) == 0.2
+
+
+def test_it_follows_the_line_not_only_the_bearing():
+    robot = KinematicRobot()
+    drift = robot.drive
+    tracks = []
+
+    def crosswind(command):
+        if 0.5 < robot.T[0, 3] < 0.6:
+            robot.T[1, 3] += 0.004
+        tracks.append(robot.T[:2, 3].copy())
+        return drift(command)
+
+    robot.drive = crosswind
+    assert Navigator(robot).follow(np.array([(2.5, 0)]))
+    tracks = np.array(tracks)
+    assert np.abs(tracks[:, 1]).max() > 0.03
+    assert np.abs(tracks[tracks[:, 0] > 1.8, 1]).max() < 0.01
+
+
+def test_stuck_is_noticed_and_the_robot_backs_out():
+    robot = KinematicRobot(blocked=lambda time: 3 < time < 3.5)
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(2, 0), (2, 2)]))
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]
+    assert robot.commands[-2].v < 0
+    assert navigator.recovered == 1
+    assert robot.commands[-1].v == 0
+    (halt,) = navigator.halts
+    assert halt.command.v > 0
+    assert halt.freed
+    assert robot.T[0, 3] == pytest.approx(halt.T_map_base[0, 3] - NavigationConfig().back_out, abs=0.04)
+
+
+def test_it_pushes_for_less_than_a_second():
+    robot = KinematicRobot(blocked=lambda time: time > 3)
+    Navigator(robot).follow(np.array([(2, 0)]))
+    pushing = [c for c in robot.commands[60:] if c.v > 0]
+    assert len(pushing) * robot.control_period < 1
+    backing = [c for c in robot.commands if c.v < 0]  # held there too, it gives up as soon
+    assert len(backing) * robot.control_period < 1.5
+
+
+def test_a_robot_that_is_held_on_both_sides_is_not_freed():
+    robot = KinematicRobot(blocked=lambda time: time > 3)
+    navigator = Navigator(robot)
+    navigator.follow(np.array([(2, 0)]))
+    assert [halt.freed for halt in navigator.halts] == [False]
+
+
+def test_on_a_ramp_it_has_time_to_break_loose():
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16), blocked=lambda time: 3 < time < 5)
+    assert Navigator(robot).follow(np.array([(1, 0)]))
+
+
+def test_a_turn_that_is_blocked_is_turned_back():
+    robot = KinematicRobot(blocked=lambda time: 1 < time < 2)
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(0, 2)]))
+    assert navigator.legs[-1].outcome is Outcome.STUCK
+    assert navigator.halts[-1].command.v == 0
+    assert robot.commands[-2].omega < 0 < robot.commands[5].omega
+
+
+def test_a_blocked_look_is_a_leg_that_failed():
+    robot = KinematicRobot(blocked=lambda time: time > 6)
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(1, 0)]), heading=3.0)
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]
+
+
+def test_a_robot_that_was_lifted_stops():
+    robot = KinematicRobot()
+    drive = robot.drive
+
+    def lifted(command):
+        if len(robot.commands) == 60:
+            robot.T = from_yaw(3, 3, 0, 1)
+        return drive(command)
+
+    robot.drive = lifted
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(2, 0), (2, 2)]))
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.MOVED]
+    assert not navigator.halts
+    assert robot.commands[-1] == Velocity()
+    np.testing.assert_allclose(robot.T[:2, 3], (3, 3), atol=0.02)
+
+
+def test_a_slow_drive_is_no_blocked_one():
+    robot = KinematicRobot()
+    drive = robot.drive
+    robot.drive = lambda command: drive(Velocity(0.6 * command.v, 0.6 * command.omega))
+    assert Navigator(robot).follow(np.array([(1, 0), (1, 1)]), 0.0)
+
+
+def test_it_stops_before_it_tips():
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(30) if x > 1 else 0.0)
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(2, 0)]))
+    assert navigator.legs[-1].outcome is Outcome.TILTED
+    assert robot.T[0, 3] < 1
+
+
+def test_on_a_ramp_it_backs_instead_of_turning():
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16) if x > 1 else 0.0)
+    navigator = Navigator(robot)
+    assert navigator.follow(np.array([(1.4, 0)]))
+    before = len(robot.commands)
+    assert navigator.follow(np.array([(0.5, 0.05)]))
+    backing = robot.commands[before:]
+    assert min(c.v for c in backing) < 0 <= max(abs(c.omega) for c in backing) < 0.3
+    assert abs(yaw_of(robot.T)) < np.deg2rad(10)
+    np.testing.assert_allclose(robot.T[:2, 3], (0.5, 0.05), atol=0.06)
+
+
+def test_on_a_crest_it_stands_level_and_backs_all_the_same():
+    robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(16) * np.clip((x - 1) / 0.12, -1, 1))
+    navigator = Navigator(robot)
+    assert navigator.follow(np.array([(1.0, 0.0)]))
+    assert max(np.abs(navigator.attitude.tilt)) < NavigationConfig().ramp_tilt
+    assert navigator.follow(np.array([(0.2, 0.1)]))
+    assert abs(yaw_of(robot.T)) < np.deg2rad(15)
+
+
+@pytest.mark.parametrize("bearing", [30, 60, 120, 145, -100])
+def test_on_a_ramp_it_turns_by_no_more_than_it_must(bearing):
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16))
+    navigator = Navigator(robot)
+    assert navigator.follow(np.array([(0.5, 0.0)]))
+    target = navigator.T_map_base[:2, 3] + (np.cos(np.deg2rad(bearing)), np.sin(np.deg2rad(bearing)))
+    assert navigator.follow(target[None])
+    turned = abs(np.degrees(yaw_of(robot.T)))
+    assert turned == pytest.approx(min(abs(bearing), 180 - abs(bearing)), abs=5)
+
+
+def test_on_a_ramp_it_turns_slowly_where_the_way_leads_across():
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16))
+    navigator = Navigator(robot, NO_SLIDE)
+    assert navigator.follow(np.array([(0.5, 0.0), (0.5, 0.5)]))
+    turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
+    assert max(turning) == NavigationConfig().ramp_turn_rate
+    np.testing.assert_allclose(robot.T[:2, 3], (0.5, 0.5), atol=0.06)
+
+
+def test_way_points_are_in_map_whatever_odom_is():
+    robot = KinematicRobot()
+    navigator = Navigator(robot)
+    navigator.T_map_odom = from_yaw(5, 5, 0, np.pi / 2)
+    assert navigator.follow(np.array([(5, 6)]))
+    np.testing.assert_allclose(robot.T[:2, 3], (1, 0), atol=0.06)
+
+
+def test_it_backs_up_to_the_last_way_point_where_asked():
+    robot = KinematicRobot()
+    assert Navigator(robot).follow(np.array([(1, 0), (1, 2)]), back_up=True)
+    np.testing.assert_allclose(robot.T[:2, 3], (1, 2), atol=0.06)
+    assert abs(wrap_angle(yaw_of(robot.T) + np.pi / 2)) < np.deg2rad(3)
+    assert min(c.v for c in robot.commands) < 0 < max(c.v for c in robot.commands)
+
+
+@pytest.mark.parametrize(("target", "backs"), [((-0.5, 0.01), True), ((-0.5, 0.2), False), ((-2, 0), False)])
+def test_it_backs_to_what_lies_right_behind_it_and_near(target, backs):
+    robot = KinematicRobot()
+    assert Navigator(robot).follow(np.array([target]))
+    np.testing.assert_allclose(robot.T[:2, 3], target, atol=0.06)
+    assert (min(c.v for c in robot.commands) < 0) == backs
+
+
+@pytest.mark.parametrize("pitch", [0.0, -np.deg2rad(16)])
+@pytest.mark.parametrize("back_up", [True, False])
+def test_it_looks_back_or_ahead_at_the_end_as_told_even_if_the_other_were_nearer(back_up, pitch):
+    robot = KinematicRobot(pitch=lambda x, y: pitch)
+    assert Navigator(robot, NO_SLIDE).follow(np.array([(0.5 if back_up else -0.5, 0.0)]), back_up=back_up)
+    assert abs(wrap_angle(yaw_of(robot.T) - np.pi)) < np.deg2rad(3)
+
+
+def test_a_robot_that_was_lifted_since_the_look_does_not_follow_the_old_plan():
+    robot = KinematicRobot()
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(2, 0)]), start=np.array([5.0, 5.0]))
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.MOVED]
+    assert not any(command.v or command.omega for command in robot.commands)
+    assert navigator.follow(np.array([(1, 0)]), start=np.array([0.0, 0.05]))
+
+
+def test_it_stops_before_what_a_glance_shows():
+    robot = KinematicRobot()
+    navigator, asked = Navigator(robot), []
+
+    def is_clear(here, target):
+        asked.append((here[0], tuple(target)))
+        return here[0] < 0.8
+
+    assert not navigator.follow(np.array([(0.5, 0), (2, 0), (2, 2)]), is_clear=is_clear)
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.REACHED, Outcome.BLOCKED]
+    assert 0.8 <= robot.T[0, 3] < 0.85
+    assert robot.commands[-1] == Velocity()
+    assert {target for _, target in asked} == {(0.5, 0), (2, 0)}
+
+
+def test_it_does_not_glance_ahead_while_it_turns():
+    navigator = Navigator(KinematicRobot())
+    assert not navigator.follow(np.array([(-1, 0)]), is_clear=lambda here, target: False)
+    assert navigator.legs[0].outcome is Outcome.BLOCKED
+    assert abs(wrap_angle(yaw_of(navigator.T_map_base) - np.pi)) < np.deg2rad(3)
+
+
+def test_a_turn_ends_although_the_robot_slides_around_its_way_point():
+    robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(-16))
+    navigator, drive = Navigator(robot, NO_SLIDE), robot.drive
+
+    def slide(command):
+        motion = drive(command)
+        if command.omega != 0 and command.v == 0:
+            # So that the way point stays to its left, or to its right.
+            aside = yaw_of(robot.T) - np.sign(command.omega) * np.pi / 2
+            robot.T[:2, 3] = np.array([0.0, 0.1]) + 0.1 * np.array([np.cos(aside), np.sin(aside)])
+        return motion
+
+    robot.drive = slide
+    assert navigator.follow(np.array([(0.0, 0.1)]))
+    assert len(robot.commands) * robot.control_period < 30
+
+
+def test_a_leg_on_which_the_robot_slides_back_again_and_again_is_given_up():
+    robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(-16))
+    navigator, drive = Navigator(robot, NO_SLIDE), robot.drive
+
+    def slide(command):
+        if robot.T[0, 3] > 0.1:
+            robot.T[0, 3] = 0.0
+        return drive(command)
+
+    robot.drive = slide
+    assert not navigator.follow(np.array([(0.6, 0.0)]))
+    assert navigator.legs[-1].outcome is Outcome.STUCK
+    limit = navigator.config.overdue + 4 * 0.6 / navigator.config.ramp_speed
+    assert limit < navigator.motion.time < limit + 10
+
+
+def test_a_turn_that_makes_up_for_sliding_is_not_held_where_the_ramp_ends():
+    robot = KinematicRobot(pitch=lambda x, y: 0.0 if len(robot.commands) > 40 else -np.deg2rad(16))
+    navigator, drive = Navigator(robot), robot.drive
+
+    def slide(command):
+        robot.T[:2, 3] -= command.v * robot.control_period * robot.T[:2, 0]
+        if len(robot.commands) == 40:
+            robot.T[:2, 3] += 0.12 * robot.T[:2, 1]
+        return drive(command)
+
+    robot.drive = slide
+    navigator.follow(np.array([(0.0, 0.0)]), np.deg2rad(170))
+    assert any(abs(command.v) > 0.05 for command in robot.commands[20:40])
+    assert navigator.halts == []

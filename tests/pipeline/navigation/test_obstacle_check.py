@@ -1,0 +1,74 @@
+"""What a glance on the way tells of it."""
+
+import numpy as np
+import pytest
+
+from pipeline.navigation.obstacle_check import Lookout, LookoutConfig
+from pipeline.traversability.traversability import drivable_surface
+from tests.pipeline.worlds import flat, ground_points, ridge, surface_of, wall_points
+
+START, TARGET = np.array([0.0, 0.0]), np.array([2.0, 0.0])
+FLOOR = drivable_surface(surface_of(ground_points(flat, (-1, 4), (-1, 1))))
+
+
+def lookout(*seen, surface=FLOOR, config=None):
+    """A lookout that always sees the same."""
+    cloud = np.vstack(seen).astype(np.float32)
+    return Lookout(lambda: cloud, surface, config)
+
+
+def box(x, y, height=0.4):
+    """The front of a box 0.2 m wide."""
+    return wall_points((x, y - 0.1), (x, y + 0.1), height)
+
+
+@pytest.mark.parametrize(
+    ("seen", "clear"),
+    [
+        (ground_points(flat, (1, 3), (-1, 1)), True),
+        (box(1.5, 0.0), False),
+        (box(1.5, 0.3), False),  # its edge reaches into the corridor
+        (box(1.5, 0.5), True),  # beside it
+        (box(2.2, 0.0), True),  # further than it looks
+        (box(-0.5, 0.0), True),  # behind the robot
+        (box(1.5, 0.0, height=0.1), True),  # the robot rolls over less
+        (np.add(box(1.5, 0.0), (0, 0, 1)), True),  # and passes below what hangs
+        (box(1.5, 0.0)[::60], True),  # noise
+    ],
+)
+def test_what_stands_in_the_corridor_is_in_the_way(seen, clear):
+    watch = lookout(seen)
+    assert watch.is_clear(START, TARGET) == clear
+    assert (len(watch.obstacles) == 0) == clear
+
+
+def test_what_the_map_knows_is_no_news():
+    walled = drivable_surface(
+        surface_of(ground_points(flat, (-1, 4), (-1, 1)), wall_points((1.5, -1), (1.5, 1)))
+    )
+    assert lookout(wall_points((1.5, -1), (1.5, 1)), surface=walled).is_clear(START, TARGET)
+
+
+def test_a_ramp_is_no_obstacle():
+    surface = drivable_surface(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    seen = ground_points(ridge, (-1, 1), (-1, 1))
+    assert lookout(seen, surface=surface).is_clear(np.array([-1.5, 0.0]), np.array([1.5, 0.0]))
+
+
+def test_what_stands_behind_the_way_point_does_not_matter():
+    assert lookout(box(1.5, 0.0)).is_clear(START, np.array([1.1, 0.0]))
+    assert not lookout(box(1.4, 0.0)).is_clear(START, np.array([1.1, 0.0]))
+
+
+def test_it_glances_at_each_new_way_point_and_every_stride():
+    glances = []
+    watch = Lookout(
+        lambda: glances.append(1) or np.zeros((0, 3), np.float32), FLOOR, LookoutConfig(stride=0.4)
+    )
+    for x in np.arange(0, 1.0, 0.01):
+        assert watch.is_clear(np.array([x, 0.0]), TARGET)
+    assert len(glances) == 3
+    assert watch.is_clear(np.array([1.0, 0.0]), np.array([1.0, 2.0]))
+    assert len(glances) == 4
+    assert watch.is_clear(np.array([1.0, 1.9]), np.array([1.2, 1.9]))  # nearer than the camera sees
+    assert len(glances) == 4

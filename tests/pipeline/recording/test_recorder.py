@@ -1,0 +1,233 @@
+"""What the pipeline logs, read back from the file."""
+
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from pipeline.errors import InputError
+from pipeline.explorer import Explorer
+from pipeline.labels import COLOURS, Label
+from pipeline.recording.recorder import Recorder, Track
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import from_yaw
+from tests.pipeline.still_robot import WALL, StillRobot
+from tests.recordings import read
+
+rr.set_strict_mode(True)  # otherwise a call with wrong arguments is a warning alone
+
+LOOKS = 3
+LOOKED_FROM = {"world/robot/camera", "world/robot/camera/rgb", "world/robot/camera/depth"}
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """(explorer, looks, the file's rows) of a robot that looks three times and moves after the first look."""
+    path = tmp_path_factory.mktemp("wall-0") / "episode.rrd"
+    robot = StillRobot()
+    explorer = Explorer(robot, TruthClassifier())
+    looks = []
+    recorder = Recorder(path)
+    for step in range(LOOKS):
+        looks.append(explorer.look())
+        recorder.log_look(step, explorer, looks[-1])
+        if step == 0:
+            for k in range(1, 51):
+                robot.time = 0.04 * k
+                recorder.log_motion(robot.time, from_yaw(0.008 * k, 0, 0, 0.01 * k))
+    recorder.log_message("WARN", "nothing more to see")
+    recorder.close()
+    return explorer, looks, read(path)
+
+
+def components(rows, name):
+    """One array for every row that carries the component."""
+    return [np.array(row[name]) for row in rows if row.get(name) is not None]
+
+
+def test_the_timelines_are_step_and_sim_time(recording):
+    _, _, rows = recording
+    on = {timeline for found in rows.values() for row in found for timeline in row if ":" not in timeline}
+    assert on == {"step", "sim_time"}
+
+
+def test_every_entity_is_there(recording):
+    _, _, rows = recording
+    expected = {
+        "world", "world/robot", *LOOKED_FROM, "world/robot/camera/labels", "world/metric_map/occupied",
+        "world/metric_map/free", "world/semantic_map", "world/segments", "world/topological_map/nodes",
+        "world/topological_map/edges", "world/path_plan", "world/frontiers", "world/trajectory", "log",
+        "metrics/explored_area_m2", "metrics/distance_m", "metrics/speed_m_s", "metrics/roll_deg",
+        "metrics/pitch_deg", "metrics/map/occupied_voxels", "metrics/time_ms/sense",
+    }  # fmt: skip
+    assert {f"/{entity}" for entity in expected} <= rows.keys()
+
+
+def test_each_look_is_a_step(recording):
+    _, looks, rows = recording
+    for entity in LOOKED_FROM:
+        found = rows[f"/{entity}"]
+        assert [row["step"] for row in found] == list(range(LOOKS))
+        assert [row["sim_time"] for row in found] == pytest.approx([look.frame.time for look in looks])
+
+
+def test_z_is_up_and_labels_have_their_names_and_colours(recording):
+    _, _, rows = recording
+    world = rows["/world"][0]
+    assert world["ViewCoordinates:xyz"] == [[3, 5, 1]]  # right, forward, up
+    infos = [entry["class_description"]["info"] for entry in world["AnnotationContext:context"][0]]
+    assert [(info["id"], info["label"]) for info in infos] == [(int(x), x.name.lower()) for x in Label]
+    red, green, blue = COLOURS[Label.VICTIM].tolist()
+    assert infos[Label.VICTIM]["color"] == red << 24 | green << 16 | blue << 8 | 255
+
+
+def test_pictures_come_back_as_they_were(recording):
+    _, looks, rows = recording
+    camera = "/world/robot/camera"
+    for step, look in enumerate(looks):
+        depth = components(rows[f"{camera}/depth"], "EncodedDepthImage:blob")[step]
+        millimetres = cv2.imdecode(depth.astype(np.uint8).ravel(), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_allclose(millimetres / 1000, look.frame.depth, atol=0.5001e-3)
+        rgb = components(rows[f"{camera}/rgb"], "EncodedImage:blob")[step]
+        picture = cv2.imdecode(rgb.astype(np.uint8).ravel(), cv2.IMREAD_COLOR)[..., ::-1]
+        assert np.abs(picture.astype(int) - look.frame.rgb).mean() < 3
+        labels = components(rows[f"{camera}/labels"], "SegmentationImage:buffer")[step]
+        np.testing.assert_array_equal(labels.reshape(look.frame.depth.shape), look.frame.label)
+
+
+def test_the_camera_projects_as_its_intrinsics_say(recording):
+    _, looks, rows = recording
+    frame, row = looks[0].frame, rows["/world/robot/camera"][0]
+    k = frame.intrinsics
+    columns = [[k.fx, 0, 0], [0, k.fy, 0], [k.cx, k.cy, 1]]
+    np.testing.assert_allclose(np.reshape(row["Pinhole:image_from_camera"], (3, 3)), columns)
+    np.testing.assert_allclose(row["Transform3D:translation"][0], frame.T_base_camera[:3, 3], atol=1e-6)
+    matrix = np.reshape(row["Transform3D:mat3x3"], (3, 3)).T
+    np.testing.assert_allclose(matrix, frame.T_base_camera[:3, :3], atol=1e-6)
+
+
+def test_between_looks_the_robot_moves_in_sim_time_alone(recording):
+    _, _, rows = recording
+    moving = [row for row in rows["/world/robot"] if row.get("step") is None]
+    # 25 poses a second for 2 s, thinned to five a second.
+    assert [row["sim_time"] for row in moving] == pytest.approx(np.arange(0.04, 2, 0.2))
+    x = [row["Transform3D:translation"][0][0] for row in moving]
+    assert x == pytest.approx(0.2 * np.arange(0.04, 2, 0.2), abs=1e-6)
+
+
+def test_distance_and_speed_are_those_driven(recording):
+    _, _, rows = recording
+    distance = np.array(components(rows["/metrics/distance_m"], "Scalars:scalars")).ravel()
+    # 0.4 m in steps of 8 mm; the next look, from where the robot really stands, takes it back.
+    assert distance.max() == pytest.approx(0.8)
+    speed = np.array(components(rows["/metrics/speed_m_s"], "Scalars:scalars")).ravel()
+    np.testing.assert_allclose(speed, 0.2)
+
+
+def test_voxels_lie_where_the_map_has_them(recording):
+    explorer, _, rows = recording
+    last = rows["/world/metric_map/occupied"][-1]
+    index, corner = np.array(last["VoxelGridMap:voxel_indices"]), np.array(last["VoxelGridMap:translation"])
+    size = np.array(last["VoxelGridMap:voxel_size"])
+    centres = (index + 0.5) * size + corner
+    np.testing.assert_allclose(centres, explorer.metric_map.occupied_centres(), atol=1e-5)
+    assert len(rows["/world/metric_map/free"][-1]["VoxelGridMap:voxel_indices"]) == len(
+        explorer.metric_map.free_centres()
+    )
+
+
+def test_the_semantic_map_is_thinned_and_labelled(recording):
+    explorer, _, rows = recording
+    last = rows["/world/semantic_map"][-1]
+    points, labels = np.array(last["Points3D:positions"]), np.array(last["Points3D:class_ids"])
+    cubes = np.floor(explorer.semantic_map.points() / 0.04).astype(int)
+    assert len(points) == len(np.unique(cubes, axis=0)) < len(explorer.semantic_map)
+    assert set(labels) == {Label.WALL, Label.TERRAIN}
+    np.testing.assert_allclose(points[labels == Label.WALL][:, 0], WALL, atol=1e-3)
+    np.testing.assert_allclose(points[labels == Label.TERRAIN][:, 2], 0, atol=1e-3)
+
+
+def test_clouds_are_logged_when_they_have_grown_and_at_the_end(recording):
+    _, _, rows = recording
+    # The second and third looks show nothing new.
+    assert [row["step"] for row in rows["/world/semantic_map"]] == [0, LOOKS - 1]
+    assert [row["step"] for row in rows["/world/metric_map/free"]] == [0, LOOKS - 1]
+
+
+def test_segments_are_boxes_of_their_label(recording):
+    explorer, _, rows = recording
+    last = rows["/world/segments"][-1]
+    assert last["Boxes3D:class_ids"] == [int(segment.label) for segment in explorer.segments]
+    wall = last["Boxes3D:class_ids"].index(Label.WALL)
+    assert last["Boxes3D:centers"][wall][0] == pytest.approx(WALL, abs=0.02)
+    assert sorted(last["Boxes3D:half_sizes"][wall])[0] < 0.05
+
+
+def test_the_plan_begins_at_the_robot_and_ends_at_the_view(recording):
+    _, looks, rows = recording
+    planned = [(look, row) for look, row in zip(looks, rows["/world/path_plan"], strict=True) if look.plan]
+    assert planned
+    for look, row in planned:
+        way, heading = (np.array(strip) for strip in row["LineStrips3D:strips"])
+        np.testing.assert_allclose(way[0, :2], look.T_map_base[:2, 3], atol=1e-6)
+        np.testing.assert_allclose(way[-1, :2], look.view.position, atol=1e-6)
+        ahead = np.arctan2(*(heading[1] - heading[0])[[1, 0]])
+        assert ahead == pytest.approx(look.view.heading, abs=1e-5)
+
+
+def test_messages_have_a_level(recording):
+    _, _, rows = recording
+    assert [(row["TextLog:level"], row["TextLog:text"]) for row in rows["/log"]] == [
+        (["WARN"], ["nothing more to see"])
+    ]
+
+
+def test_the_recording_brings_its_layout_and_bears_its_folders_name(tmp_path):
+    path = tmp_path / "maze-7" / "episode.rrd"
+    path.parent.mkdir()
+    Recorder(path).close()
+    reader = RrdReader(path)
+    assert len(reader.blueprints()) == 1
+    properties = {name: value for row in read(path)["/__properties"] for name, value in row.items()}
+    assert properties["RecordingInfo:name"] == ["maze-7"]
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_a_recording_that_was_cut_off_can_be_read(tmp_path):
+    path = tmp_path / "episode.rrd"
+    killed = """
+import os, sys
+from pathlib import Path
+from pipeline.recording.recorder import Recorder
+recorder = Recorder(Path(sys.argv[1]))
+recorder.log_message("INFO", "before")
+recorder.stream.flush()
+os.kill(os.getpid(), 9)
+"""
+    done = subprocess.run([sys.executable, "-c", killed, str(path)])
+    assert done.returncode == -9
+    assert read(path)["/log"][0]["TextLog:text"] == ["before"]
+
+
+def test_a_file_that_cannot_be_written_is_bad_input(tmp_path):
+    with pytest.raises(InputError, match=r"missing/episode\.rrd.*cannot be written"):
+        Recorder(tmp_path / "missing" / "episode.rrd")
+
+
+def test_recording_needs_no_simulator():
+    check = "import sys, pipeline.recording.recorder; print({'mujoco', 'dm_control', 'sarsim'} & set(sys.modules))"
+    assert subprocess.check_output([sys.executable, "-c", check], text=True).strip() == "set()"
+
+
+def test_a_track_keeps_the_whole_distance_and_few_points():
+    track = Track(spacing=0.05)
+    for k in range(101):
+        track.add(np.array([0.01 * k, 0, 0]))
+    assert track.distance == pytest.approx(1.0)
+    gaps = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
+    assert len(gaps) >= 16
+    assert gaps.min() >= 0.05 - 1e-9

@@ -1,0 +1,49 @@
+"""RANSAC by Open3D: what it finds, and that it always finds the same."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.segments.ransac import plane_inliers
+
+
+def test_larger_of_two_planes_is_found_and_outliers_are_left_out() -> None:
+    rng = np.random.default_rng(0)
+    floor = np.c_[rng.uniform(0, 2, (300, 2)), rng.normal(0, 0.005, 300)]
+    wall = np.c_[rng.normal(0, 0.005, 200), rng.uniform(0.1, 2, (200, 2))]
+    inlier = plane_inliers(np.vstack([floor, wall]).astype(np.float32), 0.03, 100, seed=0)
+    assert inlier[:300].all()
+    assert not inlier[300:].any()
+
+
+PRINT_DIGEST = """
+import hashlib, numpy as np
+from pipeline.segments.ransac import plane_inliers
+digest = hashlib.sha256()
+rng = np.random.default_rng(0)
+for seed in range(200):
+    n = rng.integers(30, 3000)
+    points = np.c_[rng.uniform(0, 2, (n, 2)), rng.normal(0, 0.02, n)].astype(np.float32)
+    points[: n // 3] = points[: n // 3, [2, 0, 1]]
+    digest.update(plane_inliers(points, 0.04, 100, seed).tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_number_and_timing_of_threads_do_not_matter() -> None:
+    digests = {
+        subprocess.run(
+            [sys.executable, "-c", PRINT_DIGEST],
+            env={**os.environ, "OMP_NUM_THREADS": threads},
+            cwd=Path(__file__).parents[3],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for threads in ("1", "2", "7")
+    }
+    assert len(digests) == 1
+    assert len(digests.pop()) == 65

@@ -1,0 +1,190 @@
+"""Segments that grow and merge, from hand-made patches and from looks."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.labels import Label
+from pipeline.segments.boxes import corners
+from pipeline.segments.cells import cells_of
+from pipeline.segments.plane import Moments
+from pipeline.segments.planes import PlanePatch, find_planes
+from pipeline.segments.segments import Segments
+from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
+
+
+def patch(origin, x, y, length, width, label=Label.WALL, viewpoint=None):
+    """A rectangle from ``origin`` along x and y, seen from ``viewpoint`` or from the side of x × y."""
+    s, t = (
+        g.ravel() for g in np.meshgrid(np.arange(0, length + 1e-6, 0.02), np.arange(0, width + 1e-6, 0.02))
+    )
+    points = np.array(origin) + s[:, None] * np.array(x) + t[:, None] * np.array(y)
+    moments = Moments.of(points)
+    side = np.cross(x, y) if viewpoint is None else np.array(viewpoint) - moments.centroid
+    return PlanePatch(
+        label,
+        moments.fit()[0].facing(side),
+        moments,
+        points.astype(np.float32),
+        cells_of(points.astype(np.float32))[0],
+    )
+
+
+def wall_patch(x0, x1, y=0.0, z0=0.0, z1=1.2, front=True):
+    """A wall along x, seen from smaller y or, if not ``front``, from larger y."""
+    return patch(
+        (x0, y, z0), (1, 0, 0), (0, 0, 1), x1 - x0, z1 - z0, viewpoint=(x0, y + (-5 if front else 5), 0.5)
+    )
+
+
+def deck(x0, x1, y0, y1, z=0.17, label=Label.STRAIGHT_RAMP):
+    return patch((x0, y0, z), (1, 0, 0), (0, 1, 0), x1 - x0, y1 - y0, label)
+
+
+def segments_of(*looks):
+    segments = Segments()
+    for step, patches in enumerate(looks):
+        segments.update(patches, step)
+    return list(segments)
+
+
+def test_wall_seen_piece_by_piece_is_one_segment() -> None:
+    (segment,) = segments_of([wall_patch(0, 1)], [], [wall_patch(0.8, 2)], [wall_patch(2, 3)])
+    assert segment.id == 0
+    assert (segment.first_step, segment.last_step) == (0, 3)
+    assert segment.label == Label.WALL
+    assert segment.points == segment.moments.count
+    assert segment.plane.normal == pytest.approx([0, -1, 0])
+    assert segment.box.extent == pytest.approx([3, 1.2, 0.02], abs=1e-3)
+    assert corners(segment.box).min(axis=0) == pytest.approx([0, -0.01, 0], abs=1e-3)
+    assert corners(segment.box).max(axis=0) == pytest.approx([3, 0.01, 1.2], abs=1e-3)
+
+
+def test_piece_between_joins_two_older_segments_under_the_older_id() -> None:
+    apart = segments_of([wall_patch(0, 1), wall_patch(2, 3)])
+    assert [s.id for s in apart] == [0, 1]
+    (joined,) = segments_of([wall_patch(2, 3)], [wall_patch(0, 1)], [wall_patch(0.9, 2.1)])
+    assert joined.id == 0
+    assert joined.box.extent[0] == pytest.approx(3, abs=1e-3)
+
+
+@pytest.mark.parametrize("gap", [0.4, 0.6, 1.2])
+def test_door_keeps_two_walls_of_one_plane_apart(gap: float) -> None:
+    left, right = segments_of([wall_patch(0, 1)], [wall_patch(1 + gap, 3)])
+    assert left.box.extent[0] == pytest.approx(1, abs=1e-3)
+    assert right.box.extent[0] == pytest.approx(2 - gap, abs=1e-3)
+
+
+@pytest.mark.parametrize("thickness", [0.02, 0.04, 0.1])
+def test_faces_of_a_panel_are_two_segments(thickness: float) -> None:
+    front, back = segments_of([wall_patch(0, 2)], [wall_patch(0, 2, y=thickness, front=False)])
+    assert front.plane.normal @ back.plane.normal == pytest.approx(-1)
+
+
+def test_walls_at_a_corner_are_two_segments() -> None:
+    for angle in (90, 45, 15):
+        along = (np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle)), 0)
+        turned = patch((2, 0, 0), along, (0, 0, 1), 2, 1.2)
+        assert len(segments_of([wall_patch(0, 2), turned])) == 2
+
+
+def test_parallel_surfaces_at_different_heights_are_two_segments() -> None:
+    assert len(segments_of([deck(0, 1, 0, 1, 0.17), deck(1, 2, 0, 1, 0.27)])) == 2
+
+
+def test_decks_that_touch_at_a_corner_are_two_segments() -> None:
+    assert len(segments_of([deck(0, 1.2, 0, 1.2)], [deck(1.2, 2.4, 1.2, 2.4)])) == 2
+
+
+def test_sliver_of_a_neighbour_does_not_join_it() -> None:
+    """A corner of the other deck, seen alone, is near this deck with all its cells but one."""
+    sliver = deck(1.3, 1.37, 1.27, 1.42)
+    assert len(segments_of([deck(0, 1.2, 0, 1.2)], [sliver], [deck(1.3, 2.5, 1.27, 2.5)])) == 2
+
+
+def test_labels_are_kept_apart() -> None:
+    assert len(segments_of([deck(0, 1, 0, 1), deck(1, 2, 0, 1, label=Label.TERRAIN)])) == 2
+
+
+def test_segment_is_found_by_id_and_label() -> None:
+    segments = Segments()
+    segments.update([wall_patch(0, 1), deck(5, 6, 5, 6)], 7)
+    assert [s.label for s in segments] == [Label.WALL, Label.STRAIGHT_RAMP]
+    assert segments.of(Label.STRAIGHT_RAMP, Label.TERRAIN) == [segments[1]]
+    assert segments.of(Label.CEILING) == []
+    with pytest.raises(KeyError):
+        segments[2]
+
+
+PIECES = [wall_patch(i, i + 1.2, z0=0.1 * i, z1=1.2) for i in range(5)]
+
+
+@given(st.permutations(PIECES))
+@settings(max_examples=30)
+def test_order_of_the_pieces_does_not_matter(pieces) -> None:
+    (expected,) = segments_of(PIECES)
+    found = segments_of(*[[piece] for piece in pieces])
+    assert len(found) == 1
+    assert found[0].box.extent == pytest.approx(expected.box.extent, abs=1e-9)
+    assert found[0].box.T_map_box == pytest.approx(expected.box.T_map_box, abs=1e-9)
+    assert np.array_equal(found[0].cells, expected.cells)
+
+
+@given(st.lists(st.tuples(st.floats(0, 2), st.floats(0.3, 1)), min_size=2, max_size=6))
+@settings(max_examples=30)
+def test_box_only_grows(pieces) -> None:
+    segments = Segments()
+    segments.update([wall_patch(0, 3, z1=0.3)], 0)
+    extent = segments[0].box.extent
+    for step, (x, height) in enumerate(pieces, 1):
+        segments.update([wall_patch(x, x + 0.5, z1=height)], step)
+        assert len(segments) == 1
+        assert (segments[0].box.extent >= extent - 1e-9).all()
+        extent = segments[0].box.extent
+
+
+HEIGHT = 1.0
+ROOM = [
+    floor(0, 4, 0, 4),
+    wall((4, 4), (4, 0), z1=HEIGHT),
+    wall((0, 4), (4, 4), z1=HEIGHT),
+    wall((0, 0), (0, 4), z1=HEIGHT),
+    wall((4, 0), (0, 0), z1=HEIGHT),
+    *wedge(1.5, 2, 0.6, 1.2, 0.17)[:3],
+    floor(2.1, 3.3, 1.4, 2.6, z=0.17, label=Label.STRAIGHT_RAMP),
+]
+SLOPE = np.array([-0.17, 0, 0.6]) / np.hypot(0.17, 0.6)
+SURFACES = [  # label, normal, middle, extent in the plane
+    (Label.TERRAIN, (0, 0, 1), (2, 2, 0), (4, 4)),
+    (Label.WALL, (-1, 0, 0), (4, 2, HEIGHT / 2), (4, HEIGHT)),
+    (Label.WALL, (1, 0, 0), (0, 2, HEIGHT / 2), (4, HEIGHT)),
+    (Label.WALL, (0, -1, 0), (2, 4, HEIGHT / 2), (4, HEIGHT)),
+    (Label.WALL, (0, 1, 0), (2, 0, HEIGHT / 2), (4, HEIGHT)),
+    (Label.STRAIGHT_RAMP, (0, 0, 1), (2.7, 2, 0.17), (1.2, 1.2)),
+    (Label.INCLINED_RAMP, SLOPE, (1.8, 2, 0.085), (1.2, np.hypot(0.6, 0.17))),
+    (Label.INCLINED_RAMP, (0, -1, 0), (1.8, 1.4, 0.085), (0.6, 0.17)),
+    (Label.INCLINED_RAMP, (0, 1, 0), (1.8, 2.6, 0.085), (0.6, 0.17)),
+]
+
+
+def test_room_seen_from_its_corners_with_noise() -> None:
+    """A floor, four walls, a ramp's slope and sides, a deck: one segment each, edges within 5 cm."""
+    segments = Segments()
+    for step, (corner, turn) in enumerate(
+        product([(0.7, 0.7), (3.4, 0.8), (3.4, 3.3), (0.8, 3.3)], (-0.7, 0, 0.7))
+    ):
+        T = pose(*corner, 0.6, np.arctan2(2 - corner[1], 2 - corner[0]) + turn, 0.25)
+        frame = look(ROOM, T, sigma=0.01, seed=step)
+        segments.update(find_planes(frame, frame.label[frame.returns], T, step), step)
+    errors = []
+    for label, normal, middle, extent in SURFACES:
+        found = max(segments.of(label), key=lambda s: s.plane.normal @ np.array(normal))
+        errors.append(np.rad2deg(np.arccos(min(found.plane.normal @ np.array(normal), 1))))
+        off_middle = np.abs(found.box.T_map_box[:3, 3] - middle).max()
+        assert off_middle + np.abs(found.box.extent[:2] - extent).max() / 2 <= 0.05
+    assert len(segments) == len(SURFACES)
+    assert np.median(errors) <= 0.5
+    assert max(errors) <= 3

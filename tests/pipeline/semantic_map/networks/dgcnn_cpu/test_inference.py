@@ -1,0 +1,98 @@
+"""Fast inference against the network as it is written."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.errors import InputError
+from pipeline.semantic_map.networks.dgcnn import Dgcnn
+from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels
+from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
+from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
+from tests.pipeline.semantic_map.networks.small_network import block, network, plain
+
+
+@pytest.mark.parametrize(("channels", "classes"), [(6, 6), (9, 13)])
+@pytest.mark.parametrize("points", [20, 63, 300, 1000])
+def test_fast_gives_the_logits_of_the_network_as_written(points: int, channels: int, classes: int) -> None:
+    dgcnn, x = network(channels, classes), block(points, channels)
+    logits, expected = FastDgcnn(dgcnn, threads=2)(x), plain(dgcnn, x)
+    assert logits.shape == (points, classes)
+    assert np.median(np.abs(logits - expected)) < 1e-5
+    assert (logits.argmax(axis=1) == expected.argmax(axis=1)).mean() >= 0.999
+
+
+def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
+    dgcnn, x = network(), block(500)
+    one, three = FastDgcnn(dgcnn, threads=1)(x), FastDgcnn(dgcnn, threads=3)(x)
+    assert (one == three).all()
+
+
+def test_duplicates_get_one_answer() -> None:
+    dgcnn, x = network(), np.repeat(block(10), 7, axis=0)
+    logits = FastDgcnn(dgcnn, threads=1)(x)
+    assert np.ptp(logits.reshape(10, 7, -1), axis=1).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    "points", [block(19), block(30, channels=5), block(30)[:, 0], np.full((30, 6), np.nan, np.float32)]
+)
+def test_points_that_cannot_be_classified_are_refused(points: np.ndarray) -> None:
+    with pytest.raises(InputError, match="DGCNN"):
+        FastDgcnn(network(), threads=1)(points)
+
+
+def test_more_neighbours_than_can_be_selected_are_refused() -> None:
+    with pytest.raises(InputError, match="64"):
+        FastDgcnn(Dgcnn(k=65), threads=1)
+
+
+@pytest.mark.parametrize("points", [20, 21, 64, 255, 256, 257, 700])
+def test_selected_neighbours_are_the_nearest(points: int) -> None:
+    x = block(points, channels=3, seed=points).astype(np.float64)
+    product, half_square = (x @ x.T).astype(np.float32), ((x * x).sum(axis=1) / 2).astype(np.float32)
+    neighbours = np.empty((points, 20), np.int32)
+    inference_kernels.select_nearest(product, half_square, neighbours)
+    order = np.argsort(-(product - half_square), axis=1, kind="stable")[:, :20]
+    assert (np.sort(neighbours, axis=1) == np.sort(order, axis=1)).all()
+
+
+def test_of_equally_close_points_the_lower_index_is_nearer() -> None:
+    neighbours = np.empty((1, 3), np.int32)
+    closeness = np.float32([[0, 1, 2, 1, 1, 2, 0, 1]])
+    inference_kernels.select_nearest(closeness, np.zeros(8, np.float32), neighbours)
+    assert sorted(neighbours[0].tolist()) == [1, 2, 5]
+
+
+def test_threads_cover_every_row_once_and_leave_torch_its_threads() -> None:
+    before = torch.get_num_threads()
+    visits, threads_inside = np.zeros(1000, int), set()
+
+    def visit(rows: slice) -> None:
+        visits[rows] += 1
+        threads_inside.add(torch.get_num_threads())
+
+    threads = RowThreads(2)
+    threads.run(lambda: threads.over(1000, 64, visit))
+    assert (visits == 1).all()
+    assert threads_inside == {1}
+    assert torch.get_num_threads() == before
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_an_error_in_a_thread_is_raised(count: int) -> None:
+    def fail(rows: slice) -> None:
+        raise ValueError(rows)
+
+    threads = RowThreads(count)
+    with pytest.raises(ValueError, match="slice"):
+        threads.run(lambda: threads.over(10, 4, fail))
+
+
+def test_blocks_can_be_classified_at_once_from_several_threads() -> None:
+    fast, blocks = FastDgcnn(network(), threads=2), [block(200, seed=seed) for seed in range(6)]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(fast, blocks, timeout=60))
+    assert all((logits == fast(x)).all() for logits, x in zip(together, blocks, strict=True))

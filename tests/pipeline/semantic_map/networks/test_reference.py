@@ -1,0 +1,43 @@
+"""The published checkpoint gives the published logits, where it is at hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
+from pipeline.semantic_map.networks.weights import load_weights
+
+FOLDER = Path(__file__).parents[5] / "shared" / "dgcnn"
+pytestmark = pytest.mark.skipif(
+    not FOLDER.is_dir(), reason="the published checkpoint is not beside the checkout"
+)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    with np.load(FOLDER / "reference.npz") as file:
+        return file["input"], file["logits"]
+
+
+@pytest.fixture(scope="module")
+def network():
+    return load_weights(FOLDER / "s3dis_area6.safetensors")[0]
+
+
+def agree(logits, expected):
+    assert (logits.argmax(axis=1) == expected.argmax(axis=1)).mean() >= 0.999
+    assert np.median(np.abs(logits - expected)) < 1e-4
+
+
+def test_the_network_as_written_answers_as_published(network, reference) -> None:
+    points, expected = reference
+    with torch.inference_mode():
+        agree(network(torch.from_numpy(points)).numpy(), expected)
+
+
+def test_the_fast_network_answers_as_published(network, reference) -> None:
+    points, expected = reference
+    fast = FastDgcnn(network, threads=2)
+    agree(np.stack([fast(block.T).T for block in points]), expected)

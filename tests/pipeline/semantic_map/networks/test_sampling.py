@@ -1,0 +1,102 @@
+"""Clouds to train with, and the random blocks drawn from them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.labels import Label
+from pipeline.semantic_map.classifier import CLASSES
+from pipeline.semantic_map.networks.blocks import BlockConfig
+from pipeline.semantic_map.networks.clouds import LabelledCloud
+from pipeline.semantic_map.networks.sampling import (
+    AugmentationConfig,
+    BlockSampler,
+    SamplingConfig,
+    augmented,
+)
+from tests.pipeline.polygon_scene import floor, look, pose, wall
+
+STILL = AugmentationConfig(jitter=0, height=0, tilt=0, fewest_kept=1)
+EYE = pose(0.5, 0.2, 0.6, 0.4, 0.2)
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    """A floor, and a little of a wall."""
+    frame = look([floor(-5, 5, -5, 5), wall((2, -1), (2, 0.6), 0, 0.3)], EYE)
+    return LabelledCloud.of(frame, EYE, 0.03)
+
+
+def sampler(clouds, **changes):
+    config = SamplingConfig(blocks=4, augmentation=STILL)
+    return BlockSampler(clouds, BlockConfig(), replace(config, **changes), fewest=20, seed=5)
+
+
+def test_a_cloud_counts_the_returns_of_every_class() -> None:
+    frame = look([floor(-5, 5, -5, 5, label=Label.VICTIM)], EYE)
+    frame.label[:240] = Label.UNLABELLED
+    cloud = LabelledCloud.of(frame, EYE, 0.1)
+    labelled = np.count_nonzero(frame.returns & (frame.label != Label.UNLABELLED))
+    assert 0 < cloud.counts.sum() == cloud.counts[:, CLASSES.index(Label.CLUTTER)].sum() == labelled
+    assert (cloud.counts.sum(axis=1) > 0).all()
+    assert (cloud.camera == EYE[:3, 3]).all()
+
+
+def test_a_frame_without_labels_is_refused() -> None:
+    with pytest.raises(InputError, match="no true labels"):
+        LabelledCloud.of(replace(look([floor(-1, 1, -1, 1)], EYE), label=None), EYE, 0.1)
+
+
+def test_a_batch_is_a_function_of_its_number(cloud) -> None:
+    one, same, other = sampler([cloud]).batch(7), sampler([cloud]).batch(7), sampler([cloud]).batch(8)
+    assert one.sizes == same.sizes
+    assert (one.points == same.points).all()
+    assert one.sizes != other.sizes
+
+
+def test_a_batch_has_blocks_with_the_channels_of_the_robots_own(cloud) -> None:
+    batch = sampler([cloud]).batch(0)
+    assert len(batch.sizes) == 4
+    assert sum(batch.sizes) == len(batch.points) == len(batch.shares)
+    x, y, z, *normalized = batch.points.numpy().T
+    assert np.abs(x).max() <= 0.5
+    assert np.abs(y).max() <= 0.5
+    assert z == pytest.approx(normalized[2] * 3.5 + 0.6, abs=1e-5)
+    assert batch.shares.sum(dim=1).numpy() == pytest.approx(np.ones(len(x)))
+
+
+def test_every_cloud_has_its_turn() -> None:
+    frames = [look([floor(-5, 5, -5, 5, z=-height)], EYE) for height in np.arange(8) / 10]
+    drawn = sampler([LabelledCloud.of(frame, EYE, 0.1) for frame in frames])
+    heights = [z for number in range(2) for z in np.unique(drawn.batch(number).points[:, 2].numpy().round(1))]
+    assert sorted(heights) == pytest.approx((-np.arange(8) / 10)[::-1], abs=1e-6)
+
+
+def test_rare_classes_are_drawn_more_often(cloud) -> None:
+    def share(rare):
+        shares = sampler([cloud], rare=rare, blocks=40).batch(0).shares
+        return float(shares[:, CLASSES.index(Label.WALL)].mean())
+
+    assert share(1.0) > 2 * share(0.0)
+
+
+def test_augmentation_is_a_rigid_motion_about_the_vertical(cloud) -> None:
+    points, camera = augmented(cloud, STILL, np.random.default_rng(1))
+    assert points[:, 2] == pytest.approx(cloud.points[:, 2], abs=1e-6)
+    before = np.linalg.norm(cloud.points - cloud.camera, axis=1)
+    assert np.linalg.norm(points - camera, axis=1) == pytest.approx(before, abs=1e-5)
+    assert np.linalg.norm(np.diff(points, axis=0), axis=1) == pytest.approx(
+        np.linalg.norm(np.diff(cloud.points, axis=0), axis=1), abs=1e-5
+    )
+
+
+def test_points_are_dropped_and_small_blocks_filled_up(cloud) -> None:
+    whole, thinned = (
+        sampler([cloud], augmentation=replace(STILL, fewest_kept=kept), blocks=30).batch(0)
+        for kept in (1.0, 0.3)
+    )
+    assert 0.5 < sum(thinned.sizes) / sum(whole.sizes) < 0.8
+    lonely = LabelledCloud(cloud.points[:1], cloud.counts[:1], cloud.camera)
+    assert sampler([lonely]).batch(0).sizes == [20] * 4

@@ -1,0 +1,102 @@
+"""Weights from files: ours, published ones, and what is no DGCNN at all."""
+
+import pickle
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from pipeline.errors import InputError
+from pipeline.semantic_map.networks.weights import load_weights, save_weights
+from tests.pipeline.semantic_map.networks.small_network import block, network, plain
+
+
+def saved(path: Path, **changes):
+    """A file of weights with some tensors changed, or left out where None is given."""
+    save_weights(path, network())
+    tensors = load_file(path) | changes
+    save_file({name: tensor for name, tensor in tensors.items() if tensor is not None}, path)
+    return path
+
+
+def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
+    path, original = tmp_path / "w.safetensors", network(channels=9, classes=13)
+    original.k = 12
+    save_weights(path, original, {"note": "hello"})
+    loaded, metadata = load_weights(path)
+    assert (loaded.channels, loaded.classes, loaded.k) == (9, 13, 12)
+    assert metadata["note"] == "hello"
+    assert not loaded.training
+    x = block(50, channels=9)
+    assert (plain(loaded, x) == plain(original, x)).all()
+
+
+def test_a_network_fits_into_4_mb(tmp_path: Path) -> None:
+    save_weights(tmp_path / "w.safetensors", network())
+    assert (tmp_path / "w.safetensors").stat().st_size < 4e6
+
+
+def test_batch_norms_registered_twice_are_read_once(tmp_path: Path) -> None:
+    path = saved(tmp_path / "w.safetensors")
+    tensors = load_file(path)
+    twice = {f"conv{n[2]}.1.{n[4:]}": t.clone() for n, t in tensors.items() if n.startswith("bn")}
+    save_file(tensors | twice, path)
+    x = block(50)
+    assert (plain(load_weights(path)[0], x) == plain(network(), x)).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"conv1.0.weight": None}, "not a DGCNN"),
+        ({"conv9.weight": None}, "not a DGCNN"),
+        ({"conv1.0.weight": torch.zeros(3)}, "not a DGCNN"),
+        ({"conv4.0.weight": None}, "conv4.0.weight missing"),
+        ({"bn3.bias": None, "bn3.weight": None}, "bn3.bias and 1 more missing"),
+        ({"conv10.weight": torch.zeros(1)}, "conv10.weight unknown"),
+        ({"conv6.0.weight": torch.zeros(512, 192, 1)}, r"conv6.0.weight is \(512, 192, 1\)"),
+        ({"conv1.0.weight": torch.zeros(64, 13, 1, 1)}, r"\(64, 13, 1, 1\)"),
+        ({"bn2.weight": torch.full((64,), torch.nan)}, "bn2.weight holds numbers that are not finite"),
+    ],
+)
+def test_weights_of_another_network_are_refused(tmp_path: Path, changes: dict, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
+        load_weights(saved(tmp_path / "w.safetensors", **changes))
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (pickle.dumps({"a": 1}), "pickle"),
+        (b"PK\x03\x04 what torch.save writes", "pickle"),
+        (b"", "not a whole safetensors file"),
+        (b"\xff" * 100, "not a whole safetensors file"),
+    ],
+)
+def test_other_files_are_refused(tmp_path: Path, content: bytes, complaint: str) -> None:
+    path = tmp_path / "w.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=complaint):
+        load_weights(path)
+
+
+def test_a_file_cut_short_is_refused(tmp_path: Path) -> None:
+    path = saved(tmp_path / "w.safetensors")
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(InputError, match="not a whole safetensors file"):
+        load_weights(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"w\.safetensors: No such file"):
+        load_weights(tmp_path / "w.safetensors")
+
+
+@pytest.mark.parametrize(
+    ("metadata", "complaint"), [({"network": "yolo"}, "weights of yolo"), ({"k": "x"}, "amiss")]
+)
+def test_metadata_that_does_not_fit_is_refused(tmp_path: Path, metadata: dict, complaint: str) -> None:
+    save_weights(tmp_path / "w.safetensors", network(), metadata)
+    with pytest.raises(InputError, match=complaint):
+        load_weights(tmp_path / "w.safetensors")

@@ -1,0 +1,161 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.transforms import from_yaw
+from pipeline.traversability.elevation_map import SurfaceMap
+from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, surface_of, wall_points
+
+
+def column(*heights: float, hits: int = 5) -> np.ndarray:
+    return np.array([(0.025, 0.025, z) for z in heights for _ in range(hits)], np.float32)
+
+
+def test_a_cell_has_the_mean_height_of_its_returns():
+    surface = surface_of(np.array([(0.01, 0.01, 0.02), (0.02, 0.04, 0.0), (0.04, 0.02, 0.01)], np.float32))
+    assert surface.grid.at(surface.measured, [0.025, 0.025], np.nan) == pytest.approx(0.01, abs=1e-6)
+
+
+def test_two_returns_are_not_enough():
+    surface = surface_of(column(0.0, hits=2))
+    assert np.isnan(surface.measured).all()
+
+
+@pytest.mark.parametrize(
+    ("heights", "expected"),
+    [
+        ((0.0, 1.5), 0.0),  # a ceiling far above leaves the floor
+        ((0.0, 0.5), 0.5),  # a board with too little air under it is what the robot would meet
+        ((0.0, 0.1, 0.2, 0.3), 0.3),  # the side of an obstacle up to its top
+        ((0.0, 0.1, 0.2, 1.2), 0.2),  # a deck under a lintel
+        ((0.04, 0.06), 0.05),  # one floor across the border of two slices
+    ],
+)
+def test_the_lowest_surface_with_headroom_counts(heights, expected):
+    surface = surface_of(column(*heights))
+    assert surface.grid.at(surface.elevation, [0.025, 0.025]) == pytest.approx(expected, abs=1e-6)
+
+
+def test_returns_that_stray_into_the_next_slice_do_not_raise_the_ground():
+    floor, stray = column(0.105, hits=100), column(0.13, hits=4)
+    surface = surface_of(floor, stray)
+    assert surface.grid.at(surface.elevation, [0.025, 0.025]) == pytest.approx(0.105, abs=1e-6)
+    surface.update(column(0.13, hits=96))  # as many as below are no noise
+    assert surface.grid.at(surface.elevation, [0.025, 0.025]) == pytest.approx(0.13, abs=0.013)
+
+
+def test_it_grows_in_every_direction_without_losing_anything():
+    surface = surface_of(ground_points(flat, (0, 1), (0, 1)))
+    before = np.isfinite(surface.measured).sum()
+    for corner in ((-9, 3), (20, 0), (0, -30)):
+        surface.update(column(0.3) + np.array([*corner, 0], np.float32))
+        assert surface.grid.at(surface.measured, corner + np.array([0.025, 0.025])) == pytest.approx(0.3)
+    assert np.isfinite(surface.measured).sum() == before + 3
+    assert surface.grid.at(surface.measured, [0.525, 0.525], np.nan) == 0
+
+
+def test_points_that_are_not_finite_change_nothing():
+    surface = SurfaceMap()
+    surface.update(np.full((10, 3), np.nan, np.float32))
+    surface.update(np.zeros((0, 3), np.float32))
+    assert surface.elevation.size == 0
+
+
+def test_narrow_gaps_are_bridged_and_wide_ones_are_not():
+    ground = ground_points(flat, (0, 1), (0, 1))
+    narrow = surface_of(ground[(ground[:, 0] < 0.5) | (ground[:, 0] > 0.65)])
+    wide = surface_of(ground[(ground[:, 0] < 0.5) | (ground[:, 0] > 0.75)])
+    assert narrow.grid.at(narrow.elevation, [0.575, 0.5], np.nan) == 0
+    assert np.isnan(wide.grid.at(wide.elevation, [0.575, 0.5], np.nan))
+    assert np.isnan(narrow.grid.at(narrow.measured, [0.575, 0.5], np.nan))
+
+
+STRIPE = ground_points(flat, (-1, 1), (-0.01, 0.01))
+"""Where ground is missing behind a panel along the x axis, seen along it."""
+
+
+def seen_along_a_panel() -> SurfaceMap:
+    surface, ground = SurfaceMap(), ground_points(flat, (-1, 1), (-1, 1))
+    surface.update(ground[np.abs(ground[:, 1]) > 0.01], STRIPE, np.array([-2.0, 0.0]))
+    return surface
+
+
+def test_where_ground_is_missing_it_is_unknown_whatever_the_returns():
+    surface = seen_along_a_panel()
+    for layer in (surface.measured, surface.elevation):
+        assert np.isnan(surface.grid.at(layer, [(0.0, -0.005), (0.0, 0.005)], np.nan)).all()
+    # The cells beside the axis are doubted; nobody bridges them from their neighbours.
+    assert surface.grid.at(surface.doubted, [(0.5, 0.005), (0.5, -0.005)]).all()
+    assert surface.grid.at(surface.elevation, [0.0, 0.06], np.nan) == 0
+
+
+@pytest.mark.parametrize(("camera", "is_believed"), [((0.0, -2.0), True), ((-2.0, -0.3), False)])
+def test_doubted_ground_is_believed_when_seen_from_another_side(camera, is_believed):
+    surface = seen_along_a_panel()
+    surface.update(ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera))
+    assert np.isfinite(surface.grid.at(surface.elevation, [0.0, 0.005], np.nan)) == is_believed
+
+
+def test_a_single_doubted_cell_is_not_bridged():
+    surface, cell = SurfaceMap(), STRIPE[np.abs(STRIPE[:, 0] - 0.025) < 0.024] + np.float32([0, 0.025, 0])
+    surface.update(ground_points(flat, (-1, 1), (-1, 1)), cell, np.array([-2.0, 0.0]))
+    assert surface.doubted.sum() == 1
+    assert np.isnan(surface.grid.at(surface.elevation, [0.025, 0.025], np.nan))
+
+
+def test_no_gap_is_bridged_across_doubted_ground():
+    ground = ground_points(flat, (-1, 1), (-1, 1))
+    gap = ground[np.abs(ground[:, 1] - 0.025) > 0.075]
+    bridged, open_gap = surface_of(gap), SurfaceMap()
+    open_gap.update(gap, STRIPE + np.float32([0, 0.025, 0]), np.array([-2.0, 0.0]))
+    assert bridged.grid.at(bridged.elevation, [0.0, 0.06], np.nan) == 0
+    assert np.isnan(open_gap.grid.at(open_gap.elevation, [0.0, 0.06], np.nan))
+
+
+def test_what_is_missing_above_or_below_the_ground_is_no_ground():
+    surface = SurfaceMap()
+    high = STRIPE + np.float32([0, 0, 0.3])
+    surface.update(ground_points(flat, (-1, 1), (-1, 1)), high, np.array([-2.0, 0.0]))
+    assert not surface.doubted.any()
+
+
+def test_a_felt_obstacle_stays_whatever_is_seen():
+    surface = surface_of(ground_points(flat, (-1, 1), (-1, 1)))
+    surface.add_obstacle(np.array([(0.5, 0.0, 0.3)]))
+    surface.update(ground_points(flat, (-1, 1), (-1, 1)))
+    assert surface.grid.at(surface.elevation, [0.5, 0.0]) == pytest.approx(0.3)
+    assert surface.grid.at(surface.measured, [0.5, 0.0]) == pytest.approx(0.3)
+    assert surface.grid.at(surface.elevation, [0.4, 0.0]) == 0
+
+
+def test_a_gap_between_different_heights_stays_open():
+    ground = ground_points(ramp_and_deck, (1, 2), (-1, 1))
+    surface = surface_of(ground[np.abs(ground[:, 1] - 0.6) > 0.05])
+    assert np.isnan(surface.grid.at(surface.elevation, [1.5, 0.625], np.nan))
+
+
+def test_assumed_ground_gives_way_to_returns():
+    surface = SurfaceMap()
+    surface.assume_ground(from_yaw(1, 2, 0, np.pi / 2), radius=0.5, ahead=1.4, width=0.8)
+    at = surface.grid.at
+    assert at(surface.elevation, [1.0, 3.3], np.nan) == 0  # on the strip
+    assert at(surface.elevation, [0.6, 2.0], np.nan) == 0  # on the disc
+    assert np.isnan(at(surface.elevation, [1.0, 1.3], np.nan))  # behind
+    assert np.isnan(surface.measured).all()
+    surface.update(wall_points((0.5, 3.0), (1.5, 3.0)))
+    assert surface.grid.at(surface.elevation, [1.0, 3.0]) > 1
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(
+        st.tuples(*[st.floats(-3, 3, width=32)] * 2, st.floats(-0.5, 2, width=32)), min_size=1, max_size=60
+    ),
+    st.randoms(),
+)
+def test_order_of_points_does_not_matter(points, random):
+    shuffled = points.copy()
+    random.shuffle(shuffled)
+    a, b = (surface_of(np.repeat(np.array(p, np.float32), 3, axis=0)) for p in (points, shuffled))
+    np.testing.assert_allclose(a.measured, b.measured, atol=1e-5)

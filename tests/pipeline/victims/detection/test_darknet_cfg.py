@@ -1,0 +1,85 @@
+"""Darknet's .cfg: what is read, and what is refused by its line."""
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.victims.detection.architectures import COCO_ANCHORS, main
+from pipeline.victims.detection.darknet_cfg import Convolutional, DarknetCfg, Maxpool, Route, Shortcut, Yolo
+from tests.pipeline.victims.detection.networks import FULL, SMALL, TINY
+
+ASSETS = Path(__file__).parents[4] / "assets" / "weights"
+
+
+def test_a_text_is_read() -> None:
+    cfg = DarknetCfg.parse("# a comment\n; another\n" + SMALL.replace("size=1", " size = 1 # so"))
+    assert (cfg.width, cfg.height, cfg.channels, cfg.classes) == (16, 8, 3, 1)
+    assert cfg.layers[0] == Convolutional(2, 3, 2, 1, True, "leaky")
+    assert cfg.layers[1] == Convolutional(6, 1, 1, 0, False, "linear")
+    assert cfg.heads == [Yolo(((4, 6),), (0,), 1)]
+
+
+def test_layers_are_counted_from_here_and_from_the_start() -> None:
+    layers = DarknetCfg.parse(TINY).layers
+    assert layers[17] == Route((13,))  # -4
+    assert layers[20] == Route((19, 8))  # -1, 8
+    assert layers[11] == Maxpool(2, 1, 1)
+    assert DarknetCfg.parse(FULL).layers[4] == Shortcut(1)
+
+
+def test_the_published_networks_have_as_many_layers_as_published() -> None:
+    assert len(DarknetCfg.parse(TINY).layers) == 24
+    full = DarknetCfg.parse(FULL)
+    assert len(full.layers) == 107
+    assert [i for i, layer in enumerate(full.layers) if isinstance(layer, Yolo)] == [82, 94, 106]
+    assert full.heads[0].mask == (6, 7, 8)
+    assert full.heads[0].anchors == COCO_ANCHORS
+
+
+def test_the_files_that_are_shipped_are_what_the_code_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["architectures", str(tmp_path)])
+    main()
+    for name in ("yolov3.cfg", "yolov3-tiny.cfg"):
+        assert (tmp_path / name).read_text() == (ASSETS / name).read_text()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[net]", "[crnn]", "begins with"),
+        ("[yolo]", "[region]", r"net.cfg:19: \[region\] unknown section"),
+        ("width=16", "width=16.5", r"net.cfg:1: \[net\] width=16.5: not a whole number"),
+        ("height=8", "", "height is missing"),
+        ("height=8", "height=0", "at least 1"),
+        ("stride=2", "stride", "net.cfg:10: neither"),
+        ("activation=leaky", "activation=mish", "activation=mish: known are leaky, linear"),
+        ("filters=6", "filters=6\ngroups=2", "groups=2: known are 1"),
+        ("batch_normalize=1", "batch_normalize=2", "batch_normalize=2"),
+        ("anchors=4,6", "anchors=4,6,8", "anchors"),
+        ("anchors=4,6", "anchors=4,-6", "positive"),
+        ("mask=0", "mask=1", "mask"),
+        ("[yolo]", "[route]\nlayers=2\n[yolo]", "layer 2: there is no such layer"),
+        ("[yolo]", "[shortcut]\nfrom=0,1\nactivation=linear\n[yolo]", "one layer, not 2"),
+    ],
+)
+def test_what_is_wrong_is_said(old: str, new: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        DarknetCfg.parse(SMALL.strip().replace(old, new), "net.cfg")
+
+
+def test_a_network_without_boxes_is_none() -> None:
+    with pytest.raises(InputError, match=r"no \[yolo\]"):
+        DarknetCfg.parse(SMALL.split("[yolo]")[0])
+    with pytest.raises(InputError, match="several numbers of classes"):
+        DarknetCfg.parse(SMALL + "[yolo]\nmask=0\nanchors=4,6\nclasses=2\nnum=1\n")
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="No such file"):
+        DarknetCfg.read(tmp_path / "none.cfg")
+    (tmp_path / "binary.cfg").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="not a text"):
+        DarknetCfg.read(tmp_path / "binary.cfg")

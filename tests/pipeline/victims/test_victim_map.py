@@ -1,0 +1,224 @@
+"""Victims on the map, in a room of balls."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.victims.detection.detection import Detection
+from pipeline.victims.observation import Observation, ObservationConfig, Refusal, observe
+from pipeline.victims.victim_map import Victims, VictimsConfig
+from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, look
+
+PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
+OTHER: Ball = (2.4, 1.5, 0.3, 0.25)
+CONFIG = ObservationConfig()
+
+
+def refusal(balls: list[Ball], detection: Detection) -> str:
+    result = observe(look(camera_at(0, 0), balls), detection, camera_at(0, 0), CONFIG)
+    assert isinstance(result, Refusal)
+    return result.reason
+
+
+def walk(victims: Victims, places: list[tuple[float, float]], balls: list[Ball], found: list[Ball]) -> None:
+    for place in places:
+        T = camera_at(*place)
+        victims.update(look(T, balls), [detection_of(T, ball) for ball in found], T)
+
+
+def test_a_person_is_where_it_is() -> None:
+    T = camera_at(0, 0)
+    result = observe(look(T, [PERSON]), detection_of(T, PERSON), T, CONFIG)
+    assert isinstance(result, Observation)
+    assert result.position == pytest.approx(PERSON[:3], abs=0.16)  # the front of it
+    np.testing.assert_allclose(np.linalg.norm(result.points - PERSON[:3], axis=1), 0.25, atol=0.01)
+    deviation = result.position - PERSON[:3]
+    assert deviation @ np.linalg.solve(result.covariance, deviation) < 11.34
+    assert result.camera.tolist() == [0, 0, 0.6]
+
+
+def test_the_map_may_lie_anywhere() -> None:
+    T = camera_at(0, 0)
+    moved = T.copy()
+    moved[:3, 3] += [5, -3, 1]
+    here, there = (observe(look(T, [PERSON]), detection_of(T, PERSON), pose, CONFIG) for pose in (T, moved))
+    assert isinstance(here, Observation)
+    assert isinstance(there, Observation)
+    np.testing.assert_allclose(there.position - here.position, [5, -3, 1], atol=1e-5)
+    np.testing.assert_allclose(there.covariance, here.covariance, atol=1e-6)
+
+
+def test_what_is_no_person_is_refused() -> None:
+    assert "flat" in refusal([], Detection((70, 30, 100, 70), 0.9))  # a picture on the wall
+    assert "flat" in refusal([], Detection((40, 90, 120, 118), 0.9))  # and on the floor
+    small: Ball = (1.5, 0, 0.05, 0.05)
+    assert "less than a person" in refusal([small], detection_of(camera_at(0, 0), small))
+    small_people = replace(CONFIG, max_size=0.2)
+    T = camera_at(0, 0)
+    large = observe(look(T, [PERSON]), detection_of(T, PERSON), T, small_people)
+    assert isinstance(large, Refusal)
+    assert "more than a person" in large.reason
+
+
+def test_a_hole_in_the_depth_is_refused() -> None:
+    T = camera_at(0, 0)
+    frame = look(T, [PERSON])
+    detection = detection_of(T, PERSON)
+    x0, y0, x1, y1 = map(int, detection.box)
+    depth = frame.depth.copy()
+    depth[y0 : y1 + 1, x0 : x1 + 1] = 0
+    result = observe(replace(frame, depth=depth), detection, T, CONFIG)
+    assert isinstance(result, Refusal)
+    assert result.reason == "no depth where it is"
+    outside = observe(frame, Detection((500, 500, 600, 600), 0.9), T, CONFIG)
+    assert isinstance(outside, Refusal)
+
+
+def test_two_looks_from_different_places_confirm() -> None:
+    victims = Victims()
+    walk(victims, [(0, 0)], [PERSON, OTHER], [PERSON])
+    assert len(victims.unconfirmed) == 1
+    walk(victims, [(0.1, 0)], [PERSON, OTHER], [PERSON])
+    assert victims.confirmed == []
+    walk(victims, [(0.1, 0.4)], [PERSON, OTHER], [PERSON])
+    (victim,) = victims.confirmed
+    assert victim.position == pytest.approx(PERSON[:3], abs=0.15)
+    assert victim.apart == pytest.approx(np.hypot(0.1, 0.4))
+    assert victim.confidence == pytest.approx(0.9)
+    assert np.sqrt(np.diag(victim.covariance)).max() < 0.2
+
+
+def victims_of(confidences: tuple[float, ...], config: VictimsConfig) -> Victims:
+    """After looks at one person from different places."""
+    victims = Victims(config)
+    for k, confidence in enumerate(confidences):
+        T = camera_at(0, 0.5 * k)
+        victims.update(look(T, [PERSON]), [detection_of(T, PERSON, confidence)], T)
+    return victims
+
+
+@pytest.mark.parametrize("confidences", [(0.3, 0.9), (0.9, 0.3), (0.5, 0.5), (0.4, 0.4, 0.4)])
+def test_many_uncertain_detections_tell_as_much_as_few_sure_ones(confidences: tuple[float, ...]) -> None:
+    (victim,) = victims_of(confidences, VictimsConfig(whole=0.3)).confirmed
+    assert victim.confidence == pytest.approx(np.mean(confidences))
+
+
+def test_little_evidence_is_worth_a_second_look_and_less_is_not() -> None:
+    for confidences, worth in (((0.3,), 0), ((0.3, 0.4), 1), ((0.6,), 1)):
+        victims = victims_of(confidences, VictimsConfig(whole=0.3))
+        assert victims.confirmed == []
+        assert len(victims.unconfirmed) == worth
+
+
+def test_what_is_small_takes_more_evidence() -> None:
+    for confidences, is_enough in (((0.6, 0.5), False), ((0.6, 0.7), True), ((0.4, 0.4, 0.5), True)):
+        victims = victims_of(confidences, VictimsConfig())
+        assert len(victims.confirmed) == is_enough
+        assert len(victims.unconfirmed) == (not is_enough)
+
+
+def test_two_people_stay_two() -> None:
+    victims = Victims()
+    walk(victims, [(0, 0.7), (0, 1.2), (0.2, 0.5)], [PERSON, OTHER], [PERSON, OTHER])
+    assert len(victims.all) == 2
+    positions = sorted((victim.position for victim in victims.confirmed), key=lambda p: p[1])
+    assert positions[0] == pytest.approx(PERSON[:3], abs=0.16)
+    assert positions[1] == pytest.approx(OTHER[:3], abs=0.16)
+
+
+def test_someone_who_is_not_found_again_is_dropped() -> None:
+    victims = Victims()
+    walk(victims, [(0, 0)], [PERSON], [PERSON])
+    walk(victims, [(0, 0.1), (0, 0.2)], [PERSON], [])
+    assert victims.all[0].missed == 2
+    walk(victims, [(0, 0.3)], [PERSON], [])
+    assert victims.all == []
+
+
+def test_someone_hidden_or_out_of_sight_is_not_missed() -> None:
+    victims = Victims()
+    walk(victims, [(0, 0)], [PERSON], [PERSON])
+    walk(victims, [(0, 0)], [PERSON, (1.2, 0, 0.4, 0.35)], [])  # something stands before it
+    walk(victims, [(0, 3), (3, 0)], [PERSON], [])  # beside it and past it
+    assert victims.all[0].missed == 0
+
+
+def test_refusals_are_told() -> None:
+    victims = Victims()
+    T = camera_at(0, 0)
+    victims.update(look(T), [Detection((70, 30, 100, 70), 0.9)], T)
+    assert victims.all == []
+    assert "flat" in victims.refusals[0].reason
+
+
+def test_the_best_photo_is_kept() -> None:
+    victims = Victims()
+    for y, confidence, colour in ((0.0, 0.6, 10), (0.4, 0.8, 20), (0.2, 0.7, 30)):
+        T = camera_at(0, y)
+        frame = look(T, [PERSON])
+        frame.rgb[:] = colour
+        victims.update(frame, [detection_of(T, PERSON, confidence)], T)
+    (victim,) = victims.all
+    assert (victim.photo == 20).all()
+    assert victim.photo.size
+    assert victim.confidence == pytest.approx(0.7)
+
+
+def test_a_photo_of_the_whole_person_is_better_than_one_of_a_part() -> None:
+    victims, T = Victims(), camera_at(0, 0)
+    x0, y0, x1, y1 = detection_of(T, PERSON).box
+    for brightness, bottom, confidence in ((10, (y0 + y1) / 2, 1.0), (20, y1, 0.8), (30, (y0 + y1) / 2, 1.0)):
+        frame = look(T, [PERSON])
+        frame.rgb[:] = brightness
+        victims.update(frame, [Detection((x0, y0, x1, bottom), confidence)], T)
+    (victim,) = victims.all
+    assert (victim.photo == 20).all()
+
+
+LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
+
+
+def test_someone_seen_in_parts_is_one_person() -> None:
+    victims = Victims(VictimsConfig(gate=1e-6, between=0.2))  # whose parts alone can tell
+    walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
+    walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
+    assert len(victims.all) == 2
+    x, y, z, r = PERSON
+    T = camera_at(0.1, 0.4)
+    both = detection_of(T, (x, y - 0.4, z, r + 0.4))
+    victims.update(look(T, [PERSON, LEGS]), [both], T)
+    (victim,) = victims.all
+    assert len(victim.cameras) == 3
+    assert victim.position == pytest.approx((x, y - 0.4, z), abs=0.16)
+
+
+def test_two_ends_of_someone_whose_middle_is_hidden_are_one_person() -> None:
+    for settings, people in (({}, 1), ({"between": 0.1}, 2), ({"together": 0.8}, 2)):
+        victims = Victims(VictimsConfig(gate=1e-6, **settings))
+        walk(victims, [(0, 0), (0, 0.4)], [PERSON, LEGS], [PERSON, LEGS])
+        assert len(victims.all) == people
+
+
+def test_two_who_touch_but_are_too_large_for_one_stay_two() -> None:
+    both = [(2.0, 0.3, 0.2, 0.25), (2.0, -0.3, 0.2, 0.25)]
+    for settings, people in (({}, 1), ({"together": 0.6}, 2), ({"together": 0.6, "inside": 0.1}, 1)):
+        victims = Victims(VictimsConfig(gate=1e-6, **settings))
+        walk(victims, [(0, 0), (0, 0.4)], both, both)
+        assert len(victims.all) == people
+
+
+def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> None:
+    T = camera_at(2.7, 0)
+    near: Ball = (3.7, 0.0, 0.6, 0.28)
+    result = observe(look(T, [near]), Detection((4, 2, 156, 118), 0.9), T, CONFIG)
+    assert isinstance(result, Observation)
+    np.testing.assert_allclose(np.linalg.norm(result.points - near[:3], axis=1), 0.28, atol=0.02)
+
+
+def test_of_what_stands_one_behind_the_other_the_nearest_is_the_person() -> None:
+    T = camera_at(0, 0)
+    behind: Ball = (3.0, 0.0, 0.3, 0.3)
+    result = observe(look(T, [PERSON, behind]), detection_of(T, (2.0, 0.0, 0.3, 0.4)), T, CONFIG)
+    assert isinstance(result, Observation)
+    assert result.points[:, 0].max() < 2.1

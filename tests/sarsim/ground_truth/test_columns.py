@@ -1,0 +1,116 @@
+"""Columns against MuJoCo's own rays, and places above each other."""
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from pipeline.grid_map import Grid
+from pipeline.labels import Label
+from sarsim.ground_truth.columns import columns, convex_bodies
+from sarsim.ground_truth.true_surface import Survey
+
+FLOOR = '<geom type="plane" size="2 2 0.1" user="2"/>'
+TABLE = '<geom type="box" pos="0 0 1" size="0.8 0.8 0.05" user="4"/>'
+HIGH = 10.0
+
+
+def compiled(geoms, assets=""):
+    xml = f'<mujoco><size nuser_geom="1"/><asset>{assets}</asset><worldbody>{geoms}</worldbody></mujoco>'
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def highest(model, data, grid):
+    """(nx, ny) top of everything by the columns, and by rays; NaN above nothing."""
+    c = columns(convex_bodies(model, data, None), grid)
+    by_columns, by_rays = np.full(grid.shape, np.nan), np.full(grid.shape, np.nan)
+    geom = np.zeros(1, np.int32)
+    for i, j in np.ndindex(grid.shape):
+        if c.count[i, j]:
+            by_columns[i, j] = c.top[c.start[i, j] + c.count[i, j] - 1]
+        point = np.array([*grid.centre_of((i, j)), HIGH])
+        distance = mujoco.mj_ray(model, data, point, np.array([0, 0, -1.0]), None, 1, -1, geom, None)
+        by_rays[i, j] = HIGH - distance if distance >= 0 else np.nan
+    return by_columns, by_rays
+
+
+GRID = Grid(np.array([-1.51, -1.49]), 0.05, (60, 60))
+
+SHAPES = {
+    "box": 'type="box" size="0.4 0.2 0.3"',
+    "sphere": 'type="sphere" size="0.5"',
+    "ellipsoid": 'type="ellipsoid" size="0.5 0.3 0.2"',
+    "capsule": 'type="capsule" size="0.2 0.4"',
+    "cylinder": 'type="cylinder" size="0.3 0.4"',
+    "mesh": 'type="mesh" mesh="wedge"',
+}
+WEDGE = '<mesh name="wedge" vertex="0 0 0  0.6 0 0  0 0.6 0  0.6 0.6 0  0.6 0 0.4  0.6 0.6 0.2"/>'
+
+
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+@pytest.mark.parametrize("quat", ["1 0 0 0", "0.8 0.2 -0.4 0.4"])
+def test_tops_are_where_rays_meet_them(shape, quat):
+    geom = f'<geom {SHAPES[shape]} pos="0.1 -0.2 0.7" quat="{quat}" user="7"/>'
+    by_columns, by_rays = highest(*compiled(geom, WEDGE), GRID)
+    both = ~np.isnan(by_columns) & ~np.isnan(by_rays)
+    assert both.sum() > 40
+    # A round shape is a polyhedron here: its rim may miss a few cells, and it lies up to 1 % of its radius lower.
+    assert (np.isnan(by_columns) != np.isnan(by_rays)).sum() <= 0.05 * both.sum()
+    error = np.abs(by_columns - by_rays)[both]
+    if shape in ("box", "mesh"):
+        assert error.max() < 1e-4
+    else:
+        assert np.quantile(error, 0.9) < 0.02
+        assert np.median(error) < 0.006
+
+
+def test_the_world_of_many_shapes_agrees_with_rays():
+    rng = np.random.default_rng(0)
+    geoms = FLOOR
+    for _ in range(30):
+        x, y, z = rng.uniform((-1.4, -1.4, 0), (1.4, 1.4, 1))
+        half = rng.uniform(0.05, 0.3, 3)
+        geoms += f'<geom type="box" pos="{x} {y} {z}" size="{half[0]} {half[1]} {half[2]}" user="7"/>'
+    by_columns, by_rays = highest(*compiled(geoms), GRID)
+    assert_allclose(by_columns, by_rays, atol=1e-6)
+
+
+def test_below_and_on_a_table_are_two_places():
+    survey = Survey(*compiled(FLOOR + TABLE), None)
+    assert survey.place(np.array([0, 0, 0.1])) == pytest.approx(0)
+    assert survey.place(np.array([0, 0, 1.0])) == pytest.approx(1.05)
+    assert survey.place(np.array([0, 0, 0.5])) is None
+    assert survey.place(np.array([9.0, 0, 0])) is None
+    floor = survey.ground_from(np.array([1.5, 1.5, 0]))
+    assert floor.grid.at(floor.height, [0, 0]) == pytest.approx(0)
+    top = survey.ground_from(np.array([0, 0, 1.05]))
+    assert top.grid.at(top.height, [0, 0]) == pytest.approx(1.05)
+    assert np.isnan(top.grid.at(top.height, [1.5, 1.5], outside=np.nan))
+
+
+def test_a_low_table_is_no_roof_to_drive_under():
+    low = TABLE.replace("0 0 1", "0 0 0.5")
+    survey = Survey(*compiled(FLOOR + low), None)
+    floor = survey.ground_from(np.array([1.5, 1.5, 0]))
+    assert np.isnan(floor.grid.at(floor.height, [0, 0]))
+    assert not floor.grid.at(floor.pieces, [0.9, 0.0])
+    assert floor.grid.at(floor.pieces, [1.3, 0.0])
+
+
+def test_grounds_find_every_patch_of_floor():
+    slab = '<geom type="box" pos="{} 0 {}" size="1 1 0.05" user="2"/>'
+    survey = Survey(*compiled(slab.format(0, -0.05) + slab.format(4, 0.95)), None)
+    heights = sorted(float(np.nanmedian(g.height)) for g in survey.grounds(Label.TERRAIN, 0.1))
+    assert heights == pytest.approx([0.0, 1.0])
+    assert not list(survey.grounds(Label.STRAIGHT_RAMP, 0.1))
+
+
+def test_the_label_of_the_ground_is_that_of_its_top():
+    deck = '<geom type="box" pos="0 0 0.03" size="0.5 0.5 0.03" user="4"/>'
+    survey = Survey(*compiled(FLOOR + deck), None)
+    ground = survey.ground_from(np.array([1.5, 1.5, 0]))
+    assert ground.grid.at(ground.label, [0, 0]) == Label.STRAIGHT_RAMP
+    assert ground.grid.at(ground.label, [1.0, 0]) == Label.TERRAIN

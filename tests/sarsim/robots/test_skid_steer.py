@@ -1,0 +1,136 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from pipeline.robot import Velocity
+from sarsim.robots.skid_steer import SkidSteer, SkidSteerConfig
+
+DT = 0.02
+CONFIG = SkidSteerConfig()
+STILL = np.zeros(2)
+
+speeds = st.floats(-2, 2)
+rates = st.floats(-5, 5)
+
+
+class Body:
+    """A robot whose wheels obey at once and that turns ``obedience`` times as it should."""
+
+    def __init__(self, config: SkidSteerConfig = CONFIG, obedience: float = 1.0) -> None:
+        self.firmware = SkidSteer(config)
+        self.obedience = obedience
+        self.wheels, self.gyro = STILL, 0.0
+
+    def drive(self, seconds: float, v: float = 0.0, omega: float = 0.0) -> np.ndarray:
+        """(N, 2) wheel speeds on the way."""
+        orders = []
+        for _ in range(round(seconds / DT)):
+            self.wheels = self.firmware.command(Velocity(v, omega), self.wheels, self.gyro, DT)
+            self.gyro = self.obedience * forward_and_turn(self.wheels)[1]
+            orders.append(self.wheels)
+        return np.array(orders)
+
+
+def forward_and_turn(wheels: np.ndarray) -> np.ndarray:
+    """(..., 2) m/s and rad/s that these wheel speeds mean."""
+    left, right = np.moveaxis(wheels * CONFIG.wheel_radius, -1, 0)
+    return np.stack([(left + right) / 2, (right - left) / CONFIG.effective_track], axis=-1)
+
+
+def test_straight_command_turns_both_wheels_alike():
+    wheels = Body().drive(2.0, v=0.2)
+    assert_allclose(wheels[-1], [0.2 / 0.1105, 0.2 / 0.1105])
+
+
+def test_turn_command_turns_the_wheels_against_each_other():
+    left, right = Body().drive(2.0, omega=1.0)[-1]
+    assert_allclose(right, 0.581 / 2 / 0.1105, rtol=1e-6)
+    assert_allclose(left, -right)
+
+
+def test_effective_track_is_that_of_four_equally_loaded_tyres():
+    assert_allclose(CONFIG.effective_track, 0.398 + 0.270**2 / 0.398, atol=1e-3)
+
+
+def test_top_speed_of_the_wheels_gives_the_data_sheets_turn_rate():
+    rate = CONFIG.max_speed / (CONFIG.effective_track / 2)
+    assert_allclose(math.degrees(rate), 140, atol=3)
+
+
+def test_speed_ramps_up_at_the_acceleration_limit():
+    moved = forward_and_turn(Body().drive(1.0, v=0.6))[:, 0]
+    assert_allclose(np.diff(moved), CONFIG.acceleration * DT)
+
+
+def test_stops_at_the_acceleration_limit():
+    body = Body()
+    body.drive(2.0, v=0.3)
+    wheels = body.drive(1.2)
+    assert_allclose(forward_and_turn(wheels)[24, 0], 0.3 - 25 * DT * CONFIG.acceleration)
+    assert_allclose(wheels[-1], 0.0, atol=1e-12)
+
+
+@given(v=speeds, omega=rates)
+def test_limits_hold_for_any_command(v, omega):
+    wheels = Body().drive(4.0, v, omega)
+    assert np.abs(wheels).max() <= CONFIG.max_wheel_speed + CONFIG.wheel_gain * CONFIG.max_wheel_lag
+    moved, turned = np.abs(forward_and_turn(wheels)).max(axis=0)
+    assert moved <= CONFIG.max_speed + 1e-9
+    assert turned <= CONFIG.max_turn_rate * 1.1
+
+
+@given(v=st.floats(0.3, 0.7), omega=st.floats(1.5, 2.4))
+def test_saturated_wheels_keep_the_curvature(v, omega):
+    config = SkidSteerConfig(max_wheel_speed=4.0, heading_gain=0.0)
+    wheels = Body(config).drive(4.0, v, omega)
+    moved, turned = forward_and_turn(wheels)[-1]
+    assert_allclose(np.abs(wheels[-1]).max(), 4.0)
+    assert_allclose(turned / moved, omega / v)
+
+
+@given(v=speeds, omega=rates)
+def test_mirrored_command_gives_mirrored_wheels(v, omega):
+    left_turn = Body().drive(1.0, v, omega)
+    right_turn = Body().drive(1.0, v, -omega)
+    assert np.array_equal(left_turn, right_turn[:, ::-1])
+
+
+@pytest.mark.parametrize("obedience", [0.7, 0.9, 1.0, 1.15])
+def test_gyro_makes_up_for_tyres_that_slip_more_or_less(obedience):
+    body = Body(obedience=obedience)
+    wheels = np.concatenate([body.drive(2.0, omega=0.5), body.drive(4.0)])
+    turned = obedience * forward_and_turn(wheels)[:, 1].sum() * DT
+    assert_allclose(math.degrees(turned), math.degrees(0.5 * 2.0), atol=0.25)
+
+
+def test_heading_error_of_a_blocked_robot_stays_bounded():
+    firmware = SkidSteer()
+    for _ in range(500):
+        firmware.command(Velocity(omega=1.0), STILL, 0.0, DT)
+    assert firmware.heading_error == CONFIG.max_heading_error
+
+
+def test_wheel_that_lags_is_pushed_and_let_go_again():
+    firmware = SkidSteer()
+    for _ in range(500):
+        wheels = firmware.command(Velocity(v=0.2), STILL, 0.0, DT)
+    push = CONFIG.wheel_gain * CONFIG.max_wheel_lag
+    assert_allclose(wheels, 0.2 / CONFIG.wheel_radius + push)
+
+
+def test_wheels_that_roll_back_on_a_slope_are_held():
+    """A servo that gives way in proportion to the load: the firmware must bring the creep to an end."""
+    firmware, give, wheels = SkidSteer(), np.full(2, -0.05), STILL
+    for _ in range(200):
+        wheels = firmware.command(Velocity(), wheels, 0.0, DT) + give
+    assert_allclose(wheels, 0.0, atol=1e-6)
+
+
+def test_stopped_robot_does_not_follow_a_drifting_gyro():
+    firmware = SkidSteer()
+    orders = [firmware.command(Velocity(), STILL, 1e-3, DT) for _ in range(3000)]
+    assert np.abs(orders).max() < 0.01

@@ -1,0 +1,220 @@
+"""Victims: what an arena gets, what a scorer finds, and whether people rest as bodies do."""
+
+from pathlib import Path
+from xml.etree.ElementTree import Element, fromstring, tostring
+
+import mujoco
+import numpy as np
+import pytest
+from dm_control import mjcf
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.errors import InputError
+from pipeline.labels import Label
+from sarsim.assets import asset
+from sarsim.sensors.camera import geom_labels
+from sarsim.victims.body import UPPER_BODY
+from sarsim.victims.people import AGAINST_WALL, HEIGHT, UNIT, bone_motions, people, skinned
+from sarsim.victims.victims import (
+    PLACEMENTS,
+    POSTURES,
+    SUITABLE,
+    Placement,
+    Posture,
+    VictimModel,
+    make_victim,
+    victims_of,
+)
+
+KINDS = [(posture, placement) for placement in PLACEMENTS for posture in SUITABLE[placement]]
+POSES = range(len(people().postures))
+EMPTY = '<mujoco><size nuser_geom="1"/><worldbody/></mujoco>'
+
+
+def model_of(*victims: tuple[VictimModel, tuple[float, float, float], float]) -> mujoco.MjModel:
+    """Victims, each at a place and turned, in an empty world."""
+    root: Element = fromstring(EMPTY)
+    for victim, position, yaw in victims:
+        victim.add_to(root, position, yaw)
+    return mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
+
+
+def at_rest(model: mujoco.MjModel) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def mesh_places(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> NDArray[np.float64]:
+    """(N, 3) vertices of a body's meshes in the world."""
+    places = []
+    for geom in np.flatnonzero((model.geom_bodyid == body) & (model.geom_dataid >= 0)):
+        mesh = model.mesh(model.geom_dataid[geom])
+        vertices = model.mesh_vert[mesh.vertadr[0] : mesh.vertadr[0] + mesh.vertnum[0]]
+        places.append(vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
+    return np.concatenate(places)
+
+
+@pytest.mark.parametrize(("posture", "placement"), KINDS)
+def test_a_victim_is_static_and_labelled_and_its_box_holds_it(posture: Posture, placement: Placement) -> None:
+    victim = make_victim("7", np.random.default_rng(3), posture, placement)
+    model = model_of((victim, (1.0, -2.0, 0.5), 0.7))
+    data = at_rest(model)
+    labels = geom_labels(model)
+    body = model.body("victim_7").id
+    assert model.njnt == 0 and model.nv == 0
+    assert set(labels[model.geom_bodyid == body]) == {Label.VICTIM}
+    assert set(labels[model.geom_bodyid != body]) <= {Label.CLUTTER, Label.WALL}
+    (found,) = victims_of(model, data)
+    assert found.id == "7"
+    np.testing.assert_allclose(found.T_world_victim[:3, 3], (1, -2, 0.5))
+    np.testing.assert_allclose(
+        Rotation.from_matrix(found.T_world_victim[:3, :3]).as_rotvec(), (0, 0, 0.7), atol=1e-4
+    )
+    # Eyes and lips stand out from the face by a few millimetres.
+    np.testing.assert_allclose(found.box, victim.box, atol=0.008)
+    places = (mesh_places(model, data, body) - found.T_world_victim[:3, 3]) @ found.T_world_victim[:3, :3]
+    assert np.all(places >= found.box[0] - 1e-4) and np.all(places <= found.box[1] + 1e-4)
+    assert np.all(victim.footprint[0] <= victim.box[0, :2]) and np.all(
+        victim.footprint[1] >= victim.box[1, :2]
+    )
+    assert victim.height >= victim.box[1, 2] and victim.box[0, 2] >= 0
+
+
+@pytest.mark.parametrize("placement", PLACEMENTS)
+def test_the_same_seed_gives_the_same_victim(placement: Placement) -> None:
+    def text(seed: int) -> str:
+        root = fromstring(EMPTY)
+        make_victim("a", np.random.default_rng(seed), placement=placement).add_to(root, (0, 0, 0), 0)
+        return tostring(root, encoding="unicode")
+
+    assert text(5) == text(5)
+    assert text(5) != text(6)
+
+
+def test_pymjcf_and_plain_xml_get_the_same() -> None:
+    victim = make_victim("1", np.random.default_rng(0), "seated")
+    root = mjcf.RootElement()
+    root.size.nuser_geom = 1
+    victim.add_to_mjcf(root, (0.5, 0, 0), 1)
+    composed = mjcf.Physics.from_mjcf_model(root).model.ptr
+    plain = model_of((victim, (0.5, 0, 0), 1))
+    assert [composed.geom(g).name for g in range(composed.ngeom)] == [
+        plain.geom(g).name for g in range(plain.ngeom)
+    ]
+    np.testing.assert_allclose(composed.geom_pos, plain.geom_pos, atol=1e-6)
+    np.testing.assert_array_equal(geom_labels(composed), geom_labels(plain))
+    np.testing.assert_allclose(composed.mesh_vert, plain.mesh_vert, atol=1e-6)
+
+
+def test_several_victims_are_told_apart() -> None:
+    rng = np.random.default_rng(1)
+    model = model_of(*[(make_victim(str(n), rng), (3.0 * n, 0.0, 0.0), 0.0) for n in range(3)])
+    found = victims_of(model, at_rest(model))
+    assert [victim.id for victim in found] == ["0", "1", "2"]
+    assert [round(victim.centre[0]) for victim in found] == [0, 3, 6]
+    assert len(np.unique(np.concatenate([victim.geoms for victim in found]))) == model.ngeom
+
+
+def test_rays_from_above_meet_the_person_within_the_box() -> None:
+    model = model_of((make_victim("1", np.random.default_rng(2), "prone"), (0, 0, 0), 0))
+    data = at_rest(model)
+    (victim,) = victims_of(model, data)
+    rng = np.random.default_rng(0)
+    geom, hits = np.zeros(1, np.int32), 0
+    for x, y in rng.uniform(victim.box[0, :2] - 0.3, victim.box[1, :2] + 0.3, (300, 2)):
+        distance = mujoco.mj_ray(model, data, (x, y, 2.0), (0, 0, -1), None, 1, -1, geom, None)
+        if distance >= 0:
+            hits += 1
+            assert np.all(victim.box[0, :2] <= (x, y)) and np.all(victim.box[1, :2] >= (x, y))
+            assert 2 - distance <= victim.box[1, 2] + 1e-6
+    assert hits > 20
+
+
+def test_the_library_is_small_and_varied() -> None:
+    assert asset("victims", "people.npz").stat().st_size <= 200_000
+    assert len(POSES) >= 24
+    assert set(people().postures) == set(POSTURES) - {"bust"}
+    assert set(people().builds) == {"man", "woman", "stout", "child"}
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_people_rest_on_the_floor_and_against_the_wall(pose: int) -> None:
+    """As the physics left them, before what sinks in is pressed flat; within 1 cm for the tallest."""
+    library = people()
+    with np.load(asset("victims", "people.npz")) as file:
+        turns, offsets = bone_motions(file["rest"], file["poses"][pose])
+        build = list(file["build_names"]).index(library.builds[pose])
+        body = skinned(file["vertices"][build] * UNIT, file["weights"], turns, offsets) * (1.9 / HEIGHT)
+        parts, face_parts, faces = list(file["parts"]), file["face_parts"], file["faces"]
+    posture = library.postures[pose]
+    assert -0.01 < body[:, 2].min() < (0.2 if posture == "seated" else 0.01)
+    if posture in ("lying", "prone", "side"):
+        trunk = np.unique(faces[np.isin(face_parts, [parts.index("hips"), parts.index("chest")])])
+        assert body[trunk, 2].min() < 0.05
+    elif posture == "seated":
+        hips = np.unique(faces[face_parts == parts.index("hips")])
+        seat = 2 * library.block * (1.9 / HEIGHT)
+        assert body[:, 0].min() > -0.02 and 0 < body[hips, 0].mean() < seat[0]
+        above = (
+            (body[:, 0] < seat[0] - 0.05) & (np.abs(body[:, 1]) < seat[1] / 2) & (body[:, 2] > seat[2] - 0.2)
+        )
+        assert body[above, 2].min() == pytest.approx(seat[2], abs=0.01)
+    else:
+        assert -0.01 < body[:, 0].min() < 0.01
+        assert body[np.unique(faces[face_parts == parts.index("hips")]), 2].min() < 0.05
+
+
+def test_rubble_does_not_go_through_the_person() -> None:
+    for seed in range(6):
+        model = model_of((make_victim("1", np.random.default_rng(seed), placement="rubble"), (0, 0, 0), 0))
+        data = at_rest(model)
+        person = mesh_places(model, data, model.body("victim_1").id)
+        covers = np.flatnonzero(model.geom_bodyid == model.body("cover_1").id)
+        assert covers.size >= 3
+        for geom in covers:
+            local = (person - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+            depth = (model.geom_size[geom] - np.abs(local)).min(axis=1).max()
+            assert depth < 0.003
+
+
+def test_a_bust_is_closed_and_smaller() -> None:
+    figure = people().figure(int(np.flatnonzero(people().postures == "sitting")[0]), 1.7)
+    bust = figure.only(UPPER_BODY)
+    edges = np.sort(bust.body.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2)
+    assert np.ptp(bust.places("bald")[:, 2]) < 0.65 < np.ptp(figure.places("bald")[:, 2])
+
+
+def test_stature_scales_and_room_limits() -> None:
+    small = make_victim("1", np.random.default_rng(0), "lying", stature=0.85)
+    tall = make_victim("1", np.random.default_rng(0), "lying", stature=1.7)
+    np.testing.assert_allclose(tall.box, 2 * small.box, atol=1e-9)
+    fitting = make_victim("1", np.random.default_rng(0), "lying", stature=1.2, room=(1.4, 0.6))
+    assert np.all(fitting.box[1, :2] - fitting.box[0, :2] <= (1.4, 0.6 + 0.02))  # the hair may be wider
+
+
+def test_what_cannot_be_is_refused() -> None:
+    with pytest.raises(InputError, match="victim 1: nobody is lying in placement 'box'"):
+        make_victim("1", np.random.default_rng(0), "lying", "box")
+    with pytest.raises(InputError, match=r"victim 1: nobody prone fits into 0\.5 × 0\.5 m"):
+        make_victim("1", np.random.default_rng(0), "prone", room=(0.5, 0.5))
+
+
+def test_without_a_choice_no_wall_is_needed() -> None:
+    for placement in PLACEMENTS:
+        for seed in range(8):
+            assert not make_victim("1", np.random.default_rng(seed), placement=placement).needs_wall
+    assert all(make_victim("1", np.random.default_rng(0), posture).needs_wall for posture in AGAINST_WALL)
+
+
+def test_nist_6x4_has_its_two_people_inside() -> None:
+    model = mujoco.MjModel.from_xml_path(str(Path(asset("arenas", "nist_6x4.xml"))))
+    lying, sitting = victims_of(model, at_rest(model))
+    assert (lying.id, sitting.id) == ("lying", "sitting")
+    np.testing.assert_allclose(lying.centre[:2], (-0.4, 1.75), atol=0.02)
+    np.testing.assert_allclose(sitting.centre[:2], (2.66, -1.69), atol=0.02)
+    for victim in (lying, sitting):
+        corners = victim.box @ victim.T_world_victim[:3, :3].T + victim.T_world_victim[:3, 3]
+        assert np.all(np.abs(corners) <= (3, 2.0001, 1.2))

@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.exploration.next_best_view import Exploration, ExplorationConfig, View
+from pipeline.exploration.next_best_view import Exploration, ExplorationConfig, Viewpoint
 from pipeline.frame import Frame
 from pipeline.goals import Goals
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
 from pipeline.navigation.navigator import Halt, NavigationConfig, Navigator, Outcome
-from pipeline.navigation.obstacle_check import Lookout, LookoutConfig
-from pipeline.navigation.recovery import way_back, way_out
+from pipeline.navigation.obstacle_check import ObstacleCheck, ObstacleCheckConfig
+from pipeline.navigation.recovery import backtrack, escape
 from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.segments.planes import PlanesConfig, find_planes
@@ -22,13 +22,13 @@ from pipeline.semantic_map.semantic_map import SemanticMap, SemanticMapConfig
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.transforms import transform_points
-from pipeline.traversability.depth_dropouts import missing_ground
-from pipeline.traversability.elevation_map import SurfaceConfig, SurfaceMap
+from pipeline.traversability.depth_dropouts import find_depth_dropouts
+from pipeline.traversability.elevation_map import ElevationMap, ElevationMapConfig
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import DrivableConfig, DrivableSurface
-from pipeline.traversability.traversability_layer import DrivableLayer
+from pipeline.traversability.traversability import Traversability, TraversabilityConfig
+from pipeline.traversability.traversability_layer import TraversabilityLayer
 from pipeline.victims.detection.detection import Detection, Detector
-from pipeline.victims.reobservation import SecondLooks, SecondLooksConfig
+from pipeline.victims.reobservation import Reobservation, ReobservationConfig
 from pipeline.victims.victim_map import Victims, VictimsConfig
 
 BUMPER, HALF_WIDTH, BODY_HEIGHT = 0.29, 0.25, 0.3
@@ -44,32 +44,32 @@ class ExplorerConfig:
             did so saw to that, and the camera sees nothing nearer than a metre.
         start_ahead: the same in a strip before the robot, m.
         start_width: of that strip, m.
-        lifted: a robot that is elsewhere by this without having driven was set down anew, m.
-        patience: drives that something ended since one last brought the robot further than ``lifted``, after which it
-            stays.
+        kidnapped: a robot that is elsewhere by this without having driven was set down anew, m.
+        patience: drives that something ended since one last brought the robot further than ``kidnapped``, after
+            which it stays.
     """
 
     metric_map: MetricMapConfig = field(default_factory=MetricMapConfig)
-    surface: SurfaceConfig = field(default_factory=SurfaceConfig)
-    drivable: DrivableConfig = field(default_factory=DrivableConfig)
+    traversability: ElevationMapConfig = field(default_factory=ElevationMapConfig)
+    traversable: TraversabilityConfig = field(default_factory=TraversabilityConfig)
     semantic_map: SemanticMapConfig = field(default_factory=SemanticMapConfig)
     planes: PlanesConfig = field(default_factory=PlanesConfig)
     segments: SegmentsConfig = field(default_factory=SegmentsConfig)
     topological_map: TopologicalMapConfig = field(default_factory=TopologicalMapConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
-    lookout: LookoutConfig = field(default_factory=LookoutConfig)
+    obstacle_check: ObstacleCheckConfig = field(default_factory=ObstacleCheckConfig)
     victims: VictimsConfig = field(default_factory=VictimsConfig)
-    second_looks: SecondLooksConfig = field(default_factory=SecondLooksConfig)
+    reobservation: ReobservationConfig = field(default_factory=ReobservationConfig)
     start_radius: float = 0.5
     start_ahead: float = 1.4
     start_width: float = 0.8
-    lifted: float = 0.3
+    kidnapped: float = 0.3
     patience: int = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class Step:
     """What came of one look.
 
     Attributes:
@@ -78,11 +78,11 @@ class Look:
         points: (N, 3) float32 the returns in ``map``.
         labels: (N,) uint8 their classes.
         detections: people in the image, before their depth was looked at.
-        surface: where the robot may drive now.
-        view: where to go next; None if nothing is left to look at, or no goal to drive to.
+        traversability: where the robot may drive now.
+        viewpoint: where to go next; None if nothing is left to look at, or no goal to drive to.
         plan: the way there.
         can_drive: whether the robot stands where it can drive, and was not held again and again.
-        was_lifted: whether the robot is elsewhere than it drove since the last look.
+        was_kidnapped: whether the robot is elsewhere than it drove since the last look.
     """
 
     frame: Frame
@@ -90,11 +90,11 @@ class Look:
     points: NDArray[np.float32]
     labels: NDArray[np.uint8]
     detections: list[Detection]
-    surface: DrivableSurface
-    view: View | None
+    traversability: Traversability
+    viewpoint: Viewpoint | None
     plan: PathPlan | None
     can_drive: bool = True
-    was_lifted: bool = False
+    was_kidnapped: bool = False
 
 
 def bumper(halt: Halt) -> NDArray[np.float64]:
@@ -105,7 +105,7 @@ def bumper(halt: Halt) -> NDArray[np.float64]:
 
 
 class Explorer:
-    """Explores with a robot: each ``look`` renews the maps and the plan, each ``drive`` follows the plan.
+    """Explores with a robot: each ``step`` renews the maps and the plan, each ``drive`` follows the plan.
 
     With ``goals`` it drives to these, and explores only while no way is known to any that is left, and if it
     ``may_explore``. ``T_map_start`` (4×4) is where it looked first.
@@ -126,15 +126,15 @@ class Explorer:
         self.detector = detector
         self.localisation = OdometryLocalisation()
         self.metric_map = MetricMap(self.config.metric_map)
-        self.surface_map = SurfaceMap(self.config.surface)
-        self.drivable_layer = DrivableLayer(self.config.drivable)
+        self.elevation_map = ElevationMap(self.config.traversability)
+        self.traversability_layer = TraversabilityLayer(self.config.traversable)
         self.semantic_map = SemanticMap(self.config.semantic_map)
         self.segments = Segments(self.config.segments)
         self.topological_map = TopologicalMap(self.config.topological_map)
         self.exploration = Exploration(self.config.exploration)
         self.victims = Victims(self.config.victims)
-        self.second_looks = SecondLooks(self.victims, self.metric_map, self.config.second_looks)
-        self.exploration.wishes = self.second_looks
+        self.reobservation = Reobservation(self.victims, self.metric_map, self.config.reobservation)
+        self.exploration.rewards = self.reobservation
         self.goals: Goals | None = None
         self.may_explore = True
         self.navigator = Navigator(robot, self.config.navigation)
@@ -146,7 +146,7 @@ class Explorer:
         self._track = np.zeros((0, 2))
         self._seed = seed
 
-    def look(self) -> Look:
+    def step(self) -> Step:
         """Sense, localise, map, segment, renew the topology and plan the way to the next view or goal."""
         with self.stopwatch("sense"):
             frame = self.robot.sense()
@@ -158,11 +158,11 @@ class Explorer:
         with self.stopwatch("metric_map"):
             self.metric_map.integrate(frame.depth, frame.intrinsics, T_map_camera)
         with self.stopwatch("surface"):
-            was_lifted = self._was_lifted(T_map_base)
-            missing = missing_ground(frame.depth, frame.intrinsics, T_map_camera)
-            surface = self._update_surface(points, missing, T_map_base)
-            out = way_out(surface, T_map_base, self._times_held > 0)
-            paths = ShortestPaths(surface, out)
+            was_kidnapped = self._was_kidnapped(T_map_base)
+            missing = find_depth_dropouts(frame.depth, frame.intrinsics, T_map_camera)
+            traversability = self._update_surface(points, missing, T_map_base)
+            out = escape(traversability, T_map_base, self._times_held > 0)
+            paths = ShortestPaths(traversability, out)
         with self.stopwatch("semantic_map"):
             probabilities = self.classifier.classify(frame, points, T_map_camera)
             labels = probabilities.argmax(axis=1).astype(np.uint8)
@@ -172,47 +172,65 @@ class Explorer:
             self.segments.update(patches, self.steps)
         detections = self._find_victims(frame, T_map_camera)
         with self.stopwatch("exploration"):
-            view, back = self._next_view(surface, paths, T_map_base), None
-            if view is None:
-                view, paths, back = self._view_beyond(surface, paths, T_map_base)
-            if view is not None:
-                self.second_looks.aim(surface.on_ground(view.position[None])[0], view.heading)
+            viewpoint, back = self._next_view(traversability, paths, T_map_base), None
+            if viewpoint is None:
+                viewpoint, paths, back = self._view_beyond(traversability, paths, T_map_base)
+            if viewpoint is not None:
+                self.reobservation.aim(
+                    traversability.on_ground(viewpoint.position[None])[0], viewpoint.heading
+                )
         with self.stopwatch("topological_map"):
-            self.topological_map.update(patches, self.segments, surface, paths)
+            self.topological_map.update(patches, self.segments, traversability, paths)
         with self.stopwatch("path_plan"):
-            plan = self._plan(view, surface, paths) if view else None
+            plan = self._plan(viewpoint, traversability, paths) if viewpoint else None
             first = out[None] if back is None else back
             if plan is not None and (first != T_map_base[:2, 3]).any():
-                plan = plan.after(surface.on_ground(first), T_map_base[:3, 3])
+                plan = plan.after(traversability.on_ground(first), T_map_base[:3, 3])
         self.steps += 1
         can_drive = paths.start is not None and not self.is_held
-        return Look(frame, T_map_base, points, labels, detections, surface, view, plan, can_drive, was_lifted)
+        return Step(
+            frame,
+            T_map_base,
+            points,
+            labels,
+            detections,
+            traversability,
+            viewpoint,
+            plan,
+            can_drive,
+            was_kidnapped,
+        )
 
-    def drive(self, look: Look) -> bool:
+    def drive(self, step: Step) -> bool:
         """Follow the plan of a look and turn to its view; True if all of it was reached.
 
         The robot stops where something stands in its way that the map does not show: the next look plans anew.
         """
-        if look.view is None or look.plan is None:
+        if step.viewpoint is None or step.plan is None:
             return False
         self.navigator.T_map_odom = self.localisation.T_map_odom
-        lookout = Lookout(self._glance, look.surface, self.config.lookout)
+        obstacle_check = ObstacleCheck(self._glance, step.traversability, self.config.obstacle_check)
         with self.stopwatch("navigation"):
-            heading = look.view.heading if look.view.turn else None
-            backs_up, start = self._backs_up(look, look.plan), look.T_map_base[:2, 3]
-            reached = self.navigator.follow(look.plan.way_points, heading, backs_up, start, lookout.is_clear)
-        T_map_base, was_lifted = self.navigator.T_map_base, self.navigator.legs[-1].outcome is Outcome.MOVED
-        self._T_map_last = None if was_lifted else T_map_base
-        came_away = np.linalg.norm(T_map_base[:2, 3] - look.T_map_base[:2, 3]) > self.config.lifted
+            heading = step.viewpoint.heading if step.viewpoint.turn else None
+            backs_up, start = self._backs_up(step, step.plan), step.T_map_base[:2, 3]
+            reached = self.navigator.follow(
+                step.plan.way_points, heading, backs_up, start, obstacle_check.is_clear
+            )
+        T_map_base, was_kidnapped = (
+            self.navigator.T_map_base,
+            self.navigator.legs[-1].outcome is Outcome.MOVED,
+        )
+        self._T_map_last = None if was_kidnapped else T_map_base
+        came_away = np.linalg.norm(T_map_base[:2, 3] - step.T_map_base[:2, 3]) > self.config.kidnapped
         self._times_held = 0 if came_away else self._times_held + (not reached)
-        self.surface_map.update(lookout.obstacles)
+        self.elevation_map.update(obstacle_check.obstacles)
         track = np.array(self.navigator.track).reshape(-1, 2)
-        self.surface_map.add_track(track)
+        self.elevation_map.add_track(track)
         self._track = np.vstack([self._track, track])
         for halt in self.navigator.halts:
             # An obstacle beside a robot that cannot leave would only shut it in.
             if halt.touches:
-                self.surface_map.add_obstacle(bumper(halt))
+                self.elevation_map.add_obstacle(bumper(halt))
         return reached
 
     @property
@@ -228,47 +246,49 @@ class Explorer:
             detections = self.detector.detect(frame.rgb)
             self.victims.update(frame, detections, T_map_camera)
             self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
-            self.second_looks.count()
+            self.reobservation.count()
         return detections
 
-    def _plan(self, view: View, surface: DrivableSurface, paths: ShortestPaths) -> PathPlan | None:
+    def _plan(
+        self, viewpoint: Viewpoint, traversability: Traversability, paths: ShortestPaths
+    ) -> PathPlan | None:
         """The way to a view, by the place where the robot has to turn for it."""
-        if view.via is None:
-            return plan_path(self.topological_map, surface, paths, view.position)
-        plan = plan_path(self.topological_map, surface, paths, view.via)
-        return plan and plan.on_to(surface.on_ground(view.position[None]))
+        if viewpoint.via is None:
+            return plan_path(self.topological_map, traversability, paths, viewpoint.position)
+        plan = plan_path(self.topological_map, traversability, paths, viewpoint.via)
+        return plan and plan.on_to(traversability.on_ground(viewpoint.position[None]))
 
-    def _backs_up(self, look: Look, plan: PathPlan) -> bool | None:
+    def _backs_up(self, step: Step, plan: PathPlan) -> bool | None:
         """Whether to drive the last leg backwards; None, either will do, where the robot could not turn before it."""
-        surface, start = look.surface, np.vstack([look.T_map_base[:3, 3], plan.way_points])[-2]
-        can_turn = surface.grid.at(surface.turnable | surface.slidable, start)
-        return look.view.backwards if look.view is not None and can_turn else None
+        traversability, start = step.traversability, np.vstack([step.T_map_base[:3, 3], plan.way_points])[-2]
+        can_turn = traversability.grid.at(traversability.turnable | traversability.slidable, start)
+        return step.viewpoint.backwards if step.viewpoint is not None and can_turn else None
 
     def _next_view(
-        self, surface: DrivableSurface, paths: ShortestPaths, T_map_base: NDArray[np.float64]
-    ) -> View | None:
+        self, traversability: Traversability, paths: ShortestPaths, T_map_base: NDArray[np.float64]
+    ) -> Viewpoint | None:
         """Where to go next: to a goal, or else to where much is to be seen; nowhere for a robot that is held."""
         if self.is_held:
             return None
-        look = surface, self.surface_map.measured, paths, T_map_base
-        view = self.goals.next_view(*look) if self.goals else None
+        step = traversability, self.elevation_map.measured, paths, T_map_base
+        viewpoint = self.goals.next_viewpoint(*step) if self.goals else None
         is_done = not self.may_explore or (self.goals is not None and not self.goals.left)
-        return view if view or is_done else self.exploration.next_view(*look)
+        return viewpoint if viewpoint or is_done else self.exploration.next_viewpoint(*step)
 
     def _view_beyond(
-        self, surface: DrivableSurface, paths: ShortestPaths, T_map_base: NDArray[np.float64]
-    ) -> tuple[View | None, ShortestPaths, NDArray[np.float64] | None]:
+        self, traversability: Traversability, paths: ShortestPaths, T_map_base: NDArray[np.float64]
+    ) -> tuple[Viewpoint | None, ShortestPaths, NDArray[np.float64] | None]:
         """Where to go next from where the robot came, the paths from there and the way back (N, 2), if there is one.
 
         Where nothing is left to see there either, the paths are those that lead further, for the map is made of them.
         """
-        back = way_back(surface, paths, self._track)
+        back = backtrack(traversability, paths, self._track)
         if back is None:
             return None, paths, None
-        beyond, frontiers = ShortestPaths(surface, back[-1]), self.exploration.frontiers
-        view = self._next_view(surface, beyond, T_map_base)
-        if view or beyond.reachable.sum() > paths.reachable.sum():
-            return view, beyond, back
+        beyond, frontiers = ShortestPaths(traversability, back[-1]), self.exploration.frontiers
+        viewpoint = self._next_view(traversability, beyond, T_map_base)
+        if viewpoint or beyond.reachable.sum() > paths.reachable.sum():
+            return viewpoint, beyond, back
         self.exploration.frontiers = frontiers
         return None, paths, None
 
@@ -277,19 +297,19 @@ class Explorer:
         frame = self.robot.sense()
         return frame.points(self.localisation.localise(frame) @ frame.T_base_camera)
 
-    def _was_lifted(self, T_map_base: NDArray[np.float64]) -> bool:
+    def _was_kidnapped(self, T_map_base: NDArray[np.float64]) -> bool:
         """Whether the robot is elsewhere than it drove; ground is promised wherever it is set down."""
         config, last, self._T_map_last = self.config, self._T_map_last, T_map_base
-        set_down = last is None or bool(np.linalg.norm(T_map_base[:3, 3] - last[:3, 3]) > config.lifted)
+        set_down = last is None or bool(np.linalg.norm(T_map_base[:3, 3] - last[:3, 3]) > config.kidnapped)
         if set_down:
             self._track = np.zeros((0, 2))
-            self.surface_map.assume_ground(
+            self.elevation_map.assume_ground(
                 T_map_base, config.start_radius, config.start_ahead, config.start_width
             )
         return set_down and self.steps > 0
 
     def _update_surface(
         self, points: NDArray[np.float32], missing: NDArray[np.float32], T_map_base: NDArray[np.float64]
-    ) -> DrivableSurface:
-        self.surface_map.update(points, missing, T_map_base[:2, 3])
-        return self.drivable_layer.update(self.surface_map)
+    ) -> Traversability:
+        self.elevation_map.update(points, missing, T_map_base[:2, 3])
+        return self.traversability_layer.update(self.elevation_map)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.exploration.next_best_view import View
+from pipeline.exploration.next_best_view import Viewpoint
 from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 ARRIVED = 0.15
 """m; a robot so near to a goal has reached it."""
@@ -56,25 +56,25 @@ class Goals:
         self._goal: NDArray[np.float64] | None = None
         self._way_left, self._in_vain = np.inf, 0
 
-    def next_view(
+    def next_viewpoint(
         self,
-        surface: DrivableSurface,
+        traversability: Traversability,
         measured: NDArray[np.float32],
         paths: ShortestPaths,
         T_map_base: NDArray[np.float64],
-    ) -> View | None:
+    ) -> Viewpoint | None:
         """The next goal; None when none is left that can be reached as far as the map goes."""
         here = T_map_base[:2, 3]
         for goal in list(self.left):
-            if np.linalg.norm(self._place(goal, surface) - here) <= ARRIVED:
+            if np.linalg.norm(self._place(goal, traversability) - here) <= ARRIVED:
                 self._end(goal, None)
-        while order := order_goals(self._topology, surface, paths, self._places(surface)):
-            goal, place = self.left[order[0]], self._places(surface)[order[0]]
+        while order := order_goals(self._topology, traversability, paths, self._places(traversability)):
+            goal, place = self.left[order[0]], self._places(traversability)[order[0]]
             if self._is_worth_a_try(goal, paths.cost_to(place)):
                 way = place - here
-                return View(place, float(np.arctan2(way[1], way[0])), turn=False, gain=0.0)
+                return Viewpoint(place, float(np.arctan2(way[1], way[0])), turn=False, gain=0.0)
             self._end(goal, f"{goal_name(goal)} is given up: {PATIENCE} drives brought the robot no nearer")
-        self._obstacles = [obstacle_to(surface, paths, goal) for goal in self.left]
+        self._obstacles = [obstacle_to(traversability, paths, goal) for goal in self.left]
         return None
 
     def refuse(self, why: str | None = None) -> None:
@@ -85,12 +85,16 @@ class Goals:
                 goal, reasons.get(k) or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}"
             )
 
-    def _places(self, surface: DrivableSurface) -> list[NDArray[np.float64]]:
-        return [self._place(goal, surface) for goal in self.left]
+    def _places(self, traversability: Traversability) -> list[NDArray[np.float64]]:
+        return [self._place(goal, traversability) for goal in self.left]
 
-    def _place(self, goal: NDArray[np.float64], surface: DrivableSurface) -> NDArray[np.float64]:
+    def _place(self, goal: NDArray[np.float64], traversability: Traversability) -> NDArray[np.float64]:
         """(2,) where to drive to for a goal."""
-        place = surface.grid.nearest(surface.drivable, goal, self._snap) if np.isfinite(goal).all() else None
+        place = (
+            traversability.grid.nearest(traversability.traversable, goal, self._snap)
+            if np.isfinite(goal).all()
+            else None
+        )
         return goal if place is None else place
 
     def _is_worth_a_try(self, goal: NDArray[np.float64], way_left: float) -> bool:

@@ -13,7 +13,7 @@ HOME_SNAP = 0.5
 """m; so near to where it was set down a robot is home. It may have stood where it would not drive to."""
 
 
-class Errands:
+class Mission:
     """Sets an explorer's errands one after the other, and says what came of them."""
 
     def __init__(self, explorer: Explorer, goals: Sequence[ArrayLike] = (), home: bool = False):

@@ -1,6 +1,7 @@
 """What the pipeline asks of a body: a simulated one, a recording, one day a real one."""
 
 from dataclasses import dataclass
+from math import hypot
 from typing import Protocol
 
 import numpy as np
@@ -36,9 +37,66 @@ class Motion:
     wheel_speed: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class RobotModel:
+    """The size and the abilities of a body: every clearance of the pipeline follows from these.
+
+    The robot gives it, so that no number of one body stands in the pipeline. Where its camera is comes with every
+    :class:`pipeline.frame.Frame`. ``base_link`` lies in the middle of the footprint, on the ground.
+
+    Attributes:
+        length, width: of the footprint, wheels included, m.
+        body_height: of the chassis without what stands on it, m.
+        headroom: air that it needs above the ground, its mast and a margin included, m.
+        max_step: highest step that it is driven over, m.
+        max_gap: widest gap that it rolls over, m.
+        max_tilt: of the ground that it is driven on, rad.
+        tipping_tilt: at which it stops and backs out, rad.
+        acceleration, turn_acceleration: of its drive, m/s² and rad/s².
+        ramp_slide: farthest that it strays in a quarter turn on the steepest ramp, m.
+        ramp_drift: farthest that it strays while it crosses such a ramp, m.
+        slide_per_radian: that it slides down in a turn, for each radian and times the sine of its tilt, m.
+        min_turn_rate: slower turns do not break the wheels loose, rad/s.
+        camera_range: nearest and farthest depth that its camera measures, m.
+    """
+
+    length: float
+    width: float
+    body_height: float
+    headroom: float
+    max_step: float
+    max_gap: float
+    max_tilt: float
+    tipping_tilt: float
+    acceleration: float
+    turn_acceleration: float
+    ramp_slide: float
+    ramp_drift: float
+    slide_per_radian: float
+    min_turn_rate: float
+    camera_range: tuple[float, float]
+
+    @property
+    def half_length(self) -> float:
+        """From the middle to what touches first straight ahead, m."""
+        return self.length / 2
+
+    @property
+    def half_width(self) -> float:
+        """From the middle to what touches first at the side, m."""
+        return self.width / 2
+
+    @property
+    def corner_radius(self) -> float:
+        """Of the circle that the corners sweep in a turn in place, m."""
+        return hypot(self.half_length, self.half_width)
+
+
 class Robot(Protocol):
     """A body with an RGB-D camera that can be driven."""
 
+    model: RobotModel
+    """Its size and abilities."""
     control_period: float
     """Seconds that one call of ``drive`` lasts."""
 

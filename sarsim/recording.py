@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Look
+from pipeline.explorer import Explorer, Step
 from pipeline.labels import Label
 from pipeline.recording.blueprint import blueprint
 from pipeline.recording.recorder import Level, Recorder, RecordingConfig, Track, drawings
@@ -62,11 +62,11 @@ class EpisodeRecorder:
             self._stream.log(f"world/arena/{label.name.lower()}", _mesh3d(mesh), static=True)
         self._log_robot()
 
-    def log_look(self, step: int, explorer: Explorer, look: Look) -> None:
+    def log_step(self, number: int, explorer: Explorer, step: Step) -> None:
         """Log what a look brought and what has become of the maps."""
         self._T_map_odom = explorer.localisation.T_map_odom
         self._true_track.add(self._robot.trajectory[-1].T_world_base[:3, 3])
-        self._recorder.log_look(step, explorer, look)
+        self._recorder.log_step(number, explorer, step)
         self._log_joints()
         if self._robot.config.odometry == "wheel":
             track = drawings.trajectory(self._true_track.positions, TRUE_TRACK_COLOUR)

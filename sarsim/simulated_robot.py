@@ -14,6 +14,7 @@ from pipeline.robot import Motion, Velocity
 from pipeline.transforms import transform_points
 from sarsim.arenas.arena import RescueArena
 from sarsim.ground_truth.contacts import CollisionCounter
+from sarsim.robots.pioneer3at import MODEL
 from sarsim.robots.pose import Pose
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera
@@ -76,6 +77,7 @@ class SimulatedRobot:
         on_motion: called with every new pose of the trajectory.
     """
 
+    model = MODEL
     control_period = 2 * CONTROL_TIMESTEP
 
     def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):
@@ -120,7 +122,7 @@ class SimulatedRobot:
 
     def sense(self) -> Frame:
         """Take one look, standing."""
-        truth = self._camera.look(self.physics.data.ptr)
+        truth = self._camera.capture(self.physics.data.ptr)
         image = self._conditions.sense(truth, self._sensor_rng)
         clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)
         pose = self.trajectory[-1]

@@ -15,10 +15,10 @@ from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
 from pipeline.errors import InputError
-from pipeline.explorer import Explorer, ExplorerConfig, Look
+from pipeline.explorer import Explorer, ExplorerConfig, Step
 from pipeline.files import whole_file
 from pipeline.metric_map.io.npz import save_metric_map
-from pipeline.mission import Errands
+from pipeline.mission import Mission
 from pipeline.planning.path_plan import place_name
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
@@ -98,7 +98,7 @@ class Episode:
         make_folder(self.out)
         self.robot = SimulatedRobot(arena, config.simulation, config.seed)
         self.explorer = Explorer(self.robot, classifier, config.pipeline, config.seed, detector)
-        self.errands = Errands(self.explorer, config.goals, config.home)
+        self.mission = Mission(self.explorer, config.goals, config.home)
         self.score = EpisodeScore(self.robot, self.explorer)
         self.rescue_report = RescueReport(self.explorer)
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
@@ -111,9 +111,9 @@ class Episode:
         with Progress(*columns, console=Console(stderr=True)) as progress, Interruptible() as control:
             bar = progress.add_task(self.config.arena, total=self.config.steps)
             try:
-                for errand in self.errands:
+                for task in self.mission:
                     while self._may_look() and not control.interrupted and self.step():
-                        progress.update(bar, completed=self.explorer.steps, description=self._state(errand))
+                        progress.update(bar, completed=self.explorer.steps, description=self._state(task))
                 self._log_news()
             finally:
                 self._finish()
@@ -125,45 +125,47 @@ class Episode:
         return self.explorer.may_explore or self.explorer.goals is not None
 
     def _log_news(self) -> None:
-        for line, is_good in self.errands.news():
+        for line, is_good in self.mission.news():
             self.recorder.log_message("INFO" if is_good else "WARN", line)
 
     def step(self) -> bool:
         """One look, and the drive to the next; False when there is no next."""
-        look = self.explorer.look()
-        self.score.add(look)
-        self.rescue_report.add(look)
-        self.recorder.log_look(self.explorer.steps - 1, self.explorer, look)
+        step = self.explorer.step()
+        self.score.add(step)
+        self.rescue_report.add(step)
+        self.recorder.log_step(self.explorer.steps - 1, self.explorer, step)
         self._log_news()
-        if look.was_lifted:
+        if step.was_kidnapped:
             self.recorder.log_message(
-                "WARN", f"the robot was lifted and set down at {place_name(look.T_map_base[:2, 3])}"
+                "WARN", f"the robot was lifted and set down at {place_name(step.T_map_base[:2, 3])}"
             )
-        self.recorder.log_message("INFO" if look.can_drive else "WARN", self._tell(look))
-        if look.plan is None:
+        self.recorder.log_message("INFO" if step.can_drive else "WARN", self._tell(step))
+        if step.plan is None:
             return False
-        if not self.explorer.drive(look):
+        if not self.explorer.drive(step):
             leg = self.explorer.navigator.legs[-1]
             self.recorder.log_message("WARN", f"leg to {place_name(leg.target)} ended: {leg.outcome.value}")
         return True
 
-    def _tell(self, look: Look) -> str:
+    def _tell(self, step: Step) -> str:
         """What came of a look, for the log."""
         explored = f"{self.score.explored_fraction:.0%} explored"
-        if not look.can_drive:
+        if not step.can_drive:
             return f"{explored}; the robot stands where it cannot drive"
-        if look.view is None or look.plan is None:
+        if step.viewpoint is None or step.plan is None:
             nothing = "that is worth a look" if self.explorer.goals is None else "to drive to"
             return f"{explored}; nothing is left {nothing}"
-        place, nodes = place_name(look.view.position), ", ".join(map(str, look.plan.nodes))
-        way = f"{look.plan.length:.1f} m {f'over nodes {nodes}' if nodes else 'straight'}"
-        if not look.view.gain:
+        place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
+        way = f"{step.plan.length:.1f} m {f'over nodes {nodes}' if nodes else 'straight'}"
+        if not step.viewpoint.gain:
             return f"{explored}; next to {place}, {way}"
-        heading = np.degrees(look.view.heading)
-        return f"{explored}; next from {place} towards {heading:.0f}°, {way}, for {look.view.gain:.2f} m²"
+        heading = np.degrees(step.viewpoint.heading)
+        return (
+            f"{explored}; next from {place} towards {heading:.0f}°, {way}, for {step.viewpoint.gain:.2f} m²"
+        )
 
-    def _state(self, errand: str) -> str:
-        return f"{self.config.arena}: {errand}, {self.score.explored_fraction:.0%} explored"
+    def _state(self, task: str) -> str:
+        return f"{self.config.arena}: {task}, {self.score.explored_fraction:.0%} explored"
 
     def _finish(self) -> None:
         wall_time, sim_time = perf_counter() - self._wall_start, self.robot.time - self._sim_start
@@ -191,7 +193,7 @@ class Episode:
             "real_time_factor": sim_time / wall_time,
             "timing_ms": {stage: percentiles(times) for stage, times in seconds.items()},
             **self.score.report(),
-            **self.errands.report(),
+            **self.mission.report(),
         }
 
     def _write(self) -> None:

@@ -43,7 +43,7 @@ def main() -> None:
     quaternion = (np.cos(YAW / 2), 0, 0, np.sin(YAW / 2))
     simulation.robot.set_pose(simulation.physics, POSITION, quaternion)
     simulation.physics.forward()
-    ideal = RgbdCamera(simulation.renderer, simulation.robot.camera.full_identifier).look(
+    ideal = RgbdCamera(simulation.renderer, simulation.robot.camera.full_identifier).step(
         simulation.physics.data.ptr
     )
     noisy = Xtion().apply(ideal, np.random.default_rng(0))

@@ -32,7 +32,7 @@ class Mapper:
         self._next, self._frames = 0.0, 0
         self.panels: list[NDArray[np.uint8]] = []
 
-    def look(self, pose: Pose) -> None:
+    def step(self, pose: Pose) -> None:
         """Take a frame if it is time to."""
         if pose.time < self._next or self._frames == FRAMES[-1]:
             return
@@ -100,11 +100,11 @@ def main() -> None:
     """Explore and draw."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
     explorer, mapper = Explorer(robot, TruthClassifier(), seed=0), Mapper(robot)
-    robot.on_motion = mapper.look
-    look = explorer.look()
-    while look.plan is not None and len(mapper.panels) < len(FRAMES):
-        explorer.drive(look)
-        look = explorer.look()
+    robot.on_motion = mapper.step
+    step = explorer.step()
+    while step.plan is not None and len(mapper.panels) < len(FRAMES):
+        explorer.drive(step)
+        step = explorer.step()
     robot.close()
     rows = [np.hstack(mapper.panels[:2]), np.hstack(mapper.panels[2:])]
     path = Path(__file__).parents[1] / "images" / "metric-map.jpg"

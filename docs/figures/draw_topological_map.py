@@ -7,13 +7,13 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Look
+from pipeline.explorer import Explorer, Step
 from pipeline.labels import COLOURS
 from pipeline.planning.path_plan import plan_path
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 from sarsim.arenas.load import load_arena
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -26,7 +26,7 @@ TREE, LOOP, PLAN = (40, 40, 40), (0, 140, 255), (60, 160, 30)
 class Picture:
     """The ground from above, and what is drawn over it."""
 
-    def __init__(self, surface: DrivableSurface):
+    def __init__(self, surface: Traversability):
         """Paint the ground: unknown, hazards, drivable, ramps."""
         ground = np.full((*surface.grid.shape, 3), UNKNOWN, np.uint8)
         ground[~np.isnan(surface.elevation)] = KNOWN
@@ -62,19 +62,19 @@ class Picture:
         return np.column_stack([x, self.image.shape[0] - y]).astype(np.int32)
 
 
-def explored() -> tuple[Explorer, Look]:
+def explored() -> tuple[Explorer, Step]:
     """The NIST arena after an episode."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
     explorer = Explorer(robot, TruthClassifier(), seed=0)
-    look = explorer.look()
-    while look.plan is not None:
-        explorer.drive(look)
-        look = explorer.look()
+    step = explorer.step()
+    while step.plan is not None:
+        explorer.drive(step)
+        step = explorer.step()
     robot.close()
-    return explorer, look
+    return explorer, step
 
 
-def farthest_plan(topology: TopologicalMap, surface: DrivableSurface) -> NDArray[np.float64]:
+def farthest_plan(topology: TopologicalMap, surface: Traversability) -> NDArray[np.float64]:
     """(N, 2) the plan between the two nodes with the longest way between them."""
     ways = dict(nx.all_pairs_dijkstra_path_length(topology.graph))
     a, b = max(((a, b) for a in ways for b in ways[a]), key=lambda pair: ways[pair[0]][pair[1]])
@@ -87,11 +87,11 @@ def farthest_plan(topology: TopologicalMap, surface: DrivableSurface) -> NDArray
 
 def main() -> None:
     """Explore and draw."""
-    explorer, look = explored()
+    explorer, step = explored()
     topology = explorer.topological_map
-    tree, roadmap = Picture(look.surface), Picture(look.surface)
+    tree, roadmap = Picture(step.surface), Picture(step.surface)
     tree.edges(topology, topology.tree)
-    roadmap.line(farthest_plan(topology, look.surface), PLAN, 9)
+    roadmap.line(farthest_plan(topology, step.surface), PLAN, 9)
     roadmap.edges(topology, topology.graph)
     for picture in (tree, roadmap):
         picture.nodes(topology)

@@ -40,10 +40,10 @@ def frames(light: Lighting) -> Iterator[Frame]:
     for index in count():
         scene, arena = find_scene(arenas, index)
         with World(arena, scene, Renderer, arenas.width, arenas.height) as world:
-            poses = world.drive(arenas, arenas.rng(index, "drive")).looks(LOOKS)
+            poses = world.drive(arenas, arenas.rng(index, "drive")).steps(LOOKS)
             intrinsics, noise = world.content().intrinsics, arenas.rng(index, "noise")
-            looks = [world.look(pose, noise) for pose in poses]
-        best = max(looks, key=lambda look: look.victim_area.sum())
+            steps = [world.step(pose, noise) for pose in poses]
+        best = max(steps, key=lambda step: step.victim_area.sum())
         if best.victim_area.sum() < LEAST:
             continue
         yield Frame(0.0, best.rgb, best.depth, intrinsics, best.T_base_camera, np.eye(4))

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.exploration.next_best_view import Exploration, View
+from pipeline.exploration.next_best_view import Exploration, Viewpoint
 from pipeline.transforms import wrap_angle
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 ROBOT_SIZE = 0.25
 """m² of unseen ground, about a robot's footprint, that make a frontier worth visiting before smaller ones."""
@@ -31,23 +31,23 @@ class NearestFrontier(Exploration):
 class RandomWalk(Exploration):
     """Looks in a random direction from a random place that is not far, until it has looked so often."""
 
-    def __init__(self, seed: int, stride: float = 2.0, looks: int = 300):
-        """``stride``: the way to the next place is no longer than this, m; ``looks``: after so many it ends."""
+    def __init__(self, seed: int, stride: float = 2.0, steps: int = 300):
+        """``stride``: the way to the next place is no longer than this, m; ``steps``: after so many it ends."""
         super().__init__()
         self._rng = np.random.default_rng(seed)
-        self._farthest, self._looks_left = stride, looks
+        self._farthest, self._looks_left = stride, steps
 
-    def next_view(
+    def next_viewpoint(
         self,
-        surface: DrivableSurface,
+        traversability: Traversability,
         measured: NDArray[np.float32],
         paths: ShortestPaths,
         T_map_base: NDArray[np.float64],
-    ) -> View | None:
+    ) -> Viewpoint | None:
         """A view drawn by chance; None at the end, and where the robot can drive nowhere."""
-        cells = np.argwhere(surface.turnable & (paths.cost <= self._farthest))
+        cells = np.argwhere(traversability.turnable & (paths.cost <= self._farthest))
         if not len(cells) or not self._looks_left:
             return None
         self._looks_left -= 1
-        place = surface.grid.centre_of(cells[self._rng.integers(len(cells))])
-        return View(place, wrap_angle(self._rng.uniform(0, 2 * np.pi)), True, 0.0)
+        place = traversability.grid.centre_of(cells[self._rng.integers(len(cells))])
+        return Viewpoint(place, wrap_angle(self._rng.uniform(0, 2 * np.pi)), True, 0.0)

@@ -12,7 +12,7 @@ from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.view_areas import ViewAreas
 from pipeline.transforms import wrap_angle, wrap_angles, yaw_of
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 _ALONG = np.cos(np.deg2rad(35))
 """Cosine of how far off its heading or its tail the robot drives where it cannot turn."""
@@ -72,7 +72,7 @@ class ExplorationConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class Viewpoint:
     """A place to look from.
 
     Attributes:
@@ -92,7 +92,7 @@ class View:
     via: NDArray[np.float64] | None = None
 
 
-class Wishes(Protocol):
+class ViewpointRewards(Protocol):
     """What else than unseen ground is worth a look."""
 
     @property
@@ -118,89 +118,91 @@ class Exploration:
 
     Attributes:
         frontiers: (N, 3) centres of the frontiers left, m in ``map``.
-        wishes: what else is worth a look.
+        rewards: what else is worth a look.
     """
 
     def __init__(self, config: ExplorationConfig | None = None):
         self.config = config or ExplorationConfig()
         self.frontiers = np.zeros((0, 3))
-        self.wishes: Wishes | None = None
+        self.rewards: ViewpointRewards | None = None
         self._misses: dict[tuple[float, float], _Miss] = {}
         self._expected: NDArray[np.float64] = np.zeros((0, 2))
         self._areas: ViewAreas | None = None
 
-    def next_view(
+    def next_viewpoint(
         self,
-        surface: DrivableSurface,
+        traversability: Traversability,
         measured: NDArray[np.float32],
         paths: ShortestPaths,
         T_map_base: NDArray[np.float64],
-    ) -> View | None:
+    ) -> Viewpoint | None:
         """The view that shows most per second, or None when nothing is left that is worth a look.
 
         Args:
-            surface: what the robot may drive on.
+            traversability: what the robot may drive on.
             measured: (nx, ny) height of the ground that returns have shown, NaN elsewhere.
             paths: shortest paths from where the robot is.
             T_map_base: pose of the robot.
         """
-        self._count_misses(surface, measured, T_map_base[:2, 3])
-        ground = self._ground(surface, measured)
-        self.frontiers = _frontiers(surface, paths, ground.target)
-        if paths.start is None or not (ground.target.any() or (self.wishes and self.wishes.wanted)):
+        self._count_misses(traversability, measured, T_map_base[:2, 3])
+        ground = self._ground(traversability, measured)
+        self.frontiers = _frontiers(traversability, paths, ground.target)
+        if paths.start is None or not (ground.target.any() or (self.rewards and self.rewards.wanted)):
             return None
-        view = self._best_view(surface, paths, ground, T_map_base) or self._straight_view(
-            surface, paths, ground
+        viewpoint = self._best_view(traversability, paths, ground, T_map_base) or self._straight_view(
+            traversability, paths, ground
         )
-        if view is not None:
-            self._expected = surface.grid.centre_of(np.argwhere(self._in_view(view, ground)))
-        return view
+        if viewpoint is not None:
+            self._expected = traversability.grid.centre_of(np.argwhere(self._in_view(viewpoint, ground)))
+        return viewpoint
 
     def _best_view(
         self,
-        surface: DrivableSurface,
+        traversability: Traversability,
         paths: ShortestPaths,
         ground: kernels.Ground,
         T_map_base: NDArray[np.float64],
-    ) -> View | None:
+    ) -> Viewpoint | None:
         """The best view from here and from a coarse grid of places where the robot can turn, or on ramps."""
         assert paths.start is not None
-        cells = self._lattice(surface, paths)
-        candidates = np.vstack([paths.start, surface.grid.centre_of(cells)])
-        arrival = self._arrival(candidates, surface, paths, yaw_of(T_map_base))
+        cells = self._lattice(traversability, paths)
+        candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
+        arrival = self._arrival(candidates, traversability, paths, yaw_of(T_map_base))
         gains = self._gains(paths.start, cells, ground)
-        if self.wishes and self.wishes.wanted:
-            gains = gains + self.wishes.gains(surface.on_ground(candidates), self._bearings)
+        if self.rewards and self.rewards.wanted:
+            gains = gains + self.rewards.gains(traversability.on_ground(candidates), self._bearings)
         gains = np.where(self._possible(arrival), gains, 0.0)
-        distance = np.append(0.0, surface.grid.at(paths.cost, candidates[1:]))
-        seconds = self._seconds(candidates, distance, surface, T_map_base)
+        distance = np.append(0.0, traversability.grid.at(paths.cost, candidates[1:]))
+        seconds = self._seconds(candidates, distance, traversability, T_map_base)
         worth = self._worth(gains, distance, seconds)
         n, m = np.unravel_index(worth.argmax(), worth.shape)
         if worth[n, m] <= 0:
             return None
         heading = wrap_angle(m * 2 * np.pi / self.config.rays)
         turns = bool(np.isnan(arrival[n]))
-        return View(candidates[n], heading, turns, float(gains[n, m]), backwards=None if turns else False)
+        return Viewpoint(
+            candidates[n], heading, turns, float(gains[n, m]), backwards=None if turns else False
+        )
 
     def _straight_view(
-        self, surface: DrivableSurface, paths: ShortestPaths, ground: kernels.Ground
-    ) -> View | None:
+        self, traversability: Traversability, paths: ShortestPaths, ground: kernels.Ground
+    ) -> Viewpoint | None:
         """The best view from where the robot cannot turn, but drives to straight from where it can, or backs up to.
 
         Only ground that was taken for flat when the robot was set down is looked for like this: with its back to the
         wall of a small room the robot sees what is otherwise nearer than the camera sees, and from a ramp that it
         backs up what lies before the ramp.
         """
-        config, grid = self.config, surface.grid
+        config, grid = self.config, traversability.grid
         ground = ground._replace(target=ground.target & paths.reachable)
-        places = self._narrow_places(surface, paths, ground)
+        places = self._narrow_places(traversability, paths, ground)
         ways = kernels.straight_ways(
             places,
             config.rays,
             config.longest_straight,
-            surface.turnable & paths.reachable,
-            surface.hazard,
-            surface.rules(surface.ramp_alignment),
+            traversability.turnable & paths.reachable,
+            traversability.hazard,
+            traversability.rules(traversability.ramp_alignment),
             grid.origin,
             grid.cell,
         )
@@ -216,15 +218,15 @@ class Exploration:
         heading = wrap_angle(m * 2 * np.pi / config.rays)
         ahead = np.array([np.cos(heading), np.sin(heading)]) * (-1 if b else 1)
         via = places[n] - ways[b, n, m] * ahead
-        return View(places[n], heading, False, float(gains[n, m]), bool(b), via)
+        return Viewpoint(places[n], heading, False, float(gains[n, m]), bool(b), via)
 
     def _narrow_places(
-        self, surface: DrivableSurface, paths: ShortestPaths, ground: kernels.Ground
+        self, traversability: Traversability, paths: ShortestPaths, ground: kernels.Ground
     ) -> NDArray[np.float64]:
         """(N, 2) m where the robot can stand but not turn, and something unseen is in reach."""
-        stands = paths.reachable & (paths.cost > 0) & ~surface.turnable & ~surface.slidable
-        near = surface.grid.distance_to(ground.target) <= self._sight.reach
-        return surface.grid.centre_of(np.argwhere(stands & near))
+        stands = paths.reachable & (paths.cost > 0) & ~traversability.turnable & ~traversability.slidable
+        near = traversability.grid.distance_to(ground.target) <= self._sight.reach
+        return traversability.grid.centre_of(np.argwhere(stands & near))
 
     def _worth(
         self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
@@ -239,19 +241,19 @@ class Exploration:
         return np.where(gains >= self.config.min_gain, gains / seconds, 0.0)
 
     def _count_misses(
-        self, surface: DrivableSurface, measured: NDArray[np.float32], position: NDArray[np.float64]
+        self, traversability: Traversability, measured: NDArray[np.float32], position: NDArray[np.float64]
     ) -> None:
         """Remember which cells the last look should have shown and did not."""
-        for cell in self._expected[np.isnan(surface.grid.at(measured, self._expected))]:
+        for cell in self._expected[np.isnan(traversability.grid.at(measured, self._expected))]:
             key = (round(cell[0], 3), round(cell[1], 3))
             count = self._misses[key].count + 1 if key in self._misses else 1
             self._misses[key] = _Miss(count, position)
         self._expected = np.zeros((0, 2))
 
-    def _ground(self, surface: DrivableSurface, measured: NDArray[np.float32]) -> kernels.Ground:
+    def _ground(self, traversability: Traversability, measured: NDArray[np.float32]) -> kernels.Ground:
         """What is known of the ground; what nobody has seen and may be drivable is worth a look until given up."""
-        grid = surface.grid
-        target = np.isnan(measured) & (surface.to_hazard >= self.config.wall_margin)
+        grid = traversability.grid
+        target = np.isnan(measured) & (traversability.to_hazard >= self.config.wall_margin)
         hope = np.ones(grid.shape, np.float32)
         missed_from = np.full((*grid.shape, 2), np.inf, np.float32)
         if self._misses:
@@ -264,8 +266,8 @@ class Exploration:
         return kernels.Ground(
             grid.origin,
             grid.cell,
-            surface.elevation,
-            surface.gradient,
+            traversability.elevation,
+            traversability.gradient,
             target,
             hope,
             missed_from,
@@ -286,12 +288,12 @@ class Exploration:
             config.max_unknown,
         )
 
-    def _lattice(self, surface: DrivableSurface, paths: ShortestPaths) -> NDArray[np.int64]:
+    def _lattice(self, traversability: Traversability, paths: ShortestPaths) -> NDArray[np.int64]:
         """(N, 2) cells of a coarse grid to look from."""
-        stride = self._stride(surface.grid.cell)
+        stride = self._stride(traversability.grid.cell)
         sparse = (slice(None, None, stride),) * 2
         stands = paths.reachable[sparse] & (paths.cost[sparse] > 0)
-        return np.argwhere(stands & (surface.turnable[sparse] | surface.ramp[sparse])) * stride
+        return np.argwhere(stands & (traversability.turnable[sparse] | traversability.ramp[sparse])) * stride
 
     def _stride(self, cell: float) -> int:
         return max(1, round(self.config.spacing / cell))
@@ -299,7 +301,7 @@ class Exploration:
     def _arrival(
         self,
         candidates: NDArray[np.float64],
-        surface: DrivableSurface,
+        traversability: Traversability,
         paths: ShortestPaths,
         yaw: float,
     ) -> NDArray[np.float64]:
@@ -307,13 +309,13 @@ class Exploration:
 
         ``_NEVER`` where it would have to turn on the way but cannot.
         """
-        can_turn = surface.turnable | surface.slidable
+        can_turn = traversability.turnable | traversability.slidable
         ahead = paths.arrival_at(candidates[1:])
         # Who cannot turn on the way arrives as it stands now, forwards or backwards.
         stays, along = ~paths.pass_by(can_turn, candidates[1:]), np.cos(ahead - yaw)
         ahead = np.where(stays & (along < 0), ahead + np.pi, ahead)
         ahead[stays & (np.abs(along) < _ALONG)] = _NEVER
-        return np.where(surface.grid.at(can_turn, candidates), np.nan, np.append(yaw, ahead))
+        return np.where(traversability.grid.at(can_turn, candidates), np.nan, np.append(yaw, ahead))
 
     def _possible(self, arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N, rays) the directions in which the robot can look from each place."""
@@ -341,22 +343,22 @@ class Exploration:
     def _rays_in_view(self) -> int:
         return round(self.config.field_of_view / (2 * np.pi) * self.config.rays)
 
-    def _in_view(self, view: View, ground: kernels.Ground) -> NDArray[np.bool_]:
+    def _in_view(self, viewpoint: Viewpoint, ground: kernels.Ground) -> NDArray[np.bool_]:
         """(nx, ny) the target cells that the view should show."""
         rays, half = self.config.rays, self._rays_in_view // 2
-        middle = round(view.heading / (2 * np.pi) * rays)
+        middle = round(viewpoint.heading / (2 * np.pi) * rays)
         # The very rays that promised the gain, bit for bit: one may slip through where two cells meet at a corner.
         # Those in between find what lies between them.
         step = 2 * np.pi / rays
         first = np.arange(middle - half, middle + half + 1) % rays * step
         bearings = (first[:, None] + np.arange(4) / 4 * step).ravel()
-        return kernels.cells_in_view(*view.position, bearings, self._sight, ground)
+        return kernels.cells_in_view(*viewpoint.position, bearings, self._sight, ground)
 
     def _seconds(
         self,
         candidates: NDArray[np.float64],
         distance: NDArray[np.float64],
-        surface: DrivableSurface,
+        traversability: Traversability,
         T_map_base: NDArray[np.float64],
     ) -> NDArray[np.float64]:
         """(N, rays) time to each view, the way to whose place costs ``distance`` (N,) m."""
@@ -366,19 +368,21 @@ class Exploration:
         first = np.where(moves, np.arctan2(way[:, 1], way[:, 0]), yaw_of(T_map_base))
         turn = np.abs(wrap_angles(first - yaw_of(T_map_base)))[:, None]
         turn = turn + np.abs(wrap_angles(self._bearings - first[:, None]))
-        slow = np.where(surface.grid.at(surface.slidable, candidates), config.ramp_turn, 1.0)
+        slow = np.where(traversability.grid.at(traversability.slidable, candidates), config.ramp_turn, 1.0)
         return config.look_time + distance[:, None] / config.speed + turn * slow[:, None] / config.turn_rate
 
 
 def _frontiers(
-    surface: DrivableSurface, paths: ShortestPaths, target: NDArray[np.bool_]
+    traversability: Traversability, paths: ShortestPaths, target: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
     """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground."""
-    around = ndimage.binary_dilation(target, np.ones((3, 3)), iterations=round(0.35 / surface.grid.cell))
+    around = ndimage.binary_dilation(
+        target, np.ones((3, 3)), iterations=round(0.35 / traversability.grid.cell)
+    )
     pieces, _ = ndimage.label(around & paths.reachable & ~target, np.ones((3, 3)))
     centres = []
     for piece, box in enumerate(ndimage.find_objects(pieces), start=1):
         cells = np.argwhere(pieces[box] == piece) + [side.start for side in box]
         middle = cells[np.linalg.norm(cells - cells.mean(axis=0), axis=1).argmin()]
-        centres.append([*surface.grid.centre_of(middle), surface.elevation[tuple(middle)]])
+        centres.append([*traversability.grid.centre_of(middle), traversability.elevation[tuple(middle)]])
     return np.array(centres).reshape(-1, 3)

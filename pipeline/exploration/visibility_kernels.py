@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pipeline.traversability.shortest_paths_kernels import is_aligned, is_drivable
+from pipeline.traversability.shortest_paths_kernels import is_aligned, is_traversable
 
 RAMP = 0.14
 """Slope above which ground that rises is a ramp."""
@@ -168,7 +168,7 @@ def straight_ways(places, rays, longest, turnable, hazard, rules, origin, cell):
                 s = 0.5 * cell * k
                 x, y = places[n, 0] - s * dx - origin[0], places[n, 1] - s * dy - origin[1]
                 i, j = int(np.floor(x / cell)), int(np.floor(y / cell))
-                if not is_drivable(i, j, rules) or not is_aligned(dx, dy, i, j, rules):
+                if not is_traversable(i, j, rules) or not is_aligned(dx, dy, i, j, rules):
                     break
                 if touches(x / cell, y / cell, dx / cell, dy / cell, hazard):
                     break

@@ -32,7 +32,7 @@ NARROW_ROWS, NARROW_COLUMNS = 7, 9
 """Rays, spread over the picture, that are followed up to there."""
 
 
-class View(NamedTuple):
+class Viewpoint(NamedTuple):
     """A depth image's geometry."""
 
     fx: float
@@ -67,7 +67,7 @@ def observe(depth, pinhole, pose, size, far, margin, marks, flat, high):
     axes = np.ascontiguousarray(pose[:, :3].T) / size
     origin = pose[:, 3].copy()
     fx, fy, cx, cy = pinhole
-    view = View(fx, fy, cx, cy, far, margin, origin, axes, size)
+    view = Viewpoint(fx, fy, cx, cy, far, margin, origin, axes, size)
     _mark_returns(depth, view, marks.shape, flat, high[0])
     _build_pyramid(high)
     _mark_narrow(depth, view, marks)

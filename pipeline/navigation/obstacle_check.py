@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 
 @dataclass(frozen=True)
-class LookoutConfig:
+class ObstacleCheckConfig:
     """What stands in the way.
 
     Attributes:
@@ -37,7 +37,7 @@ class LookoutConfig:
     min_points: int = 50
 
 
-class Lookout:
+class ObstacleCheck:
     """Watches the way of one drive.
 
     Attributes:
@@ -47,13 +47,13 @@ class Lookout:
     def __init__(
         self,
         glance: Callable[[], NDArray[np.float32]],
-        surface: DrivableSurface,
-        config: LookoutConfig | None = None,
+        traversability: Traversability,
+        config: ObstacleCheckConfig | None = None,
     ):
         """``glance``: gives (N, 3) the returns that the camera has now, m in ``map``."""
-        self.config = config or LookoutConfig()
+        self.config = config or ObstacleCheckConfig()
         self.obstacles = np.zeros((0, 3), np.float32)
-        self._glance, self._surface = glance, surface
+        self._glance, self._surface = glance, traversability
         self._target: NDArray[np.float64] | None = None
         self._last = np.zeros(2)
 
@@ -75,8 +75,8 @@ def obstacles_between(
     start: NDArray[np.float64],
     target: NDArray[np.float64],
     points: NDArray[np.float32],
-    surface: DrivableSurface,
-    config: LookoutConfig,
+    traversability: Traversability,
+    config: ObstacleCheckConfig,
 ) -> NDArray[np.float32]:
     """(M, 3) those of the points (N, 3) that stand between two places (2,) on ground known as drivable."""
     length = max(float(np.linalg.norm(target - start)), 1e-6)
@@ -87,7 +87,13 @@ def obstacles_between(
         (along > 0) & (along < min(length + config.beyond, config.far)) & (abs(across) < config.half_width)
     )
     near = points[on_way]
-    height = near[:, 2] - surface.grid.at(surface.elevation, near, outside=np.nan)
-    near = near[surface.grid.at(surface.drivable, near) & (height > config.low) & (height < config.high)]
-    _, cell, count = np.unique(surface.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
+    height = near[:, 2] - traversability.grid.at(traversability.elevation, near, outside=np.nan)
+    near = near[
+        traversability.grid.at(traversability.traversable, near)
+        & (height > config.low)
+        & (height < config.high)
+    ]
+    _, cell, count = np.unique(
+        traversability.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True
+    )
     return near[count[cell.ravel()] >= config.min_points]

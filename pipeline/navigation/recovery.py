@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 CORNER = 0.355
 """m from the robot's middle to what its chassis sweeps when it turns in place."""
@@ -18,8 +18,8 @@ STRIDE = 0.4
 """m between the places of a way back."""
 
 
-def way_out(
-    surface: DrivableSurface, T_map_base: NDArray[np.float64], was_held: bool = False
+def escape(
+    traversability: Traversability, T_map_base: NDArray[np.float64], was_held: bool = False
 ) -> NDArray[np.float64]:
     """(2,) m, the nearest place before or behind the robot where it can turn; its own if it need not go there.
 
@@ -27,36 +27,40 @@ def way_out(
     nowhere since, the place before or behind it with most room, if that is more than it has.
     """
     here, ahead = T_map_base[:2, 3], T_map_base[:2, 0] / np.linalg.norm(T_map_base[:2, 0])
-    if surface.grid.at(surface.to_hazard, here) >= CORNER:
+    if traversability.grid.at(traversability.to_hazard, here) >= CORNER:
         return here
     way = np.arange(STEP, LONGEST, STEP)
     signed = np.stack([way, -way], axis=1).ravel()[:, None]
     places, starts = here + signed * ahead, here + np.clip(signed, -NEAR, NEAR) * ahead
-    good = surface.grid.at(surface.turnable | surface.slidable, places)
-    good &= surface.lines_are_drivable(starts, places)
+    good = traversability.grid.at(traversability.turnable | traversability.slidable, places)
+    good &= traversability.lines_are_traversable(starts, places)
     if good.any():
         return places[good.argmax()]
-    return _roomiest(surface, here, places) if was_held else here
+    return _roomiest(traversability, here, places) if was_held else here
 
 
 def _roomiest(
-    surface: DrivableSurface, here: NDArray[np.float64], places: NDArray[np.float64]
+    traversability: Traversability, here: NDArray[np.float64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(2,) m, of places (2 N, 2) by turns before and behind, the one with most room that the robot gets to."""
-    passable = surface.grid.at(surface.drivable, places) | (np.linalg.norm(places - here, axis=1) <= NEAR)
+    passable = traversability.grid.at(traversability.traversable, places) | (
+        np.linalg.norm(places - here, axis=1) <= NEAR
+    )
     passable = np.logical_and.accumulate(passable.reshape(-1, 2)).ravel()
-    room = np.where(passable, surface.grid.at(surface.to_hazard, places), 0.0)
+    room = np.where(passable, traversability.grid.at(traversability.to_hazard, places), 0.0)
     best = room.argmax()
-    return places[best] if room[best] > surface.grid.at(surface.to_hazard, here) + STEP else here
+    return (
+        places[best] if room[best] > traversability.grid.at(traversability.to_hazard, here) + STEP else here
+    )
 
 
-def way_back(
-    surface: DrivableSurface, paths: ShortestPaths, track: NDArray[np.float64]
+def backtrack(
+    traversability: Traversability, paths: ShortestPaths, track: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
     """Where the robot came from, if the map says that it could not have: it slid there, or noise shut the way.
 
     Args:
-        surface: where it may drive.
+        traversability: where it may drive.
         paths: that lead from where it is.
         track: (N, 2) m where it has been, place by place.
 
@@ -64,8 +68,8 @@ def way_back(
         (M, 2) m, back along the track to the last place where it can turn and to which no path leads; None if
         there is none.
     """
-    can_turn = surface.grid.at(surface.turnable | surface.slidable, track)
-    beyond = np.flatnonzero(can_turn & ~np.isfinite(surface.grid.at(paths.cost, track)))
+    can_turn = traversability.grid.at(traversability.turnable | traversability.slidable, track)
+    beyond = np.flatnonzero(can_turn & ~np.isfinite(traversability.grid.at(paths.cost, track)))
     if not len(beyond):
         return None
     way = track[beyond[-1] :][::-1]

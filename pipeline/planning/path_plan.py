@@ -12,7 +12,7 @@ from pipeline.planning.visiting_order import visiting_order
 from pipeline.topological_map.links import drive_seconds
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.traversability.shortest_paths import ShortestPaths, may_cut, simplify
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 _START, _GOAL = "start", "goal"
 THICKEST = 0.3
@@ -46,7 +46,7 @@ class PathPlan:
 
 
 def plan_path(
-    topology: TopologicalMap, surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike
+    topology: TopologicalMap, traversability: Traversability, paths: ShortestPaths, goal: ArrayLike
 ) -> PathPlan | None:
     """The quickest way over the topological map from where ``paths`` start.
 
@@ -57,38 +57,40 @@ def plan_path(
     Returns None if no way leads to the goal: :func:`obstacle_to` says why.
     """
     goal = np.asarray(goal, np.float64)[:2]
-    if obstacle_to(surface, paths, goal) is not None:
+    if obstacle_to(traversability, paths, goal) is not None:
         return None
     assert paths.start is not None
     grid_way = np.vstack([paths.start, paths.path_to(goal)[1:-1], goal])
-    if may_cut(surface, grid_way)[-1]:
-        return _plan(surface, grid_way[[0, -1]], [])
-    nodes = _nodes_between(topology, surface, paths.start, goal)
-    over_grid = simplify(surface, grid_way)
+    if may_cut(traversability, grid_way)[-1]:
+        return _plan(traversability, grid_way[[0, -1]], [])
+    nodes = _nodes_between(topology, traversability, paths.start, goal)
+    over_grid = simplify(traversability, grid_way)
     if nodes is None:
-        return _plan(surface, over_grid, [])
-    over_nodes = _shortened(surface, np.vstack([paths.start, _way_over(topology, nodes), goal]))
-    if topology.config.graph == "roadmap" and _is_quicker(over_grid, over_nodes, surface, topology.config):
-        return _plan(surface, over_grid, nodes)
-    return _plan(surface, over_nodes, nodes)
+        return _plan(traversability, over_grid, [])
+    over_nodes = _shortened(traversability, np.vstack([paths.start, _way_over(topology, nodes), goal]))
+    if topology.config.graph == "roadmap" and _is_quicker(
+        over_grid, over_nodes, traversability, topology.config
+    ):
+        return _plan(traversability, over_grid, nodes)
+    return _plan(traversability, over_nodes, nodes)
 
 
-def obstacle_to(surface: DrivableSurface, paths: ShortestPaths, goal: ArrayLike) -> str | None:
+def obstacle_to(traversability: Traversability, paths: ShortestPaths, goal: ArrayLike) -> str | None:
     """Why the robot cannot drive to a goal (2,), in a line for the log; None if it can."""
     goal = np.asarray(goal, np.float64)[:2]
-    grid = surface.grid
+    grid = traversability.grid
     name = goal_name(goal)
     if not np.isfinite(goal).all():
         return f"{name} is not a place"
     if paths.start is None:
         return f"{name} cannot be driven to: the robot stands where it cannot drive"
-    if np.isnan(grid.at(surface.elevation, goal, outside=np.nan)):
-        if grid.at(surface.to_hazard, goal, outside=np.inf) < THICKEST:
+    if np.isnan(grid.at(traversability.elevation, goal, outside=np.nan)):
+        if grid.at(traversability.to_hazard, goal, outside=np.inf) < THICKEST:
             return f"{name} is in a wall or right behind one: nobody has seen the ground there"
         return f"{name} is off the map: nobody has seen the ground there"
-    if grid.at(surface.hazard, goal):
+    if grid.at(traversability.hazard, goal):
         return f"{name} is in a wall, on a step or on ground too steep"
-    if not grid.at(surface.drivable, goal):
+    if not grid.at(traversability.traversable, goal):
         return f"{name} is too near to an obstacle or to unknown ground"
     if not np.isfinite(paths.cost_to(goal)):
         return f"{name} cannot be reached from ({paths.start[0]:.2f}, {paths.start[1]:.2f}) m"
@@ -107,7 +109,7 @@ def place_name(xy: NDArray[np.float64]) -> str:
 
 
 def order_goals(
-    topology: TopologicalMap, surface: DrivableSurface, paths: ShortestPaths, goals: Sequence[ArrayLike]
+    topology: TopologicalMap, traversability: Traversability, paths: ShortestPaths, goals: Sequence[ArrayLike]
 ) -> list[int]:
     """The order in which to visit several goals so that the drive from where ``paths`` start is short.
 
@@ -118,40 +120,43 @@ def order_goals(
         Indices of ``goals``.
     """
     places = [np.asarray(goal, np.float64)[:2] for goal in goals]
-    wanted = [k for k, place in enumerate(places) if obstacle_to(surface, paths, place) is None]
+    wanted = [k for k, place in enumerate(places) if obstacle_to(traversability, paths, place) is None]
     if not wanted or paths.start is None:
         return []
-    seconds = _seconds_between(topology, surface, [paths.start, *(places[k] for k in wanted)])
+    seconds = _seconds_between(topology, traversability, [paths.start, *(places[k] for k in wanted)])
     return [wanted[k - 1] for k in visiting_order(seconds)]
 
 
 def _seconds_between(
-    topology: TopologicalMap, surface: DrivableSurface, places: list[NDArray[np.float64]]
+    topology: TopologicalMap, traversability: Traversability, places: list[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
     """(N, N) s from place to place: straight on, over the map, or else as long as a way around is likely to take."""
     graph, names = topology.graph.copy(), [f"place {k}" for k in range(len(places))]
     for name, place in zip(names, places, strict=True):
-        _link(graph, name, place, topology, surface)
+        _link(graph, name, place, topology, traversability)
     result = np.zeros((len(places), len(places)))
     for k, name in enumerate(names):
         others = np.array(places)
         starts = np.repeat(places[k][None], len(others), axis=0)
-        straight = drive_seconds(surface, starts, others, topology.config.links)
+        straight = drive_seconds(traversability, starts, others, topology.config.links)
         reach = nx.single_source_dijkstra_path_length(graph, name)
         over = np.array([reach.get(other, np.inf) for other in names])
-        direct = np.where(surface.lines_are_drivable(starts, others), straight, np.inf)
+        direct = np.where(traversability.lines_are_traversable(starts, others), straight, np.inf)
         least = np.minimum(over, direct)
         result[k] = np.where(np.isfinite(least), least, 2 * straight)
     return result
 
 
 def _nodes_between(
-    topology: TopologicalMap, surface: DrivableSurface, start: NDArray[np.float64], goal: NDArray[np.float64]
+    topology: TopologicalMap,
+    traversability: Traversability,
+    start: NDArray[np.float64],
+    goal: NDArray[np.float64],
 ) -> list[int] | None:
     """Ids of the nodes on the quickest way, by Dijkstra's algorithm; None if there is no way over nodes."""
     graph = topology.graph.copy()
     for name, xy in ((_START, start), (_GOAL, goal)):
-        _link(graph, name, xy, topology, surface)
+        _link(graph, name, xy, topology, traversability)
     try:
         return nx.dijkstra_path(graph, _START, _GOAL)[1:-1]
     except nx.NetworkXNoPath:
@@ -167,33 +172,39 @@ def _way_over(topology: TopologicalMap, nodes: list[int]) -> NDArray[np.float64]
 def _is_quicker(
     way: NDArray[np.float64],
     other: NDArray[np.float64],
-    surface: DrivableSurface,
+    traversability: Traversability,
     config: TopologicalMapConfig,
 ) -> bool:
     """Whether a way (N, 2) that can be driven takes less time than another one by more than the greatest detour."""
-    seconds, longer = (drive_seconds(surface, w[:-1], w[1:], config.links).sum() for w in (way, other))
-    return bool(config.max_detour * seconds < longer and surface.lines_are_drivable(way[:-1], way[1:]).all())
+    seconds, longer = (drive_seconds(traversability, w[:-1], w[1:], config.links).sum() for w in (way, other))
+    return bool(
+        config.max_detour * seconds < longer and traversability.lines_are_traversable(way[:-1], way[1:]).all()
+    )
 
 
 def _link(
-    graph: nx.Graph, name: str, xy: NDArray[np.float64], topology: TopologicalMap, surface: DrivableSurface
+    graph: nx.Graph,
+    name: str,
+    xy: NDArray[np.float64],
+    topology: TopologicalMap,
+    traversability: Traversability,
 ) -> None:
     """Join a place (2,) to every node that a straight drive reaches."""
     graph.add_node(name)
-    for n, seconds in topology.links_from(xy, surface).items():
+    for n, seconds in topology.links_from(xy, traversability).items():
         graph.add_edge(name, n, weight=seconds)
 
 
-def _shortened(surface: DrivableSurface, way: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shortened(traversability: Traversability, way: NDArray[np.float64]) -> NDArray[np.float64]:
     """(M, 2) the way (N, 2) without the points that straight drives pass by."""
     kept = [0]
     while kept[-1] < len(way) - 1:
-        ahead = 1 + np.flatnonzero(may_cut(surface, way[kept[-1] :]))
+        ahead = 1 + np.flatnonzero(may_cut(traversability, way[kept[-1] :]))
         kept.append(kept[-1] + (int(ahead[-1]) if len(ahead) else 1))
     return way[kept]
 
 
-def _plan(surface: DrivableSurface, way: NDArray[np.float64], nodes: list[int]) -> PathPlan:
+def _plan(traversability: Traversability, way: NDArray[np.float64], nodes: list[int]) -> PathPlan:
     """The plan for a way (N, 2) that begins where the robot is."""
     length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
-    return PathPlan(surface.on_ground(way[1:]), nodes, length)
+    return PathPlan(traversability.on_ground(way[1:]), nodes, length)

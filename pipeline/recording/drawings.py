@@ -9,7 +9,7 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.exploration.next_best_view import View
+from pipeline.exploration.next_best_view import Viewpoint
 from pipeline.frame import Frame
 from pipeline.labels import COLOURS, Label
 from pipeline.metric_map.metric_map import MetricMap
@@ -88,13 +88,13 @@ def free_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.Voxel
     return _voxels(metric_map, centres, colors=[(150, 200, 255)] * len(centres), opacity=0.03)
 
 
-def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **looks: Any) -> rr.VoxelGridMap:
+def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **steps: Any) -> rr.VoxelGridMap:
     size = metric_map.config.voxel_size
     return rr.VoxelGridMap(
         metric_map.voxel_index(centres).astype(np.int32),
         voxel_size=np.full(3, size),
         translation=metric_map.voxel_centre(np.zeros((1, 3), np.int64))[0] - size / 2,
-        **looks,
+        **steps,
     )
 
 
@@ -140,7 +140,7 @@ def edges(topology: TopologicalMap) -> rr.LineStrips3D:
     return rr.LineStrips3D([way + _LIFT for way in ways], colors=EDGE_COLOUR, radii=0.015)
 
 
-def path(T_map_base: NDArray[np.float64], plan: PathPlan | None, view: View | None) -> rr.LineStrips3D:
+def path(T_map_base: NDArray[np.float64], plan: PathPlan | None, view: Viewpoint | None) -> rr.LineStrips3D:
     """The way from where the robot is, with a short line at its end along the view; nothing without a plan."""
     strips = []
     if plan is not None:

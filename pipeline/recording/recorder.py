@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.explorer import Explorer, Look
+from pipeline.explorer import Explorer, Step
 from pipeline.recording import drawings, victim_drawings
 from pipeline.recording.blueprint import blueprint
 from pipeline.recording.viewer import Viewer, executable
@@ -108,19 +108,19 @@ class Recorder:
         self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
 
-    def log_look(self, step: int, explorer: Explorer, look: Look) -> None:
+    def log_step(self, number: int, explorer: Explorer, step: Step) -> None:
         """Log what a look brought and what has become of the maps."""
-        self._step, self._explorer = step, explorer
-        self._track.add(look.T_map_base[:3, 3])
-        self._set_time(look.frame.time)
-        self._log_pose(look.T_map_base)
-        self._log_camera(look)
+        self._step, self._explorer = number, explorer
+        self._track.add(step.T_map_base[:3, 3])
+        self._set_time(step.frame.time)
+        self._log_pose(step.T_map_base)
+        self._log_camera(step)
         self._log_maps(explorer)
         self._log_clouds(explorer)
         if explorer.detector is not None:
-            self._log_victims(explorer.victims, look)
+            self._log_victims(explorer.victims, step)
         log = self.stream.log
-        log("world/path_plan", drawings.path(look.T_map_base, look.plan, look.view))
+        log("world/path_plan", drawings.path(step.T_map_base, step.plan, step.viewpoint))
         log("world/frontiers", drawings.frontier_points(explorer.exploration.frontiers))
         log("world/trajectory", drawings.trajectory(self._track.positions, drawings.TRAJECTORY_COLOUR))
         self._log_metrics(explorer)
@@ -180,17 +180,17 @@ class Recorder:
             self._log_metric("speed_m_s", (self._track.distance - distance) / (time - before))
         self._moved = (time, self._track.distance)
 
-    def _log_camera(self, look: Look) -> None:
-        frame, camera = look.frame, "world/robot/camera"
+    def _log_camera(self, step: Step) -> None:
+        frame, camera = step.frame, "world/robot/camera"
         log = self.stream.log
         log(camera, drawings.transform(frame.T_base_camera), drawings.pinhole(frame))
         log(f"{camera}/rgb", drawings.colour_image(frame.rgb, self.config.jpeg_quality))
         log(f"{camera}/depth", drawings.depth_image(frame.depth, self.config.max_depth))
-        log(f"{camera}/labels", drawings.label_image(frame, look.labels))
+        log(f"{camera}/labels", drawings.label_image(frame, step.labels))
 
-    def _log_victims(self, victims: Victims, look: Look) -> None:
+    def _log_victims(self, victims: Victims, step: Step) -> None:
         log = self.stream.log
-        log("world/robot/camera/victims", victim_drawings.detections(look.detections, victims.refusals))
+        log("world/robot/camera/victims", victim_drawings.detections(step.detections, victims.refusals))
         log("world/victims", victim_drawings.boxes(victims))
         log("world/victims/certainty", victim_drawings.certainty(victims))
         log("world/victims/photos", victim_drawings.photo_sheet(victims, self.config.jpeg_quality))
@@ -227,9 +227,9 @@ class Recorder:
         return True
 
     def _log_metrics(self, explorer: Explorer) -> None:
-        surface = explorer.surface_map
-        seen = np.count_nonzero(~np.isnan(surface.measured))
-        self._log_metric("explored_area_m2", seen * surface.config.cell**2)
+        traversability = explorer.elevation_map
+        seen = np.count_nonzero(~np.isnan(traversability.measured))
+        self._log_metric("explored_area_m2", seen * traversability.config.cell**2)
         self._log_metric("map/segments", len(explorer.segments))
         self._log_metric("map/nodes", len(explorer.topological_map.nodes))
         self._log_metric("map/frontiers", len(explorer.exploration.frontiers))

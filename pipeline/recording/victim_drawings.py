@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.recording.drawings import colour_image
 from pipeline.victims.detection.detection import Detection
-from pipeline.victims.display_ids import confirmed_marks, unconfirmed_marks
+from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.observation import Refusal
 from pipeline.victims.victim_map import Victim, Victims
 
@@ -26,7 +26,7 @@ _BAND = 28
 
 def marks(victims: Victims) -> list[tuple[str, Victim]]:
     """Everyone with what they are called, the confirmed ones first."""
-    return confirmed_marks(victims) + unconfirmed_marks(victims)
+    return confirmed_ids(victims) + unconfirmed_ids(victims)
 
 
 def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Boxes2D:

@@ -64,10 +64,10 @@ def _about(person: Person, T_map_entrance: NDArray[np.float64]) -> Iterator[tupl
         "Posture",
         f"{posture.name}, judging by the size alone" if posture.name else "not to be told from this size",
     )
-    looks = counted(len(victim.cameras), "look")
+    steps = counted(len(victim.cameras), "look")
     apart = f", up to {metres(victim.apart)} apart" if len(victim.cameras) > 1 else ""
     missed = f"; {counted(victim.missed, 'look')} that should have shown it did not" if victim.missed else ""
-    yield "Seen", joined(element("b", f"{percent(victim.confidence)} sure"), f", {looks}{apart}{missed}")
+    yield "Seen", joined(element("b", f"{percent(victim.confidence)} sure"), f", {steps}{apart}{missed}")
 
 
 def _way_in(route: Route | None) -> Iterator[tuple[str, object]]:

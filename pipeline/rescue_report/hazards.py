@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from pipeline.grid_map import Grid
 from pipeline.rescue_report.places import Place, places
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 SLOPE = np.deg2rad(8)
 """Ground that is steeper counts as a slope, rad."""
@@ -60,38 +60,40 @@ class Hazards:
 
 
 def find_hazards(
-    surface: DrivableSurface, reachable: NDArray[np.bool_], points: NDArray[np.float32]
+    traversability: Traversability, reachable: NDArray[np.bool_], points: NDArray[np.float32]
 ) -> Hazards:
     """The dangers of ``reachable`` (nx, ny) ground below the ``points`` (N, 3) of the semantic map."""
-    slope = np.arctan(np.linalg.norm(surface.gradient.astype(np.float64), axis=-1))
+    slope = np.arctan(np.linalg.norm(traversability.gradient.astype(np.float64), axis=-1))
     # Opening drops single noisy cells.
-    is_steep = ndimage.binary_opening((slope > SLOPE) & ~surface.hazard, np.ones((3, 3))) & reachable
-    drop = _drops(surface, reachable)
-    headroom = _headroom(surface, points)
+    is_steep = ndimage.binary_opening((slope > SLOPE) & ~traversability.hazard, np.ones((3, 3))) & reachable
+    drop = _drops(traversability, reachable)
+    headroom = _headroom(traversability, points)
     low = reachable & (headroom < LOW)
-    ceilings = [Place(p.position, p.area, -p.value) for p in places(surface.grid, low, -headroom, APART)]
+    ceilings = [
+        Place(p.position, p.area, -p.value) for p in places(traversability.grid, low, -headroom, APART)
+    ]
     return Hazards(
         slope=slope,
         is_steep=is_steep,
         drop=drop,
         headroom=headroom,
-        slopes=places(surface.grid, is_steep, slope, 0),
-        drops=places(surface.grid, drop > 0, drop, APART),
+        slopes=places(traversability.grid, is_steep, slope, 0),
+        drops=places(traversability.grid, drop > 0, drop, APART),
         ceilings=ceilings,
     )
 
 
-def _drops(surface: DrivableSurface, reachable: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _drops(traversability: Traversability, reachable: NDArray[np.bool_]) -> NDArray[np.float64]:
     """(nx, ny) m that the ground falls at those edges up to which the reachable ground goes on."""
-    elevation, cell = surface.elevation.astype(np.float64), surface.grid.cell
+    elevation, cell = traversability.elevation.astype(np.float64), traversability.grid.cell
     # Steps are hazards, so ground of two heights is not in one piece.
-    pieces, _ = ndimage.label(~surface.hazard & ~np.isnan(elevation))
+    pieces, _ = ndimage.label(~traversability.hazard & ~np.isnan(elevation))
     going_on = np.isin(pieces, np.unique(pieces[reachable]))
     highest = ndimage.maximum_filter(np.where(going_on, elevation, -np.inf), 1 + 2 * round(ACROSS / cell))
-    is_edge = surface.hazard & (np.abs(elevation - highest) <= EDGE)
-    is_edge &= surface.grid.distance_to(reachable) <= BESIDE
-    drop = np.zeros(surface.grid.shape)
-    drop[is_edge] = elevation[is_edge] - _lowest_beyond(surface.grid, elevation, np.argwhere(is_edge))
+    is_edge = traversability.hazard & (np.abs(elevation - highest) <= EDGE)
+    is_edge &= traversability.grid.distance_to(reachable) <= BESIDE
+    drop = np.zeros(traversability.grid.shape)
+    drop[is_edge] = elevation[is_edge] - _lowest_beyond(traversability.grid, elevation, np.argwhere(is_edge))
     return np.where(_long(drop >= DROP, round(EDGE_LENGTH / cell)), drop, 0.0)
 
 
@@ -131,11 +133,11 @@ def _long(edges: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:
     return edges & (sizes[pieces] >= cells)
 
 
-def _headroom(surface: DrivableSurface, points: NDArray[np.float32]) -> NDArray[np.float64]:
+def _headroom(traversability: Traversability, points: NDArray[np.float32]) -> NDArray[np.float64]:
     """(nx, ny) m from the ground to the lowest point that hangs above it."""
-    headroom = np.full(surface.grid.shape, np.inf)
-    above = points[:, 2] - surface.grid.at(surface.elevation, points, outside=np.nan)
+    headroom = np.full(traversability.grid.shape, np.inf)
+    above = points[:, 2] - traversability.grid.at(traversability.elevation, points, outside=np.nan)
     hangs = above >= OVERHEAD
-    i, j = surface.grid.cell_of(points[hangs]).T
+    i, j = traversability.grid.cell_of(points[hangs]).T
     np.minimum.at(headroom, (i, j), above[hangs])
     return headroom

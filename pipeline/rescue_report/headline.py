@@ -11,9 +11,9 @@ from pipeline.rescue_report.words import counted, degrees, metres, minutes, numb
 
 def run_line(situation: Situation, report: Mapping[str, Any]) -> Markup:
     """What the robot did."""
-    looks = counted(len(situation.looks), "look")
+    steps = counted(len(situation.steps), "look")
     time = f" in {minutes(report['sim_time_s'])}" if "sim_time_s" in report else ""
-    return joined(f"A robot went in and took {looks}{time}.")
+    return joined(f"A robot went in and took {steps}{time}.")
 
 
 def tiles(situation: Situation) -> Markup:

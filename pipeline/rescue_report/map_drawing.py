@@ -32,8 +32,8 @@ MOST = 12
 
 def draw_map(situation: Situation) -> Markup:
     """The semantic map with all that a team looks for on it."""
-    surface = situation.surface
-    paper = Paper(surface.grid, ~np.isnan(surface.elevation))
+    traversability = situation.traversability
+    paper = Paper(traversability.grid, ~np.isnan(traversability.elevation))
     found = counted(len(situation.people), "person", "people")
     title = f"Map from above: {found}, the entrance, and the ways from it to them"
     return element(
@@ -43,9 +43,9 @@ def draw_map(situation: Situation) -> Markup:
         element("rect", width=f"{paper.width:.1f}", height=f"{paper.height:.1f}", class_="unknown"),
         _ground(paper, situation),
         *_coordinates(paper),
-        _drops(paper, surface.grid, situation.hazards),
+        _drops(paper, traversability.grid, situation.hazards),
         *_slopes(paper, situation),
-        element("path", d=dots(paper(situation.looks)), class_="looks"),
+        element("path", d=dots(paper(situation.steps)), class_="looks"),
         *(_way(paper, person) for person in situation.everyone),
         *(_numbers(paper, situation.hazards)),
         *(_unseen(paper(place.position)) for place in situation.unseen.places),
@@ -73,9 +73,9 @@ def _palette() -> NDArray[np.uint8]:
 
 def _ground(paper: Paper, situation: Situation) -> Markup:
     """The classes of what is highest in each cell but for ceilings; clear where nothing is known."""
-    grid = situation.surface.grid
+    grid = situation.traversability.grid
     image = np.zeros((*grid.shape, 4), np.uint8)
-    image[~np.isnan(situation.surface.elevation)] = (238, 234, 222, 255)
+    image[~np.isnan(situation.traversability.elevation)] = (238, 234, 222, 255)
     highest = _highest(grid, situation)
     image[highest != NOTHING, :3] = _palette()[highest[highest != NOTHING]]
     image[highest != NOTHING, 3] = 255
@@ -120,7 +120,7 @@ def _drops(paper: Paper, grid: Grid, hazards: Hazards) -> Markup:
 
 def _slopes(paper: Paper, situation: Situation) -> Iterator[Markup]:
     """Arrows up the slopes, from the middle of each slope outwards, well apart."""
-    grid = situation.surface.grid
+    grid = situation.traversability.grid
     inner = ndimage.distance_transform_edt(np.pad(situation.hazards.is_steep, 1))[1:-1, 1:-1]
     cells = np.argwhere(situation.hazards.is_steep)
     apart = max(ARROW[0], ARROW[1] / paper.scale) / grid.cell
@@ -128,7 +128,7 @@ def _slopes(paper: Paper, situation: Situation) -> Iterator[Markup]:
         cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > 0.8 * apart]
     while len(cells):
         cell = cells[inner[tuple(cells.T)].argmax()]
-        x, y = situation.surface.gradient[tuple(cell)]
+        x, y = situation.traversability.gradient[tuple(cell)]
         yield _arrow(paper(grid.centre_of(cell)), float(np.degrees(np.arctan2(-y, x))))
         cells = cells[np.linalg.norm(cells - cell, axis=1) > apart]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Look
+from pipeline.explorer import Explorer, Step
 from pipeline.files import whole_file
 from pipeline.rescue_report.page import page
 from pipeline.rescue_report.situation import Situation, situation_of
@@ -22,11 +22,11 @@ class RescueReport:
         self._poses: list[NDArray[np.float64]] = []
         self._finished = False
 
-    def add(self, look: Look) -> None:
+    def add(self, step: Step) -> None:
         """Take the newest look into account."""
-        self._poses.append(look.T_map_base)
+        self._poses.append(step.T_map_base)
         if self._explorer.goals is None:  # on the way to a goal there may be nothing else to look at
-            self._finished = look.view is None and look.can_drive
+            self._finished = step.viewpoint is None and step.can_drive
 
     @property
     def situation(self) -> Situation:

@@ -15,7 +15,7 @@ from pipeline.rescue_report.places import Place, places
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle, wrap_angles
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 BESIDE = 1.0
 """m from the robot's middle to what was seen of someone, within which it stands beside them."""
@@ -85,7 +85,7 @@ class Router:
 
     def __init__(
         self,
-        surface: DrivableSurface,
+        traversability: Traversability,
         paths: ShortestPaths,
         topology: TopologicalMap,
         metric_map: MetricMap,
@@ -93,7 +93,7 @@ class Router:
         heading: float,
     ):
         """Ways begin where ``paths`` do, at a ``heading`` in rad."""
-        self._surface, self._paths, self._topology = surface, paths, topology
+        self._surface, self._paths, self._topology = traversability, paths, topology
         self._metric_map, self._hazards, self._heading = metric_map, hazards, heading
         self._cells = np.argwhere(paths.reachable)
 
@@ -148,15 +148,15 @@ class Router:
 
     def _measure(self, points: NDArray[np.float64]) -> tuple[float, float]:
         """m along the ground, and rad at its steepest, of a way over (N, 2) points."""
-        surface, length, steepest = self._surface, 0.0, 0.0
+        traversability, length, steepest = self._surface, 0.0, 0.0
         for a, b in pairwise(points):
             level = float(np.linalg.norm(b - a))
-            steps = max(1, int(np.ceil(2 * level / surface.grid.cell)))
+            steps = max(1, int(np.ceil(2 * level / traversability.grid.cell)))
             middles = a + (np.arange(steps)[:, None] + 0.5) / steps * (b - a)
-            rise = surface.grid.at(surface.gradient[..., 0], middles) * (b - a)[0]
-            rise = rise + surface.grid.at(surface.gradient[..., 1], middles) * (b - a)[1]
+            rise = traversability.grid.at(traversability.gradient[..., 0], middles) * (b - a)[0]
+            rise = rise + traversability.grid.at(traversability.gradient[..., 1], middles) * (b - a)[1]
             length += float(np.hypot(level, rise).mean())
-            steepest = max(steepest, float(surface.grid.at(self._hazards.slope, middles).max()))
+            steepest = max(steepest, float(traversability.grid.at(self._hazards.slope, middles).max()))
         return length, steepest
 
     def _trace(self, way: NDArray[np.float64]) -> NDArray[np.float64]:

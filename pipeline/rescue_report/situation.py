@@ -13,8 +13,8 @@ from pipeline.rescue_report.routes import Route, Router
 from pipeline.rescue_report.unseen import Unseen, find_unseen
 from pipeline.transforms import yaw_of
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import DrivableSurface
-from pipeline.victims.display_ids import confirmed_marks, unconfirmed_marks
+from pipeline.traversability.traversability import Traversability
+from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.victim_map import Victim
 
 
@@ -41,8 +41,8 @@ class Situation:
 
     Attributes:
         T_map_entrance: 4×4 pose in which the robot was set down.
-        looks: (N, 2) m in ``map``, where it looked from.
-        surface: the ground.
+        steps: (N, 2) m in ``map``, where it looked from.
+        traversability: the ground.
         points: (N, 3) float32 of the semantic map.
         labels: (N,) uint8 of these.
         hazards: of the ground that it can reach.
@@ -54,8 +54,8 @@ class Situation:
     """
 
     T_map_entrance: NDArray[np.float64]
-    looks: NDArray[np.float64]
-    surface: DrivableSurface
+    steps: NDArray[np.float64]
+    traversability: Traversability
     points: NDArray[np.float32]
     labels: NDArray[np.uint8]
     hazards: Hazards
@@ -79,21 +79,23 @@ def situation_of(explorer: Explorer, poses: Sequence[NDArray[np.float64]], finis
         poses: 4×4 ones from which it looked, the entrance first.
         finished: whether nothing was left that was worth a look.
     """
-    surface = explorer.drivable_layer.update(explorer.surface_map)
-    paths = ShortestPaths(surface, poses[0][:2, 3])
+    traversability = explorer.traversability_layer.update(explorer.elevation_map)
+    paths = ShortestPaths(traversability, poses[0][:2, 3])
     points = explorer.semantic_map.points()
-    hazards = find_hazards(surface, paths.reachable, points)
-    router = Router(surface, paths, explorer.topological_map, explorer.metric_map, hazards, yaw_of(poses[0]))
+    hazards = find_hazards(traversability, paths.reachable, points)
+    router = Router(
+        traversability, paths, explorer.topological_map, explorer.metric_map, hazards, yaw_of(poses[0])
+    )
     return Situation(
         T_map_entrance=poses[0],
-        looks=np.array([T[:2, 3] for T in poses]),
-        surface=surface,
+        steps=np.array([T[:2, 3] for T in poses]),
+        traversability=traversability,
         points=points,
         labels=explorer.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(surface, explorer.surface_map.measured, paths.reachable),
-        people=[_person(mark, victim, router) for mark, victim in confirmed_marks(explorer.victims)],
-        sightings=[_person(mark, victim, router) for mark, victim in unconfirmed_marks(explorer.victims)],
+        unseen=find_unseen(traversability, explorer.elevation_map.measured, paths.reachable),
+        people=[_person(mark, victim, router) for mark, victim in confirmed_ids(explorer.victims)],
+        sightings=[_person(mark, victim, router) for mark, victim in unconfirmed_ids(explorer.victims)],
         searched=explorer.detector is not None,
         finished=finished,
     )

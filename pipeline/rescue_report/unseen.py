@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.rescue_report.places import Place, places
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 FROM_WALL = 0.15
 """m from a wall or a step; no ground is expected nearer."""
@@ -46,20 +46,20 @@ class Unseen:
 
 
 def find_unseen(
-    surface: DrivableSurface,
+    traversability: Traversability,
     measured: NDArray[np.float32],
     reachable: NDArray[np.bool_],
 ) -> Unseen:
     """What was not seen: inside the map's outline, and ahead of where the robot can go.
 
     Args:
-        surface: of the robot's map.
+        traversability: of the robot's map.
         measured: (nx, ny) height of the ground that returns have shown, NaN elsewhere.
         reachable: (nx, ny) where the robot can go.
     """
-    grid, unknown = surface.grid, np.isnan(measured)
-    outline = ndimage.binary_fill_holes(~np.isnan(surface.elevation))
-    is_clear = surface.to_hazard >= FROM_WALL
+    grid, unknown = traversability.grid, np.isnan(measured)
+    outline = ndimage.binary_fill_holes(~np.isnan(traversability.elevation))
+    is_clear = traversability.to_hazard >= FROM_WALL
     # A wall that was seen in part has gaps; ground goes on through wide ones alone.
     ahead = ndimage.binary_dilation(reachable, iterations=round(AHEAD / grid.cell), mask=is_clear)
     cells = unknown & (outline | ahead) & is_clear
@@ -68,5 +68,5 @@ def find_unseen(
     return Unseen(
         places=[place for place in found if place.area >= ROOM],
         rest=sum(place.area for place in found if place.area < ROOM),
-        seen=float(np.count_nonzero(near & ~unknown & ~surface.hazard)) * grid.cell**2,
+        seen=float(np.count_nonzero(near & ~unknown & ~traversability.hazard)) * grid.cell**2,
     )

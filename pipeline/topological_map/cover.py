@@ -52,12 +52,12 @@ class Cover:
         """The same nodes' cover of changed ground; only those look again that had a changed cell in their window."""
         new = Cover(ground, self._reach * ground.grid.cell)
         shift = np.round((self.ground.grid.origin - ground.grid.origin) / ground.grid.cell).astype(np.int64)
-        for node, view in self._views.items():
-            corners = view.corners + shift
+        for node, viewpoint in self._views.items():
+            corners = viewpoint.corners + shift
             if changed[new._window(corners[0])].any():
-                new.add(node, view.places[0])
+                new.add(node, viewpoint.places[0])
             else:
-                new._insert(node, Views(view.places, view.seen, corners))
+                new._insert(node, Views(viewpoint.places, viewpoint.seen, corners))
         return new
 
     @property
@@ -69,7 +69,7 @@ class Cover:
         """What (K, 2) places see."""
         grid = self.ground.grid
         cells = np.ascontiguousarray((places - grid.origin) / grid.cell)
-        seen, corners = kernels.views(cells, self.ground.target, self.ground.walls, self._reach)
+        seen, corners = kernels.viewpoints(cells, self.ground.target, self.ground.walls, self._reach)
         return Views(places, seen, corners)
 
     def add(self, node: int, place: NDArray[np.float64]) -> None:
@@ -80,9 +80,9 @@ class Cover:
         """Forget a node."""
         self._change(self._views.pop(node), -1)
 
-    def gains(self, views: Views) -> NDArray[np.int64]:
+    def gains(self, viewpoints: Views) -> NDArray[np.int64]:
         """(K,) how many cells each of the views would add."""
-        return kernels.count_in(views.seen, views.corners, self.missing)
+        return kernels.count_in(viewpoints.seen, viewpoints.corners, self.missing)
 
     def lost_without(self, nodes: Collection[int]) -> NDArray[np.int64]:
         """(M, 2) the cells that only these nodes see, outermost first."""
@@ -96,26 +96,26 @@ class Cover:
             return cells
         return cells[np.argsort(-np.linalg.norm(cells - cells.mean(axis=0), axis=1), kind="stable")]
 
-    def see_all(self, views: Views, cells: NDArray[np.int64], spare: int) -> NDArray[np.bool_]:
+    def see_all(self, viewpoints: Views, cells: NDArray[np.int64], spare: int) -> NDArray[np.bool_]:
         """(K,) which of the views hold all but ``spare`` of the cells (M, 2)."""
-        return kernels.see_all(views.seen, views.corners, cells, spare)
+        return kernels.see_all(viewpoints.seen, viewpoints.corners, cells, spare)
 
     def is_near(self, node: int, mask: NDArray[np.bool_]) -> bool:
         """Whether a mask (nx, ny) has a cell in a node's window."""
         return bool(mask[self._window(self._views[node].corners[0])].any())
 
-    def _insert(self, node: int, view: Views) -> None:
-        self._views[node] = view
-        self._change(view, 1)
+    def _insert(self, node: int, viewpoint: Views) -> None:
+        self._views[node] = viewpoint
+        self._change(viewpoint, 1)
 
-    def _change(self, view: Views, by: int) -> None:
-        window = self._window(view.corners[0])
-        self.count[window] += by * view.seen[0][self._inside(view.corners[0], window)]
+    def _change(self, viewpoint: Views, by: int) -> None:
+        window = self._window(viewpoint.corners[0])
+        self.count[window] += by * viewpoint.seen[0][self._inside(viewpoint.corners[0], window)]
 
-    def _unseen(self, view: Views) -> NDArray[np.int64]:
+    def _unseen(self, viewpoint: Views) -> NDArray[np.int64]:
         """(M, 2) the cells of a view that no node sees."""
-        window = self._window(view.corners[0])
-        unseen = view.seen[0][self._inside(view.corners[0], window)] & (self.count[window] == 0)
+        window = self._window(viewpoint.corners[0])
+        unseen = viewpoint.seen[0][self._inside(viewpoint.corners[0], window)] & (self.count[window] == 0)
         return np.argwhere(unseen) + np.array([w.start for w in window])
 
     def _window(self, corner: NDArray[np.int64]) -> tuple[slice, slice]:

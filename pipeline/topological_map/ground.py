@@ -10,7 +10,7 @@ from scipy import ndimage
 from pipeline.grid_map import Grid, box_around
 from pipeline.segments.cells import centres
 from pipeline.segments.segments import Segment
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 _TALL = 0.4
 """m above the ground around it; what is taller hides what is behind it, decks and ramps do not."""
@@ -23,31 +23,33 @@ class Ground:
     """The drivable surface as nodes see it; all arrays are (nx, ny) bool on its grid.
 
     Attributes:
-        surface: what may be driven on.
+        traversability: what may be driven on.
         target: cells that the robot can reach, which nodes are to express.
         standable: cells of these where it can stand and turn.
         walls: cells that hide what is behind them.
     """
 
-    surface: DrivableSurface
+    traversability: Traversability
     target: NDArray[np.bool_]
     standable: NDArray[np.bool_]
     walls: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, surface: DrivableSurface, reachable: NDArray[np.bool_], walls: Sequence[Segment]) -> "Ground":
+    def of(
+        cls, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
+    ) -> "Ground":
         """The reachable ground; walls are the cells of these segments and all that stands tall."""
         return cls(
-            surface=surface,
-            target=surface.drivable & reachable,
-            standable=surface.turnable & reachable,
-            walls=_tall(surface) | _cells(surface.grid, walls),
+            traversability=traversability,
+            target=traversability.traversable & reachable,
+            standable=traversability.turnable & reachable,
+            walls=_tall(traversability) | _cells(traversability.grid, walls),
         )
 
     @property
     def grid(self) -> Grid:
         """Where the cells lie."""
-        return self.surface.grid
+        return self.traversability.grid
 
     def changed_since(self, old: "Ground | None") -> NDArray[np.bool_]:
         """(nx, ny) the cells that are not what they were on a grid that may have been smaller."""
@@ -74,7 +76,7 @@ class Ground:
         i, j = box_around(mask, round(within / self.grid.cell))
         window = slice(i.start // _BLOCK * _BLOCK, i.stop), slice(j.start // _BLOCK * _BLOCK, j.stop)
         near = ndimage.distance_transform_edt(~mask[window]) * self.grid.cell <= within
-        room = np.where(near & self.standable[window], self.surface.to_hazard[window], 0)
+        room = np.where(near & self.standable[window], self.traversability.to_hazard[window], 0)
         blocks = _blocks(room)
         wanted = blocks.any(axis=2)
         best = np.stack(np.divmod(blocks.argmax(axis=2)[wanted], _BLOCK), axis=-1)
@@ -89,9 +91,9 @@ def _blocks(layer: NDArray) -> NDArray:
     return layer.reshape(nx, _BLOCK, ny, _BLOCK).swapaxes(1, 2).reshape(nx, ny, -1)
 
 
-def _tall(surface: DrivableSurface) -> NDArray[np.bool_]:
-    known = np.where(np.isnan(surface.elevation), np.inf, surface.elevation)
-    return surface.hazard & (surface.elevation > ndimage.minimum_filter(known, 5) + _TALL)
+def _tall(traversability: Traversability) -> NDArray[np.bool_]:
+    known = np.where(np.isnan(traversability.elevation), np.inf, traversability.elevation)
+    return traversability.hazard & (traversability.elevation > ndimage.minimum_filter(known, 5) + _TALL)
 
 
 def _cells(grid: Grid, segments: Sequence[Segment]) -> NDArray[np.bool_]:

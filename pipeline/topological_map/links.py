@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.segments.crossings import crossings
 from pipeline.segments.segments import Segment
 from pipeline.traversability.shortest_paths_kernels import ACROSS
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class LinkConfig:
 class Links:
     """Answers for one look which straight lines the robot can drive."""
 
-    def __init__(self, surface: DrivableSurface, walls: Sequence[Segment], config: LinkConfig):
-        self._surface, self._walls, self._config = surface, walls, config
+    def __init__(self, traversability: Traversability, walls: Sequence[Segment], config: LinkConfig):
+        self._surface, self._walls, self._config = traversability, walls, config
 
     def are_free(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N,) whether the footprint, swept along the lines between points (N, 3) on the ground, meets nothing.
@@ -49,7 +49,7 @@ class Links:
         """
         config = self._config
         free = np.linalg.norm(ends - starts, axis=1) <= config.max_length
-        free[free] = self._surface.lines_are_drivable(starts[free], ends[free])
+        free[free] = self._surface.lines_are_traversable(starts[free], ends[free])
         lift = np.array([0, 0, config.body_low])
         a, b = starts[free] + lift, ends[free] + lift
         height = config.body_high - config.body_low
@@ -62,14 +62,14 @@ class Links:
 
 
 def drive_seconds(
-    surface: DrivableSurface, starts: NDArray[np.float64], ends: NDArray[np.float64], config: LinkConfig
+    traversability: Traversability, starts: NDArray[np.float64], ends: NDArray[np.float64], config: LinkConfig
 ) -> NDArray[np.float64]:
     """(N,) expected time in s to drive the lines between points (N, 2 or 3), and to stop once.
 
     Metres across the slope of a ramp take as many times as long as on the grid.
     """
     a, b = starts[:, :2], ends[:, :2]
-    on_ramp = surface.metres_on(a, b, surface.ramp)
+    on_ramp = traversability.metres_on(a, b, traversability.ramp)
     level = np.linalg.norm(b - a, axis=1) - on_ramp
-    slow = on_ramp + (ACROSS - 1) * surface.metres_across(a, b)
+    slow = on_ramp + (ACROSS - 1) * traversability.metres_across(a, b)
     return level / config.speed + slow / config.ramp_speed + config.stop_time

@@ -87,7 +87,7 @@ class NodeSet:
         """For each of the places (K, 2) the ids of the nodes, but for some, that a straight drive joins to it."""
         ids = [n for n in self.nodes if n not in without]
         ends = np.array([self.nodes[n].position for n in ids]).reshape(-1, 3)
-        starts = self.ground.surface.on_ground(places)
+        starts = self.ground.traversability.on_ground(places)
         free = self.links.are_free(np.repeat(starts, len(ids), axis=0), np.tile(ends, (len(places), 1)))
         return [[ids[k] for k in np.flatnonzero(row)] for row in free.reshape(len(places), len(ids))]
 
@@ -98,7 +98,7 @@ class NodeSet:
 
     def _put(self, node: int, label: Label, xy: NDArray[np.float64]) -> None:
         linked = self.links_from(xy[None])[0]
-        self.nodes[node] = Node(node, label, self.ground.surface.on_ground(xy[None])[0])
+        self.nodes[node] = Node(node, label, self.ground.traversability.on_ground(xy[None])[0])
         self.cover.add(node, xy)
         self.free.add_node(node)
         self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))

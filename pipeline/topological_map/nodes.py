@@ -57,7 +57,7 @@ def thesis_places(
     ]
     places = []
     for place, label in wanted:
-        level = np.abs(ground.surface.elevation - place[2]) < LEVEL
+        level = np.abs(ground.traversability.elevation - place[2]) < LEVEL
         xy = ground.grid.nearest(ground.standable & level, place, config.snap)
         if xy is not None:
             places.append(Place(xy, label))

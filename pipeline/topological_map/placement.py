@@ -60,19 +60,19 @@ class Placement:
     def cover_rest(self) -> None:
         """Nodes for what no node sees, those first that add most."""
         cover = self._nodes.cover
-        views = cover.see(self._nodes.ground.candidates(cover.missing, self._config.sight))
-        while len(views):
-            gains = cover.gains(views)
+        viewpoints = cover.see(self._nodes.ground.candidates(cover.missing, self._config.sight))
+        while len(viewpoints):
+            gains = cover.gains(viewpoints)
             if gains.max() <= self._spare:
                 return
-            xy = views.places[self._best(views, gains)]
+            xy = viewpoints.places[self._best(viewpoints, gains)]
             self._nodes.add(self._label(xy), xy)
 
-    def _best(self, views: Views, gains: NDArray[np.int64]) -> int:
+    def _best(self, viewpoints: Views, gains: NDArray[np.int64]) -> int:
         """The place that adds most; a little less will do for one that is linked to a node."""
         order = np.argsort(-gains, kind="stable")
         for k in order[gains[order] >= self._config.linked * gains.max()][:20]:
-            if self._nodes.links_from(views.places[[k]])[0]:
+            if self._nodes.links_from(viewpoints.places[[k]])[0]:
                 return int(k)
         return int(order[0])
 
@@ -90,8 +90,8 @@ class Placement:
 
     def _joints(self, part: set[int], others: Sequence[set[int]]) -> NDArray[np.float64]:
         """(N, 2) places that join a group of nodes to another one: a single one, or else the bends of the way."""
-        surface, nodes = self._nodes.ground.surface, self._nodes.nodes
-        paths = ShortestPaths(surface, [nodes[n].position for n in sorted(part)])
+        traversability, nodes = self._nodes.ground.traversability, self._nodes.nodes
+        paths = ShortestPaths(traversability, [nodes[n].position for n in sorted(part)])
         targets = [nodes[n].position for other in others for n in sorted(other)]
         nearest = min(targets, key=paths.cost_to)
         if not np.isfinite(paths.cost_to(nearest)):
@@ -101,12 +101,12 @@ class Placement:
         for xy, links in zip(places, self._nodes.links_from(places), strict=True):
             if part & set(links) and not part >= set(links):
                 return xy[None]
-        return simplify(surface, way)[1:-1]
+        return simplify(traversability, way)[1:-1]
 
     def _roomiest(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """The same places (K, 2), those first that are farthest from hazards."""
         ground = self._nodes.ground
-        room = ground.grid.at(ground.surface.to_hazard, places)
+        room = ground.grid.at(ground.traversability.to_hazard, places)
         return places[np.argsort(-room, kind="stable")]
 
     def _mask(self, places: ArrayLike) -> NDArray[np.bool_]:
@@ -125,11 +125,11 @@ class Placement:
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
             return
-        views = cover.see(self._candidates(active))
+        viewpoints = cover.see(self._candidates(active))
         pairs = deque(p for p in combinations(self._nodes.nodes, 2) if active & set(p))
         while pairs:
             pair = pairs.popleft()
-            new = self._merge(pair, views) if self._nodes.nodes.keys() >= set(pair) else None
+            new = self._merge(pair, viewpoints) if self._nodes.nodes.keys() >= set(pair) else None
             if new is not None:
                 pairs.extend((new, n) for n in self._nodes.nodes if n != new)
 
@@ -143,12 +143,12 @@ class Placement:
         lattice = self._nodes.ground.candidates(around, self._config.sight)
         return np.vstack([*(place.xy[None] for place in self._places), lattice])
 
-    def _merge(self, pair: tuple[int, int], views: Views) -> int | None:
+    def _merge(self, pair: tuple[int, int], viewpoints: Views) -> int | None:
         """Put one node in the place of two; its id, or None if no place does for both."""
         a, b = (self._nodes.nodes[n].position[:2] for n in pair)
         if np.linalg.norm(a - b) > 2 * self._config.sight:
             return None
-        good = self._stand_ins(pair, views)
+        good = self._stand_ins(pair, viewpoints)
         rest, parts = self._nodes.parts(pair), len(self._nodes.parts())
         for xy, links in zip(good, self._nodes.links_from(good, pair), strict=True):
             if 1 + sum(not part & set(links) for part in rest) <= parts:
@@ -157,20 +157,20 @@ class Placement:
                 return self._nodes.add(self._label(xy), xy)
         return None
 
-    def _stand_ins(self, pair: tuple[int, int], views: Views) -> NDArray[np.float64]:
+    def _stand_ins(self, pair: tuple[int, int], viewpoints: Views) -> NDArray[np.float64]:
         """(K, 2) the places that see what only these two nodes see; first the thesis's, then those that see most."""
         cover, ground = self._nodes.cover, self._nodes.ground
         lost = cover.lost_without(pair)
         middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
         centre = ground.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
-        near = np.flatnonzero(np.linalg.norm(views.places - centre, axis=1) <= self._config.sight)
-        good = near[cover.see_all(views[near], lost, self._spare)]
-        worth = views.seen[good].sum(axis=(1, 2)) + 1e6 * (good < len(self._places))
-        return views.places[good[np.argsort(-worth, kind="stable")]]
+        near = np.flatnonzero(np.linalg.norm(viewpoints.places - centre, axis=1) <= self._config.sight)
+        good = near[cover.see_all(viewpoints[near], lost, self._spare)]
+        worth = viewpoints.seen[good].sum(axis=(1, 2)) + 1e6 * (good < len(self._places))
+        return viewpoints.places[good[np.argsort(-worth, kind="stable")]]
 
     def _label(self, xy: NDArray[np.float64]) -> Label:
         """Of the place itself, if it is one of the thesis's, or of the ground."""
         for place in self._places:
             if (place.xy == xy).all():
                 return place.label
-        return label_at(self._nodes.ground.surface.on_ground(xy[None])[0], self._segments)
+        return label_at(self._nodes.ground.traversability.on_ground(xy[None])[0], self._segments)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.topological_map.links import Links
 from pipeline.topological_map.node_set import Node
 from pipeline.traversability.shortest_paths import ShortestPaths, simplify
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 
 def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
@@ -41,21 +41,23 @@ def _open(way: NDArray[np.float64], i: int, j: int, weight: float) -> None:
     np.minimum(way, through, out=way)
 
 
-def add_passages(drives: nx.Graph, nodes: Mapping[int, Node], surface: DrivableSurface, links: Links) -> None:
+def add_passages(
+    drives: nx.Graph, nodes: Mapping[int, Node], traversability: Traversability, links: Links
+) -> None:
     """Join neighbours that no straight drive joins by the shortest way between them.
 
     Neighbours are nodes whose shares of the ground touch, each cell being the share of the node nearest to it by
     drive. The edge keeps the ``bends`` of its way: (M, 3) m, from the node of the lower id to the other.
     """
     starts = [nodes[n].position for n in sorted(nodes)]
-    paths = ShortestPaths(surface, starts)
+    paths = ShortestPaths(traversability, starts)
     for p, q in _meetings(paths):
-        there, back = (paths.path_to(surface.grid.centre_of(cell)) for cell in (p, q))
+        there, back = (paths.path_to(traversability.grid.centre_of(cell)) for cell in (p, q))
         a, b = (_nearest(nodes, way[0]) for way in (there, back))
         if a == b or drives.has_edge(a, b):
             continue
-        way = simplify(surface, np.vstack([there, back[::-1]]))
-        points = np.vstack([nodes[a].position, surface.on_ground(way[1:-1]), nodes[b].position])
+        way = simplify(traversability, np.vstack([there, back[::-1]]))
+        points = np.vstack([nodes[a].position, traversability.on_ground(way[1:-1]), nodes[b].position])
         if links.are_free(points[:-1], points[1:]).all():
             length = float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
             seconds = float(links.seconds(points[:-1], points[1:]).sum())

@@ -5,7 +5,7 @@ from numba import njit
 
 
 @njit(cache=True)
-def views(places, target, walls, reach):
+def viewpoints(places, target, walls, reach):
     """Which target cells each place sees.
 
     Rays run to every cell on the rim of a square window around the place, in steps of half a cell, and end at walls.
@@ -47,7 +47,7 @@ def _cast(place, corner, rim_i, rim_j, target, walls, reach, seen):
 
 @njit(cache=True)
 def count_in(seen, corners, mask):
-    """(K,) int64, how many cells of a mask (nx, ny) each view (K, S, S) holds; see :func:`views`."""
+    """(K,) int64, how many cells of a mask (nx, ny) each view (K, S, S) holds; see :func:`viewpoints`."""
     counts = np.zeros(len(seen), np.int64)
     size = seen.shape[1]
     for k in range(len(seen)):

@@ -24,7 +24,7 @@ from pipeline.topological_map.placement import CoverConfig, Placement
 from pipeline.topological_map.roadmap import add_passages, roadmap
 from pipeline.topological_map.spanning_tree import collision_free_tree
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class TopologicalMap:
         self,
         patches: Sequence[PlanePatch],
         segments: Segments,
-        surface: DrivableSurface,
+        traversability: Traversability,
         paths: ShortestPaths,
     ) -> None:
         """Take a look into account.
@@ -77,13 +77,13 @@ class TopologicalMap:
         Args:
             patches: the planes of this look; a terrain patch has a node in its middle.
             segments: all segments so far.
-            surface: where the robot can stand and drive.
+            traversability: where the robot can stand and drive.
             paths: shortest paths from where the robot is.
         """
         walls = segments.of(Label.WALL)
-        ground = Ground.of(surface, self._reachable(surface, paths), walls)
+        ground = Ground.of(traversability, self._reachable(traversability, paths), walls)
         changed = ground.changed_since(self._set.ground if self._set else None)
-        nodes = self._renewed(ground, Links(surface, walls, self.config.links), changed)
+        nodes = self._renewed(ground, Links(traversability, walls, self.config.links), changed)
         places = thesis_places(patches, segments, ground, self.config.nodes)
         placement = Placement(nodes, places, segments, self.config.cover)
         old = set(nodes.nodes)
@@ -99,13 +99,13 @@ class TopologicalMap:
         bends = self.graph.edges[a, b].get("bends", np.zeros((0, 3)))
         return np.vstack([self.nodes[a].position, bends if a < b else bends[::-1], self.nodes[b].position])
 
-    def links_from(self, xy: NDArray[np.float64], surface: DrivableSurface) -> dict[int, float]:
+    def links_from(self, xy: NDArray[np.float64], traversability: Traversability) -> dict[int, float]:
         """Seconds to each of the nodes, by id, that a straight drive joins to a point (2,)."""
         ids = list(self.nodes)
         ends = np.array([self.nodes[n].position[:2] for n in ids]).reshape(-1, 2)
         starts = np.repeat(xy[None], len(ids), axis=0)
-        seconds = drive_seconds(surface, starts, ends, self.config.links)
-        free = surface.lines_are_drivable(starts, ends)
+        seconds = drive_seconds(traversability, starts, ends, self.config.links)
+        free = traversability.lines_are_traversable(starts, ends)
         return {n: float(s) for n, s, is_free in zip(ids, seconds, free, strict=True) if is_free}
 
     def save(self, path: Path) -> None:
@@ -127,12 +127,12 @@ class TopologicalMap:
         with whole_file(path) as partial:
             partial.write_text(json.dumps({"nodes": nodes, "edges": edges}, indent=1) + "\n")
 
-    def _reachable(self, surface: DrivableSurface, paths: ShortestPaths) -> NDArray[np.bool_]:
+    def _reachable(self, traversability: Traversability, paths: ShortestPaths) -> NDArray[np.bool_]:
         """(nx, ny) where the robot can go; if it stands where it reaches no node, where it could go from these."""
         places = [node.position for node in self.nodes.values()]
         if not places or any(np.isfinite(paths.cost_to(place)) for place in places):
             return paths.reachable
-        return paths.reachable | ShortestPaths(surface, places).reachable
+        return paths.reachable | ShortestPaths(traversability, places).reachable
 
     def _renewed(self, ground: Ground, links: Links, changed: NDArray[np.bool_]) -> NodeSet:
         if self._set is None:
@@ -144,5 +144,5 @@ class TopologicalMap:
     def _roadmap(self, nodes: NodeSet) -> nx.Graph:
         drives = nodes.free.copy()
         if len(nodes.nodes) > 1:
-            add_passages(drives, nodes.nodes, nodes.ground.surface, nodes.links)
+            add_passages(drives, nodes.nodes, nodes.ground.traversability, nodes.links)
         return roadmap(self.tree, drives, self.config.max_detour)

@@ -15,7 +15,7 @@ from pipeline.traversability import depth_dropouts_kernels as kernels
 
 
 @dataclass(frozen=True)
-class MissingConfig:
+class DepthDropoutConfig:
     """What counts as a stripe without ground.
 
     Attributes:
@@ -33,11 +33,11 @@ class MissingConfig:
     row_step: int = 2
 
 
-def missing_ground(
+def find_depth_dropouts(
     depth: NDArray[np.float32],
     intrinsics: Intrinsics,
     T_map_camera: NDArray[np.float64],
-    config: MissingConfig | None = None,
+    config: DepthDropoutConfig | None = None,
 ) -> NDArray[np.float32]:
     """(N, 3) float32 points in ``map`` where rays should have met the ground that goes on around them.
 
@@ -47,7 +47,7 @@ def missing_ground(
         T_map_camera: pose of ``camera_optical``.
         config: what counts.
     """
-    config = config or MissingConfig()
+    config = config or DepthDropoutConfig()
     missing = np.zeros_like(depth)
     kernels.missing_depth(
         depth,

@@ -74,12 +74,12 @@ def count_points(points, origin, cell, elevation, max_distance, count):
 
 
 @njit(cache=True)
-def renew_doubt(doubt, missing, returns, min_points, camera, origin, cell, cos_sure):
+def renew_dropout(dropout, missing, returns, min_points, camera, origin, cell, cos_sure):
     """Doubt the cells where ``min_points`` were missing, and clear those that another look has shown whole.
 
-    ``doubt`` (nx, ny, 2) is the level direction from which a cell was last doubted, 0 where it is not. A look clears
-    a cell if it shows ``min_points`` there and misses none, from a direction whose cosine to that one is less than
-    ``cos_sure``. ``missing`` and ``returns`` (nx, ny) count the points of the look from ``camera`` (2,).
+    ``dropout`` (nx, ny, 2) is the level direction from which a cell was last doubted, 0 where it is not. A look
+    clears a cell if it shows ``min_points`` there and misses none, from a direction whose cosine to that one is
+    less than ``cos_sure``. ``missing`` and ``returns`` (nx, ny) count the points of the look from ``camera`` (2,).
     """
     nx, ny = missing.shape
     for i in range(nx):
@@ -90,9 +90,9 @@ def renew_doubt(doubt, missing, returns, min_points, camera, origin, cell, cos_s
             distance = np.sqrt(dx * dx + dy * dy) + 1e-9
             dx, dy = dx / distance, dy / distance
             if missing[i, j] >= min_points:
-                doubt[i, j, 0], doubt[i, j, 1] = dx, dy
-            elif missing[i, j] == 0 and abs(dx * doubt[i, j, 0] + dy * doubt[i, j, 1]) < cos_sure:
-                doubt[i, j, 0], doubt[i, j, 1] = 0.0, 0.0
+                dropout[i, j, 0], dropout[i, j, 1] = dx, dy
+            elif missing[i, j] == 0 and abs(dx * dropout[i, j, 0] + dy * dropout[i, j, 1]) < cos_sure:
+                dropout[i, j, 0], dropout[i, j, 1] = 0.0, 0.0
 
 
 @njit(cache=True)
@@ -114,11 +114,11 @@ def extract_elevation(
 
 
 @njit(cache=True)
-def bridge_gaps(elevation, doubted, max_gap, max_spread):
+def bridge_gaps(elevation, dropout, max_gap, max_spread):
     """Fill what is unknown between two known cells of nearly one height, at most ``max_gap`` unknown cells apart.
 
     Along the axes and the diagonals; where several pairs face each other, the last one counts. Nothing is filled
-    across a ``doubted`` (nx, ny) cell.
+    across a ``dropout`` (nx, ny) cell.
     """
     filled = elevation.copy()
     nx, ny = elevation.shape
@@ -129,7 +129,7 @@ def bridge_gaps(elevation, doubted, max_gap, max_spread):
                     continue
                 for gap in range(1, max_gap + 2):
                     a, b = i + gap * di, j + gap * dj
-                    if not (a < nx and 0 <= b < ny) or doubted[a, b]:
+                    if not (a < nx and 0 <= b < ny) or dropout[a, b]:
                         break
                     rise = elevation[a, b] - elevation[i, j]
                     if np.isnan(rise):

@@ -13,7 +13,7 @@ from pipeline.traversability import elevation_kernels as kernels
 
 
 @dataclass(frozen=True)
-class SurfaceConfig:
+class ElevationMapConfig:
     """How the surface is measured.
 
     Attributes:
@@ -24,7 +24,7 @@ class SurfaceConfig:
         headroom: air that the robot needs above the ground, m.
         max_gap: unknown gaps no wider are filled, m: a Pioneer 3-AT rolls over them.
         max_gap_rise: if the ground beyond differs by no more than this, m.
-        doubt_height: missing points no further above or below the ground make it doubtful, m.
+        dropout_height: missing points no further above or below the ground make it doubtful, m.
         sure_angle: doubted ground is believed when it is seen from a direction that differs by this, rad: a panel
             that sends nothing back is seen within 8° of its plane.
         block: the layer grows by such strips, m.
@@ -38,24 +38,24 @@ class SurfaceConfig:
     headroom: float = 0.65
     max_gap: float = 0.15
     max_gap_rise: float = 0.05
-    doubt_height: float = 0.1
+    dropout_height: float = 0.1
     sure_angle: float = np.deg2rad(15)
     block: float = 6.4
 
 
-class SurfaceMap:
+class ElevationMap:
     """A grid over ``map``'s xy plane, indexed [i, j] along x and y, that grows where points fall.
 
     Attributes:
         measured: (nx, ny) float32 height of the ground from returns alone, NaN where there are none.
         elevation: the same with small gaps filled and the ground assumed at the start; NaN where unknown.
-        doubted: (nx, ny) bool, where something that the camera does not see may stand: unknown, whatever the returns.
+        dropout: (nx, ny) bool, where something that the camera does not see may stand: unknown, whatever the returns.
         driven: (nx, ny) bool, where the middle of the robot has been.
         revision: counts the updates.
     """
 
-    def __init__(self, config: SurfaceConfig | None = None):
-        self.config = config or SurfaceConfig()
+    def __init__(self, config: ElevationMapConfig | None = None):
+        self.config = config or ElevationMapConfig()
         self._origin = np.zeros(2)
         self.revision = 0
         self._levels = round((self.config.z_max - self.config.z_min) / self.config.z_bin)
@@ -65,7 +65,7 @@ class SurfaceMap:
         self._height = np.zeros((nx, ny, self._levels), np.float32)
         self._hits = np.zeros((nx, ny, self._levels), np.uint16)
         self._assumed = np.full((nx, ny), np.nan, np.float32)
-        self._doubt = np.zeros((nx, ny, 2), np.float32)
+        self._dropout = np.zeros((nx, ny, 2), np.float32)
         self._felt = np.full((nx, ny), np.nan, np.float32)
         self.driven = np.zeros((nx, ny), np.bool_)
         self._shown = np.full((nx, ny), np.nan, np.float32)
@@ -78,7 +78,7 @@ class SurfaceMap:
             self._height,
             self._hits,
             self._assumed,
-            self._doubt,
+            self._dropout,
             self._felt,
             self.driven,
             self._shown,
@@ -128,9 +128,9 @@ class SurfaceMap:
         self.revision += 1
 
     @property
-    def doubted(self) -> NDArray[np.bool_]:
+    def dropout(self) -> NDArray[np.bool_]:
         """(nx, ny) where a thin panel may stand that sent nothing back."""
-        return np.asarray((self._doubt[..., 0] != 0) | (self._doubt[..., 1] != 0))
+        return np.asarray((self._dropout[..., 0] != 0) | (self._dropout[..., 1] != 0))
 
     def update(
         self,
@@ -159,17 +159,17 @@ class SurfaceMap:
         )
         changed = touched > 0
         if missing is not None and camera is not None:
-            changed |= self._renew_doubt(missing, camera, touched)
+            changed |= self._renew_dropout(missing, camera, touched)
         self._refresh(changed)
 
-    def _renew_doubt(
+    def _renew_dropout(
         self, missing: NDArray[np.float32], camera: NDArray[np.float64], returns: NDArray[np.int32]
     ) -> NDArray[np.bool_]:
         """(nx, ny) the cells where something was missing."""
         config, count = self.config, np.zeros(self.grid.shape, np.int32)
-        kernels.count_points(missing, self._origin, config.cell, self._shown, config.doubt_height, count)
-        kernels.renew_doubt(
-            self._doubt,
+        kernels.count_points(missing, self._origin, config.cell, self._shown, config.dropout_height, count)
+        kernels.renew_dropout(
+            self._dropout,
             count,
             returns,
             config.min_hits,
@@ -189,13 +189,13 @@ class SurfaceMap:
         gap = round(config.max_gap / config.cell) + 1
         here, around = box_around(changed, gap), box_around(changed, 2 * gap)
         shown, felt = self._shown[around], self._felt[around]
-        doubted = self.doubted[around]
-        measured = np.where(doubted, np.float32(np.nan), shown)
+        dropout = self.dropout[around]
+        measured = np.where(dropout, np.float32(np.nan), shown)
         known = np.where(np.isnan(shown), self._assumed[around], shown)
-        known[doubted] = np.nan
+        known[dropout] = np.nan
         for layer in (measured, known):
             np.copyto(layer, felt, where=~np.isnan(felt))
-        bridged = kernels.bridge_gaps(known, doubted, gap - 1, config.max_gap_rise)
+        bridged = kernels.bridge_gaps(known, dropout, gap - 1, config.max_gap_rise)
         self.measured, self.elevation = self.measured.copy(), self.elevation.copy()
         self.measured[here] = measured[inside(here, around)]
         self.elevation[here] = bridged[inside(here, around)]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.traversability import shortest_paths_kernels as kernels
-from pipeline.traversability.traversability import DrivableSurface
+from pipeline.traversability.traversability import Traversability
 
 SHAVE = 0.3
 """m; so much further a straight drive may lead where the robot cannot turn: 0.37 m beside the end of a thin wall, of
@@ -43,25 +43,27 @@ class ShortestPaths:
         cost: (nx, ny) float32 m, ramps and narrow places counted dearer; inf where no path leads.
     """
 
-    def __init__(self, surface: DrivableSurface, start: ArrayLike, config: PathConfig | None = None):
+    def __init__(self, traversability: Traversability, start: ArrayLike, config: PathConfig | None = None):
         """``start``: (2,) or (K, 2) points, m; more columns are ignored."""
         self._config = config or PathConfig()
-        self._surface = surface
+        self._surface = traversability
         wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
-        snapped = [surface.grid.nearest(surface.drivable, xy, self._config.snap) for xy in wanted]
+        snapped = [
+            traversability.grid.nearest(traversability.traversable, xy, self._config.snap) for xy in wanted
+        ]
         starts = [xy for xy in snapped if xy is not None]
         self.start = snapped[0]
         if not starts:
-            self.cost = np.full(surface.drivable.shape, np.inf, np.float32)
+            self.cost = np.full(traversability.traversable.shape, np.inf, np.float32)
             return
-        weight = np.where(surface.turnable, 1.0, self._config.narrow_cost)
-        weight[surface.ramp] = self._config.ramp_cost
-        cell = surface.grid.cell
+        weight = np.where(traversability.turnable, 1.0, self._config.narrow_cost)
+        weight[traversability.ramp] = self._config.ramp_cost
+        cell = traversability.grid.cell
         cost, self._parent = kernels.shortest_paths(
-            surface.grid.cell_of(starts),
+            traversability.grid.cell_of(starts),
             weight,
             self._config.tight_turn / cell,
-            surface.rules(self._config.ramp_alignment),
+            traversability.rules(self._config.ramp_alignment),
         )
         self.cost = cost.min(axis=0) * np.float32(cell)
         self._arrives_across = cost[1] < cost[0]
@@ -129,32 +131,32 @@ class ShortestPaths:
         return np.stack(np.unravel_index(state % self.cost.size, self.cost.shape), axis=-1)
 
 
-def may_cut(surface: DrivableSurface, way: NDArray[np.float64]) -> NDArray[np.bool_]:
+def may_cut(traversability: Traversability, way: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N - 1,) which of the later points of a way (N, 2) the robot can drive to straight from the first.
 
     Ramps are met head-on and corners are given a wide berth as by the way itself: no straight drive leads further
     across a slope than the way does, nor much further where the robot cannot turn.
     """
     first = np.repeat(way[:1], len(way) - 1, axis=0)
-    narrow = ~surface.turnable & ~surface.ramp
-    allowed = surface.lines_are_drivable(first, way[1:])
+    narrow = ~traversability.turnable & ~traversability.ramp
+    allowed = traversability.lines_are_traversable(first, way[1:])
     for metres, spare in (
-        (surface.metres_across, surface.grid.cell),
-        (lambda a, b: surface.metres_on(a, b, narrow), SHAVE),
+        (traversability.metres_across, traversability.grid.cell),
+        (lambda a, b: traversability.metres_on(a, b, narrow), SHAVE),
     ):
         allowed &= metres(first, way[1:]) <= np.cumsum(metres(way[:-1], way[1:])) + spare
     return allowed
 
 
-def simplify(surface: DrivableSurface, path: NDArray[np.float64]) -> NDArray[np.float64]:
+def simplify(traversability: Traversability, path: NDArray[np.float64]) -> NDArray[np.float64]:
     """The fewest points of a grid path that straight drivable lines join; bends lie where the robot can turn."""
     bends = [0]
     while bends[-1] < len(path) - 1:
         rest = np.arange(bends[-1] + 1, len(path))
-        ahead = may_cut(surface, path[bends[-1] :])
-        turnable = surface.grid.at(surface.turnable, path[rest])
+        ahead = may_cut(traversability, path[bends[-1] :])
+        turnable = traversability.grid.at(traversability.turnable, path[rest])
         turnable[-1] = True
-        slidable = turnable | surface.grid.at(surface.slidable, path[rest])
+        slidable = turnable | traversability.grid.at(traversability.slidable, path[rest])
         choices = (rest[ahead & turnable], rest[ahead & slidable], rest[ahead], rest[:1])
         bends.append(int(next(choice for choice in choices if len(choice))[-1]))
     return path[bends]

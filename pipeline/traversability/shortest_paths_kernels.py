@@ -17,7 +17,7 @@ class Rules(NamedTuple):
     """Where the robot may go; layers are (nx, ny).
 
     Attributes:
-        drivable: bool, it may pass.
+        traversable: bool, it may pass.
         ramp: bool, it must move along the slope there, unless there is room.
         room: bool, it may also move across.
         slidable: bool, it may also turn on a ramp: there is room to slide.
@@ -25,7 +25,7 @@ class Rules(NamedTuple):
         cos_alignment: least cosine between its way and a slope.
     """
 
-    drivable: NDArray[np.bool_]
+    traversable: NDArray[np.bool_]
     ramp: NDArray[np.bool_]
     room: NDArray[np.bool_]
     slidable: NDArray[np.bool_]
@@ -33,10 +33,10 @@ class Rules(NamedTuple):
     cos_alignment: float
 
 
-def free_rules(drivable: NDArray[np.bool_]) -> Rules:
+def free_rules(traversable: NDArray[np.bool_]) -> Rules:
     """Rules that know no ramps."""
-    nowhere = np.zeros_like(drivable)
-    return Rules(drivable, nowhere, nowhere, nowhere, np.zeros((*drivable.shape, 2), np.float32), 0.0)
+    nowhere = np.zeros_like(traversable)
+    return Rules(traversable, nowhere, nowhere, nowhere, np.zeros((*traversable.shape, 2), np.float32), 0.0)
 
 
 @njit(cache=True)
@@ -54,13 +54,17 @@ def is_allowed(dx, dy, i, j, rules):
 
 
 @njit(cache=True)
-def is_drivable(i, j, rules):
+def is_traversable(i, j, rules):
     """Whether (i, j) is a cell of the grid and drivable."""
-    return 0 <= i < rules.drivable.shape[0] and 0 <= j < rules.drivable.shape[1] and rules.drivable[i, j]
+    return (
+        0 <= i < rules.traversable.shape[0]
+        and 0 <= j < rules.traversable.shape[1]
+        and rules.traversable[i, j]
+    )
 
 
 @njit(cache=True)
-def line_is_drivable(ax, ay, bx, by, origin, cell, rules):
+def line_is_traversable(ax, ay, bx, by, origin, cell, rules):
     """Whether every cell on the straight line is drivable, and ramps are met head-on."""
     dx, dy = bx - ax, by - ay
     length = np.sqrt(dx * dx + dy * dy)
@@ -68,7 +72,7 @@ def line_is_drivable(ax, ay, bx, by, origin, cell, rules):
     for s in range(steps + 1):
         i = int(np.floor((ax + dx * s / steps - origin[0]) / cell))
         j = int(np.floor((ay + dy * s / steps - origin[1]) / cell))
-        if not is_drivable(i, j, rules):
+        if not is_traversable(i, j, rules):
             return False
         # Within one cell the direction means nothing.
         if length > cell and not is_allowed(dx / length, dy / length, i, j, rules):
@@ -77,12 +81,12 @@ def line_is_drivable(ax, ay, bx, by, origin, cell, rules):
 
 
 @njit(cache=True)
-def lines_are_drivable(starts, ends, origin, cell, rules):
-    """(N,) bool of :func:`line_is_drivable` for lines between points (N, 2)."""
+def lines_are_traversable(starts, ends, origin, cell, rules):
+    """(N,) bool of :func:`line_is_traversable` for lines between points (N, 2)."""
     result = np.empty(len(starts), np.bool_)
     for n in range(len(starts)):
         a, b = starts[n], ends[n]
-        result[n] = line_is_drivable(a[0], a[1], b[0], b[1], origin, cell, rules)
+        result[n] = line_is_traversable(a[0], a[1], b[0], b[1], origin, cell, rules)
     return result
 
 
@@ -99,7 +103,7 @@ def metres_across(starts, ends, origin, cell, rules):
         for s in range(steps):
             i = int(np.floor((starts[n, 0] + dx * (s + 0.5) / steps - origin[0]) / cell))
             j = int(np.floor((starts[n, 1] + dy * (s + 0.5) / steps - origin[1]) / cell))
-            if is_drivable(i, j, rules) and not is_aligned(dx / length, dy / length, i, j, rules):
+            if is_traversable(i, j, rules) and not is_aligned(dx / length, dy / length, i, j, rules):
                 result[n] += length / steps
     return result
 
@@ -139,7 +143,7 @@ def shortest_paths(starts, weight, turn, rules):
         (2, nx, ny) float32 cost of each state from the nearest of the starts, inf where no path leads, and (2 nx ny)
         int32 the state before, -1 where there is none.
     """
-    nx, ny = rules.drivable.shape
+    nx, ny = rules.traversable.shape
     cells = nx * ny
     cost = np.full(2 * cells, np.inf, np.float32)
     parent = np.full(2 * cells, -1, np.int32)
@@ -159,7 +163,7 @@ def shortest_paths(starts, weight, turn, rules):
             length = np.sqrt(di * di + dj * dj)
             ux, uy = di / length, dj / length
             if not (
-                is_drivable(a, b, rules)
+                is_traversable(a, b, rules)
                 and is_allowed(ux, uy, a, b, rules)
                 and is_allowed(ux, uy, i, j, rules)
             ):

@@ -10,14 +10,14 @@ from pipeline.errors import InputError
 from pipeline.grid_map import Grid
 from pipeline.traversability import elevation_kernels as kernels
 from pipeline.traversability import shortest_paths_kernels as path_kernels
-from pipeline.traversability.elevation_map import SurfaceMap
+from pipeline.traversability.elevation_map import ElevationMap
 
 FAR = 1.0
 """m; what is further away makes no difference to the robot."""
 
 
 @dataclass(frozen=True)
-class DrivableConfig:
+class TraversabilityConfig:
     """What a Pioneer 3-AT takes, with a margin for the noise of the map.
 
     Attributes:
@@ -67,7 +67,7 @@ class DrivableConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class DrivableSurface:
+class Traversability:
     """What follows from a surface map for the robot; all arrays are (nx, ny) on its grid.
 
     Attributes:
@@ -76,7 +76,7 @@ class DrivableSurface:
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: bool, steps and slopes that the robot cannot take.
         to_hazard: float64 m to the nearest hazard, at most :data:`FAR`.
-        drivable: bool, the robot's centre may pass.
+        traversable: bool, the robot's centre may pass.
         turnable: bool, the robot may turn in place, on level ground.
         slidable: bool, on or before a ramp it may turn in place, for there is room to slide.
         room: bool, on or before a ramp it may also drive across the slope.
@@ -90,7 +90,7 @@ class DrivableSurface:
     gradient: NDArray[np.float32]
     hazard: NDArray[np.bool_]
     to_hazard: NDArray[np.float64]
-    drivable: NDArray[np.bool_]
+    traversable: NDArray[np.bool_]
     turnable: NDArray[np.bool_]
     slidable: NDArray[np.bool_]
     room: NDArray[np.bool_]
@@ -98,9 +98,9 @@ class DrivableSurface:
     uphill: NDArray[np.float32]
     ramp_alignment: float
 
-    def lines_are_drivable(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
+    def lines_are_traversable(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
         """(N,) whether the robot can drive the straight lines between points (N, 2 or 3), ramps head-on."""
-        return path_kernels.lines_are_drivable(
+        return path_kernels.lines_are_traversable(
             np.ascontiguousarray(np.asarray(starts, np.float64)[..., :2]),
             np.ascontiguousarray(np.asarray(ends, np.float64)[..., :2]),
             self.grid.origin,
@@ -135,28 +135,34 @@ class DrivableSurface:
     def rules(self, ramp_alignment: float) -> path_kernels.Rules:
         """Where the robot may go if ramps must be met within ``ramp_alignment`` rad of their slope."""
         return path_kernels.Rules(
-            self.drivable, self.ramp, self.room, self.slidable, self.uphill, float(np.cos(ramp_alignment))
+            self.traversable, self.ramp, self.room, self.slidable, self.uphill, float(np.cos(ramp_alignment))
         )
 
 
-def drivable_surface(surface: SurfaceMap, config: DrivableConfig | None = None) -> DrivableSurface:
+def assess_map(elevation_map: ElevationMap, config: TraversabilityConfig | None = None) -> Traversability:
     """Judge every cell of the surface map."""
-    return judge(surface.grid, surface.elevation, surface.doubted, surface.driven, config or DrivableConfig())
+    return assess(
+        elevation_map.grid,
+        elevation_map.elevation,
+        elevation_map.dropout,
+        elevation_map.driven,
+        config or TraversabilityConfig(),
+    )
 
 
-def judge(
+def assess(
     grid: Grid,
     elevation: NDArray[np.float32],
-    doubted: NDArray[np.bool_],
+    dropout: NDArray[np.bool_],
     driven: NDArray[np.bool_],
-    config: DrivableConfig,
-) -> DrivableSurface:
+    config: TraversabilityConfig,
+) -> Traversability:
     """Judge every cell of a grid, beyond which all is unknown.
 
     Args:
         grid: where the cells lie.
         elevation: (nx, ny) float32 m, NaN where unknown.
-        doubted: (nx, ny) where a thin panel may stand.
+        dropout: (nx, ny) where a thin panel may stand.
         driven: (nx, ny) where the middle of the robot has been.
         config: what the robot takes.
     """
@@ -169,23 +175,23 @@ def judge(
     to_hazard = np.minimum(grid.distance_to(hazard), FAR)
     # Beyond the grid's border all is unknown.
     to_unknown = ndimage.distance_transform_edt(np.pad(~np.isnan(elevation), 1))[1:-1, 1:-1] * cell
-    to_stop = np.minimum(to_hazard, grid.distance_to(doubted))
+    to_stop = np.minimum(to_hazard, grid.distance_to(dropout))
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     from_unknown = np.where(ramp, config.ramp_unknown_clearance, config.clearance)
-    drivable = (to_stop >= config.clearance) & (to_unknown >= from_unknown)
-    drivable |= driven & (np.minimum(to_stop, to_unknown) >= config.driven_clearance)
+    traversable = (to_stop >= config.clearance) & (to_unknown >= from_unknown)
+    traversable |= driven & (np.minimum(to_stop, to_unknown) >= config.driven_clearance)
     # On a ramp the robot keeps off the unknown as well by what it may slide or drift.
     may_slide, may_drift = (
         to_unknown >= config.clearance + m for m in (config.ramp_slide, config.ramp_drift)
     )
-    return DrivableSurface(
+    return Traversability(
         grid=grid,
         elevation=elevation,
         gradient=gradient,
         hazard=hazard,
         to_hazard=to_hazard,
-        drivable=drivable,
-        turnable=drivable & (to_hazard >= config.turning_clearance) & ~ramp,
+        traversable=traversable,
+        turnable=traversable & (to_hazard >= config.turning_clearance) & ~ramp,
         slidable=ramp & may_slide & (to_stop >= config.turning_clearance + config.ramp_slide),
         room=ramp & may_drift & (to_stop >= config.clearance + config.ramp_drift),
         ramp=ramp,
@@ -195,7 +201,7 @@ def judge(
 
 
 def _ramps(
-    slope: NDArray, gradient: NDArray, hazard: NDArray[np.bool_], cell: float, config: DrivableConfig
+    slope: NDArray, gradient: NDArray, hazard: NDArray[np.bool_], cell: float, config: TraversabilityConfig
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
     """The cells on or near a ramp, and the unit vector up the nearest one."""
     # Opening drops single noisy cells.

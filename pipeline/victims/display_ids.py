@@ -3,12 +3,12 @@
 from pipeline.victims.victim_map import Victim, Victims
 
 
-def confirmed_marks(victims: Victims) -> list[tuple[str, Victim]]:
+def confirmed_ids(victims: Victims) -> list[tuple[str, Victim]]:
     """Those who are confirmed, by numbers from 1 on."""
     return [(str(k), victim) for k, victim in enumerate(victims.confirmed, start=1)]
 
 
-def unconfirmed_marks(victims: Victims) -> list[tuple[str, Victim]]:
+def unconfirmed_ids(victims: Victims) -> list[tuple[str, Victim]]:
     """The others, by letters."""
     return [(letters(k), victim) for k, victim in enumerate(victims.unconfirmed)]
 

@@ -15,7 +15,7 @@ _STEP, _HERE = 0.08, 0.3
 
 
 @dataclass(frozen=True)
-class SecondLooksConfig:
+class ReobservationConfig:
     """What a second look is worth, and from where.
 
     Attributes:
@@ -42,12 +42,12 @@ class SecondLooksConfig:
     tries: int = 4
 
 
-class SecondLooks:
+class Reobservation:
     """Weighs views by whom they would confirm, and counts how often each was looked at again."""
 
-    def __init__(self, victims: Victims, metric_map: MetricMap, config: SecondLooksConfig | None = None):
+    def __init__(self, victims: Victims, metric_map: MetricMap, config: ReobservationConfig | None = None):
         """Of these victims, along lines of sight that are free in this map."""
-        self.config = config or SecondLooksConfig()
+        self.config = config or ReobservationConfig()
         self._victims, self._map = victims, metric_map
         self._aimed: list[tuple[Victim, NDArray[np.float64]]] = []
 

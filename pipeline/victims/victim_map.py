@@ -39,7 +39,7 @@ class VictimsConfig:
         enough: the same, from which on someone is confirmed.
         whole: m across what is seen of most people, at least; less may be a part of anything.
         enough_of_part: the sum from which on someone is confirmed of whom less is seen.
-        looks: at least, that found a victim before it is confirmed.
+        steps: at least, that found a victim before it is confirmed.
         apart: m at least between the farthest two places of these looks.
         in_view: m within which someone who is not hidden ought to be found again.
         voxel: m, of which one point of a victim is kept.
@@ -55,7 +55,7 @@ class VictimsConfig:
     enough: float = 0.75
     whole: float = 0.85
     enough_of_part: float = 1.2
-    looks: int = 2
+    steps: int = 2
     apart: float = 0.3
     in_view: float = 3.0
     voxel: float = 0.03
@@ -152,7 +152,7 @@ class Victims:
         If little is seen of it, it takes more to be sure enough.
         """
         config, found = self.config, len(victim.cameras)
-        if found < config.looks or found <= victim.missed or victim.evidence < config.enough:
+        if found < config.steps or found <= victim.missed or victim.evidence < config.enough:
             return False
         # Distances and sizes come last: they take longest, and everyone is asked about several times a look.
         return victim.apart >= config.apart and (

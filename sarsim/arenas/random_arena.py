@@ -14,7 +14,7 @@ from sarsim.arenas.checks import broken_promises
 from sarsim.arenas.elements import TILE, ArenaBuilder
 from sarsim.arenas.layout import Item, Layout, Side, Tile
 from sarsim.arenas.random_clutter import place_obstacles, scatter_clutter
-from sarsim.arenas.random_draws import Dice
+from sarsim.arenas.random_draws import RandomDraws
 from sarsim.arenas.random_furniture import OTHER_WALLS, hang_on_walls, place_bulky, place_furniture
 from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, make_maze, wall_items
 from sarsim.arenas.random_paint import paint
@@ -83,12 +83,12 @@ def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBui
     _check(seed, config)
     difficulty = seed % 4 if config.difficulty is None else config.difficulty
     for attempt in range(ATTEMPTS):
-        plan = _draw(Dice(np.random.default_rng([seed, attempt])), config, difficulty)
+        plan = _draw(RandomDraws(np.random.default_rng([seed, attempt])), config, difficulty)
         if plan is None:
             continue
         builder = _build(f"random_{seed}", plan, config)
         if config.painted:
-            paint(builder, Dice(np.random.default_rng([seed, attempt, 1])))
+            paint(builder, RandomDraws(np.random.default_rng([seed, attempt, 1])))
         if not broken_promises(builder.to_xml()):
             return builder
     raise InputError(
@@ -115,30 +115,30 @@ class _Plan:
     start: tuple[Tile, Side]
 
 
-def _draw(dice: Dice, config: RandomArenaConfig, difficulty: int) -> _Plan | None:
+def _draw(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Plan | None:
     """Draw a plan; None if the victims do not fit."""
     layout = Layout(config.columns, config.rows)
-    make_maze(layout, dice, config.wall_density)
-    start = choose_start(layout, dice)
+    make_maze(layout, draws, config.wall_density)
+    start = choose_start(layout, draws)
     if difficulty >= 1:
-        lay_ramps(layout, dice, config.ramps, fields=difficulty >= 3)
+        lay_ramps(layout, draws, config.ramps, fields=difficulty >= 3)
     victims = []
     for number in range(1, config.victims + 1):
-        if (victim := place_victim(layout, dice, str(number), hidden=difficulty >= 2)) is None:
+        if (victim := place_victim(layout, draws, str(number), hidden=difficulty >= 2)) is None:
             return None
         victims.append(victim)
-    items = place_obstacles(layout, dice, config.clutter, difficulty)
+    items = place_obstacles(layout, draws, config.clutter, difficulty)
     if difficulty >= 2:
-        items += scatter_clutter(layout, dice, config.clutter)
+        items += scatter_clutter(layout, draws, config.clutter)
     other_walls: tuple[str, ...] = ()
     if config.furniture:
-        items += place_furniture(layout, dice, config.furniture)
-        items += hang_on_walls(layout, dice, config.furniture)
+        items += place_furniture(layout, draws, config.furniture)
+        items += hang_on_walls(layout, draws, config.furniture)
         other_walls = OTHER_WALLS
     if config.bulky:
-        items += place_bulky(layout, dice, config.bulky)
+        items += place_bulky(layout, draws, config.bulky)
     items += ground_items(layout)
-    items += wall_items(layout, dice, difficulty >= 2, config.ceiling, other_walls)
+    items += wall_items(layout, draws, difficulty >= 2, config.ceiling, other_walls)
     return _Plan(items, victims, start)
 
 

@@ -1,7 +1,7 @@
 """Draws what stands in the way in a random arena."""
 
 from sarsim.arenas.layout import SIDES, STEP, YAW, Item, Layout, Side, Tile, opposite
-from sarsim.arenas.random_draws import Dice
+from sarsim.arenas.random_draws import RandomDraws
 
 DIAGONALS = ("wall_diag_120", "corner_diag_120")
 OBSTACLES: dict[int, tuple[str, ...]] = {
@@ -15,14 +15,14 @@ BESIDE_WALLS = (("wooden_block", 53), ("pvc_pipe", 56))
 """What lies along walls, and how far from the tile's middle, cm: a metre of the lane stays free."""
 
 
-def place_obstacles(layout: Layout, dice: Dice, share: float, difficulty: int) -> list[Item]:
+def place_obstacles(layout: Layout, draws: RandomDraws, share: float, difficulty: int) -> list[Item]:
     """Things that take a whole tile each, until they have their share or no more tile can be spared."""
     wanted = round(share * len(layout.tiles()))
     items: list[Item] = []
-    for tile in dice.shuffled(layout.tiles()):
-        side = dice.pick(SIDES)
+    for tile in draws.shuffled(layout.tiles()):
+        side = draws.pick(SIDES)
         fitting = [
-            k for k in dice.shuffled(OBSTACLES[difficulty]) if _leaves_no_pocket(layout, tile, k, side)
+            k for k in draws.shuffled(OBSTACLES[difficulty]) if _leaves_no_pocket(layout, tile, k, side)
         ]
         if len(items) < wanted and fitting and layout.block([tile]):
             items.append(Item(tile, fitting[0], YAW[side]))
@@ -38,17 +38,18 @@ def _leaves_no_pocket(layout: Layout, tile: Tile, kind: str, side: Side) -> bool
     return kind != "corner_diag_120" or opposite(side) in open_sides
 
 
-def scatter_clutter(layout: Layout, dice: Dice, share: float) -> list[Item]:
+def scatter_clutter(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
     """Blocks and pipes along the walls of a share of the tiles."""
     tiles = [t for t in layout.tiles() if layout.is_free(t) and layout.walls_of(t)]
     wanted = round(share * len(layout.tiles()))
     return [
-        _beside_wall(dice, tile, dice.pick(layout.walls_of(tile))) for tile in dice.shuffled(tiles)[:wanted]
+        _beside_wall(draws, tile, draws.pick(layout.walls_of(tile)))
+        for tile in draws.shuffled(tiles)[:wanted]
     ]
 
 
-def _beside_wall(dice: Dice, tile: Tile, side: Side) -> Item:
-    kind, out = dice.pick(BESIDE_WALLS)
-    along = dice.number(-35, 35)
+def _beside_wall(draws: RandomDraws, tile: Tile, side: Side) -> Item:
+    kind, out = draws.pick(BESIDE_WALLS)
+    along = draws.number(-35, 35)
     (fx, fy), (lx, ly) = STEP[side], STEP[(side + 1) % 4]
     return Item(tile, kind, 90 * side, (out * fx + along * lx, out * fy + along * ly))

@@ -8,7 +8,7 @@ import numpy as np
 T = TypeVar("T")
 
 
-class Dice:
+class RandomDraws:
     """Draws from a generator."""
 
     def __init__(self, rng: np.random.Generator):

@@ -1,7 +1,7 @@
 """Draws furniture and rescue elements that the robot cannot drive over: things that are easily taken for others."""
 
 from sarsim.arenas.layout import STEP, YAW, Item, Layout, Side, Tile, opposite
-from sarsim.arenas.random_draws import Dice
+from sarsim.arenas.random_draws import RandomDraws
 
 AGAINST_WALL = (
     ("cabinet_low", 14),
@@ -51,75 +51,75 @@ OTHER_WALLS = ("partition", "partition", "veil_wall")
 """Inner walls that are no panels."""
 
 
-def place_furniture(layout: Layout, dice: Dice, share: float) -> list[Item]:
+def place_furniture(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
     """Things that take a whole tile each, until they have their share or no more tile can be spared."""
     wanted = round(share * len(layout.tiles()))
     items: list[Item] = []
     blocked = 0
-    for tile in dice.shuffled(layout.tiles()):
+    for tile in draws.shuffled(layout.tiles()):
         views = layout.views([tile])
         if blocked < wanted and layout.is_free(tile) and views and layout.block([tile]):
-            items += _furnish(dice, tile, dice.pick(views)[1])
+            items += _furnish(draws, tile, draws.pick(views)[1])
             blocked += 1
     return items
 
 
-def place_bulky(layout: Layout, dice: Dice, share: float) -> list[Item]:
+def place_bulky(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
     """Raised floors over free tiles, and boards and cupboards that take a tile, until they have their share."""
     wanted = round(share * len(layout.tiles()))
     items: dict[Tile, Item] = {}
-    for tile in dice.shuffled(layout.tiles()):
-        kind = dice.pick(BULKY)
+    for tile in draws.shuffled(layout.tiles()):
+        kind = draws.pick(BULKY)
         if len(items) >= wanted or tile in items or not layout.is_free(tile):
             continue
         if kind == BULKY[0]:
-            items |= {under: Item(under, kind) for under in _under_a_floor(layout, dice, tile)}
+            items |= {under: Item(under, kind) for under in _under_a_floor(layout, draws, tile)}
         elif (views := layout.views([tile])) and layout.block([tile]):
-            back = opposite(dice.pick(views)[1])
-            turn = dice.number(0, 3) if kind == "simple_elev_ramp" else 0
+            back = opposite(draws.pick(views)[1])
+            turn = draws.number(0, 3) if kind == "simple_elev_ramp" else 0
             items[tile] = Item(tile, kind, YAW[(back + turn) % 4])
     return list(items.values())
 
 
-def _under_a_floor(layout: Layout, dice: Dice, tile: Tile) -> list[Tile]:
+def _under_a_floor(layout: Layout, draws: RandomDraws, tile: Tile) -> list[Tile]:
     """A tile and some of those to which the robot can drive from there on level floor."""
     beside = [layout.next(tile, side) for side in layout.exits(tile)]
-    return [tile, *(t for t in beside if layout.is_free(t) and dice.chance(SPREAD))]
+    return [tile, *(t for t in beside if layout.is_free(t) and draws.chance(SPREAD))]
 
 
-def hang_on_walls(layout: Layout, dice: Dice, share: float) -> list[Item]:
+def hang_on_walls(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
     """Barrels, boxes and signs on the one wall of a share of the tiles; two walls would leave too narrow a lane."""
     places = [(t, layout.walls_of(t)) for t in layout.tiles() if layout.is_free(t)]
     single = [(tile, walls[0]) for tile, walls in places if len(walls) == 1]
     wanted = round(share * len(layout.tiles()))
-    return [Item(tile, dice.pick(ON_WALLS), YAW[side]) for tile, side in dice.shuffled(single)[:wanted]]
+    return [Item(tile, draws.pick(ON_WALLS), YAW[side]) for tile, side in draws.shuffled(single)[:wanted]]
 
 
-def _furnish(dice: Dice, tile: Tile, front: Side) -> list[Item]:
+def _furnish(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
     """Fill a tile into which the robot looks over its side ``front``."""
     back = opposite(front)
-    draw = dice.pick(("middle", "middle", "ramp", *("back",) * 5, *("work",) * 3))
+    draw = draws.pick(("middle", "middle", "ramp", *("back",) * 5, *("work",) * 3))
     if draw == "work":
-        return _work_place(dice, tile, front)
+        return _work_place(draws, tile, front)
     if draw == "middle":
-        items = [Item(tile, dice.pick(FREESTANDING), YAW[back])]
+        items = [Item(tile, draws.pick(FREESTANDING), YAW[back])]
     elif draw == "ramp":
-        kind, turn = dice.pick(RAMPS)
+        kind, turn = draws.pick(RAMPS)
         items = [Item(tile, kind, YAW[(back + turn) % 4])]
     else:
-        kind, room = dice.pick(AGAINST_WALL)
-        items = [Item(tile, kind, YAW[back], _shift(front, 0, dice.number(-room, room)))]
-    if dice.chance(ACCOMPANIED):
-        place = _shift(front, dice.number(20, 35), dice.number(-30, 30))
-        items.append(Item(tile, dice.pick(SMALL), dice.number(0, 359), place))
+        kind, room = draws.pick(AGAINST_WALL)
+        items = [Item(tile, kind, YAW[back], _shift(front, 0, draws.number(-room, room)))]
+    if draws.chance(ACCOMPANIED):
+        place = _shift(front, draws.number(20, 35), draws.number(-30, 30))
+        items.append(Item(tile, draws.pick(SMALL), draws.number(0, 359), place))
     return items
 
 
-def _work_place(dice: Dice, tile: Tile, front: Side) -> list[Item]:
+def _work_place(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
     """A desk with one or two chairs, pushed under it or left before it."""
-    sides = (-1, 1) if dice.chance(0.5) else (dice.pick((-1, 1)),)
-    places = [_shift(front, dice.number(0, 20), side * dice.number(20, 28)) for side in sides]
-    chairs = [Item(tile, dice.pick(CHAIRS), dice.number(0, 359), place) for place in places]
+    sides = (-1, 1) if draws.chance(0.5) else (draws.pick((-1, 1)),)
+    places = [_shift(front, draws.number(0, 20), side * draws.number(20, 28)) for side in sides]
+    chairs = [Item(tile, draws.pick(CHAIRS), draws.number(0, 359), place) for place in places]
     return [Item(tile, "desk", YAW[opposite(front)]), *chairs]
 
 

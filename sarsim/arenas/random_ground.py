@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from sarsim.arenas.layout import FLOOR, SIDES, STEP, YAW, Ground, Item, Layout, Side, Tile, opposite
-from sarsim.arenas.random_draws import Dice
+from sarsim.arenas.random_draws import RandomDraws
 
 LEVELS = (17, 25, 34)
 """cm, heights of decks and of the ramps up to them; 25 stands for 25.5."""
@@ -20,46 +20,46 @@ MAX_WAY = 4
 """tiles; a longer open way before the start makes it no better."""
 
 
-def make_maze(layout: Layout, dice: Dice, density: float) -> None:
+def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
     """A perfect maze by depth-first search, of whose walls only a share is left standing."""
     layout.walls.update(layout.inner_edges())
-    path = [dice.pick(layout.tiles())]
+    path = [draws.pick(layout.tiles())]
     seen = set(path)
     while path:
         ways = [s for s in SIDES if (t := layout.neighbour(path[-1], s)) is not None and t not in seen]
         if not ways:
             path.pop()
             continue
-        side = dice.pick(ways)
+        side = draws.pick(ways)
         layout.walls.discard(layout.edge(path[-1], side))
         path.append(layout.next(path[-1], side))
         seen.add(path[-1])
     for edge in sorted(layout.walls):
-        if not dice.chance(density):
+        if not draws.chance(density):
             layout.walls.discard(edge)
 
 
-def lay_ramps(layout: Layout, dice: Dice, share: float, fields: bool) -> None:
+def lay_ramps(layout: Layout, draws: RandomDraws, share: float, fields: bool) -> None:
     """Lay runs of ramps and decks until they have their share of the tiles, or nothing fits any more.
 
     ``fields``: also continuous ones, ridge after ridge, and one of these first.
     """
     tries, left = 10 * len(layout.tiles()), round(share * len(layout.tiles()))
     for _ in range(tries if fields else 0):
-        if taken := _lay_run(layout, dice, "field", left):
+        if taken := _lay_run(layout, draws, "field", left):
             left -= taken
             break
     kinds = ["ridge", "over", "over", "up"] + ["field", "field"] * fields
     for _ in range(2 * tries):
         if left <= 0:
             break
-        left -= _lay_run(layout, dice, dice.pick(kinds), left)
+        left -= _lay_run(layout, draws, draws.pick(kinds), left)
 
 
-def _lay_run(layout: Layout, dice: Dice, kind: str, most: int) -> int:
+def _lay_run(layout: Layout, draws: RandomDraws, kind: str, most: int) -> int:
     """Try to lay one run straight on from some floor tile in some direction; how many tiles it took."""
-    first, side = dice.pick(layout.tiles()), dice.pick(SIDES)
-    grounds, beyond = _draw_run(dice, kind, side), 0 if kind == "up" else 1
+    first, side = draws.pick(layout.tiles()), draws.pick(SIDES)
+    grounds, beyond = _draw_run(draws, kind, side), 0 if kind == "up" else 1
     tiles = layout.run(first, side, 1 + len(grounds) + beyond)
     inner, ends = tiles[1 : 1 + len(grounds)], [first, *tiles[1 + len(grounds) :]]
     fits = len(inner) == len(grounds) <= most and len(ends) == 1 + beyond
@@ -69,32 +69,32 @@ def _lay_run(layout: Layout, dice: Dice, kind: str, most: int) -> int:
     if not layout.lay(zip(inner, grounds, strict=True), opened):
         return 0
     layout.reserved.update(tiles)
-    _fence(layout, dice, inner)
+    _fence(layout, draws, inner)
     return len(inner)
 
 
-def _draw_run(dice: Dice, kind: str, side: Side) -> list[Ground]:
+def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[Ground]:
     """Grounds in a direction: a ridge, several, over a deck, or up to a deck."""
-    level = dice.pick(LEVELS)
+    level = draws.pick(LEVELS)
     up, down = Ground("ramp", level, side), Ground("ramp", level, opposite(side))
-    decks = [Ground("deck", level)] * dice.number(1, 2)
-    ridges = [Ground("ridge", RIDGE, side)] * dice.number(2, 4)
+    decks = [Ground("deck", level)] * draws.number(1, 2)
+    ridges = [Ground("ridge", RIDGE, side)] * draws.number(2, 4)
     return {"ridge": ridges[:1], "field": ridges, "over": [up, *decks, down], "up": [up, *decks]}[kind]
 
 
-def _fence(layout: Layout, dice: Dice, tiles: list[Tile]) -> None:
+def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
     """Put walls on sides over which the robot would fall: between ramps and decks always, to the floor on some."""
     for tile in tiles:
         for side in SIDES:
             falls = not layout.has_wall(tile, side) and not layout.passable(tile, side)
-            if falls and (layout.ground(layout.next(tile, side)) != FLOOR or dice.chance(FENCED)):
+            if falls and (layout.ground(layout.next(tile, side)) != FLOOR or draws.chance(FENCED)):
                 layout.walls.add(layout.edge(tile, side))
 
 
-def choose_start(layout: Layout, dice: Dice) -> tuple[Tile, Side]:
+def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
     """A floor tile and a heading with as long an open way ahead as there is; its first tiles are kept free."""
     places = [(t, s) for t in layout.tiles() if layout.ground(t) == FLOOR for s in SIDES]
-    tile, side = max(dice.shuffled(places), key=lambda place: len(_way(layout, *place)))
+    tile, side = max(draws.shuffled(places), key=lambda place: len(_way(layout, *place)))
     layout.start = tile
     layout.reserved.update(_way(layout, tile, side)[:2])
     return tile, side
@@ -131,24 +131,26 @@ def _half_ridge(tile: Tile, uphill: Side) -> Item:
     return Item(tile, f"ramp_{RIDGE}", YAW[opposite(uphill)], (-60 * dx, -60 * dy))
 
 
-def wall_items(layout: Layout, dice: Dice, holes: bool, tall: bool, others: Sequence[str] = ()) -> list[Item]:
+def wall_items(
+    layout: Layout, draws: RandomDraws, holes: bool, tall: bool, others: Sequence[str] = ()
+) -> list[Item]:
     """All walls. ``holes``: some have holes; ``tall``: all panels reach up to the ceiling; some are ``others``."""
     items = []
     for tile in layout.tiles():
         for side in SIDES:
             if layout.has_wall(tile, side) and layout.edge(tile, side) == (tile, side):
                 inner = layout.neighbour(tile, side) is not None
-                if inner and others and dice.chance(OTHER):
-                    kind = dice.pick(others)
+                if inner and others and draws.chance(OTHER):
+                    kind = draws.pick(others)
                 else:
-                    kind = _draw_wall(dice, holes and inner, tall)
+                    kind = _draw_wall(draws, holes and inner, tall)
                 items.append(Item(tile, kind, YAW[side]))
     return items
 
 
-def _draw_wall(dice: Dice, holes: bool, tall: bool) -> str:
+def _draw_wall(draws: RandomDraws, holes: bool, tall: bool) -> str:
     if tall:
         return "tall_wall"
-    if holes and dice.chance(HOLED):
-        return dice.pick(["wall_holes1", "small_wall_triple_holes"])
-    return "tall_wall" if dice.chance(TALL) else "small_wall"
+    if holes and draws.chance(HOLED):
+        return draws.pick(["wall_holes1", "small_wall_triple_holes"])
+    return "tall_wall" if draws.chance(TALL) else "small_wall"

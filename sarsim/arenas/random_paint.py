@@ -4,7 +4,7 @@ import colorsys
 from collections.abc import Sequence
 
 from sarsim.arenas.elements import ArenaBuilder
-from sarsim.arenas.random_draws import Dice
+from sarsim.arenas.random_draws import RandomDraws
 
 _TEXTURES = {"terrain": "concrete", "wall": "osb", "straight_ramp": "plywood"}
 """Of the materials that have one."""
@@ -13,33 +13,33 @@ _PATTERNS = ("none", "random", "edge", "cross")
 """MuJoCo's marks; edges and crosses make tiles of a wall or a floor."""
 
 
-def paint(builder: ArenaBuilder, dice: Dice) -> None:
+def paint(builder: ArenaBuilder, draws: RandomDraws) -> None:
     """Give floor, walls, ramps and boards of an arena other colours, and the larger ones other patterns."""
     for material, texture in _TEXTURES.items():
-        colour = _colour(dice)
-        look: dict[str, str | Sequence[float]] = {
-            "builtin": dice.pick(("flat", "gradient")),
+        colour = _colour(draws)
+        step: dict[str, str | Sequence[float]] = {
+            "builtin": draws.pick(("flat", "gradient")),
             "rgb1": colour,
-            "rgb2": _shade(colour, dice),
-            "mark": dice.pick(_PATTERNS),
-            "markrgb": _shade(colour, dice),
+            "rgb2": _shade(colour, draws),
+            "mark": draws.pick(_PATTERNS),
+            "markrgb": _shade(colour, draws),
         }
-        builder.change_asset("texture", texture, look)
-        repeats = dice.number(1, 3)
+        builder.change_asset("texture", texture, step)
+        repeats = draws.number(1, 3)
         builder.change_asset("material", material, {"texrepeat": (repeats, repeats)})
     for material in _PLAIN:
-        builder.change_asset("material", material, {"rgba": (*_colour(dice), 1.0)})
+        builder.change_asset("material", material, {"rgba": (*_colour(draws), 1.0)})
 
 
-def _colour(dice: Dice) -> tuple[float, float, float]:
+def _colour(draws: RandomDraws) -> tuple[float, float, float]:
     """Red, green, blue; pale ones more often than strong ones."""
-    hue, saturation = dice.number(0, 99) / 100, (dice.number(0, 9) / 10) ** 2
-    value = dice.number(20, 95) / 100
+    hue, saturation = draws.number(0, 99) / 100, (draws.number(0, 9) / 10) ** 2
+    value = draws.number(20, 95) / 100
     return colorsys.hsv_to_rgb(hue, saturation, value)
 
 
-def _shade(colour: tuple[float, float, float], dice: Dice) -> tuple[float, float, float]:
+def _shade(colour: tuple[float, float, float], draws: RandomDraws) -> tuple[float, float, float]:
     """The same somewhat darker or lighter."""
-    factor = dice.number(60, 120) / 100
+    factor = draws.number(60, 120) / 100
     red, green, blue = (min(1.0, factor * c) for c in colour)
     return red, green, blue

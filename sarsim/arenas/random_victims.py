@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sarsim.arenas.elements import TILE
 from sarsim.arenas.layout import SIDES, STEP, Layout, Side, Tile, opposite
-from sarsim.arenas.random_draws import Dice
+from sarsim.arenas.random_draws import RandomDraws
 from sarsim.victims.victims import Placement, Posture, VictimModel, make_victim
 
 ROOM = 0.04
@@ -61,16 +61,16 @@ class _Spot:
         return count[[0, 1] if self.facing % 2 == 0 else [1, 0]] * TILE
 
 
-def place_victim(layout: Layout, dice: Dice, name: str, hidden: bool) -> PlacedVictim | None:
+def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) -> PlacedVictim | None:
     """Draw people until one fits somewhere and takes those tiles; None if none does.
 
     ``hidden``: some are half under rubble, in a box or behind a hole.
     """
     spots = _spots(layout)
     for _ in range(DRAWS if spots else 0):
-        placement = dice.pick(PLACEMENTS[hidden])
-        model = make_victim(name, dice.rng, dice.pick(POSTURES[placement]), placement)
-        for spot in dice.shuffled(spots):
+        placement = draws.pick(PLACEMENTS[hidden])
+        model = make_victim(name, draws.rng, draws.pick(POSTURES[placement]), placement)
+        for spot in draws.shuffled(spots):
             if _fits(layout, model, spot) and layout.block(spot.tiles):
                 layout.reserved.update(layout.next(*view) for view in layout.views(spot.tiles))
                 return PlacedVictim(model, _position(model, spot), spot.facing * np.pi / 2)

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from pipeline.traversability.shortest_paths import ShortestPaths, simplify
-from pipeline.traversability.traversability import DrivableConfig, DrivableSurface, judge
-from sarsim.dataset.wheel_contact import Footing
+from pipeline.traversability.traversability import Traversability, TraversabilityConfig, assess
+from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.robots.pose import Pose
 from sarsim.sensors.odometry import OdometryConfig, WheelOdometry
@@ -69,7 +69,7 @@ class Drive:
     def __init__(
         self,
         surface: TrueSurface,
-        footing: Footing,
+        wheel_contact: WheelContact,
         T_world_start: NDArray[np.float64],
         config: DriveConfig,
         rng: np.random.Generator,
@@ -77,14 +77,14 @@ class Drive:
         """``T_world_start``: 4×4 pose of ``base_link`` on drivable ground."""
         self.config = config
         self._surface = surface
-        self._footing = footing
+        self._footing = wheel_contact
         self._rng = rng
         self._roads = _roads(surface)
         self._at = np.array([*T_world_start[:2, 3], yaw_of(T_world_start)])
         self._dead_reckoning = DeadReckoning(rng, config.period)
         self._time = 0.0
 
-    def looks(self, count: int) -> list[Pose]:
+    def poses(self, count: int) -> list[Pose]:
         """Where the robot is at each of the first so many looks.
 
         Raises:
@@ -204,9 +204,9 @@ def rotation_vector(R: NDArray[np.float64]) -> NDArray[np.float64]:
     return sine * (angle / length) if length > 0 else sine
 
 
-def _roads(surface: TrueSurface) -> DrivableSurface:
+def _roads(surface: TrueSurface) -> Traversability:
     """The true surface as the robot's own planner sees a measured one: ramps are met head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
-    roads = judge(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, DrivableConfig())
-    drivable, turnable = roads.drivable & surface.drivable, roads.turnable & surface.drivable
-    return replace(roads, drivable=drivable, turnable=turnable)
+    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, TraversabilityConfig())
+    traversable, turnable = roads.traversable & surface.drivable, roads.turnable & surface.drivable
+    return replace(roads, traversable=traversable, turnable=turnable)

@@ -22,7 +22,7 @@ from sarsim.dataset import image_kernels
 from sarsim.dataset.drive import Drive
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
-from sarsim.dataset.wheel_contact import Footing
+from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.robots.pioneer3at import Pioneer3AT
 from sarsim.robots.pose import Pose
@@ -59,11 +59,11 @@ def render_scene(
     """
     scene, arena = find_scene(recipe, index)
     with World(arena, scene, renderer, recipe.width, recipe.height) as world:
-        looks = world.drive(recipe, recipe.rng(index, "drive")).looks(recipe.frames)
+        poses = world.drive(recipe, recipe.rng(index, "drive")).poses(recipe.frames)
         noise = recipe.rng(index, "noise")
         with SceneWriter(path, recipe.frames, world.content()) as writer:
-            for i, pose in enumerate(looks):
-                writer.write(i, world.look(pose, noise))
+            for i, pose in enumerate(poses):
+                writer.write(i, world.capture(pose, noise))
                 on_frame()
     return scene, writer.label_points
 
@@ -142,13 +142,13 @@ class World(Closing):
         """A drive from the arena's start."""
         survey = Survey(self.model, self.data, self.camera.base_body)
         surface = survey.surface_from(self._T_world_start[:3, 3])
-        footing = Footing(survey.bodies, survey.grid)
-        return Drive(surface, footing, self._T_world_start, recipe.drive, rng)
+        wheel_contact = WheelContact(survey.bodies, survey.grid)
+        return Drive(surface, wheel_contact, self._T_world_start, recipe.drive, rng)
 
-    def look(self, pose: Pose, rng: np.random.Generator) -> SceneFrame:
+    def capture(self, pose: Pose, rng: np.random.Generator) -> SceneFrame:
         """What the robot sees from there; ``rng`` draws the errors of its sensors."""
         self._move(pose.T_world_base)
-        true = self.camera.look(self.data)
+        true = self.camera.capture(self.data)
         seen = self._scene.conditions.sense(true, rng)
         boxes, areas = self._victims_in(true.instance)
         return SceneFrame(

@@ -22,7 +22,7 @@ REACH = 0.2
 """m; what is that much higher than the middle of the robot is no ground to it."""
 
 
-class Footing:
+class WheelContact:
     """The ground of an arena as the robot's wheels meet it."""
 
     def __init__(self, bodies: ConvexBodies, grid: Grid):

@@ -7,10 +7,30 @@ from dm_control import composer, mjcf
 from dm_control.composer.observation import observable
 from numpy.typing import NDArray
 
+from pipeline.robot import RobotModel
 from pipeline.transforms import from_rotation
 from sarsim.assets import asset
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+
+MODEL = RobotModel(
+    length=0.508,  # data sheet: 508 × 497 mm, wheels included
+    width=0.497,
+    body_height=0.3,  # top plate at 0.274 m
+    headroom=0.65,  # the camera stands 0.6 m high
+    max_step=0.04,  # climbs 0.10 by its data sheet; the lowest steps of stairs, 0.05, are not for driving
+    max_gap=0.15,  # data sheet
+    max_tilt=np.deg2rad(20),  # climbs 35 %, 19°, by its data sheet
+    tipping_tilt=np.deg2rad(25),
+    acceleration=0.3,  # of its firmware
+    turn_acceleration=np.deg2rad(100),
+    ramp_slide=0.15,  # measured on 16°: 0.13 in a quarter turn, although it makes up for sliding
+    ramp_drift=0.05,  # measured on 16°: 0.013 in 2 m across the slope
+    slide_per_radian=0.42,  # measured on 16°: 0.18 in a quarter turn
+    min_turn_rate=0.06,
+    camera_range=(0.8, 3.5),  # the Xtion PRO LIVE's
+)
+"""What the pipeline knows of a Pioneer 3-AT with an Xtion on its mast."""
 
 
 class Pioneer3AT(composer.Robot):

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Look
+from pipeline.explorer import Explorer, Step
 from pipeline.navigation.navigator import Outcome
 from pipeline.traversability.shortest_paths_kernels import free_rules, shortest_paths
 from sarsim.ground_truth.faces import score_segments, true_faces
@@ -50,21 +50,21 @@ class EpisodeScore:
         self._lifts = 0
         self.progress: list[tuple[float, float]] = []
 
-    def add(self, look: Look) -> None:
+    def add(self, step: Step) -> None:
         """Take the newest look into account."""
         truth = self._robot.true_look
         assert truth is not None
-        self._lifts += look.was_lifted
+        self._lifts += step.was_kidnapped
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
         self._see(points)
         self.victims.add(truth.image)
         self.progress.append((self._robot.time - self._start_time, self.explored_fraction))
-        if look.frame.label is not None:
-            self._semantics.add(look.points, look.frame.label[look.frame.returns])
-        if look.plan is not None and look.plan.length > 0.1:
+        if step.frame.label is not None:
+            self._semantics.add(step.points, step.frame.label[step.frame.returns])
+        if step.plan is not None and step.plan.length > 0.1:
             self._cost_ratios.append(
-                look.plan.length / self._optimum(truth.T_world_base[:2, 3], look.plan.way_points[-1, :2])
+                step.plan.length / self._optimum(truth.T_world_base[:2, 3], step.plan.way_points[-1, :2])
             )
 
     @property

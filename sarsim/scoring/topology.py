@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.topological_map.sight_kernels import count_in
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.traversability.shortest_paths_kernels import free_rules, lines_are_drivable
+from pipeline.traversability.shortest_paths_kernels import free_rules, lines_are_traversable
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
 from sarsim.scoring.topology_kernels import cells_in_sight, mark
 
@@ -40,7 +40,7 @@ def _in_sight(
 ) -> NDArray[np.bool_]:
     """(N,) whether no wall stands between points (N, 2)."""
     grid = truth.grid
-    return lines_are_drivable(starts, ends, grid.origin, grid.cell, free_rules(~truth.walls))
+    return lines_are_traversable(starts, ends, grid.origin, grid.cell, free_rules(~truth.walls))
 
 
 def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> NDArray[np.bool_]:

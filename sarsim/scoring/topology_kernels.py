@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from pipeline.traversability.shortest_paths_kernels import line_is_drivable
+from pipeline.traversability.shortest_paths_kernels import line_is_traversable
 
 
 @njit(cache=True)
@@ -32,7 +32,7 @@ def cells_in_sight(places, target, origin, cell, sight, rules):
                 i, j = corners[k, 0] + a, corners[k, 1] + b
                 u, v = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
                 if target[i, j] and np.hypot(u - x, v - y) <= sight:
-                    seen[k, a, b] = line_is_drivable(x, y, u, v, origin, cell, rules)
+                    seen[k, a, b] = line_is_traversable(x, y, u, v, origin, cell, rules)
     return seen, corners
 
 

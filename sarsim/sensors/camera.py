@@ -61,7 +61,7 @@ class RgbdCamera:
         self._label = np.append(np.where(other, geom_labels(model), np.uint8(0)), np.uint8(Label.UNLABELLED))
         self._instance = np.append(np.where(other, np.arange(model.ngeom), -1), -1).astype(np.int32)
 
-    def look(self, data: mujoco.MjData) -> LabelledImage:
+    def capture(self, data: mujoco.MjData) -> LabelledImage:
         """Take one noise-free look, at whatever range."""
         geom, depth = self._renderer.segmentation_and_depth(data, self.camera_id)
         instance = self._instance.take(geom)

@@ -137,7 +137,7 @@ def _ours(model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int) -
     renderer = Renderer(model, width, height)
     camera = RgbdCamera(renderer, "camera")
     rng = np.random.default_rng(0)
-    image = camera.look(data)
+    image = camera.capture(data)
     parts: dict[str, Callable[[], object]] = {
         "colour": lambda: renderer.colour(data, "camera"),
         "segmentation_and_depth": lambda: renderer.segmentation_and_depth(data, "camera"),
@@ -146,7 +146,7 @@ def _ours(model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int) -
     }
 
     def frame() -> Times:
-        whole = _milliseconds(lambda: Xtion.ideal().apply(camera.look(data), rng))
+        whole = _milliseconds(lambda: Xtion.ideal().apply(camera.capture(data), rng))
         return Times(whole, {name: _milliseconds(part) for name, part in parts.items()})
 
     return frame

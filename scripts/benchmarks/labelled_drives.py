@@ -62,8 +62,8 @@ def drive_through(
     scene = SceneRecipe(0, arena, None, Conditions(lighting=lighting))
     with World(arena_of(scene), scene, Renderer, recipe.width, recipe.height) as world:
         noise = recipe.rng(0, "noise")
-        for pose in world.drive(recipe, recipe.rng(0, "drive")).looks(frames):
-            seen = world.look(pose, noise)
+        for pose in world.drive(recipe, recipe.rng(0, "drive")).poses(frames):
+            seen = world.capture(pose, noise)
             frame = Frame(
                 time=seen.time,
                 rgb=seen.rgb,

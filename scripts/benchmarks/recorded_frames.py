@@ -53,14 +53,14 @@ def record(arena: str, seed: int, frames: int) -> Recording:
     robot.on_motion = album.take
     with Progress(transient=True) as progress:
         bar = progress.add_task(f"recording in {arena}", total=None)
-        look = explorer.look()
-        while look.plan is not None and explorer.steps < STEPS:
-            explorer.drive(look)
+        step = explorer.step()
+        while step.plan is not None and explorer.steps < STEPS:
+            explorer.drive(step)
             progress.update(bar, advance=1)
-            look = explorer.look()
+            step = explorer.step()
     robot.close()
     ideal, xtion, poses = (np.array(column) for column in zip(*album.chosen(), strict=True))
-    return Recording(look.frame.intrinsics, ideal, xtion, poses)
+    return Recording(step.frame.intrinsics, ideal, xtion, poses)
 
 
 class _Album:

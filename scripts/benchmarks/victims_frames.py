@@ -68,8 +68,8 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
         places = (
             np.einsum("vij,vj->vi", content.victim_pose[:, :3, :3], middle) + content.victim_pose[:, :3, 3]
         )
-        for pose in world.drive(recipe, recipe.rng(index, "drive")).looks(recipe.frames):
-            frame = world.look(pose, noise)
+        for pose in world.drive(recipe, recipe.rng(index, "drive")).poses(recipe.frames):
+            frame = world.capture(pose, noise)
             seen = np.flatnonzero(frame.victim_area > 0)
             alone = world.areas_alone()[seen] if len(seen) else np.zeros(0)
             camera = (frame.pose_true @ frame.T_base_camera)[:3, 3]

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_rotation, from_yaw, yaw_of
+from tests.pipeline.robot_model import PIONEER
 
 
 class KinematicRobot:
@@ -18,6 +19,7 @@ class KinematicRobot:
         commands: all that it was told.
     """
 
+    model = PIONEER
     control_period = 0.05
 
     def __init__(

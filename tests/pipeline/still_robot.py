@@ -6,6 +6,7 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_rotation
+from tests.pipeline.robot_model import PIONEER
 
 INTRINSICS = Intrinsics(160, 120, 144.0, 144.0, 80.0, 60.0)
 
@@ -19,6 +20,7 @@ HEIGHT, PITCH = 0.6, np.deg2rad(15)
 class StillRobot:
     """Implements :class:`pipeline.robot.Robot`; the floor is at z = 0, and the wall at x = ``WALL`` up to z = 1 m."""
 
+    model = PIONEER
     control_period = 0.04
 
     def __init__(self):

@@ -17,14 +17,14 @@ def test_rays_go_through_pixel_centres():
 
 
 def test_what_is_no_positive_finite_depth_is_no_return():
-    look = frame([[0, -1, np.nan, np.inf], [1, 0, 0, 2]])
-    assert look.returns.tolist() == [[False] * 4, [True, False, False, True]]
-    np.testing.assert_allclose(look.points(np.eye(4)), [(-0.75, 0.25, 1), (1.5, 0.5, 2)])
+    step = frame([[0, -1, np.nan, np.inf], [1, 0, 0, 2]])
+    assert step.returns.tolist() == [[False] * 4, [True, False, False, True]]
+    np.testing.assert_allclose(step.points(np.eye(4)), [(-0.75, 0.25, 1), (1.5, 0.5, 2)])
 
 
 def test_points_are_in_the_target_frame():
-    look = frame([[0, 0, 0, 0], [1, 0, 0, 0]])
-    np.testing.assert_allclose(look.points(from_yaw(10, 0, 0, 0)), [(9.25, 0.25, 1)])
+    step = frame([[0, 0, 0, 0], [1, 0, 0, 0]])
+    np.testing.assert_allclose(step.points(from_yaw(10, 0, 0, 0)), [(9.25, 0.25, 1)])
 
 
 def test_an_empty_look_has_no_points():

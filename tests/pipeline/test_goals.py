@@ -14,17 +14,19 @@ START = (-2.4, -1.5)
 
 @pytest.fixture(scope="module")
 def world():
-    surface, segments = room((-3, 3), (-2, 2), U_TURN)
-    return surface, topology_of(surface, segments, START)
+    traversability, segments = room((-3, 3), (-2, 2), U_TURN)
+    return traversability, topology_of(traversability, segments, START)
 
 
 def drive(world, goals, share=1.0, here=START, most=100):
     """Follow the views, each a ``share`` of the way; the places that the robot was sent to."""
-    surface, _ = world
+    traversability, _ = world
     sent, here = [], np.array(here)
-    while view := goals.next_view(surface, None, ShortestPaths(surface, here), from_yaw(*here, 0, 0)):
-        sent.append(tuple(view.position.round(3)))
-        here = here + share * (view.position - here)
+    while viewpoint := goals.next_viewpoint(
+        traversability, None, ShortestPaths(traversability, here), from_yaw(*here, 0, 0)
+    ):
+        sent.append(tuple(viewpoint.position.round(3)))
+        here = here + share * (viewpoint.position - here)
         assert len(sent) < most
     goals.refuse()
     return sent
@@ -77,7 +79,9 @@ def test_who_is_there_already_does_not_drive(world):
 
 def test_what_cannot_be_reached_yet_is_not_refused_before_all_is_over(world):
     goals = Goals(world[1], [(9.0, 9.0)])
-    assert goals.next_view(world[0], None, ShortestPaths(world[0], START), from_yaw(*START, 0, 0)) is None
+    assert (
+        goals.next_viewpoint(world[0], None, ShortestPaths(world[0], START), from_yaw(*START, 0, 0)) is None
+    )
     assert len(goals.left) == 1
     goals.refuse()
     assert "off the map" in str(goals.visits[0].obstacle)

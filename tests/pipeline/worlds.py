@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.traversability.elevation_map import SurfaceMap
+from pipeline.traversability.elevation_map import ElevationMap
 
 Height = Callable[[NDArray, NDArray], NDArray]
 
@@ -27,11 +27,11 @@ def wall_points(a: tuple[float, float], b: tuple[float, float], height: float = 
     return np.column_stack([xy, z.ravel()]).astype(np.float32)
 
 
-def surface_of(*clouds: NDArray[np.float32]) -> SurfaceMap:
+def surface_of(*clouds: NDArray[np.float32]) -> ElevationMap:
     """The surface map of some clouds."""
-    surface = SurfaceMap()
-    surface.update(np.vstack(clouds))
-    return surface
+    traversability = ElevationMap()
+    traversability.update(np.vstack(clouds))
+    return traversability
 
 
 def flat(x: NDArray, y: NDArray) -> NDArray:

@@ -31,11 +31,11 @@ def path(tmp_path_factory) -> Path:
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="wheel"), seed=3)
     explorer = Explorer(robot, TruthClassifier(), seed=3)
     recorder = EpisodeRecorder(robot, path)
-    recorder.log_look(0, explorer, explorer.look())
+    recorder.log_step(0, explorer, explorer.step())
     for _ in range(round(DRIVING_TIME / robot.control_period)):
         robot.drive(Velocity(SPEED))
         recorder.log_motion(robot.trajectory[-1])
-    recorder.log_look(1, explorer, explorer.look())
+    recorder.log_step(1, explorer, explorer.step())
     recorder.close()
     robot.close()
     return path

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from pipeline.explorer import ExplorerConfig, Look
+from pipeline.explorer import ExplorerConfig, Step
 from sarsim.scripts.run_episode import Episode, EpisodeConfig
 
 WALL, TERRAIN, DECK = 1, 2, 4
@@ -43,7 +43,7 @@ class Diary:
     """An episode and the lines of its log; ``meddle`` is called between each look and the drive that follows."""
 
     def __init__(
-        self, arena: str, folder: Path, meddle: Callable[[Episode, Look], object] = lambda *_: None, **config
+        self, arena: str, folder: Path, meddle: Callable[[Episode, Step], object] = lambda *_: None, **config
     ):
         path = folder / "arena.xml"
         path.write_text(arena)
@@ -55,7 +55,7 @@ class Diary:
             self.lines.append(f"{level} {text}"),
             log(level, text),
         )
-        episode.explorer.drive = lambda look: (meddle(episode, look), drive(look))[1]
+        episode.explorer.drive = lambda step: (meddle(episode, step), drive(step))[1]
         assert episode.run()
         self.report = json.loads((folder / "report.json").read_text())
 
@@ -67,14 +67,14 @@ def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp
     deck = box((1.4, 2.8), (-1.3, 0.0), (0.0, 0.3), DECK)
     goals = ((1.0, 0.7), (2.1, -0.65), (50.0, 0.0), (2.8, 0.6))
     diary = Diary(room((-1.0, 2.8), (-1.3, 1.3), deck), tmp_path, goals=goals, home=True, steps=12)
-    errand = diary.report["goals"]
-    assert (errand["given"], errand["reached"]) == (4, 1)
+    task = diary.report["goals"]
+    assert (task["given"], task["reached"]) == (4, 1)
     for reason in (
         "(2.10, -0.65) m cannot be reached",
         "(50.00, 0.00) m is off the map",
         "(2.80, 0.60) m is in a",
     ):
-        assert any(reason in line for line in errand["refused"])
+        assert any(reason in line for line in task["refused"])
         assert diary.said(f"WARN the goal {reason}")
     assert diary.said("INFO the goal (1.00, 0.70) m is reached")
     assert diary.said("INFO home is reached")
@@ -84,12 +84,12 @@ def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp
     assert diary.report["navigation"]["collisions"] == 0
 
 
-def put_in_the_way(episode: Episode, look: Look) -> None:
+def put_in_the_way(episode: Episode, step: Step) -> None:
     """Once, 1.2 m ahead of a robot that is about to drive further than that."""
     data = episode.robot.physics.data
-    if look.plan and data.mocap_pos[0, 0] > 8 and np.linalg.norm(look.plan.way_points[0, :2]) > 1.5:
-        ahead = look.plan.way_points[0, :2] - look.T_map_base[:2, 3]
-        data.mocap_pos[0, :2] = look.T_map_base[:2, 3] + 1.2 * ahead / np.linalg.norm(ahead)
+    if step.plan and data.mocap_pos[0, 0] > 8 and np.linalg.norm(step.plan.way_points[0, :2]) > 1.5:
+        ahead = step.plan.way_points[0, :2] - step.T_map_base[:2, 3]
+        data.mocap_pos[0, :2] = step.T_map_base[:2, 3] + 1.2 * ahead / np.linalg.norm(ahead)
 
 
 def test_the_robot_stops_before_what_was_put_in_its_way_and_drives_around(tmp_path):
@@ -102,10 +102,10 @@ def test_the_robot_stops_before_what_was_put_in_its_way_and_drives_around(tmp_pa
     assert diary.report["navigation"]["stuck"] == 0
 
 
-def lift(episode: Episode, look: Look) -> None:
+def lift(episode: Episode, step: Step) -> None:
     """Once, to another room."""
     robot = episode.robot
-    if look.plan and robot.trajectory[-1].T_world_base[0, 3] < 4:
+    if step.plan and robot.trajectory[-1].T_world_base[0, 3] < 4:
         robot.robot.set_pose(robot.physics, np.array([8.0, 0.0, 0.0]), np.array([1.0, 0, 0, 0]))
         mujoco.mj_forward(robot.physics.model.ptr, robot.physics.data.ptr)
 

@@ -9,13 +9,15 @@ from pipeline.exploration.baselines import ROBOT_SIZE, NearestFrontier, RandomWa
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.transforms import from_yaw
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import drivable_surface
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 
-def next_view(exploration: Exploration, world, pose):
-    surface = drivable_surface(world)
-    return exploration.next_view(surface, world.measured, ShortestPaths(surface, pose[:2, 3]), pose)
+def next_viewpoint(exploration: Exploration, world, pose):
+    traversability = assess_map(world)
+    return exploration.next_viewpoint(
+        traversability, world.measured, ShortestPaths(traversability, pose[:2, 3]), pose
+    )
 
 
 def room(*corners, x=(-2.0, 2.0), y=(-2.0, 2.0)):
@@ -37,17 +39,17 @@ def corridor(west, east):
 
 
 def test_the_nearest_frontier_in_view_is_looked_at_from_where_the_robot_stands():
-    view = next_view(NearestFrontier(), corridor(-6, 2), from_yaw(0, 0, 0, 0))
-    assert abs(view.heading) < np.deg2rad(30)
-    np.testing.assert_allclose(view.position, (0, 0), atol=1e-9)
-    assert view.gain >= ROBOT_SIZE
+    viewpoint = next_viewpoint(NearestFrontier(), corridor(-6, 2), from_yaw(0, 0, 0, 0))
+    assert abs(viewpoint.heading) < np.deg2rad(30)
+    np.testing.assert_allclose(viewpoint.position, (0, 0), atol=1e-9)
+    assert viewpoint.gain >= ROBOT_SIZE
 
 
 def test_it_drives_only_so_near_that_the_frontier_is_in_view():
     exploration = NearestFrontier()
-    view = next_view(exploration, corridor(-9, 6), from_yaw(0, 0, 0, 0))
-    assert exploration.config.near < 6 - view.position[0] <= exploration.config.far + 0.3
-    assert view.turn
+    viewpoint = next_viewpoint(exploration, corridor(-9, 6), from_yaw(0, 0, 0, 0))
+    assert exploration.config.near < 6 - viewpoint.position[0] <= exploration.config.far + 0.3
+    assert viewpoint.turn
 
 
 def test_what_is_larger_does_not_draw_it_away_from_what_is_nearer():
@@ -55,8 +57,8 @@ def test_what_is_larger_does_not_draw_it_away_from_what_is_nearer():
     world.update(wall_points((1.5, 0.4), (1.5, 2)))  # a door in the east, all open in the west
     world.update(wall_points((1.5, 2), (-4, 2)))
     pose = from_yaw(0, 0, 0, np.pi)
-    assert abs(next_view(NearestFrontier(), world, pose).heading) < np.deg2rad(30)
-    assert abs(next_view(Exploration(), world, pose).heading) > np.deg2rad(90)
+    assert abs(next_viewpoint(NearestFrontier(), world, pose).heading) < np.deg2rad(30)
+    assert abs(next_viewpoint(Exploration(), world, pose).heading) > np.deg2rad(90)
 
 
 def test_a_frontier_smaller_than_the_robot_comes_last_but_comes():
@@ -71,35 +73,35 @@ def test_a_frontier_smaller_than_the_robot_comes_last_but_comes():
 
 def test_nothing_is_left_in_a_closed_room():
     exploration = NearestFrontier()
-    assert next_view(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
+    assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
     assert len(exploration.frontiers) == 0
 
 
 def test_a_frontier_that_never_comes_into_view_is_given_up():
     world, exploration, pose = corridor(-3, 2), NearestFrontier(), from_yaw(0, 0, 0, 0)
     world.update(wall_points((-3, -1), (-3, 1)))
-    views = []
-    while (view := next_view(exploration, world, pose)) is not None and len(views) < 100:
-        views.append(view)
-        pose = from_yaw(*view.position, 0, view.heading)
-    assert 3 <= len(views) < 100
-    assert len({tuple(v.position) for v in views}) > 1
+    viewpoints = []
+    while (viewpoint := next_viewpoint(exploration, world, pose)) is not None and len(viewpoints) < 100:
+        viewpoints.append(viewpoint)
+        pose = from_yaw(*viewpoint.position, 0, viewpoint.heading)
+    assert 3 <= len(viewpoints) < 100
+    assert len({tuple(v.position) for v in viewpoints}) > 1
 
 
 def test_nobody_looks_from_where_the_robot_cannot_stand():
     world = surface_of(ground_points(flat, (0, 0.3), (0, 0.3)))
     for exploration in (NearestFrontier(), RandomWalk(0)):
-        assert next_view(exploration, world, from_yaw(0.1, 0.1, 0, 0)) is None
+        assert next_viewpoint(exploration, world, from_yaw(0.1, 0.1, 0, 0)) is None
 
 
 def test_a_random_walk_goes_by_its_seed_and_ends():
     world, pose = closed_room(), from_yaw(0, 0, 0, 0)
 
     def walk(seed):
-        exploration = RandomWalk(seed, looks=5)
-        views = [next_view(exploration, world, pose) for _ in range(5)]
-        assert next_view(exploration, world, pose) is None
-        return [(*view.position, view.heading) for view in views]
+        exploration = RandomWalk(seed, steps=5)
+        viewpoints = [next_viewpoint(exploration, world, pose) for _ in range(5)]
+        assert next_viewpoint(exploration, world, pose) is None
+        return [(*viewpoint.position, viewpoint.heading) for viewpoint in viewpoints]
 
     assert walk(1) == walk(1)
     assert walk(1) != walk(2)
@@ -108,10 +110,10 @@ def test_a_random_walk_goes_by_its_seed_and_ends():
 @pytest.mark.parametrize("stride", [0.5, 1.0])
 def test_a_random_walk_stays_where_the_robot_can_turn_and_not_far(stride):
     world, exploration, pose = corridor(-9, 6), RandomWalk(0, stride), from_yaw(0, 0, 0, 0)
-    surface = drivable_surface(world)
+    traversability = assess_map(world)
     for _ in range(10):
-        view = next_view(exploration, world, pose)
-        assert np.linalg.norm(view.position - pose[:2, 3]) <= stride + 0.1
-        assert surface.grid.at(surface.turnable, view.position)
-        assert view.turn
-        pose = from_yaw(*view.position, 0, view.heading)
+        viewpoint = next_viewpoint(exploration, world, pose)
+        assert np.linalg.norm(viewpoint.position - pose[:2, 3]) <= stride + 0.1
+        assert traversability.grid.at(traversability.turnable, viewpoint.position)
+        assert viewpoint.turn
+        pose = from_yaw(*viewpoint.position, 0, viewpoint.heading)

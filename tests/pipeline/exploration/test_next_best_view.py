@@ -4,17 +4,19 @@ import numpy as np
 import pytest
 
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.next_best_view import Exploration, ExplorationConfig, View
+from pipeline.exploration.next_best_view import Exploration, ExplorationConfig, Viewpoint
 from pipeline.transforms import from_yaw, wrap_angle
-from pipeline.traversability.elevation_map import SurfaceMap
+from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import drivable_surface
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
 
-def next_view(exploration, world, pose):
-    surface = drivable_surface(world)
-    return exploration.next_view(surface, world.measured, ShortestPaths(surface, pose[:2, 3]), pose)
+def next_viewpoint(exploration, world, pose):
+    traversability = assess_map(world)
+    return exploration.next_viewpoint(
+        traversability, world.measured, ShortestPaths(traversability, pose[:2, 3]), pose
+    )
 
 
 def closed_room():
@@ -27,31 +29,31 @@ def test_it_looks_where_the_known_ground_ends():
     world = surface_of(ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1)))
     for y in (-1, 1):
         world.update(wall_points((-2, y), (2, y)))
-    view = next_view(Exploration(), world, from_yaw(0, 0, 0, 0))
-    assert view is not None
-    assert abs(view.heading) < np.deg2rad(30)
-    assert view.gain > 0.5
+    viewpoint = next_viewpoint(Exploration(), world, from_yaw(0, 0, 0, 0))
+    assert viewpoint is not None
+    assert abs(viewpoint.heading) < np.deg2rad(30)
+    assert viewpoint.gain > 0.5
 
 
 def test_nothing_is_left_in_a_closed_room():
     exploration = Exploration()
-    assert next_view(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
+    assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
     assert len(exploration.frontiers) == 0
 
 
 def test_walls_hide_what_lies_behind_them():
     world = closed_room()
     world.update(ground_points(flat, (4, 6), (-2, 2)))  # an island of known ground outside
-    assert next_view(Exploration(), world, from_yaw(0, 0, 0, 0)) is None
+    assert next_viewpoint(Exploration(), world, from_yaw(0, 0, 0, 0)) is None
 
 
 def test_the_nearer_of_two_equal_openings_is_looked_at_first():
     world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
     for y in (-1, 1):
         world.update(wall_points((-4, y), (2, y)))
-    view = next_view(Exploration(), world, from_yaw(0.5, 0, 0, 0))
-    assert view.position[0] > -1
-    assert abs(view.heading) < np.deg2rad(30)
+    viewpoint = next_viewpoint(Exploration(), world, from_yaw(0.5, 0, 0, 0))
+    assert viewpoint.position[0] > -1
+    assert abs(viewpoint.heading) < np.deg2rad(30)
 
 
 def test_frontiers_are_where_reachable_ground_meets_the_unknown():
@@ -59,7 +61,7 @@ def test_frontiers_are_where_reachable_ground_meets_the_unknown():
     for y in (-1, 1):
         world.update(wall_points((-2, y), (2, y)))
     exploration = Exploration()
-    next_view(exploration, world, from_yaw(0, 0, 0, 0))
+    next_viewpoint(exploration, world, from_yaw(0, 0, 0, 0))
     assert len(exploration.frontiers) == 1
     np.testing.assert_allclose(exploration.frontiers[0], (1.7, 0, 0), atol=0.2)
 
@@ -70,15 +72,15 @@ def test_ground_that_a_look_did_not_show_is_looked_for_from_elsewhere_and_then_g
         world.update(wall_points((-3, y), (1.5, y)))
     world.update(wall_points((-3, -1), (-3, 1)))
     exploration = Exploration(ExplorationConfig(max_misses=3))
-    pose, views = from_yaw(0, 0, 0, 0), []
+    pose, viewpoints = from_yaw(0, 0, 0, 0), []
     for _ in range(30):
-        view = next_view(exploration, world, pose)  # nothing new ever comes into view
-        if view is None:
+        viewpoint = next_viewpoint(exploration, world, pose)  # nothing new ever comes into view
+        if viewpoint is None:
             break
-        views.append(view.position)
-        pose = from_yaw(*view.position, 0, view.heading)
-    assert view is None
-    assert np.ptp([v[0] for v in views]) > 0.3
+        viewpoints.append(viewpoint.position)
+        pose = from_yaw(*viewpoint.position, 0, viewpoint.heading)
+    assert viewpoint is None
+    assert np.ptp([v[0] for v in viewpoints]) > 0.3
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -99,8 +101,8 @@ def test_whatever_is_promised_is_expected_to_be_seen(seed):
     place = np.array([0.025, 0.025])
     gains = exploration._gains(place, np.zeros((0, 2), np.int64), ground)[0]
     for m in np.flatnonzero(gains):
-        view = View(place, wrap_angle(m * 2 * np.pi / rays), True, float(gains[m]))
-        assert exploration._in_view(view, ground).any()
+        viewpoint = Viewpoint(place, wrap_angle(m * 2 * np.pi / rays), True, float(gains[m]))
+        assert exploration._in_view(viewpoint, ground).any()
 
 
 def test_from_a_ramp_it_without_room_it_looks_along_its_way_only():
@@ -110,29 +112,29 @@ def test_from_a_ramp_it_without_room_it_looks_along_its_way_only():
     world.update(wall_points((-2.5, -0.5), (-2.5, 0.5)))
     exploration, pose = Exploration(), from_yaw(-1.5, 0, 0, 0)
     for _ in range(20):  # nobody sees what lies behind the crest from below it
-        view = next_view(exploration, world, pose)
-        if view is None or not view.turn:
+        viewpoint = next_viewpoint(exploration, world, pose)
+        if viewpoint is None or not viewpoint.turn:
             break
-        pose = from_yaw(*view.position, 0, view.heading)
-    assert view is not None
-    assert -RUN - 0.25 < view.position[0] < 0
-    assert abs(view.heading) < np.deg2rad(2)
+        pose = from_yaw(*viewpoint.position, 0, viewpoint.heading)
+    assert viewpoint is not None
+    assert -RUN - 0.25 < viewpoint.position[0] < 0
+    assert abs(viewpoint.heading) < np.deg2rad(2)
 
 
 @pytest.mark.parametrize(("yaw_deg", "arrival_deg"), [(0, 0), (20, 0), (180, 180), (-160, 180), (90, None)])
 def test_where_it_cannot_turn_at_all_it_arrives_forwards_or_backwards_or_not(yaw_deg, arrival_deg):
-    surface = drivable_surface(surface_of(ground_points(lambda x, y: 0.28 * x, (-0.8, 0.8), (-0.39, 0.39))))
+    traversability = assess_map(surface_of(ground_points(lambda x, y: 0.28 * x, (-0.8, 0.8), (-0.39, 0.39))))
     here, uphill = np.array([-0.4, 0.025]), np.array([0.2, 0.025])
-    assert not (surface.turnable | surface.slidable).any()
-    exploration, paths = Exploration(), ShortestPaths(surface, here)
-    arrival = exploration._arrival(np.stack([here, uphill]), surface, paths, np.deg2rad(yaw_deg))
+    assert not (traversability.turnable | traversability.slidable).any()
+    exploration, paths = Exploration(), ShortestPaths(traversability, here)
+    arrival = exploration._arrival(np.stack([here, uphill]), traversability, paths, np.deg2rad(yaw_deg))
     assert arrival[0] == pytest.approx(np.deg2rad(yaw_deg))
     possible = exploration._possible(arrival)[1]
     headings = np.flatnonzero(possible) * 2 * np.pi / exploration.config.rays
     np.testing.assert_allclose(headings, [] if arrival_deg is None else [np.deg2rad(arrival_deg)], atol=0.02)
 
 
-def ridge_seen_up_to_its_crest() -> SurfaceMap:
+def ridge_seen_up_to_its_crest() -> ElevationMap:
     """A corridor over a ridge of which nothing behind the crest was seen."""
     world = surface_of(ground_points(ridge, (-4, 0.05), (-0.6, 0.6)), wall_points((-4, -0.6), (-4, 0.6)))
     for y in (-0.6, 0.6):
@@ -141,11 +143,11 @@ def ridge_seen_up_to_its_crest() -> SurfaceMap:
 
 
 def test_behind_a_crest_it_looks_from_where_rays_do_not_graze_the_slope():
-    view = next_view(Exploration(), ridge_seen_up_to_its_crest(), from_yaw(-3, 0, 0, 0))
+    viewpoint = next_viewpoint(Exploration(), ridge_seen_up_to_its_crest(), from_yaw(-3, 0, 0, 0))
     # A slope of 16° sends rays back that fall by 24.5° at least: such pass a crest of 0.17 m within 0.95 m of the
     # camera. From the ramp itself the camera looks up.
-    assert -0.95 - 0.17 < view.position[0] < -RUN
-    assert abs(view.heading) < np.deg2rad(25)
+    assert -0.95 - 0.17 < viewpoint.position[0] < -RUN
+    assert abs(viewpoint.heading) < np.deg2rad(25)
 
 
 def test_ground_that_a_look_did_not_show_may_fall_away():
@@ -153,8 +155,8 @@ def test_ground_that_a_look_did_not_show_may_fall_away():
     for y in (-0.6, 0.6):
         deck.update(wall_points((-3, y), (1, y)))
     exploration = Exploration()
-    first = next_view(exploration, deck, from_yaw(-1, 0, 0, 0))
-    second = next_view(exploration, deck, from_yaw(*first.position, 0, first.heading))
+    first = next_viewpoint(exploration, deck, from_yaw(-1, 0, 0, 0))
+    second = next_viewpoint(exploration, deck, from_yaw(*first.position, 0, first.heading))
     assert first.position[0] < 0
     assert second.position[0] > 0.2
     assert second.gain < first.gain
@@ -164,76 +166,76 @@ def test_where_it_cannot_turn_it_looks_as_it_stands():
     world = surface_of(ground_points(flat, (-0.33, 0.33), (-2, 2)))
     for x in (-0.33, 0.33):
         world.update(wall_points((x, -2), (x, 2)))
-    view = next_view(Exploration(), world, from_yaw(0, 0, 0, np.pi / 2))
-    assert view is not None
-    assert not view.turn
-    assert view.heading == pytest.approx(np.pi / 2, abs=0.02)
+    viewpoint = next_viewpoint(Exploration(), world, from_yaw(0, 0, 0, np.pi / 2))
+    assert viewpoint is not None
+    assert not viewpoint.turn
+    assert viewpoint.heading == pytest.approx(np.pi / 2, abs=0.02)
 
 
 def test_no_view_from_where_the_robot_cannot_stand():
     world = surface_of(ground_points(flat, (0, 0.3), (0, 0.3)))
-    assert next_view(Exploration(), world, from_yaw(0.1, 0.1, 0, 0)) is None
+    assert next_viewpoint(Exploration(), world, from_yaw(0.1, 0.1, 0, 0)) is None
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0, -3.0])
 def test_the_choice_does_not_depend_on_chance(yaw):
     world = surface_of(ground_points(flat, (-2, 2), (-2, 2)))
-    views = [next_view(Exploration(), world, from_yaw(0, 0, 0, yaw)) for _ in range(2)]
-    assert views[0].heading == views[1].heading
-    np.testing.assert_array_equal(views[0].position, views[1].position)
+    viewpoints = [next_viewpoint(Exploration(), world, from_yaw(0, 0, 0, yaw)) for _ in range(2)]
+    assert viewpoints[0].heading == viewpoints[1].heading
+    np.testing.assert_array_equal(viewpoints[0].position, viewpoints[1].position)
 
 
 def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall():
-    world = SurfaceMap()
+    world = ElevationMap()
     world.assume_ground(from_yaw(0, 0, 0, 0), 0.8, 0.0, 0.0)
     corners = [(-0.6, -1.0), (0.6, -1.0), (0.6, 1.0), (-0.6, 1.0), (-0.6, -1.0)]
     seen = ground_points(flat, (-0.6, 0.6), (-1, 1))
     # From where it can turn the camera sees nothing nearer than 1.04 m.
     seen = seen[np.abs(seen[:, 1] + 0.375) > 0.025]
     world.update(np.vstack([seen, *(wall_points(a, b) for a, b in pairwise(corners))]))
-    view = next_view(Exploration(ExplorationConfig(min_gain=0.02)), world, from_yaw(0, 0, 0, 0))
-    assert view is not None
-    assert view.backwards
-    assert not view.turn
-    assert view.position[1] > 0.6
-    assert abs(wrap_angle(view.heading + np.pi / 2)) < np.deg2rad(1)
+    viewpoint = next_viewpoint(Exploration(ExplorationConfig(min_gain=0.02)), world, from_yaw(0, 0, 0, 0))
+    assert viewpoint is not None
+    assert viewpoint.backwards
+    assert not viewpoint.turn
+    assert viewpoint.position[1] > 0.6
+    assert abs(wrap_angle(viewpoint.heading + np.pi / 2)) < np.deg2rad(1)
 
 
 def test_ground_taken_for_flat_before_a_ramp_is_seen_by_backing_up_the_ramp():
-    world = SurfaceMap()
+    world = ElevationMap()
     world.assume_ground(from_yaw(-1.6, 0, 0, 0), 0.5, 0.0, 0.0)
     corners = [(-2.2, -0.6), (0.5, -0.6), (0.5, 0.6), (-2.2, 0.6), (-2.2, -0.6)]
     seen = ground_points(ridge, (-2.2, 0.5), (-0.6, 0.6))
     seen = seen[np.hypot(seen[:, 0] + 1.6, seen[:, 1]) > 0.3]
     world.update(np.vstack([seen, *(wall_points(a, b) for a, b in pairwise(corners))]))
-    view = next_view(Exploration(), world, from_yaw(-1.6, 0, 0, 0))
-    assert view is not None
-    assert view.backwards
-    assert view.position[0] > -RUN
-    assert abs(abs(view.heading) - np.pi) < np.deg2rad(20)
-    assert view.via[0] < -RUN - 0.2
-    way = view.position - view.via
-    assert abs(wrap_angle(np.arctan2(way[1], way[0]) - view.heading - np.pi)) < np.deg2rad(0.1)
+    viewpoint = next_viewpoint(Exploration(), world, from_yaw(-1.6, 0, 0, 0))
+    assert viewpoint is not None
+    assert viewpoint.backwards
+    assert viewpoint.position[0] > -RUN
+    assert abs(abs(viewpoint.heading) - np.pi) < np.deg2rad(20)
+    assert viewpoint.via[0] < -RUN - 0.2
+    way = viewpoint.position - viewpoint.via
+    assert abs(wrap_angle(np.arctan2(way[1], way[0]) - viewpoint.heading - np.pi)) < np.deg2rad(0.1)
 
 
 def test_straight_ways_begin_where_it_can_turn_and_keep_the_corners_of_the_chassis_off_walls():
-    surface = drivable_surface(closed_room())
+    traversability = assess_map(closed_room())
     places = np.array([(1.675, 0.025), (1.0, 0.0)])
     ways = kernels.straight_ways(
         places,
         8,
         2.0,
-        surface.turnable,
-        surface.hazard,
-        surface.rules(surface.ramp_alignment),
-        surface.grid.origin,
-        surface.grid.cell,
+        traversability.turnable,
+        traversability.hazard,
+        traversability.rules(traversability.ramp_alignment),
+        traversability.grid.origin,
+        traversability.grid.cell,
     )
-    assert surface.turnable[tuple(surface.grid.cell_of(places[1]))]
+    assert traversability.turnable[tuple(traversability.grid.cell_of(places[1]))]
     np.testing.assert_array_equal(ways[1], 0)
-    assert not surface.turnable[tuple(surface.grid.cell_of(places[0]))]
+    assert not traversability.turnable[tuple(traversability.grid.cell_of(places[0]))]
     assert np.flatnonzero(np.isfinite(ways[0])).tolist() == [0]  # not obliquely, along the wall or out of it
-    assert surface.grid.at(surface.turnable, places[0] - (ways[0, 0], 0))
+    assert traversability.grid.at(traversability.turnable, places[0] - (ways[0, 0], 0))
 
 
 class Wish:
@@ -250,23 +252,23 @@ class Wish:
 
 def test_what_else_is_worth_a_look_is_looked_at():
     exploration = Exploration()
-    exploration.wishes = Wish(1.0)
-    view = next_view(exploration, closed_room(), from_yaw(0, 0, 0, 0))
-    assert np.linalg.norm(view.position - (1, 0)) < 0.3
-    assert abs(view.heading) < 0.2
-    assert view.gain == pytest.approx(1.0)
-    exploration.wishes.wanted = []
-    assert next_view(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
+    exploration.rewards = Wish(1.0)
+    viewpoint = next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0))
+    assert np.linalg.norm(viewpoint.position - (1, 0)) < 0.3
+    assert abs(viewpoint.heading) < 0.2
+    assert viewpoint.gain == pytest.approx(1.0)
+    exploration.rewards.wanted = []
+    assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
 
 
 def test_it_is_weighed_with_the_ground_left_to_see():
     world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
     for y in (-1, 1):
         world.update(wall_points((-4, y), (2, y)))
-    views = []
+    viewpoints = []
     for worth in (0.01, 100.0):
         exploration = Exploration()
-        exploration.wishes = Wish(worth)
-        views.append(next_view(exploration, world, from_yaw(-2.5, 0, 0, np.pi)))
-    assert abs(views[0].heading) > 2  # the nearer end of the known ground
-    assert np.linalg.norm(views[1].position - (1, 0)) < 0.3
+        exploration.rewards = Wish(worth)
+        viewpoints.append(next_viewpoint(exploration, world, from_yaw(-2.5, 0, 0, np.pi)))
+    assert abs(viewpoints[0].heading) > 2  # the nearer end of the known ground
+    assert np.linalg.norm(viewpoints[1].position - (1, 0)) < 0.3

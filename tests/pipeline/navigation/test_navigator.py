@@ -130,12 +130,12 @@ def test_a_robot_that_was_lifted_stops():
     robot = KinematicRobot()
     drive = robot.drive
 
-    def lifted(command):
+    def kidnapped(command):
         if len(robot.commands) == 60:
             robot.T = from_yaw(3, 3, 0, 1)
         return drive(command)
 
-    robot.drive = lifted
+    robot.drive = kidnapped
     navigator = Navigator(robot)
     assert not navigator.follow(np.array([(2, 0), (2, 2)]))
     assert [leg.outcome for leg in navigator.legs] == [Outcome.MOVED]

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from pipeline.navigation.obstacle_check import Lookout, LookoutConfig
-from pipeline.traversability.traversability import drivable_surface
+from pipeline.navigation.obstacle_check import ObstacleCheck, ObstacleCheckConfig
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import flat, ground_points, ridge, surface_of, wall_points
 
 START, TARGET = np.array([0.0, 0.0]), np.array([2.0, 0.0])
-FLOOR = drivable_surface(surface_of(ground_points(flat, (-1, 4), (-1, 1))))
+FLOOR = assess_map(surface_of(ground_points(flat, (-1, 4), (-1, 1))))
 
 
-def lookout(*seen, surface=FLOOR, config=None):
+def obstacle_check(*seen, traversability=FLOOR, config=None):
     """A lookout that always sees the same."""
     cloud = np.vstack(seen).astype(np.float32)
-    return Lookout(lambda: cloud, surface, config)
+    return ObstacleCheck(lambda: cloud, traversability, config)
 
 
 def box(x, y, height=0.4):
@@ -37,33 +37,33 @@ def box(x, y, height=0.4):
     ],
 )
 def test_what_stands_in_the_corridor_is_in_the_way(seen, clear):
-    watch = lookout(seen)
+    watch = obstacle_check(seen)
     assert watch.is_clear(START, TARGET) == clear
     assert (len(watch.obstacles) == 0) == clear
 
 
 def test_what_the_map_knows_is_no_news():
-    walled = drivable_surface(
-        surface_of(ground_points(flat, (-1, 4), (-1, 1)), wall_points((1.5, -1), (1.5, 1)))
-    )
-    assert lookout(wall_points((1.5, -1), (1.5, 1)), surface=walled).is_clear(START, TARGET)
+    walled = assess_map(surface_of(ground_points(flat, (-1, 4), (-1, 1)), wall_points((1.5, -1), (1.5, 1))))
+    assert obstacle_check(wall_points((1.5, -1), (1.5, 1)), traversability=walled).is_clear(START, TARGET)
 
 
 def test_a_ramp_is_no_obstacle():
-    surface = drivable_surface(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
     seen = ground_points(ridge, (-1, 1), (-1, 1))
-    assert lookout(seen, surface=surface).is_clear(np.array([-1.5, 0.0]), np.array([1.5, 0.0]))
+    assert obstacle_check(seen, traversability=traversability).is_clear(
+        np.array([-1.5, 0.0]), np.array([1.5, 0.0])
+    )
 
 
 def test_what_stands_behind_the_way_point_does_not_matter():
-    assert lookout(box(1.5, 0.0)).is_clear(START, np.array([1.1, 0.0]))
-    assert not lookout(box(1.4, 0.0)).is_clear(START, np.array([1.1, 0.0]))
+    assert obstacle_check(box(1.5, 0.0)).is_clear(START, np.array([1.1, 0.0]))
+    assert not obstacle_check(box(1.4, 0.0)).is_clear(START, np.array([1.1, 0.0]))
 
 
 def test_it_glances_at_each_new_way_point_and_every_stride():
     glances = []
-    watch = Lookout(
-        lambda: glances.append(1) or np.zeros((0, 3), np.float32), FLOOR, LookoutConfig(stride=0.4)
+    watch = ObstacleCheck(
+        lambda: glances.append(1) or np.zeros((0, 3), np.float32), FLOOR, ObstacleCheckConfig(stride=0.4)
     )
     for x in np.arange(0, 1.0, 0.01):
         assert watch.is_clear(np.array([x, 0.0]), TARGET)

@@ -8,7 +8,7 @@ from pipeline.segments.segments import Segments
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.shortest_paths_kernels import free_rules, shortest_paths
-from pipeline.traversability.traversability import drivable_surface
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.topological_map.grounds import U_TURN, room, topology_of
 from tests.pipeline.worlds import ground_points, ridge, surface_of
 
@@ -18,13 +18,13 @@ BOX = [((1.0, 1.0), (2.6, 1.0)), ((2.6, 1.0), (2.6, 2.6)), ((2.6, 2.6), (1.0, 2.
 
 @pytest.fixture(scope="module")
 def u_turn():
-    surface, segments = room((-3, 3), (-2, 2), U_TURN)
-    return surface, topology_of(surface, segments, (-2, -1.5))
+    traversability, segments = room((-3, 3), (-2, 2), U_TURN)
+    return traversability, topology_of(traversability, segments, (-2, -1.5))
 
 
 def test_a_goal_in_sight_is_driven_to_straight(u_turn):
-    surface, topology = u_turn
-    plan = plan_path(topology, surface, ShortestPaths(surface, (-2, -1.5)), (-1, 0.5))
+    traversability, topology = u_turn
+    plan = plan_path(topology, traversability, ShortestPaths(traversability, (-2, -1.5)), (-1, 0.5))
     assert plan is not None
     assert plan.nodes == []
     np.testing.assert_allclose(plan.way_points, [[-1, 0.5, 0]], atol=1e-6)
@@ -32,34 +32,36 @@ def test_a_goal_in_sight_is_driven_to_straight(u_turn):
 
 @pytest.mark.parametrize("goal", [(1.0, -1.5), (2.5, 0.0), (0.6, 0.5)])
 def test_a_goal_behind_a_wall_is_reached_over_nodes(u_turn, goal):
-    surface, topology = u_turn
-    paths = ShortestPaths(surface, (-1.0, -1.5))
-    plan = plan_path(topology, surface, paths, goal)
+    traversability, topology = u_turn
+    paths = ShortestPaths(traversability, (-1.0, -1.5))
+    plan = plan_path(topology, traversability, paths, goal)
     assert plan is not None
     assert plan.nodes
     way = np.vstack([[paths.start], plan.way_points[:, :2]])
-    assert surface.lines_are_drivable(way[:-1], way[1:]).all()
+    assert traversability.lines_are_traversable(way[:-1], way[1:]).all()
     assert plan.length == pytest.approx(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
-    rules = free_rules(surface.drivable)
+    rules = free_rules(traversability.traversable)
     (cost, _), _ = shortest_paths(
-        surface.grid.cell_of(paths.start)[None], np.ones(surface.drivable.shape), 0.0, rules
+        traversability.grid.cell_of(paths.start)[None], np.ones(traversability.traversable.shape), 0.0, rules
     )
-    assert plan.length <= 1.25 * float(surface.grid.at(cost, goal)) * surface.grid.cell
+    assert plan.length <= 1.25 * float(traversability.grid.at(cost, goal)) * traversability.grid.cell
 
 
 def test_the_quicker_side_of_an_island_is_taken():
     island = [((-1, -0.6), (1, -0.6)), ((1, -0.6), (1, 0.6)), ((1, 0.6), (-1, 0.6)), ((-1, 0.6), (-1, -0.6))]
-    surface, segments = room((-2.5, 2.5), (-2, 2), island)
-    topology = topology_of(surface, segments, (-1.8, 0))
+    traversability, segments = room((-2.5, 2.5), (-2, 2), island)
+    topology = topology_of(traversability, segments, (-1.8, 0))
     for side in (-1, 1):
-        plan = plan_path(topology, surface, ShortestPaths(surface, (-1.8, 0.3 * side)), (1.8, 0.4 * side))
+        plan = plan_path(
+            topology, traversability, ShortestPaths(traversability, (-1.8, 0.3 * side)), (1.8, 0.4 * side)
+        )
         assert plan is not None
         assert (side * plan.way_points[:-1, 1] > 0.6).all()
 
 
 def test_a_plan_may_begin_elsewhere(u_turn):
-    surface, topology = u_turn
-    plan = plan_path(topology, surface, ShortestPaths(surface, (-1.0, -1.5)), (1.0, -1.5))
+    traversability, topology = u_turn
+    plan = plan_path(topology, traversability, ShortestPaths(traversability, (-1.0, -1.5)), (1.0, -1.5))
     assert plan is not None
     straight_on = plan.on_to(plan.way_points[-1:] + np.array([0.3, 0.4, 0.0]))
     assert straight_on.length == pytest.approx(plan.length + 0.5)
@@ -71,23 +73,26 @@ def test_a_plan_may_begin_elsewhere(u_turn):
 
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_ramp_with_room_to_cross_it_askew_is_met_head_on_all_the_same(side):
-    surface = drivable_surface(surface_of(ground_points(ridge, (-2.5, 2.5), (-2.5, 2.5))))
+    traversability = assess_map(surface_of(ground_points(ridge, (-2.5, 2.5), (-2.5, 2.5))))
     start, goal = np.array([-1.5, -1.4 * side]), np.array([1.5, 1.4 * side])
-    assert surface.lines_are_drivable(start[None], goal[None])[0]
-    assert surface.metres_across(start[None], goal[None])[0] > 1
-    paths = ShortestPaths(surface, start)
+    assert traversability.lines_are_traversable(start[None], goal[None])[0]
+    assert traversability.metres_across(start[None], goal[None])[0] > 1
+    paths = ShortestPaths(traversability, start)
     topology = TopologicalMap()
-    topology.update([], Segments(), surface, paths)
-    plan = plan_path(topology, surface, paths, goal)
+    topology.update([], Segments(), traversability, paths)
+    plan = plan_path(topology, traversability, paths, goal)
     assert plan is not None
     way = np.vstack([start, plan.way_points[:, :2]])
-    assert surface.metres_across(way[:-1], way[1:]).sum() < 0.1
-    assert surface.lines_are_drivable(way[:-1], way[1:]).all()
+    assert traversability.metres_across(way[:-1], way[1:]).sum() < 0.1
+    assert traversability.lines_are_traversable(way[:-1], way[1:]).all()
 
 
 def test_where_the_map_contradicts_a_way_there_is_none(u_turn):
-    surface, topology = u_turn
-    assert plan_path(topology, surface, ShortestPaths(surface, (-1.0, -1.5)), (1.0, -1.5)) is not None
+    traversability, topology = u_turn
+    assert (
+        plan_path(topology, traversability, ShortestPaths(traversability, (-1.0, -1.5)), (1.0, -1.5))
+        is not None
+    )
     closed, segments = room((-3, 3), (-2, 2), [((0, -2), (0, 2))])
     paths = ShortestPaths(closed, (-1.0, -1.5))
     topology.update([], segments, closed, paths)
@@ -95,9 +100,9 @@ def test_where_the_map_contradicts_a_way_there_is_none(u_turn):
 
 
 def test_what_stands_between_the_robot_and_a_goal_is_said():
-    surface, segments = room((-3, 3), (-3, 3), BOX)
-    topology = topology_of(surface, segments, (-2, -2))
-    paths = ShortestPaths(surface, (-2, -2))
+    traversability, segments = room((-3, 3), (-3, 3), BOX)
+    topology = topology_of(traversability, segments, (-2, -2))
+    paths = ShortestPaths(traversability, (-2, -2))
     reasons = {
         (1.0, 1.8): "in a wall",
         (0.85, 1.8): "too near",
@@ -106,21 +111,21 @@ def test_what_stands_between_the_robot_and_a_goal_is_said():
         (np.nan, 0.0): "not a place",
     }
     for goal, reason in reasons.items():
-        message = obstacle_to(surface, paths, goal)
+        message = obstacle_to(traversability, paths, goal)
         assert message is not None
         assert reason in message
         assert "\n" not in message
-        assert plan_path(topology, surface, paths, goal) is None
-    assert obstacle_to(surface, paths, (0.0, 0.0)) is None
-    lost = ShortestPaths(surface, (30.0, 30.0))
-    assert "the robot stands where it cannot drive" in str(obstacle_to(surface, lost, (0.0, 0.0)))
-    assert plan_path(topology, surface, lost, (0.0, 0.0)) is None
+        assert plan_path(topology, traversability, paths, goal) is None
+    assert obstacle_to(traversability, paths, (0.0, 0.0)) is None
+    lost = ShortestPaths(traversability, (30.0, 30.0))
+    assert "the robot stands where it cannot drive" in str(obstacle_to(traversability, lost, (0.0, 0.0)))
+    assert plan_path(topology, traversability, lost, (0.0, 0.0)) is None
 
 
 def test_goals_come_in_a_short_order_and_those_out_of_reach_not_at_all(u_turn):
-    surface, topology = u_turn
-    paths = ShortestPaths(surface, (-2.4, -1.5))
+    traversability, topology = u_turn
+    paths = ShortestPaths(traversability, (-2.4, -1.5))
     goals = [(1.5, -1.5), (-1.0, 0.0), (1.0, 1.0), (9.0, 9.0), (-1.0, -1.4)]
-    assert order_goals(topology, surface, paths, goals) == [4, 1, 2, 0]
-    assert order_goals(topology, surface, paths, [(9.0, 9.0)]) == []
-    assert order_goals(topology, surface, ShortestPaths(surface, (30.0, 30.0)), goals) == []
+    assert order_goals(topology, traversability, paths, goals) == [4, 1, 2, 0]
+    assert order_goals(topology, traversability, paths, [(9.0, 9.0)]) == []
+    assert order_goals(topology, traversability, ShortestPaths(traversability, (30.0, 30.0)), goals) == []

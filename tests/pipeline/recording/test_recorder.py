@@ -30,18 +30,18 @@ def recording(tmp_path_factory):
     path = tmp_path_factory.mktemp("wall-0") / "episode.rrd"
     robot = StillRobot()
     explorer = Explorer(robot, TruthClassifier())
-    looks = []
+    steps = []
     recorder = Recorder(path)
     for step in range(LOOKS):
-        looks.append(explorer.look())
-        recorder.log_look(step, explorer, looks[-1])
+        steps.append(explorer.step())
+        recorder.log_step(step, explorer, steps[-1])
         if step == 0:
             for k in range(1, 51):
                 robot.time = 0.04 * k
                 recorder.log_motion(robot.time, from_yaw(0.008 * k, 0, 0, 0.01 * k))
     recorder.log_message("WARN", "nothing more to see")
     recorder.close()
-    return explorer, looks, read(path)
+    return explorer, steps, read(path)
 
 
 def components(rows, name):
@@ -68,11 +68,11 @@ def test_every_entity_is_there(recording):
 
 
 def test_each_look_is_a_step(recording):
-    _, looks, rows = recording
+    _, steps, rows = recording
     for entity in LOOKED_FROM:
         found = rows[f"/{entity}"]
         assert [row["step"] for row in found] == list(range(LOOKS))
-        assert [row["sim_time"] for row in found] == pytest.approx([look.frame.time for look in looks])
+        assert [row["sim_time"] for row in found] == pytest.approx([step.frame.time for step in steps])
 
 
 def test_z_is_up_and_labels_have_their_names_and_colours(recording):
@@ -86,22 +86,22 @@ def test_z_is_up_and_labels_have_their_names_and_colours(recording):
 
 
 def test_pictures_come_back_as_they_were(recording):
-    _, looks, rows = recording
+    _, steps, rows = recording
     camera = "/world/robot/camera"
-    for step, look in enumerate(looks):
+    for step, step in enumerate(steps):
         depth = components(rows[f"{camera}/depth"], "EncodedDepthImage:blob")[step]
         millimetres = cv2.imdecode(depth.astype(np.uint8).ravel(), cv2.IMREAD_UNCHANGED)
-        np.testing.assert_allclose(millimetres / 1000, look.frame.depth, atol=0.5001e-3)
+        np.testing.assert_allclose(millimetres / 1000, step.frame.depth, atol=0.5001e-3)
         rgb = components(rows[f"{camera}/rgb"], "EncodedImage:blob")[step]
         picture = cv2.imdecode(rgb.astype(np.uint8).ravel(), cv2.IMREAD_COLOR)[..., ::-1]
-        assert np.abs(picture.astype(int) - look.frame.rgb).mean() < 3
+        assert np.abs(picture.astype(int) - step.frame.rgb).mean() < 3
         labels = components(rows[f"{camera}/labels"], "SegmentationImage:buffer")[step]
-        np.testing.assert_array_equal(labels.reshape(look.frame.depth.shape), look.frame.label)
+        np.testing.assert_array_equal(labels.reshape(step.frame.depth.shape), step.frame.label)
 
 
 def test_the_camera_projects_as_its_intrinsics_say(recording):
-    _, looks, rows = recording
-    frame, row = looks[0].frame, rows["/world/robot/camera"][0]
+    _, steps, rows = recording
+    frame, row = steps[0].frame, rows["/world/robot/camera"][0]
     k = frame.intrinsics
     columns = [[k.fx, 0, 0], [0, k.fy, 0], [k.cx, k.cy, 1]]
     np.testing.assert_allclose(np.reshape(row["Pinhole:image_from_camera"], (3, 3)), columns)
@@ -168,15 +168,15 @@ def test_segments_are_boxes_of_their_label(recording):
 
 
 def test_the_plan_begins_at_the_robot_and_ends_at_the_view(recording):
-    _, looks, rows = recording
-    planned = [(look, row) for look, row in zip(looks, rows["/world/path_plan"], strict=True) if look.plan]
+    _, steps, rows = recording
+    planned = [(step, row) for step, row in zip(steps, rows["/world/path_plan"], strict=True) if step.plan]
     assert planned
-    for look, row in planned:
+    for step, row in planned:
         way, heading = (np.array(strip) for strip in row["LineStrips3D:strips"])
-        np.testing.assert_allclose(way[0, :2], look.T_map_base[:2, 3], atol=1e-6)
-        np.testing.assert_allclose(way[-1, :2], look.view.position, atol=1e-6)
+        np.testing.assert_allclose(way[0, :2], step.T_map_base[:2, 3], atol=1e-6)
+        np.testing.assert_allclose(way[-1, :2], step.view.position, atol=1e-6)
         ahead = np.arctan2(*(heading[1] - heading[0])[[1, 0]])
-        assert ahead == pytest.approx(look.view.heading, abs=1e-5)
+        assert ahead == pytest.approx(step.view.heading, abs=1e-5)
 
 
 def test_messages_have_a_level(recording):

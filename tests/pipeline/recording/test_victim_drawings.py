@@ -33,10 +33,10 @@ def rows(tmp_path_factory):
     """The rows of a recording of one look, in which two people are known."""
     path = tmp_path_factory.mktemp("wall-0") / "episode.rrd"
     explorer = Explorer(StillRobot(), TruthClassifier(), detector=Mistaken())
-    look = explorer.look()
+    step = explorer.step()
     explorer.victims.all = [BOB, ALICE]
     recorder = Recorder(path)
-    recorder.log_look(0, explorer, look)
+    recorder.log_step(0, explorer, step)
     recorder.log_ways([WAY])
     recorder.close()
     return read(path)

@@ -51,6 +51,6 @@ def before_a_wall(found: Victims | None, *, finished: bool = True) -> Situation:
         finished: whether there is nothing left to look at.
     """
     explorer = Explorer(StillRobot(), TruthClassifier(), detector=None if found is None else Nobody())
-    look = explorer.look()
+    step = explorer.step()
     explorer.victims = found or Victims()
-    return situation_of(explorer, [look.T_map_base], finished)
+    return situation_of(explorer, [step.T_map_base], finished)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import drivable_surface
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ridge, surface_of, wall_points
 
 AREA = (-1.5, 1.5), (-1.0, 1.0)
@@ -16,8 +16,10 @@ NO_POINTS = np.zeros((0, 3), np.float32)
 def hazards_of(
     *clouds: NDArray[np.float32], start=(-1.0, 0.0), above: NDArray[np.float32] = NO_POINTS
 ) -> Hazards:
-    surface = drivable_surface(surface_of(*clouds))
-    return find_hazards(surface, ShortestPaths(surface, start).reachable, np.vstack([*clouds, above]))
+    traversability = assess_map(surface_of(*clouds))
+    return find_hazards(
+        traversability, ShortestPaths(traversability, start).reachable, np.vstack([*clouds, above])
+    )
 
 
 def terrace(x: NDArray, y: NDArray) -> NDArray:

@@ -52,7 +52,7 @@ def test_an_empty_map_can_be_drawn() -> None:
 
 def test_round_coordinates_stand_at_the_edges_where_they_are() -> None:
     situation = before_a_wall(None)
-    paper = Paper(situation.surface.grid, ~np.isnan(situation.surface.elevation))
+    paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
     ticks = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" class="tick">([^<]+)<', draw_map(situation))
     along_x = {float(text.replace("−", "-")): float(x) for x, y, text in ticks if y == "16.0"}
     along_y = {float(text.replace("−", "-")): float(y) - 5 for x, y, text in ticks if x == "16.0"}
@@ -73,7 +73,7 @@ def test_the_highest_class_of_a_cell_is_drawn() -> None:
     (image,) = read(draw_map(hidden)).all("image")
     data = np.frombuffer(b64decode(image.attributes["href"].removeprefix("data:image/png;base64,")), np.uint8)
     pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    paper = Paper(situation.surface.grid, ~np.isnan(situation.surface.elevation))
+    paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
     for x, label in ((1.62, Label.WALL), (1.92, Label.TERRAIN)):
         column, row = (paper((x, 0.02)) / paper.cell).astype(int)
         blue, green, red, opaque = pixels[row, column]
@@ -84,7 +84,7 @@ def test_someone_stands_where_they_are() -> None:
     person = victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4)))
     situation = before_a_wall(victims(person))
     root = read(draw_map(situation))
-    paper = Paper(situation.surface.grid, ~np.isnan(situation.surface.elevation))
+    paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
     (disc,) = root.all("circle", "person")
     assert (float(disc.attributes["cx"]), float(disc.attributes["cy"])) == pytest.approx(
         paper((1.6, 0.3)), abs=0.2

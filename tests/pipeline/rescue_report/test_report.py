@@ -17,17 +17,17 @@ from tests.pipeline.still_robot import StillRobot
 
 def test_the_last_look_tells_whether_anything_is_left() -> None:
     explorer = Explorer(StillRobot(), TruthClassifier())
-    report, look = RescueReport(explorer), explorer.look()
-    report.add(look)
-    assert look.view is not None
+    report, step = RescueReport(explorer), explorer.step()
+    report.add(step)
+    assert step.view is not None
     assert not report.situation.finished
-    report.add(replace(look, view=None, can_drive=False))  # held, not done
+    report.add(replace(step, view=None, can_drive=False))  # held, not done
     assert not report.situation.finished
-    report.add(replace(look, view=None))
+    report.add(replace(step, view=None))
     situation = report.situation
     assert situation.finished
     np.testing.assert_array_equal(situation.T_map_entrance, np.eye(4))
-    assert situation.looks.shape == (3, 2)
+    assert situation.steps.shape == (3, 2)
     assert not situation.searched
 
 

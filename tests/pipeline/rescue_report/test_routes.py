@@ -9,7 +9,7 @@ from pipeline.rescue_report.hazards import find_hazards
 from pipeline.rescue_report.routes import Route, Router, straight_parts
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import drivable_surface
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.rescue_report.people import block
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ridge, surface_of, wall_points
 
@@ -22,10 +22,10 @@ def route(
     start=(-1.5, 0.0),
     metric_map: MetricMap | None = None,
 ) -> Route | None:
-    surface = drivable_surface(surface_of(*clouds))
-    paths = ShortestPaths(surface, start)
-    hazards = find_hazards(surface, paths.reachable, np.vstack(clouds))
-    router = Router(surface, paths, TopologicalMap(), metric_map or MetricMap(), hazards, heading=0.0)
+    traversability = assess_map(surface_of(*clouds))
+    paths = ShortestPaths(traversability, start)
+    hazards = find_hazards(traversability, paths.reachable, np.vstack(clouds))
+    router = Router(traversability, paths, TopologicalMap(), metric_map or MetricMap(), hazards, heading=0.0)
     return router.to(person)
 
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from pipeline.rescue_report.unseen import AHEAD, Unseen, find_unseen
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import drivable_surface
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 ROOM = (-2.0, 2.0), (-1.5, 1.5)
@@ -19,10 +19,10 @@ LAST_WALL = wall_points((1.98, -1.5), (1.98, 1.5))
 
 def unseen(*clouds: NDArray[np.float32]) -> Unseen:
     """In a room with three walls."""
-    surface_map = surface_of(*clouds, *WALLS)
-    surface = drivable_surface(surface_map)
-    reachable = ShortestPaths(surface, (-1.5, 0.0)).reachable
-    return find_unseen(surface, surface_map.measured, reachable)
+    elevation_map = surface_of(*clouds, *WALLS)
+    traversability = assess_map(elevation_map)
+    reachable = ShortestPaths(traversability, (-1.5, 0.0)).reachable
+    return find_unseen(traversability, elevation_map.measured, reachable)
 
 
 def without(low: float, high: float) -> NDArray[np.float32]:

@@ -10,7 +10,7 @@ from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import DrivableSurface, drivable_surface
+from pipeline.traversability.traversability import Traversability, assess_map
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 Wall = tuple[tuple[float, float], tuple[float, float]]
@@ -29,17 +29,17 @@ def patch(label: Label, points: NDArray, seen_from: tuple[float, float, float]) 
 
 def room(
     x: tuple[float, float], y: tuple[float, float], walls: list[Wall]
-) -> tuple[DrivableSurface, Segments]:
+) -> tuple[Traversability, Segments]:
     """Level ground with walls in it, as a surface and as segments."""
     clouds = [wall_points(a, b) for a, b in walls]
     segments = Segments()
     segments.update([patch(Label.WALL, cloud, (x[0], y[0], 1)) for cloud in clouds], 0)
-    return drivable_surface(surface_of(ground_points(flat, x, y), *clouds)), segments
+    return assess_map(surface_of(ground_points(flat, x, y), *clouds)), segments
 
 
 def topology_of(
-    surface: DrivableSurface, segments: Segments, start: tuple[float, float], **config: object
+    traversability: Traversability, segments: Segments, start: tuple[float, float], **config: object
 ) -> TopologicalMap:
     topology = TopologicalMap(TopologicalMapConfig(**config))  # type: ignore[arg-type]
-    topology.update([], segments, surface, ShortestPaths(surface, start))
+    topology.update([], segments, traversability, ShortestPaths(traversability, start))
     return topology

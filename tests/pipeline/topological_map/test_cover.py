@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pipeline.topological_map import sight_kernels as kernels
 from pipeline.topological_map.cover import Cover
 from pipeline.topological_map.ground import Ground
-from pipeline.traversability.shortest_paths_kernels import free_rules, lines_are_drivable
+from pipeline.traversability.shortest_paths_kernels import free_rules, lines_are_traversable
 from tests.pipeline.topological_map.grounds import U_TURN, room
 
 REACH = 12
@@ -18,7 +18,7 @@ def seen_by_lines(place, walls, reach):
     cells = np.argwhere(np.ones_like(walls))
     ends = cells + 0.5
     starts = np.repeat(place[None], len(ends), axis=0)
-    clear = lines_are_drivable(starts, ends, np.zeros(2), 1.0, free_rules(~walls))
+    clear = lines_are_traversable(starts, ends, np.zeros(2), 1.0, free_rules(~walls))
     near = np.linalg.norm(ends - place, axis=1) <= reach
     return (clear & near).reshape(walls.shape)
 
@@ -33,21 +33,21 @@ def test_a_view_is_what_lines_reach(seed):
         walls[i : i + rng.integers(1, 12), j : j + 1] = True
     place = rng.uniform((0, 0), (40, 30))
     walls[tuple(place.astype(int))] = False
-    seen, corners = kernels.views(place[None], np.ones_like(walls), walls, REACH)
+    seen, corners = kernels.viewpoints(place[None], np.ones_like(walls), walls, REACH)
     mask = np.zeros((40 + 2 * REACH + 2, 30 + 2 * REACH + 2), np.bool_)
     i, j = corners[0] + REACH
     mask[i : i + 2 * REACH + 1, j : j + 2 * REACH + 1] = seen[0]
-    view = mask[REACH : REACH + 40, REACH : REACH + 30]
+    viewpoint = mask[REACH : REACH + 40, REACH : REACH + 30]
     expected = seen_by_lines(place, walls, REACH)
-    assert not view[walls].any()
+    assert not viewpoint[walls].any()
     # A ray to the rim and a line to the cell's centre may pass a corner on different sides.
-    assert (view != expected).sum() <= 0.1 * expected.sum() + 4
+    assert (viewpoint != expected).sum() <= 0.1 * expected.sum() + 4
 
 
 @pytest.fixture
 def ground():
-    surface, segments = room((-3, 3), (-2, 2), U_TURN)
-    return Ground.of(surface, surface.drivable, list(segments))
+    traversability, segments = room((-3, 3), (-2, 2), U_TURN)
+    return Ground.of(traversability, traversability.traversable, list(segments))
 
 
 def test_a_wall_hides_and_distance_too(ground):
@@ -64,13 +64,13 @@ def test_gains_and_losses_are_the_change_in_what_is_missing(ground):
     cover = Cover(ground, 2.0)
     cover.add(0, np.array([-1.0, 0.0]))
     before = cover.missing.sum()
-    views = cover.see(np.array([(1.0, 0.0), (-1.2, 0.3)]))
-    gains = cover.gains(views)
-    cover.add(1, views.places[0])
+    viewpoints = cover.see(np.array([(1.0, 0.0), (-1.2, 0.3)]))
+    gains = cover.gains(viewpoints)
+    cover.add(1, viewpoints.places[0])
     assert before - cover.missing.sum() == gains[0] > gains[1]
     lost = cover.lost_without([1])
     assert len(lost) == gains[0]
-    assert cover.see_all(views, lost, 0).tolist() == [True, False]
+    assert cover.see_all(viewpoints, lost, 0).tolist() == [True, False]
     cover.remove(1)
     assert cover.missing.sum() == before
 
@@ -79,8 +79,8 @@ def test_what_is_renewed_is_what_is_made_anew(ground):
     cover = Cover(ground, 2.0)
     for n, place in enumerate([(-1.0, 0.0), (1.0, 1.0), (2.4, -1.4)]):
         cover.add(n, np.array(place))
-    surface, segments = room((-3, 7), (-2, 9), [*U_TURN, ((1.5, -2), (1.5, 0))])
-    grown = Ground.of(surface, surface.drivable, list(segments))
+    traversability, segments = room((-3, 7), (-2, 9), [*U_TURN, ((1.5, -2), (1.5, 0))])
+    grown = Ground.of(traversability, traversability.traversable, list(segments))
     assert grown.grid.shape != ground.grid.shape
     renewed, anew = cover.renewed(grown, grown.changed_since(ground)), Cover(grown, 2.0)
     for n, place in enumerate([(-1.0, 0.0), (1.0, 1.0), (2.4, -1.4)]):
@@ -91,8 +91,8 @@ def test_what_is_renewed_is_what_is_made_anew(ground):
 def test_only_what_is_new_has_changed(ground):
     assert ground.changed_since(None).all()
     assert not ground.changed_since(ground).any()
-    surface, segments = room((-3, 3), (-2, 2), [*U_TURN, ((1.5, -2), (1.5, -1))])
-    changed = Ground.of(surface, surface.drivable, list(segments)).changed_since(ground)
+    traversability, segments = room((-3, 3), (-2, 2), [*U_TURN, ((1.5, -2), (1.5, -1))])
+    changed = Ground.of(traversability, traversability.traversable, list(segments)).changed_since(ground)
     x, y = np.moveaxis(ground.grid.centre_of(np.argwhere(changed)), -1, 0)
     assert len(x) > 0
     assert x.min() > 1.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.topological_map.links import LinkConfig, Links
-from pipeline.traversability.traversability import drivable_surface
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.topological_map.grounds import room
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
 
@@ -14,25 +14,27 @@ def free(links: Links, a, b) -> bool:
 
 
 def links_over(*clouds, **config) -> Links:
-    return Links(drivable_surface(surface_of(*clouds)), [], LinkConfig(**config))
+    return Links(assess_map(surface_of(*clouds)), [], LinkConfig(**config))
 
 
 def test_the_whole_footprint_must_pass():
-    surface, segments = room((-2, 2), (-2, 2), [((0, -2), (0, -0.2)), ((0, 0.7), (0, 2))])
-    links = Links(surface, list(segments), LinkConfig())
+    traversability, segments = room((-2, 2), (-2, 2), [((0, -2), (0, -0.2)), ((0, 0.7), (0, 2))])
+    links = Links(traversability, list(segments), LinkConfig())
     assert free(links, (-1, 0.25), (1, 0.25))
     assert not free(links, (-1, 0.0), (1, 0.0))
     assert not free(links, (-1, -1), (1, -1))
 
 
 def test_a_wall_that_only_the_semantic_map_knows_blocks_too():
-    surface, _ = room((-2, 2), (-2, 2), [])
+    traversability, _ = room((-2, 2), (-2, 2), [])
     _, segments = room((-2, 2), (-2, 2), [((0, -2), (0, 0))])
-    links = Links(surface, list(segments), LinkConfig())
+    links = Links(traversability, list(segments), LinkConfig())
     assert not free(links, (-1, -0.1), (1, -0.1))
     assert not free(links, (-1, 0.1), (1, 0.1))
     assert free(links, (-1, 0.3), (1, 0.3))
-    assert Links(surface, [], LinkConfig()).are_free(np.array([[-1, -1, 0.0]]), np.array([[1, -1, 0.0]]))[0]
+    assert Links(traversability, [], LinkConfig()).are_free(
+        np.array([[-1, -1, 0.0]]), np.array([[1, -1, 0.0]])
+    )[0]
 
 
 def test_a_drop_a_step_and_a_low_ceiling_block():
@@ -73,7 +75,7 @@ def test_no_edge_is_longer_than_the_longest():
 
 
 def test_a_panel_beside_the_way_does_not_block_it():
-    surface, segments = room((-2, 2), (-1, 1), [((-1.5, 0.6), (1.5, 0.6))])
-    assert free(Links(surface, list(segments), LinkConfig()), (-1.5, 0), (1.5, 0))
+    traversability, segments = room((-2, 2), (-1, 1), [((-1.5, 0.6), (1.5, 0.6))])
+    assert free(Links(traversability, list(segments), LinkConfig()), (-1.5, 0), (1.5, 0))
     near = wall_points((-1.5, 0.25), (1.5, 0.25))
     assert not free(links_over(ground_points(flat, (-2, 2), (-1, 1)), near), (-1.5, 0), (1.5, 0))

@@ -13,7 +13,7 @@ from pipeline.segments.segments import Segments
 from pipeline.topological_map.nodes import NodeConfig, segment_nodes
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import drivable_surface
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.topological_map.grounds import patch, room, topology_of
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
 
@@ -29,13 +29,13 @@ def ramp_patches() -> list[PlanePatch]:
 
 @pytest.fixture(scope="module")
 def ramp_world():
-    surface = drivable_surface(surface_of(ground_points(ramp_and_deck, (-3, RUN + 2.4), (-2, 2))))
+    traversability = assess_map(surface_of(ground_points(ramp_and_deck, (-3, RUN + 2.4), (-2, 2))))
     segments = Segments()
     patches = ramp_patches()
     segments.update(patches, 0)
     topology = TopologicalMap()
-    topology.update(patches, segments, surface, ShortestPaths(surface, (-1.5, 0)))
-    return surface, segments, patches, topology
+    topology.update(patches, segments, traversability, ShortestPaths(traversability, (-1.5, 0)))
+    return traversability, segments, patches, topology
 
 
 def test_a_large_deck_has_a_node_in_each_half():
@@ -62,60 +62,60 @@ def test_the_side_of_a_ramp_has_no_node():
 
 
 def test_nodes_and_tree_lead_up_the_ramp(ramp_world):
-    surface, _, _, topology = ramp_world
+    traversability, _, _, topology = ramp_world
     assert Label.STRAIGHT_RAMP in [node.label for node in topology.nodes.values()]
     assert nx.is_connected(topology.graph)
     for a, b in topology.graph.edges:
         way = topology.way(a, b)
-        assert surface.lines_are_drivable(way[:-1], way[1:]).all()
+        assert traversability.lines_are_traversable(way[:-1], way[1:]).all()
 
 
 def test_looking_again_adds_nothing(ramp_world):
-    surface, segments, patches, topology = ramp_world
+    traversability, segments, patches, topology = ramp_world
     before = {n: node.position.tolist() for n, node in topology.nodes.items()}
-    topology.update(patches, segments, surface, ShortestPaths(surface, (-1.5, 0)))
+    topology.update(patches, segments, traversability, ShortestPaths(traversability, (-1.5, 0)))
     assert {n: node.position.tolist() for n, node in topology.nodes.items()} == before
 
 
 def test_plans_go_over_nodes_and_up_the_ramp_head_on(ramp_world):
-    surface, _, _, topology = ramp_world
-    plan = plan_path(topology, surface, ShortestPaths(surface, (2.0, 1.2)), (2.5, 0.0))
+    traversability, _, _, topology = ramp_world
+    plan = plan_path(topology, traversability, ShortestPaths(traversability, (2.0, 1.2)), (2.5, 0.0))
     assert plan is not None
     way = np.vstack([[(2.0, 1.2)], plan.way_points[:, :2]])
-    assert surface.lines_are_drivable(way[:-1], way[1:]).all()
+    assert traversability.lines_are_traversable(way[:-1], way[1:]).all()
     assert way[:, 0].min() < -0.2
     assert plan.way_points[-1, 2] == pytest.approx(RISE, abs=0.01)
     assert plan.length == pytest.approx(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
 
 
 def test_no_plan_leads_into_a_wall_or_off_the_map(ramp_world):
-    surface, _, _, topology = ramp_world
-    paths = ShortestPaths(surface, (-1.5, 0))
-    assert plan_path(topology, surface, paths, (50.0, 0.0)) is None
-    assert plan_path(topology, surface, paths, (0.3, 0.62)) is None
+    traversability, _, _, topology = ramp_world
+    paths = ShortestPaths(traversability, (-1.5, 0))
+    assert plan_path(topology, traversability, paths, (50.0, 0.0)) is None
+    assert plan_path(topology, traversability, paths, (0.3, 0.62)) is None
 
 
 def test_components_that_straight_drives_leave_apart_are_joined_around_the_wall():
     world = surface_of(ground_points(flat, (-2, 2), (-2, 2)), wall_points((0, -2), (0, 0.6)))
-    surface = drivable_surface(world)
+    traversability = assess_map(world)
     halves = [ground_points(flat, (-2, -0.3), (-2, 0)), ground_points(flat, (0.3, 2), (-2, 0))]
     patches = [patch(Label.TERRAIN, p, (0, 0, 5)) for p in halves]
     wall = patch(Label.WALL, wall_points((0, -2), (0, 0.6)), (-2, 0, 1))
     segments = Segments()
     segments.update([*patches, wall], 0)
     topology = TopologicalMap()
-    topology.update(patches, segments, surface, ShortestPaths(surface, (-1, -1)))
+    topology.update(patches, segments, traversability, ShortestPaths(traversability, (-1, -1)))
     assert len(topology.nodes) > 2
     assert nx.is_connected(topology.graph)
 
 
 def test_all_ground_is_seen_by_few_nodes_that_can_turn():
-    surface, segments = room((-3, 3), (-2, 2), [((0, -2), (0, 0.8))])
-    topology = topology_of(surface, segments, (-2, 0))
+    traversability, segments = room((-3, 3), (-2, 2), [((0, -2), (0, 0.8))])
+    topology = topology_of(traversability, segments, (-2, 0))
     places = np.array([node.position for node in topology.nodes.values()])
     assert 3 <= len(places) <= 5
-    assert surface.grid.at(surface.turnable, places).all()
-    cells = surface.grid.centre_of(np.argwhere(surface.drivable))
+    assert traversability.grid.at(traversability.turnable, places).all()
+    cells = traversability.grid.centre_of(np.argwhere(traversability.traversable))
     nearest = np.linalg.norm(cells[:, None] - places[None, :, :2], axis=-1).min(axis=1)
     assert np.quantile(nearest, 0.99) <= 2.0
     assert nx.is_connected(topology.graph)
@@ -123,12 +123,12 @@ def test_all_ground_is_seen_by_few_nodes_that_can_turn():
 
 def test_a_passage_too_narrow_to_turn_in_joins_two_rooms_and_keeps_doing_so():
     bend = [((0, -2), (0, -0.35)), ((0, 0.35), (0, 2)), ((0.7, -0.9), (0.7, 2))]
-    surface, segments = room((-3, 3), (-2, 2), bend)
-    topology = topology_of(surface, segments, (-2, 0))
+    traversability, segments = room((-3, 3), (-2, 2), bend)
+    topology = topology_of(traversability, segments, (-2, 0))
     assert nx.is_connected(topology.graph)
     before = {n: node.position.tolist() for n, node in topology.nodes.items()}
     assert any(x > 1 for x, _, _ in before.values())
-    topology.update([], segments, surface, ShortestPaths(surface, (-2, 0)))
+    topology.update([], segments, traversability, ShortestPaths(traversability, (-2, 0)))
     assert {n: node.position.tolist() for n, node in topology.nodes.items()} == before
 
 
@@ -138,8 +138,10 @@ def test_the_map_grows_with_the_ground_and_stays_few():
     topology = topology_of(first, segments, (-2, 0))
     before = topology.nodes.copy()
     for x in (5, 7, 9):
-        surface, segments = room((-3, x), (-2, 2), [((3, -2), (3, 0.8)), ((6, -0.8), (6, 2))][: x // 3])
-        topology.update([], segments, surface, ShortestPaths(surface, (-2, 0)))
+        traversability, segments = room(
+            (-3, x), (-2, 2), [((3, -2), (3, 0.8)), ((6, -0.8), (6, 2))][: x // 3]
+        )
+        topology.update([], segments, traversability, ShortestPaths(traversability, (-2, 0)))
         assert nx.is_connected(topology.graph)
     assert any(node is before.get(n) for n, node in topology.nodes.items())
     at_once = topology_of(whole, segments, (-2, 0))
@@ -147,21 +149,21 @@ def test_the_map_grows_with_the_ground_and_stays_few():
 
 
 def test_nodes_where_a_wall_turns_out_to_stand_move_away():
-    surface, segments = room((-3, 3), (-2, 2), [])
-    topology = topology_of(surface, segments, (-2, 0))
+    traversability, segments = room((-3, 3), (-2, 2), [])
+    topology = topology_of(traversability, segments, (-2, 0))
     x, y, _ = next(iter(topology.nodes.values())).position
-    surface, segments = room((-3, 3), (-2, 2), [((x - 0.5, y), (x + 0.5, y))])
-    topology.update([], segments, surface, ShortestPaths(surface, (-2.5, -1.5)))
+    traversability, segments = room((-3, 3), (-2, 2), [((x - 0.5, y), (x + 0.5, y))])
+    topology.update([], segments, traversability, ShortestPaths(traversability, (-2.5, -1.5)))
     for node in topology.nodes.values():
-        assert surface.grid.at(surface.turnable, node.position)
+        assert traversability.grid.at(traversability.turnable, node.position)
     assert nx.is_connected(topology.graph)
 
 
 def test_a_robot_that_stands_where_it_reaches_nothing_forgets_nothing():
-    surface, segments = room((-3, 3), (-2, 2), [])
-    topology = topology_of(surface, segments, (-2, 0))
+    traversability, segments = room((-3, 3), (-2, 2), [])
+    topology = topology_of(traversability, segments, (-2, 0))
     before = set(topology.nodes)
-    topology.update([], segments, surface, ShortestPaths(surface, (30.0, 30.0)))
+    topology.update([], segments, traversability, ShortestPaths(traversability, (30.0, 30.0)))
     assert set(topology.nodes) == before
 
 
@@ -171,8 +173,8 @@ def test_the_graph_is_a_flag_of_its_own():
 
 
 def test_no_ground_no_nodes():
-    surface, segments = room((-3, 3), (-2, 2), [])
-    topology = topology_of(surface, segments, (30.0, 30.0))
+    traversability, segments = room((-3, 3), (-2, 2), [])
+    topology = topology_of(traversability, segments, (30.0, 30.0))
     assert len(topology.nodes) == len(topology.graph) == 0
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
-from pipeline.traversability.depth_dropouts import MissingConfig, missing_ground
+from pipeline.traversability.depth_dropouts import DepthDropoutConfig, find_depth_dropouts
 
 WIDE = Intrinsics(width=101, height=4, fx=100.0, fy=100.0, cx=50.5, cy=-58.0)
 """Every row of it looks at the ground when the camera looks level."""
@@ -17,7 +17,7 @@ def ground_depth() -> np.ndarray:
 
 
 def missing(depth, **config):
-    return missing_ground(depth, WIDE, LEVEL, MissingConfig(row_step=1, **config))
+    return find_depth_dropouts(depth, WIDE, LEVEL, DepthDropoutConfig(row_step=1, **config))
 
 
 def test_nothing_is_missing_on_open_ground():
@@ -52,7 +52,7 @@ def test_what_lies_farther_behind_a_gap_is_other_ground():
 def test_rows_between_are_left_out():
     depth = ground_depth()
     depth[:, 48:53] = 0
-    half = missing_ground(depth, WIDE, LEVEL, MissingConfig(row_step=2))
+    half = find_depth_dropouts(depth, WIDE, LEVEL, DepthDropoutConfig(row_step=2))
     np.testing.assert_array_equal(half, missing(depth).reshape(4, 5, 3)[::2].reshape(-1, 3))
 
 

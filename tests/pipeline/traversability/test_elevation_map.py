@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.transforms import from_yaw
-from pipeline.traversability.elevation_map import SurfaceMap
+from pipeline.traversability.elevation_map import ElevationMap
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, surface_of, wall_points
 
 
@@ -13,13 +13,17 @@ def column(*heights: float, hits: int = 5) -> np.ndarray:
 
 
 def test_a_cell_has_the_mean_height_of_its_returns():
-    surface = surface_of(np.array([(0.01, 0.01, 0.02), (0.02, 0.04, 0.0), (0.04, 0.02, 0.01)], np.float32))
-    assert surface.grid.at(surface.measured, [0.025, 0.025], np.nan) == pytest.approx(0.01, abs=1e-6)
+    elevation_map = surface_of(
+        np.array([(0.01, 0.01, 0.02), (0.02, 0.04, 0.0), (0.04, 0.02, 0.01)], np.float32)
+    )
+    assert elevation_map.grid.at(elevation_map.measured, [0.025, 0.025], np.nan) == pytest.approx(
+        0.01, abs=1e-6
+    )
 
 
 def test_two_returns_are_not_enough():
-    surface = surface_of(column(0.0, hits=2))
-    assert np.isnan(surface.measured).all()
+    elevation_map = surface_of(column(0.0, hits=2))
+    assert np.isnan(elevation_map.measured).all()
 
 
 @pytest.mark.parametrize(
@@ -33,33 +37,35 @@ def test_two_returns_are_not_enough():
     ],
 )
 def test_the_lowest_surface_with_headroom_counts(heights, expected):
-    surface = surface_of(column(*heights))
-    assert surface.grid.at(surface.elevation, [0.025, 0.025]) == pytest.approx(expected, abs=1e-6)
+    elevation_map = surface_of(column(*heights))
+    assert elevation_map.grid.at(elevation_map.elevation, [0.025, 0.025]) == pytest.approx(expected, abs=1e-6)
 
 
 def test_returns_that_stray_into_the_next_slice_do_not_raise_the_ground():
     floor, stray = column(0.105, hits=100), column(0.13, hits=4)
-    surface = surface_of(floor, stray)
-    assert surface.grid.at(surface.elevation, [0.025, 0.025]) == pytest.approx(0.105, abs=1e-6)
-    surface.update(column(0.13, hits=96))  # as many as below are no noise
-    assert surface.grid.at(surface.elevation, [0.025, 0.025]) == pytest.approx(0.13, abs=0.013)
+    elevation_map = surface_of(floor, stray)
+    assert elevation_map.grid.at(elevation_map.elevation, [0.025, 0.025]) == pytest.approx(0.105, abs=1e-6)
+    elevation_map.update(column(0.13, hits=96))  # as many as below are no noise
+    assert elevation_map.grid.at(elevation_map.elevation, [0.025, 0.025]) == pytest.approx(0.13, abs=0.013)
 
 
 def test_it_grows_in_every_direction_without_losing_anything():
-    surface = surface_of(ground_points(flat, (0, 1), (0, 1)))
-    before = np.isfinite(surface.measured).sum()
+    elevation_map = surface_of(ground_points(flat, (0, 1), (0, 1)))
+    before = np.isfinite(elevation_map.measured).sum()
     for corner in ((-9, 3), (20, 0), (0, -30)):
-        surface.update(column(0.3) + np.array([*corner, 0], np.float32))
-        assert surface.grid.at(surface.measured, corner + np.array([0.025, 0.025])) == pytest.approx(0.3)
-    assert np.isfinite(surface.measured).sum() == before + 3
-    assert surface.grid.at(surface.measured, [0.525, 0.525], np.nan) == 0
+        elevation_map.update(column(0.3) + np.array([*corner, 0], np.float32))
+        assert elevation_map.grid.at(
+            elevation_map.measured, corner + np.array([0.025, 0.025])
+        ) == pytest.approx(0.3)
+    assert np.isfinite(elevation_map.measured).sum() == before + 3
+    assert elevation_map.grid.at(elevation_map.measured, [0.525, 0.525], np.nan) == 0
 
 
 def test_points_that_are_not_finite_change_nothing():
-    surface = SurfaceMap()
-    surface.update(np.full((10, 3), np.nan, np.float32))
-    surface.update(np.zeros((0, 3), np.float32))
-    assert surface.elevation.size == 0
+    elevation_map = ElevationMap()
+    elevation_map.update(np.full((10, 3), np.nan, np.float32))
+    elevation_map.update(np.zeros((0, 3), np.float32))
+    assert elevation_map.elevation.size == 0
 
 
 def test_narrow_gaps_are_bridged_and_wide_ones_are_not():
@@ -75,76 +81,81 @@ STRIPE = ground_points(flat, (-1, 1), (-0.01, 0.01))
 """Where ground is missing behind a panel along the x axis, seen along it."""
 
 
-def seen_along_a_panel() -> SurfaceMap:
-    surface, ground = SurfaceMap(), ground_points(flat, (-1, 1), (-1, 1))
-    surface.update(ground[np.abs(ground[:, 1]) > 0.01], STRIPE, np.array([-2.0, 0.0]))
-    return surface
+def seen_along_a_panel() -> ElevationMap:
+    elevation_map, ground = ElevationMap(), ground_points(flat, (-1, 1), (-1, 1))
+    elevation_map.update(ground[np.abs(ground[:, 1]) > 0.01], STRIPE, np.array([-2.0, 0.0]))
+    return elevation_map
 
 
 def test_where_ground_is_missing_it_is_unknown_whatever_the_returns():
-    surface = seen_along_a_panel()
-    for layer in (surface.measured, surface.elevation):
-        assert np.isnan(surface.grid.at(layer, [(0.0, -0.005), (0.0, 0.005)], np.nan)).all()
+    elevation_map = seen_along_a_panel()
+    for layer in (elevation_map.measured, elevation_map.elevation):
+        assert np.isnan(elevation_map.grid.at(layer, [(0.0, -0.005), (0.0, 0.005)], np.nan)).all()
     # The cells beside the axis are doubted; nobody bridges them from their neighbours.
-    assert surface.grid.at(surface.doubted, [(0.5, 0.005), (0.5, -0.005)]).all()
-    assert surface.grid.at(surface.elevation, [0.0, 0.06], np.nan) == 0
+    assert elevation_map.grid.at(elevation_map.dropout, [(0.5, 0.005), (0.5, -0.005)]).all()
+    assert elevation_map.grid.at(elevation_map.elevation, [0.0, 0.06], np.nan) == 0
 
 
 @pytest.mark.parametrize(("camera", "is_believed"), [((0.0, -2.0), True), ((-2.0, -0.3), False)])
 def test_doubted_ground_is_believed_when_seen_from_another_side(camera, is_believed):
-    surface = seen_along_a_panel()
-    surface.update(ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera))
-    assert np.isfinite(surface.grid.at(surface.elevation, [0.0, 0.005], np.nan)) == is_believed
+    elevation_map = seen_along_a_panel()
+    elevation_map.update(
+        ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera)
+    )
+    assert np.isfinite(elevation_map.grid.at(elevation_map.elevation, [0.0, 0.005], np.nan)) == is_believed
 
 
 def test_a_single_doubted_cell_is_not_bridged():
-    surface, cell = SurfaceMap(), STRIPE[np.abs(STRIPE[:, 0] - 0.025) < 0.024] + np.float32([0, 0.025, 0])
-    surface.update(ground_points(flat, (-1, 1), (-1, 1)), cell, np.array([-2.0, 0.0]))
-    assert surface.doubted.sum() == 1
-    assert np.isnan(surface.grid.at(surface.elevation, [0.025, 0.025], np.nan))
+    elevation_map, cell = (
+        ElevationMap(),
+        STRIPE[np.abs(STRIPE[:, 0] - 0.025) < 0.024] + np.float32([0, 0.025, 0]),
+    )
+    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), cell, np.array([-2.0, 0.0]))
+    assert elevation_map.dropout.sum() == 1
+    assert np.isnan(elevation_map.grid.at(elevation_map.elevation, [0.025, 0.025], np.nan))
 
 
 def test_no_gap_is_bridged_across_doubted_ground():
     ground = ground_points(flat, (-1, 1), (-1, 1))
     gap = ground[np.abs(ground[:, 1] - 0.025) > 0.075]
-    bridged, open_gap = surface_of(gap), SurfaceMap()
+    bridged, open_gap = surface_of(gap), ElevationMap()
     open_gap.update(gap, STRIPE + np.float32([0, 0.025, 0]), np.array([-2.0, 0.0]))
     assert bridged.grid.at(bridged.elevation, [0.0, 0.06], np.nan) == 0
     assert np.isnan(open_gap.grid.at(open_gap.elevation, [0.0, 0.06], np.nan))
 
 
 def test_what_is_missing_above_or_below_the_ground_is_no_ground():
-    surface = SurfaceMap()
+    elevation_map = ElevationMap()
     high = STRIPE + np.float32([0, 0, 0.3])
-    surface.update(ground_points(flat, (-1, 1), (-1, 1)), high, np.array([-2.0, 0.0]))
-    assert not surface.doubted.any()
+    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), high, np.array([-2.0, 0.0]))
+    assert not elevation_map.dropout.any()
 
 
 def test_a_felt_obstacle_stays_whatever_is_seen():
-    surface = surface_of(ground_points(flat, (-1, 1), (-1, 1)))
-    surface.add_obstacle(np.array([(0.5, 0.0, 0.3)]))
-    surface.update(ground_points(flat, (-1, 1), (-1, 1)))
-    assert surface.grid.at(surface.elevation, [0.5, 0.0]) == pytest.approx(0.3)
-    assert surface.grid.at(surface.measured, [0.5, 0.0]) == pytest.approx(0.3)
-    assert surface.grid.at(surface.elevation, [0.4, 0.0]) == 0
+    elevation_map = surface_of(ground_points(flat, (-1, 1), (-1, 1)))
+    elevation_map.add_obstacle(np.array([(0.5, 0.0, 0.3)]))
+    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)))
+    assert elevation_map.grid.at(elevation_map.elevation, [0.5, 0.0]) == pytest.approx(0.3)
+    assert elevation_map.grid.at(elevation_map.measured, [0.5, 0.0]) == pytest.approx(0.3)
+    assert elevation_map.grid.at(elevation_map.elevation, [0.4, 0.0]) == 0
 
 
 def test_a_gap_between_different_heights_stays_open():
     ground = ground_points(ramp_and_deck, (1, 2), (-1, 1))
-    surface = surface_of(ground[np.abs(ground[:, 1] - 0.6) > 0.05])
-    assert np.isnan(surface.grid.at(surface.elevation, [1.5, 0.625], np.nan))
+    elevation_map = surface_of(ground[np.abs(ground[:, 1] - 0.6) > 0.05])
+    assert np.isnan(elevation_map.grid.at(elevation_map.elevation, [1.5, 0.625], np.nan))
 
 
 def test_assumed_ground_gives_way_to_returns():
-    surface = SurfaceMap()
-    surface.assume_ground(from_yaw(1, 2, 0, np.pi / 2), radius=0.5, ahead=1.4, width=0.8)
-    at = surface.grid.at
-    assert at(surface.elevation, [1.0, 3.3], np.nan) == 0  # on the strip
-    assert at(surface.elevation, [0.6, 2.0], np.nan) == 0  # on the disc
-    assert np.isnan(at(surface.elevation, [1.0, 1.3], np.nan))  # behind
-    assert np.isnan(surface.measured).all()
-    surface.update(wall_points((0.5, 3.0), (1.5, 3.0)))
-    assert surface.grid.at(surface.elevation, [1.0, 3.0]) > 1
+    elevation_map = ElevationMap()
+    elevation_map.assume_ground(from_yaw(1, 2, 0, np.pi / 2), radius=0.5, ahead=1.4, width=0.8)
+    at = elevation_map.grid.at
+    assert at(elevation_map.elevation, [1.0, 3.3], np.nan) == 0  # on the strip
+    assert at(elevation_map.elevation, [0.6, 2.0], np.nan) == 0  # on the disc
+    assert np.isnan(at(elevation_map.elevation, [1.0, 1.3], np.nan))  # behind
+    assert np.isnan(elevation_map.measured).all()
+    elevation_map.update(wall_points((0.5, 3.0), (1.5, 3.0)))
+    assert elevation_map.grid.at(elevation_map.elevation, [1.0, 3.0]) > 1
 
 
 @settings(max_examples=25, deadline=None)

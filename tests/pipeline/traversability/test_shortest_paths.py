@@ -3,21 +3,21 @@ import numpy as np
 import pytest
 
 from pipeline.traversability.shortest_paths import PathConfig, ShortestPaths, may_cut, simplify
-from pipeline.traversability.traversability import drivable_surface
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
 
 @pytest.fixture(scope="module")
 def maze():
     """A wall from the south edge up to y = 0.6 between two halves of a square."""
-    return drivable_surface(surface_of(ground_points(flat, (-2, 2), (-2, 2)), wall_points((0, -2), (0, 0.6))))
+    return assess_map(surface_of(ground_points(flat, (-2, 2), (-2, 2)), wall_points((0, -2), (0, 0.6))))
 
 
 def test_it_agrees_with_networkx(maze):
     paths = ShortestPaths(maze, (-1.0, -1.0))
     weight = np.where(maze.turnable, 1.0, 1.5)
     graph = nx.Graph()
-    cells = set(map(tuple, np.argwhere(maze.drivable).tolist()))
+    cells = set(map(tuple, np.argwhere(maze.traversable).tolist()))
     for i, j in cells:
         for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
             if (i + di, j + dj) in cells:
@@ -33,7 +33,7 @@ def test_it_agrees_with_networkx(maze):
 def test_paths_go_around_walls(maze):
     paths = ShortestPaths(maze, (-1.0, -1.0))
     path = paths.path_to((1.0, -1.0))
-    assert maze.grid.at(maze.drivable, path).all()
+    assert maze.grid.at(maze.traversable, path).all()
     assert path[:, 1].max() > 0.85
     np.testing.assert_allclose(path[[0, -1]], [(-1, -1), (1, -1)], atol=0.05)
 
@@ -42,31 +42,31 @@ def test_simplified_paths_are_few_drivable_lines(maze):
     path = ShortestPaths(maze, (-1.0, -1.0)).path_to((1.0, -1.0))
     bends = simplify(maze, path)
     assert 3 <= len(bends) <= 6
-    assert maze.lines_are_drivable(bends[:-1], bends[1:]).all()
+    assert maze.lines_are_traversable(bends[:-1], bends[1:]).all()
     assert maze.grid.at(maze.turnable, bends[1:-1]).all()
     np.testing.assert_array_equal(bends[[0, -1]], path[[0, -1]])
 
 
 def test_no_short_cut_passes_a_corner_closer_than_the_way_does(maze):
     line = np.array([(-1.5, 0.92), (1.5, 0.92)])  # 0.33 m beside the end of the wall
-    assert maze.lines_are_drivable(line[:1], line[1:])[0]
+    assert maze.lines_are_traversable(line[:1], line[1:])[0]
     around = np.vstack([line[0], (0.0, 1.2), line[1]])
     assert may_cut(maze, line)[-1]
     assert not may_cut(maze, around)[-1]
 
 
 def test_ramps_cost_more_and_are_met_head_on():
-    surface = drivable_surface(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
-    paths = ShortestPaths(surface, (-1.5, 0.0), PathConfig(ramp_cost=3.0))
+    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    paths = ShortestPaths(traversability, (-1.5, 0.0), PathConfig(ramp_cost=3.0))
     assert paths.cost_to((1.5, 0.0)) > 3.0 + 2 * 1.0
     path = paths.path_to((1.5, 0.4))
-    on_ramp = surface.grid.at(surface.ramp, path)
+    on_ramp = traversability.grid.at(traversability.ramp, path)
     assert np.ptp(path[on_ramp, 1]) < 1e-9
 
 
 def test_the_deck_is_reached_over_its_ramp_only():
-    surface = drivable_surface(surface_of(ground_points(ramp_and_deck, (-2, 2), (-2, 2))))
-    path = ShortestPaths(surface, (1.2, 1.2)).path_to((1.2, 0.0))
+    traversability = assess_map(surface_of(ground_points(ramp_and_deck, (-2, 2), (-2, 2))))
+    path = ShortestPaths(traversability, (1.2, 1.2)).path_to((1.2, 0.0))
     assert path[:, 0].min() < -0.1
 
 
@@ -97,8 +97,8 @@ def test_paths_pass_by_what_lies_on_them(maze):
 
 
 def test_no_start_and_no_way():
-    surface = drivable_surface(surface_of(ground_points(flat, (0, 2), (0, 2))))
-    nowhere = ShortestPaths(surface, (9.0, 9.0))
+    traversability = assess_map(surface_of(ground_points(flat, (0, 2), (0, 2))))
+    nowhere = ShortestPaths(traversability, (9.0, 9.0))
     assert nowhere.start is None
     assert not nowhere.reachable.any()
-    assert ShortestPaths(surface, (1.0, 1.0)).cost_to((9.0, 9.0)) == np.inf
+    assert ShortestPaths(traversability, (1.0, 1.0)).cost_to((9.0, 9.0)) == np.inf

@@ -2,26 +2,26 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.traversability.elevation_map import SurfaceMap
-from pipeline.traversability.traversability import DrivableConfig, DrivableSurface, drivable_surface
+from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.traversability.traversability import Traversability, TraversabilityConfig, assess_map
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
 
 def test_the_unknown_may_be_a_wall_that_sends_nothing_back():
-    at = (surface := drivable_surface(surface_of(ground_points(flat, (0, 2), (0, 2))))).grid.at
-    assert at(surface.drivable, [1.0, 1.0])
-    assert at(surface.drivable, [0.28, 1.0])
-    assert not at(surface.drivable, [0.24, 1.0])
-    assert not at(surface.drivable, [-5.0, 1.0])
+    at = (traversability := assess_map(surface_of(ground_points(flat, (0, 2), (0, 2))))).grid.at
+    assert at(traversability.traversable, [1.0, 1.0])
+    assert at(traversability.traversable, [0.28, 1.0])
+    assert not at(traversability.traversable, [0.24, 1.0])
+    assert not at(traversability.traversable, [-5.0, 1.0])
 
 
 def test_it_keeps_away_from_walls_and_further_for_turning():
     world = surface_of(ground_points(flat, (-1, 2), (-2, 2)), wall_points((1.0, -2), (1.0, 2)))
-    surface = drivable_surface(world)
-    assert not surface.grid.at(surface.drivable, [0.76, 0.0])
-    assert surface.grid.at(surface.drivable, [0.66, 0.0])
-    assert not surface.grid.at(surface.turnable, [0.66, 0.0])
-    assert surface.grid.at(surface.turnable, [0.55, 0.0])
+    traversability = assess_map(world)
+    assert not traversability.grid.at(traversability.traversable, [0.76, 0.0])
+    assert traversability.grid.at(traversability.traversable, [0.66, 0.0])
+    assert not traversability.grid.at(traversability.turnable, [0.66, 0.0])
+    assert traversability.grid.at(traversability.turnable, [0.55, 0.0])
 
 
 @pytest.mark.parametrize(("height", "is_hazard"), [(0.05, True), (0.02, False)])
@@ -29,9 +29,9 @@ def test_it_keeps_away_from_the_lowest_step_of_a_step_field(height, is_hazard):
     block = ground_points(lambda x, y: 0 * x + height, (0, 0.5), (0, 0.5))
     around = ground_points(flat, (-1, 1.5), (-1, 1.5))
     outside = (np.abs(around[:, :2] - 0.25) > 0.25).any(axis=1)
-    surface = drivable_surface(surface_of(block, around[outside]))
-    assert surface.grid.at(surface.hazard, [0.025, 0.275]) == is_hazard
-    assert surface.grid.at(surface.drivable, [-0.1, 0.275]) != is_hazard
+    traversability = assess_map(surface_of(block, around[outside]))
+    assert traversability.grid.at(traversability.hazard, [0.025, 0.275]) == is_hazard
+    assert traversability.grid.at(traversability.traversable, [-0.1, 0.275]) != is_hazard
 
 
 @pytest.mark.parametrize("height", [0.05, 0.06, 0.08, 0.1, 0.12])
@@ -40,59 +40,65 @@ def test_a_block_that_ends_within_a_cell_is_a_hazard_up_to_its_edge(height):
     block = ground_points(lambda x, y: 0 * x + height, (0.02, 0.5), (-0.5, 0.5))
     face = wall_points((0.02, -0.5), (0.02, 0.5), height)
     outside = (ground[:, 0] < 0.02) | (np.abs(ground[:, 1]) > 0.5)
-    surface = drivable_surface(surface_of(ground[outside], block, face))
-    assert surface.grid.at(surface.hazard, [(0.025, y) for y in np.arange(-0.475, 0.5, 0.05)]).all()
+    traversability = assess_map(surface_of(ground[outside], block, face))
+    assert traversability.grid.at(
+        traversability.hazard, [(0.025, y) for y in np.arange(-0.475, 0.5, 0.05)]
+    ).all()
 
 
 def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point():
     post = np.repeat(np.array([(0.025, 0.025, z) for z in (0.1, 0.2, 0.3)], np.float32), 5, axis=0)
-    surface = drivable_surface(surface_of(ground_points(flat, (-1, 1), (-1, 1)), post))
-    assert not surface.grid.at(surface.turnable, [0.275, 0.325])  # 0.39 m away
-    assert surface.grid.at(surface.turnable, [0.325, 0.325])
+    traversability = assess_map(surface_of(ground_points(flat, (-1, 1), (-1, 1)), post))
+    assert not traversability.grid.at(traversability.turnable, [0.275, 0.325])  # 0.39 m away
+    assert traversability.grid.at(traversability.turnable, [0.325, 0.325])
 
 
-def ridge_between_walls(half_width: float) -> DrivableSurface:
+def ridge_between_walls(half_width: float) -> Traversability:
     """A corridor along x over a ridge."""
     walls = [wall_points((-2, y), (2, y)) for y in (-half_width, half_width)]
     ground = ground_points(ridge, (-2, 2), (-half_width, half_width))
-    return drivable_surface(surface_of(ground, *walls))
+    return assess_map(surface_of(ground, *walls))
 
 
 def test_a_narrow_ramp_is_driven_along_its_slope_only():
-    surface = ridge_between_walls(0.32)
-    assert surface.lines_are_drivable([(-1.2, 0)], [(1.2, 0)])[0]
-    assert surface.lines_are_drivable([(-1.2, -0.04)], [(1.2, 0.04)])[0]
-    assert not surface.lines_are_drivable([(-0.3, -0.04)], [(-0.3, 0.04)])[0]
-    np.testing.assert_allclose(surface.uphill[tuple(surface.grid.cell_of([-0.3, 0]))], (1, 0), atol=0.01)
-    np.testing.assert_allclose(surface.uphill[tuple(surface.grid.cell_of([0.3, 0]))], (-1, 0), atol=0.01)
+    traversability = ridge_between_walls(0.32)
+    assert traversability.lines_are_traversable([(-1.2, 0)], [(1.2, 0)])[0]
+    assert traversability.lines_are_traversable([(-1.2, -0.04)], [(1.2, 0.04)])[0]
+    assert not traversability.lines_are_traversable([(-0.3, -0.04)], [(-0.3, 0.04)])[0]
+    np.testing.assert_allclose(
+        traversability.uphill[tuple(traversability.grid.cell_of([-0.3, 0]))], (1, 0), atol=0.01
+    )
+    np.testing.assert_allclose(
+        traversability.uphill[tuple(traversability.grid.cell_of([0.3, 0]))], (-1, 0), atol=0.01
+    )
 
 
 def test_where_the_robot_has_driven_it_may_drive_again():
     corridor = surface_of(
         ground_points(flat, (-1, 1), (-0.5, 0.5)), *(wall_points((-1, y), (1, y)) for y in (-0.33, 0.33))
     )
-    assert drivable_surface(corridor).lines_are_drivable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+    assert assess_map(corridor).lines_are_traversable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
     corridor.update(wall_points((0, -0.22), (0.05, -0.22)))  # a chair leg, or noise
-    assert not drivable_surface(corridor).lines_are_drivable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+    assert not assess_map(corridor).lines_are_traversable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
     corridor.add_track(np.column_stack([np.linspace(-0.6, 0.6, 50), np.full(50, 0.02)]))
-    assert drivable_surface(corridor).lines_are_drivable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+    assert assess_map(corridor).lines_are_traversable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
     corridor.update(wall_points((0, -0.17), (0.05, -0.17)))  # in the robot's way
-    assert not drivable_surface(corridor).lines_are_drivable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+    assert not assess_map(corridor).lines_are_traversable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
 
 
 def test_a_wide_one_also_across_where_nothing_is_near():
-    surface = ridge_between_walls(0.6)
-    assert surface.lines_are_drivable([(-0.3, -0.2)], [(-0.3, 0.2)])[0]
-    assert not surface.lines_are_drivable([(-0.3, -0.32)], [(-0.3, 0.32)])[0]
-    assert surface.lines_are_drivable([(-1.2, 0.32)], [(1.2, 0.32)])[0]
+    traversability = ridge_between_walls(0.6)
+    assert traversability.lines_are_traversable([(-0.3, -0.2)], [(-0.3, 0.2)])[0]
+    assert not traversability.lines_are_traversable([(-0.3, -0.32)], [(-0.3, 0.32)])[0]
+    assert traversability.lines_are_traversable([(-1.2, 0.32)], [(1.2, 0.32)])[0]
 
 
 def test_on_a_ramp_it_turns_only_where_it_may_slide():
     at = ridge_between_walls(0.6).grid.at
-    surface = ridge_between_walls(0.6)
-    assert at(surface.slidable, [-0.3, 0.0])
-    assert not at(surface.slidable, [-0.3, 0.12])
-    assert not at(surface.slidable, [-1.2, 0.0])  # level
+    traversability = ridge_between_walls(0.6)
+    assert at(traversability.slidable, [-0.3, 0.0])
+    assert not at(traversability.slidable, [-0.3, 0.12])
+    assert not at(traversability.slidable, [-1.2, 0.0])  # level
     assert not ridge_between_walls(0.5).slidable.any()
 
 
@@ -100,63 +106,63 @@ def test_ground_that_lies_lower_behind_a_gap_is_a_drop():
     deck = np.vstack(
         [ground_points(lambda x, y: 0 * x + 0.34, (0, 1), (-1, 1)), ground_points(flat, (1.4, 2.4), (-1, 1))]
     )
-    surface = drivable_surface(surface_of(deck))
-    at = surface.grid.at
-    assert at(surface.hazard, [0.975, 0.0])
-    assert not at(surface.hazard, [1.425, 0.0])
-    assert not at(surface.drivable, [0.72, 0.0])
-    assert at(surface.drivable, [0.62, 0.0])
+    traversability = assess_map(surface_of(deck))
+    at = traversability.grid.at
+    assert at(traversability.hazard, [0.975, 0.0])
+    assert not at(traversability.hazard, [1.425, 0.0])
+    assert not at(traversability.traversable, [0.72, 0.0])
+    assert at(traversability.traversable, [0.62, 0.0])
 
 
 def test_the_far_foot_of_an_unseen_slope_is_none():
     ground = ground_points(ridge, (-2, 2), (-1, 1))
-    surface = drivable_surface(surface_of(ground[(ground[:, 0] < 0) | (ground[:, 0] > RUN)]))
-    assert not surface.hazard.any()
+    traversability = assess_map(surface_of(ground[(ground[:, 0] < 0) | (ground[:, 0] > RUN)]))
+    assert not traversability.hazard.any()
 
 
 def test_on_a_ramp_it_keeps_off_the_unknown_by_what_it_may_slide():
-    surface = drivable_surface(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
     for y, crosses, turns in ((0.55, True, True), (0.65, True, False), (0.78, False, False)):
-        assert surface.grid.at(surface.drivable, [-0.3, y])
-        assert surface.grid.at(surface.room, [-0.3, y]) == crosses
-        assert surface.grid.at(surface.slidable, [-0.3, y]) == turns
+        assert traversability.grid.at(traversability.traversable, [-0.3, y])
+        assert traversability.grid.at(traversability.room, [-0.3, y]) == crosses
+        assert traversability.grid.at(traversability.slidable, [-0.3, y]) == turns
 
 
 def test_nobody_turns_on_a_ramp_or_right_before_it():
-    surface = drivable_surface(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
-    assert not surface.grid.at(surface.turnable, [-0.3, 0])
-    assert not surface.grid.at(surface.turnable, [-RUN - 0.1, 0])
-    assert surface.grid.at(surface.turnable, [-RUN - 0.4, 0])
+    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    assert not traversability.grid.at(traversability.turnable, [-0.3, 0])
+    assert not traversability.grid.at(traversability.turnable, [-RUN - 0.1, 0])
+    assert traversability.grid.at(traversability.turnable, [-RUN - 0.4, 0])
 
 
 @pytest.mark.parametrize("start", [(1.2, 0.0), (1.2, 1.2)])
 def test_the_side_of_a_deck_is_no_way_up_or_down(start):
-    surface = drivable_surface(surface_of(ground_points(ramp_and_deck, (-2, 2), (-2, 2))))
+    traversability = assess_map(surface_of(ground_points(ramp_and_deck, (-2, 2), (-2, 2))))
     other_side = (start[0], 1.2 - start[1])
-    assert not surface.lines_are_drivable([start], [other_side])[0]
-    assert surface.grid.at(surface.drivable, [1.2, 0.25])
-    assert not surface.grid.at(surface.drivable, [1.2, 0.4])
-    assert not surface.grid.at(surface.drivable, [1.2, 0.8])
+    assert not traversability.lines_are_traversable([start], [other_side])[0]
+    assert traversability.grid.at(traversability.traversable, [1.2, 0.25])
+    assert not traversability.grid.at(traversability.traversable, [1.2, 0.4])
+    assert not traversability.grid.at(traversability.traversable, [1.2, 0.8])
 
 
 def test_a_slope_beyond_twenty_degrees_is_a_hazard():
     gentle = surface_of(ground_points(lambda x, y: x * np.tan(np.deg2rad(18)), (0, 2), (0, 2)))
     steep = surface_of(ground_points(lambda x, y: x * np.tan(np.deg2rad(22)), (0, 2), (0, 2)))
-    gentle, steep = drivable_surface(gentle), drivable_surface(steep)
+    gentle, steep = assess_map(gentle), assess_map(steep)
     assert not gentle.grid.at(gentle.hazard, [1.0, 1.0])
     assert steep.grid.at(steep.hazard, [1.0, 1.0])
 
 
 def test_it_keeps_away_from_where_a_panel_may_stand():
-    world, ground = SurfaceMap(), ground_points(flat, (-1, 1), (-1, 1))
+    world, ground = ElevationMap(), ground_points(flat, (-1, 1), (-1, 1))
     world.update(ground, ground_points(flat, (-1, 1), (0.01, 0.03)), np.array([-2.0, 0.0]))
-    surface = drivable_surface(world)
-    assert not surface.grid.at(surface.drivable, [0.0, 0.28])
-    assert surface.grid.at(surface.drivable, [0.0, 0.38])
-    assert not surface.lines_are_drivable([(0.0, -0.5)], [(0.0, 0.5)])[0]
+    traversability = assess_map(world)
+    assert not traversability.grid.at(traversability.traversable, [0.0, 0.28])
+    assert traversability.grid.at(traversability.traversable, [0.0, 0.38])
+    assert not traversability.lines_are_traversable([(0.0, -0.5)], [(0.0, 0.5)])[0]
 
 
 @pytest.mark.parametrize("far", [{"clearance": 1.0}, {"turning_clearance": 0.9}, {"ramp_margin": np.nan}])
 def test_clearances_beyond_what_is_told_apart_are_refused(far):
     with pytest.raises(InputError, match="at most 1 m"):
-        DrivableConfig(**far)
+        TraversabilityConfig(**far)

@@ -3,9 +3,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.traversability import elevation_kernels as kernels
-from pipeline.traversability.elevation_map import SurfaceMap
-from pipeline.traversability.traversability import drivable_surface
-from pipeline.traversability.traversability_layer import JUDGED, DrivableLayer
+from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.traversability.traversability import assess_map
+from pipeline.traversability.traversability_layer import JUDGED, TraversabilityLayer
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, wall_points
 
 pieces = st.tuples(
@@ -16,7 +16,7 @@ pieces = st.tuples(
 )
 
 
-def look(surface, piece):
+def step(elevation_map, piece):
     """Show a piece of ground, or a wall, somewhere; perhaps with a stripe of it missing."""
     height, x, y, is_doubted = piece
     points = (
@@ -24,50 +24,52 @@ def look(surface, piece):
     )
     points = points + np.array([x, y, 0], np.float32)
     missing = points[np.abs(points[:, 0] - x) < 0.03] if is_doubted else np.zeros((0, 3), np.float32)
-    surface.update(points, missing, np.array([x - 2, y]))
-    surface.add_track(np.array([[x, y - 0.1], [x + 0.3, y]]))
+    elevation_map.update(points, missing, np.array([x - 2, y]))
+    elevation_map.add_track(np.array([[x, y - 0.1], [x + 0.3, y]]))
 
 
 @settings(max_examples=25)
 @given(st.lists(pieces, min_size=2, max_size=6))
-def test_what_is_judged_look_by_look_is_what_is_judged_as_a_whole(looks):
-    surface, layer = SurfaceMap(), DrivableLayer()
-    look(surface, (flat, -6, -6, False))
-    look(surface, (flat, 6, 6, False))
-    layer.update(surface)
-    for piece in looks:
-        look(surface, piece)
-        now, whole = layer.update(surface), drivable_surface(surface)
+def test_what_is_judged_look_by_look_is_what_is_judged_as_a_whole(steps):
+    elevation_map, layer = ElevationMap(), TraversabilityLayer()
+    step(elevation_map, (flat, -6, -6, False))
+    step(elevation_map, (flat, 6, 6, False))
+    layer.update(elevation_map)
+    for piece in steps:
+        step(elevation_map, piece)
+        now, whole = layer.update(elevation_map), assess_map(elevation_map)
         for name in JUDGED:
             np.testing.assert_array_equal(getattr(now, name), getattr(whole, name), err_msg=name)
-        np.testing.assert_array_equal(now.elevation, surface.elevation)
+        np.testing.assert_array_equal(now.elevation, elevation_map.elevation)
 
 
 @settings(max_examples=25)
 @given(st.lists(pieces, min_size=1, max_size=6))
-def test_gaps_are_bridged_look_by_look_as_on_the_whole_map(looks):
-    surface = SurfaceMap()
-    for piece in looks:
-        look(surface, piece)
-    known = surface.measured
-    np.testing.assert_array_equal(surface.elevation, kernels.bridge_gaps(known, surface.doubted, 3, 0.05))
+def test_gaps_are_bridged_look_by_look_as_on_the_whole_map(steps):
+    elevation_map = ElevationMap()
+    for piece in steps:
+        step(elevation_map, piece)
+    known = elevation_map.measured
+    np.testing.assert_array_equal(
+        elevation_map.elevation, kernels.bridge_gaps(known, elevation_map.dropout, 3, 0.05)
+    )
 
 
 def test_a_surface_that_was_given_out_stays_as_it_was():
-    surface, layer = SurfaceMap(), DrivableLayer()
-    look(surface, (flat, 0, 0, False))
-    before = layer.update(surface)
-    kept = before.drivable.copy(), before.elevation.copy()
-    look(surface, (None, 0, 0, False))
-    after = layer.update(surface)
-    assert (after.drivable != before.drivable).any()
-    np.testing.assert_array_equal(before.drivable, kept[0])
+    elevation_map, layer = ElevationMap(), TraversabilityLayer()
+    step(elevation_map, (flat, 0, 0, False))
+    before = layer.update(elevation_map)
+    kept = before.traversable.copy(), before.elevation.copy()
+    step(elevation_map, (None, 0, 0, False))
+    after = layer.update(elevation_map)
+    assert (after.traversable != before.traversable).any()
+    np.testing.assert_array_equal(before.traversable, kept[0])
     np.testing.assert_array_equal(before.elevation, kept[1])
 
 
 def test_nothing_new_is_judged_where_nothing_has_changed():
-    surface, layer = SurfaceMap(), DrivableLayer()
-    look(surface, (ridge, 0, 0, False))
-    before = layer.update(surface)
-    surface.update(np.zeros((0, 3), np.float32))
-    assert layer.update(surface) is before
+    elevation_map, layer = ElevationMap(), TraversabilityLayer()
+    step(elevation_map, (ridge, 0, 0, False))
+    before = layer.update(elevation_map)
+    elevation_map.update(np.zeros((0, 3), np.float32))
+    assert layer.update(elevation_map) is before

@@ -22,7 +22,7 @@ def camera_at(x: float, y: float) -> NDArray[np.float64]:
     return from_rotation(OPTICAL, [x, y, HEIGHT])
 
 
-def look(T_map_camera: NDArray[np.float64], balls: Sequence[Ball] = ()) -> Frame:
+def step(T_map_camera: NDArray[np.float64], balls: Sequence[Ball] = ()) -> Frame:
     """What the camera sees; T_base_camera is as if the base were the map's origin."""
     rays = INTRINSICS.rays.astype(np.float64)
     directions = rays @ T_map_camera[:3, :3].T

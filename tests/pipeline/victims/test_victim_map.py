@@ -8,7 +8,7 @@ import pytest
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.observation import Observation, ObservationConfig, Refusal, observe
 from pipeline.victims.victim_map import Victims, VictimsConfig
-from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, look
+from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
 OTHER: Ball = (2.4, 1.5, 0.3, 0.25)
@@ -16,7 +16,7 @@ CONFIG = ObservationConfig()
 
 
 def refusal(balls: list[Ball], detection: Detection) -> str:
-    result = observe(look(camera_at(0, 0), balls), detection, camera_at(0, 0), CONFIG)
+    result = observe(step(camera_at(0, 0), balls), detection, camera_at(0, 0), CONFIG)
     assert isinstance(result, Refusal)
     return result.reason
 
@@ -24,12 +24,12 @@ def refusal(balls: list[Ball], detection: Detection) -> str:
 def walk(victims: Victims, places: list[tuple[float, float]], balls: list[Ball], found: list[Ball]) -> None:
     for place in places:
         T = camera_at(*place)
-        victims.update(look(T, balls), [detection_of(T, ball) for ball in found], T)
+        victims.update(step(T, balls), [detection_of(T, ball) for ball in found], T)
 
 
 def test_a_person_is_where_it_is() -> None:
     T = camera_at(0, 0)
-    result = observe(look(T, [PERSON]), detection_of(T, PERSON), T, CONFIG)
+    result = observe(step(T, [PERSON]), detection_of(T, PERSON), T, CONFIG)
     assert isinstance(result, Observation)
     assert result.position == pytest.approx(PERSON[:3], abs=0.16)  # the front of it
     np.testing.assert_allclose(np.linalg.norm(result.points - PERSON[:3], axis=1), 0.25, atol=0.01)
@@ -42,7 +42,7 @@ def test_the_map_may_lie_anywhere() -> None:
     T = camera_at(0, 0)
     moved = T.copy()
     moved[:3, 3] += [5, -3, 1]
-    here, there = (observe(look(T, [PERSON]), detection_of(T, PERSON), pose, CONFIG) for pose in (T, moved))
+    here, there = (observe(step(T, [PERSON]), detection_of(T, PERSON), pose, CONFIG) for pose in (T, moved))
     assert isinstance(here, Observation)
     assert isinstance(there, Observation)
     np.testing.assert_allclose(there.position - here.position, [5, -3, 1], atol=1e-5)
@@ -56,14 +56,14 @@ def test_what_is_no_person_is_refused() -> None:
     assert "less than a person" in refusal([small], detection_of(camera_at(0, 0), small))
     small_people = replace(CONFIG, max_size=0.2)
     T = camera_at(0, 0)
-    large = observe(look(T, [PERSON]), detection_of(T, PERSON), T, small_people)
+    large = observe(step(T, [PERSON]), detection_of(T, PERSON), T, small_people)
     assert isinstance(large, Refusal)
     assert "more than a person" in large.reason
 
 
 def test_a_hole_in_the_depth_is_refused() -> None:
     T = camera_at(0, 0)
-    frame = look(T, [PERSON])
+    frame = step(T, [PERSON])
     detection = detection_of(T, PERSON)
     x0, y0, x1, y1 = map(int, detection.box)
     depth = frame.depth.copy()
@@ -94,7 +94,7 @@ def victims_of(confidences: tuple[float, ...], config: VictimsConfig) -> Victims
     victims = Victims(config)
     for k, confidence in enumerate(confidences):
         T = camera_at(0, 0.5 * k)
-        victims.update(look(T, [PERSON]), [detection_of(T, PERSON, confidence)], T)
+        victims.update(step(T, [PERSON]), [detection_of(T, PERSON, confidence)], T)
     return victims
 
 
@@ -147,7 +147,7 @@ def test_someone_hidden_or_out_of_sight_is_not_missed() -> None:
 def test_refusals_are_told() -> None:
     victims = Victims()
     T = camera_at(0, 0)
-    victims.update(look(T), [Detection((70, 30, 100, 70), 0.9)], T)
+    victims.update(step(T), [Detection((70, 30, 100, 70), 0.9)], T)
     assert victims.all == []
     assert "flat" in victims.refusals[0].reason
 
@@ -156,7 +156,7 @@ def test_the_best_photo_is_kept() -> None:
     victims = Victims()
     for y, confidence, colour in ((0.0, 0.6, 10), (0.4, 0.8, 20), (0.2, 0.7, 30)):
         T = camera_at(0, y)
-        frame = look(T, [PERSON])
+        frame = step(T, [PERSON])
         frame.rgb[:] = colour
         victims.update(frame, [detection_of(T, PERSON, confidence)], T)
     (victim,) = victims.all
@@ -169,7 +169,7 @@ def test_a_photo_of_the_whole_person_is_better_than_one_of_a_part() -> None:
     victims, T = Victims(), camera_at(0, 0)
     x0, y0, x1, y1 = detection_of(T, PERSON).box
     for brightness, bottom, confidence in ((10, (y0 + y1) / 2, 1.0), (20, y1, 0.8), (30, (y0 + y1) / 2, 1.0)):
-        frame = look(T, [PERSON])
+        frame = step(T, [PERSON])
         frame.rgb[:] = brightness
         victims.update(frame, [Detection((x0, y0, x1, bottom), confidence)], T)
     (victim,) = victims.all
@@ -187,7 +187,7 @@ def test_someone_seen_in_parts_is_one_person() -> None:
     x, y, z, r = PERSON
     T = camera_at(0.1, 0.4)
     both = detection_of(T, (x, y - 0.4, z, r + 0.4))
-    victims.update(look(T, [PERSON, LEGS]), [both], T)
+    victims.update(step(T, [PERSON, LEGS]), [both], T)
     (victim,) = victims.all
     assert len(victim.cameras) == 3
     assert victim.position == pytest.approx((x, y - 0.4, z), abs=0.16)
@@ -211,7 +211,7 @@ def test_two_who_touch_but_are_too_large_for_one_stay_two() -> None:
 def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> None:
     T = camera_at(2.7, 0)
     near: Ball = (3.7, 0.0, 0.6, 0.28)
-    result = observe(look(T, [near]), Detection((4, 2, 156, 118), 0.9), T, CONFIG)
+    result = observe(step(T, [near]), Detection((4, 2, 156, 118), 0.9), T, CONFIG)
     assert isinstance(result, Observation)
     np.testing.assert_allclose(np.linalg.norm(result.points - near[:3], axis=1), 0.28, atol=0.02)
 
@@ -219,6 +219,6 @@ def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> No
 def test_of_what_stands_one_behind_the_other_the_nearest_is_the_person() -> None:
     T = camera_at(0, 0)
     behind: Ball = (3.0, 0.0, 0.3, 0.3)
-    result = observe(look(T, [PERSON, behind]), detection_of(T, (2.0, 0.0, 0.3, 0.4)), T, CONFIG)
+    result = observe(step(T, [PERSON, behind]), detection_of(T, (2.0, 0.0, 0.3, 0.4)), T, CONFIG)
     assert isinstance(result, Observation)
     assert result.points[:, 0].max() < 2.1

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sarsim.arenas.layout import BLOCKED, FLOOR, SIDES, Ground, Layout, opposite
-from sarsim.arenas.random_draws import Dice
+from sarsim.arenas.random_draws import RandomDraws
 from sarsim.arenas.random_ground import choose_start, lay_ramps, make_maze
 
 EAST, NORTH, WEST, SOUTH = SIDES
@@ -61,11 +61,11 @@ def test_reserved_tiles_and_those_out_of_sight_are_not_blocked():
 
 @given(st.integers(3, 9), st.integers(3, 9), st.floats(0, 1), st.integers(0, 1000))
 def test_mazes_with_ramps_hang_together_and_have_a_start_on_the_floor(columns, rows, density, seed):
-    layout, dice = Layout(columns, rows), Dice(np.random.default_rng(seed))
-    make_maze(layout, dice, density)
+    layout, draws = Layout(columns, rows), RandomDraws(np.random.default_rng(seed))
+    make_maze(layout, draws, density)
     assert layout.is_connected()
-    tile, _ = choose_start(layout, dice)
-    lay_ramps(layout, dice, share=0.4, fields=True)
+    tile, _ = choose_start(layout, draws)
+    lay_ramps(layout, draws, share=0.4, fields=True)
     assert layout.is_connected()
     assert layout.is_explorable()
     assert layout.ground(tile) == FLOOR
@@ -86,7 +86,7 @@ def test_before_a_ramp_two_tiles_in_a_line_are_needed():
 
 def test_a_perfect_maze_has_one_way_between_any_two_tiles():
     layout = Layout(7, 6)
-    make_maze(layout, Dice(np.random.default_rng(0)), 1.0)
+    make_maze(layout, RandomDraws(np.random.default_rng(0)), 1.0)
     open_edges = len(layout.inner_edges()) - len(layout.walls)
     assert open_edges == 7 * 6 - 1
     assert layout.is_connected()

@@ -15,7 +15,7 @@ from sarsim.arenas.elements import ArenaBuilder, element_library
 from sarsim.arenas.layout import BLOCKED, YAW, Layout
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
-from sarsim.arenas.random_draws import Dice
+from sarsim.arenas.random_draws import RandomDraws
 from sarsim.arenas.random_furniture import (
     AGAINST_WALL,
     BULKY,
@@ -141,7 +141,7 @@ def test_furniture_stands_hangs_and_replaces_walls(furnished):
 
 def test_furniture_has_a_share_of_the_tiles():
     layout = Layout(8, 8)
-    items = place_furniture(layout, Dice(np.random.default_rng(0)), 0.25)
+    items = place_furniture(layout, RandomDraws(np.random.default_rng(0)), 0.25)
     tiles = {item.tile for item in items}
     assert len(tiles) == 16
     assert all(layout.ground(tile) == BLOCKED for tile in tiles)
@@ -150,7 +150,7 @@ def test_furniture_has_a_share_of_the_tiles():
 
 def test_bulky_things_take_tiles_but_raised_floors_leave_them_to_the_robot():
     layout = Layout(8, 8)
-    items = place_bulky(layout, Dice(np.random.default_rng(0)), 0.25)
+    items = place_bulky(layout, RandomDraws(np.random.default_rng(0)), 0.25)
     assert len({item.tile for item in items}) == len(items) >= 16
     for item in items:
         assert (layout.ground(item.tile) == BLOCKED) == (item.kind != "raised_floor_120")
@@ -170,7 +170,7 @@ def test_below_a_raised_floor_the_robot_drives_and_above_it_cannot():
 
 def test_one_wall_alone_bears_something():
     layout = Layout(6, 5)
-    items = hang_on_walls(layout, Dice(np.random.default_rng(0)), 0.2)
+    items = hang_on_walls(layout, RandomDraws(np.random.default_rng(0)), 0.2)
     assert len(items) == 6
     for item in items:
         (side,) = layout.walls_of(item.tile)

@@ -8,7 +8,7 @@ import pytest
 
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
-from sarsim.arenas.random_draws import Dice
+from sarsim.arenas.random_draws import RandomDraws
 from sarsim.arenas.random_paint import paint
 
 
@@ -50,6 +50,6 @@ def test_whatever_is_drawn_mujoco_reads(seed):
     for kind in ("tall_wall", "deck_17", "ramp_17"):
         builder.add_element(kind, (0, 0, 0), 0)
     builder.add_floor((-1, -1), (1, 1))
-    paint(builder, Dice(np.random.default_rng(seed)))
+    paint(builder, RandomDraws(np.random.default_rng(seed)))
     model = mujoco.MjModel.from_xml_string(builder.to_xml())
     assert ((model.mat_rgba >= 0) & (model.mat_rgba <= 1)).all()

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.transforms import from_yaw, inverse, tilt_of
 from sarsim.arenas.load import load_arena
 from sarsim.dataset.drive import DeadReckoning, Drive, DriveConfig, rotation_vector
-from sarsim.dataset.wheel_contact import Footing
+from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.columns import convex_bodies
 from sarsim.ground_truth.true_surface import TrueSurface, true_surface
 from sarsim.robots.pose import Pose
@@ -30,12 +30,12 @@ class Nist:
         mujoco.mj_kinematics(model, data)
         self.start = arena.T_world_start
         self.surface: TrueSurface = true_surface(model, data, None, self.start[:3, 3])
-        self.footing = Footing(convex_bodies(model, data, None), self.surface.grid)
+        self.wheel_contact = WheelContact(convex_bodies(model, data, None), self.surface.grid)
 
     def looks(self, seed: int, count: int = COUNT, **config: float) -> list[Pose]:
         """A drive from the start."""
         rng = np.random.default_rng(seed)
-        return Drive(self.surface, self.footing, self.start, DriveConfig(**config), rng).looks(count)
+        return Drive(self.surface, self.wheel_contact, self.start, DriveConfig(**config), rng).poses(count)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def nist() -> Nist:
 
 @pytest.fixture(scope="module")
 def looks(nist: Nist) -> list[Pose]:
-    return nist.looks(seed=3)
+    return nist.poses(seed=3)
 
 
 def poses(looks: list[Pose]) -> np.ndarray:
@@ -79,7 +79,7 @@ def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(looks: list[Pose]) ->
 
 def test_looks_are_apart_as_configured(nist: Nist) -> None:
     config = DriveConfig(tilt_vibration=0, height_vibration=0)
-    T = poses(nist.looks(seed=1, tilt_vibration=0, height_vibration=0))
+    T = poses(nist.poses(seed=1, tilt_vibration=0, height_vibration=0))
     moved = np.linalg.norm(np.diff(T[:, :2, 3], axis=0), axis=1)
     between = inverse(T[0])[None] @ T  # headings relative to the first
     yaw = np.unwrap(np.arctan2(between[:, 1, 0], between[:, 0, 0]))
@@ -118,17 +118,17 @@ def test_rotation_vectors_are_those_of_scipy(vector: tuple[float, float, float])
 
 
 def test_the_same_seed_makes_the_same_drive(nist: Nist) -> None:
-    first, again, other = (poses(nist.looks(seed, 20)) for seed in (5, 5, 6))
+    first, again, other = (poses(nist.poses(seed, 20)) for seed in (5, 5, 6))
     np.testing.assert_array_equal(first, again)
     assert (first != other).any()
 
 
 def test_a_longer_drive_begins_like_a_shorter_one(nist: Nist) -> None:
-    np.testing.assert_array_equal(poses(nist.looks(5, 30))[:20], poses(nist.looks(5, 20)))
+    np.testing.assert_array_equal(poses(nist.poses(5, 30))[:20], poses(nist.poses(5, 20)))
 
 
 def test_a_robot_that_cannot_stand_is_an_input_error(nist: Nist) -> None:
     nowhere = from_yaw(-2.9, -1.9, 3.0, 0.0)
-    drive = Drive(nist.surface, nist.footing, nowhere, DriveConfig(), np.random.default_rng(0))
+    drive = Drive(nist.surface, nist.wheel_contact, nowhere, DriveConfig(), np.random.default_rng(0))
     with pytest.raises(InputError, match=r"neither turn nor drive at \(-2.90, -1.90\) m"):
-        drive.looks(3)
+        drive.poses(3)

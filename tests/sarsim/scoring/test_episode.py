@@ -19,9 +19,9 @@ def score():
     explorer = Explorer(robot, TruthClassifier())
     score = EpisodeScore(robot, explorer)
     for _ in range(3):
-        look = explorer.look()
-        score.add(look)
-        explorer.drive(look)
+        step = explorer.step()
+        score.add(step)
+        explorer.drive(step)
     yield score
     robot.close()
 

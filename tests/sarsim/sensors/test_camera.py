@@ -69,7 +69,7 @@ def robot_scene(
 
 def look(model: mujoco.MjModel, data: mujoco.MjData) -> LabelledImage:
     with Renderer(model) as renderer:
-        return RgbdCamera(renderer, "camera").look(data)
+        return RgbdCamera(renderer, "camera").capture(data)
 
 
 def cast(
@@ -149,7 +149,7 @@ def test_points_lie_where_rays_hit_in_the_arena(
 def test_the_robot_gives_no_return_but_has_a_colour() -> None:
     model, data = robot_scene(tilt=40)
     with Renderer(model) as renderer:
-        image = RgbdCamera(renderer, "camera").look(data)
+        image = RgbdCamera(renderer, "camera").capture(data)
         geom, _ = renderer.segmentation_and_depth(data, "camera")
     own = np.isin(geom, [model.geom(name).id for name in ROBOT])
     assert own.sum() > 1000

@@ -1,0 +1,23 @@
+"""The body that the pipeline's tests drive: as large and as able as a Pioneer 3-AT."""
+
+import numpy as np
+
+from pipeline.robot import RobotModel
+
+PIONEER = RobotModel(
+    length=0.508,
+    width=0.497,
+    body_height=0.3,
+    headroom=0.65,
+    max_step=0.04,
+    max_gap=0.15,
+    max_tilt=np.deg2rad(20),
+    tipping_tilt=np.deg2rad(25),
+    acceleration=0.3,
+    turn_acceleration=np.deg2rad(100),
+    ramp_slide=0.15,
+    ramp_drift=0.05,
+    slide_per_radian=0.42,
+    min_turn_rate=0.06,
+    camera_range=(0.8, 3.5),
+)

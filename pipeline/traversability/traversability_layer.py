@@ -15,7 +15,7 @@ from pipeline.traversability.traversability import (
     assess_map,
 )
 
-JUDGED = ("gradient", "hazard", "to_hazard", "drivable", "turnable", "slidable", "room", "ramp", "uphill")
+JUDGED = ("gradient", "hazard", "to_hazard", "traversable", "turnable", "slidable", "room", "ramp", "uphill")
 """The layers of a drivable surface that follow from its elevation, from doubt and from where the robot drove."""
 
 

@@ -88,14 +88,14 @@ def test_z_is_up_and_labels_have_their_names_and_colours(recording):
 def test_pictures_come_back_as_they_were(recording):
     _, steps, rows = recording
     camera = "/world/robot/camera"
-    for step, step in enumerate(steps):
-        depth = components(rows[f"{camera}/depth"], "EncodedDepthImage:blob")[step]
+    for number, step in enumerate(steps):
+        depth = components(rows[f"{camera}/depth"], "EncodedDepthImage:blob")[number]
         millimetres = cv2.imdecode(depth.astype(np.uint8).ravel(), cv2.IMREAD_UNCHANGED)
         np.testing.assert_allclose(millimetres / 1000, step.frame.depth, atol=0.5001e-3)
-        rgb = components(rows[f"{camera}/rgb"], "EncodedImage:blob")[step]
+        rgb = components(rows[f"{camera}/rgb"], "EncodedImage:blob")[number]
         picture = cv2.imdecode(rgb.astype(np.uint8).ravel(), cv2.IMREAD_COLOR)[..., ::-1]
         assert np.abs(picture.astype(int) - step.frame.rgb).mean() < 3
-        labels = components(rows[f"{camera}/labels"], "SegmentationImage:buffer")[step]
+        labels = components(rows[f"{camera}/labels"], "SegmentationImage:buffer")[number]
         np.testing.assert_array_equal(labels.reshape(step.frame.depth.shape), step.frame.label)
 
 
@@ -174,9 +174,9 @@ def test_the_plan_begins_at_the_robot_and_ends_at_the_view(recording):
     for step, row in planned:
         way, heading = (np.array(strip) for strip in row["LineStrips3D:strips"])
         np.testing.assert_allclose(way[0, :2], step.T_map_base[:2, 3], atol=1e-6)
-        np.testing.assert_allclose(way[-1, :2], step.view.position, atol=1e-6)
+        np.testing.assert_allclose(way[-1, :2], step.viewpoint.position, atol=1e-6)
         ahead = np.arctan2(*(heading[1] - heading[0])[[1, 0]])
-        assert ahead == pytest.approx(step.view.heading, abs=1e-5)
+        assert ahead == pytest.approx(step.viewpoint.heading, abs=1e-5)
 
 
 def test_messages_have_a_level(recording):

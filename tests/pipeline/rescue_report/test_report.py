@@ -21,9 +21,9 @@ def test_the_last_look_tells_whether_anything_is_left() -> None:
     report.add(step)
     assert step.view is not None
     assert not report.situation.finished
-    report.add(replace(step, view=None, can_drive=False))  # held, not done
+    report.add(replace(step, viewpoint=None, can_drive=False))  # held, not done
     assert not report.situation.finished
-    report.add(replace(step, view=None))
+    report.add(replace(step, viewpoint=None))
     situation = report.situation
     assert situation.finished
     np.testing.assert_array_equal(situation.T_map_entrance, np.eye(4))

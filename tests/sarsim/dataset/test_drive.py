@@ -32,7 +32,7 @@ class Nist:
         self.surface: TrueSurface = true_surface(model, data, None, self.start[:3, 3])
         self.wheel_contact = WheelContact(convex_bodies(model, data, None), self.surface.grid)
 
-    def looks(self, seed: int, count: int = COUNT, **config: float) -> list[Pose]:
+    def poses(self, seed: int, count: int = COUNT, **config: float) -> list[Pose]:
         """A drive from the start."""
         rng = np.random.default_rng(seed)
         return Drive(self.surface, self.wheel_contact, self.start, DriveConfig(**config), rng).poses(count)

@@ -19,7 +19,7 @@ def test_the_last_look_tells_whether_anything_is_left() -> None:
     explorer = Explorer(StillRobot(), TruthClassifier())
     report, step = RescueReport(explorer), explorer.step()
     report.add(step)
-    assert step.view is not None
+    assert step.viewpoint is not None
     assert not report.situation.finished
     report.add(replace(step, viewpoint=None, can_drive=False))  # held, not done
     assert not report.situation.finished

@@ -101,7 +101,7 @@ class Robot(Protocol):
     """Seconds that one call of ``drive`` lasts."""
 
     def sense(self) -> Frame:
-        """Take one look, standing."""
+        """Take a frame where the robot stands."""
         ...
 
     def drive(self, command: Velocity) -> Motion:

@@ -45,7 +45,7 @@ class EpisodeConfig:
         start: where the robot is set down, x y (m) and yaw (degrees); if not given, where the arena says.
         random: what a random arena is like.
         seed: of everything random.
-        steps: looks at most while exploring, which ends before when nothing is left to look at.
+        steps: at most while exploring, which ends before when nothing is left to explore.
         goals: places to drive to afterwards, x y x y … (m), in the order that makes the way short.
         home: in the end drive back to where the robot was set down.
         labels: who says what a point belongs to: the network, or the simulator.
@@ -56,7 +56,7 @@ class EpisodeConfig:
         view: show the episode while it runs: in a new window, in the browser, or not at all.
         out: folder for the results, runs/<arena>-<seed> if not given.
         weights: of the network, as train.py writes them.
-        detector: of victims, Darknet's .cfg and .weights of a YOLOv3; None to look for nobody.
+        detector: of victims, Darknet's .cfg and .weights of a YOLOv3; None to detect none.
     """
 
     arena: str = "nist_6x4"
@@ -185,7 +185,7 @@ class Episode:
         if not step.can_drive:
             return f"{explored}; the robot stands where it cannot drive"
         if step.viewpoint is None or step.plan is None:
-            nothing = "that is worth a look" if self.mission.goals is None else "to drive to"
+            nothing = "that is worth a keyframe" if self.mission.goals is None else "to drive to"
             return f"{explored}; nothing is left {nothing}"
         place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
         way = f"{step.plan.length:.1f} m {f'over nodes {nodes}' if nodes else 'straight'}"

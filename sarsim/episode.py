@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -97,13 +97,13 @@ class Episode:
         self.out = config.out or Path("runs") / f"{Path(config.arena).stem}-{config.seed}"
         make_folder(self.out)
         self.robot = SimulatedRobot(arena, config.simulation, config.seed)
+        self.robot.model = replace(self.robot.model, speed=config.speed)
         self.explorer = Explorer(
             self.robot,
             classifier,
             detector,
             voxel_size=config.voxel_size,
             graph=config.graph,
-            speed=config.speed,
             seed=config.seed,
         )
         self.mission = self.explorer.mission

@@ -1,13 +1,14 @@
 """What all commands share: flags from typed parameters, and one line on stderr for what is wrong with the input."""
 
 import functools
+import inspect
 import io
 import os
 import re
 import select
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
 from pathlib import Path
 from types import FrameType
@@ -64,6 +65,19 @@ def progress(**options: Any) -> Progress:
     """A progress bar on stderr, with counts and the time elapsed."""
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     return Progress(*columns, console=Console(stderr=True), **options)
+
+
+def call_with(function: Callable[..., Any], given: Mapping[str, Any], name: str) -> Any:
+    """Call a function with those values that are not None; its own defaults hold for the others.
+
+    Raises:
+        InputError: ``name``, what the user chose, has no such parameter.
+    """
+    values = {key: value for key, value in given.items() if value is not None}
+    known = inspect.signature(function).parameters
+    if unknown := [f"--{key.replace('_', '-')}" for key in values if key not in known]:
+        raise InputError(f"{', '.join(unknown)}: {name} has no such setting")
+    return function(**values)
 
 
 def check_folder_of(flag: str, path: Path) -> None:

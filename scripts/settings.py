@@ -1,4 +1,4 @@
-"""Settings as dataclasses: each field is a flag, and a key of the YAML that ``--config`` reads and each run writes."""
+"""Settings as dataclasses: a field is a flag, and a key of the YAML that ``--config`` reads and every run writes."""
 
 import argparse
 import sys
@@ -15,8 +15,8 @@ from pipeline.files import whole_file
 from sarsim.scripts.cli import guarded, parse
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
-OUTPUTS = ("out", "json")
-"""Settings that name where results go: a run's own file leaves them out, so that repeating it overwrites nothing."""
+OUTPUTS = ("out", "json", "workers")
+"""Left out of a run's own file: where results go, so that repeating a run overwrites nothing, and how fast."""
 
 Settings = TypeVar("Settings")
 
@@ -51,7 +51,11 @@ def settings_from(
             ("config", Annotated[Path | None, tyro.conf.arg(help=CONFIG_HELP)], field(default=None)),
         ],
     )
-    return parse(lambda: tyro.cli(flags, prog=prog, description=description, args=args)).settings
+    return parse(
+        lambda: tyro.cli(
+            flags, prog=prog, description=description, args=args, config=(tyro.conf.SuppressFixed,)
+        )
+    ).settings
 
 
 def load_settings(kind: type[Settings], path: Path) -> Settings:

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, field, fields, is_dataclass, make_dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
@@ -30,6 +30,16 @@ def run_with_settings(
     """As :func:`run`, for a command of one parameter: a dataclass, whose fields become flags beside ``--config``."""
     words = sys.argv[1:] if args is None else list(args)
     guarded(lambda: command(settings_from(kind, words, command.__doc__, prog)))
+
+
+def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
+    """As :func:`run_with_settings`, for the command and its settings that the command line's first word names."""
+    name, *words = sys.argv[1:] or [""]
+    if name in commands:
+        run_with_settings(*commands[name], words, f"{Path(sys.argv[0]).name} {name}")
+        return
+    kinds = {name: kind for name, (_, kind) in commands.items()}
+    guarded(lambda: parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, description=description)))
 
 
 def settings_from(

@@ -14,7 +14,7 @@ from pipeline.robot import Motion, Velocity
 from pipeline.transforms import transform_points
 from sarsim.arenas.arena import RescueArena
 from sarsim.ground_truth.contacts import CollisionCounter
-from sarsim.robots.pioneer3at import MODEL
+from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera
@@ -77,7 +77,7 @@ class SimulatedRobot:
         on_motion: called with every new pose of the trajectory.
     """
 
-    model = MODEL
+    model = PIONEER_3AT
     control_period = 2 * CONTROL_TIMESTEP
 
     def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):

@@ -13,7 +13,7 @@ from sarsim.assets import asset
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
-MODEL = RobotModel(
+PIONEER_3AT = RobotModel(
     length=0.508,  # data sheet: 508 × 497 mm, wheels included
     width=0.497,
     body_height=0.3,  # top plate at 0.274 m

@@ -26,10 +26,19 @@ def run_with_settings(
     kind: type[Settings],
     args: Sequence[str] | None = None,
     prog: str | None = None,
+    repeated: Callable[[Settings], Settings] = lambda settings: settings,
 ) -> None:
-    """As :func:`run`, for a command of one parameter: a dataclass, whose fields become flags beside ``--config``."""
+    """As :func:`run`, for a command of one parameter: a dataclass, whose fields become flags beside ``--config``.
+
+    ``repeated`` may change settings that come from such a file before the command gets them.
+    """
     words = sys.argv[1:] if args is None else list(args)
-    guarded(lambda: command(settings_from(kind, words, command.__doc__, prog)))
+
+    def run() -> None:
+        settings = settings_from(kind, words, command.__doc__, prog)
+        command(repeated(settings) if config_file(words) else settings)
+
+    guarded(run)
 
 
 def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
@@ -50,10 +59,8 @@ def settings_from(
     Raises:
         InputError: a flag or the file is wrong.
     """
-    finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    finder.add_argument("--config", nargs="?")
-    file = finder.parse_known_args(args)[0].config
-    default: dict[str, Any] = {"default": load_settings(kind, Path(file))} if file else {}
+    file = config_file(args)
+    default: dict[str, Any] = {"default": load_settings(kind, file)} if file else {}
     flags = make_dataclass(
         "Flags",
         [
@@ -66,6 +73,13 @@ def settings_from(
             flags, prog=prog, description=description, args=args, config=(tyro.conf.SuppressFixed,)
         )
     ).settings
+
+
+def config_file(args: Sequence[str]) -> Path | None:
+    """The file that ``--config`` names among the words of a command line."""
+    finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    finder.add_argument("--config", nargs="?", type=Path)
+    return finder.parse_known_args(args)[0].config
 
 
 def load_settings(kind: type[Settings], path: Path) -> Settings:

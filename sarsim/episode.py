@@ -2,14 +2,13 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-import tyro
 from numpy.typing import ArrayLike
 
 from pipeline.errors import InputError
@@ -22,59 +21,12 @@ from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from pipeline.victims.detection.detector import VictimDetector
-from sarsim.arenas.load import StartPose, load_arena
-from sarsim.arenas.random_arena import RandomArenaConfig
-from sarsim.assets import asset
+from sarsim.arenas.load import load_arena
 from sarsim.recording import EpisodeRecorder
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import write_tum
+from sarsim.settings import EpisodeConfig, Labels
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-
-Labels = Literal["dgcnn", "truth"]
-"""Who says what a point belongs to: the network, or the simulator."""
-WEIGHTS = asset("weights", "dgcnn.safetensors")
-DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
-
-
-@dataclass(frozen=True)
-class EpisodeConfig:
-    """What an episode is made of.
-
-    Attributes:
-        arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
-        start: where the robot is set down, x y (m) and yaw (degrees); if not given, where the arena says.
-        random: what a random arena is like.
-        seed: of everything random.
-        steps: at most while exploring, which ends before when nothing is left to explore.
-        goals: places to drive to afterwards, x y x y … (m), in the order that makes the way short.
-        home: in the end drive back to where the robot was set down.
-        labels: who says what a point belongs to: the network, or the simulator.
-        simulation: of the robot's body.
-        speed: on level ground, m/s; the thesis drives at 0.2.
-        voxel_size: of the metric map, m.
-        graph: what plans are made on: the thesis's minimum spanning tree, or the tree and loops that shorten detours.
-        view: show the episode while it runs: in a new window, in the browser, or not at all.
-        out: folder for the results, runs/<arena>-<seed> if not given.
-        weights: of the network, as train.py writes them.
-        detector: of victims, Darknet's .cfg and .weights of a YOLOv3; None to detect none.
-    """
-
-    arena: str = "nist_6x4"
-    start: StartPose | None = None
-    random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
-    seed: int = 0
-    steps: int = 160
-    goals: tuple[tuple[float, float], ...] = ()
-    home: bool = False
-    labels: Labels = "dgcnn"
-    simulation: Annotated[SimulationConfig, tyro.conf.arg(name="")] = field(default_factory=SimulationConfig)
-    speed: float = 0.2
-    voxel_size: float = 0.1
-    graph: Literal["mst", "roadmap"] = "roadmap"
-    view: Literal["none", "spawn", "web"] = "none"
-    out: Path | None = None
-    weights: Path = WEIGHTS
-    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
 
 
 class Episode:
@@ -94,9 +46,10 @@ class Episode:
         classifier = make_classifier(config.labels, config.weights)
         detector = VictimDetector.load(*config.detector) if config.detector else None
         arena = load_arena(config.arena, config.start, config.random)
-        self.out = config.out or Path("runs") / f"{Path(config.arena).stem}-{config.seed}"
+        self.out = config.folder
         make_folder(self.out)
-        self.robot = SimulatedRobot(arena, config.simulation, config.seed)
+        simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust)
+        self.robot = SimulatedRobot(arena, simulation, config.seed)
         self.robot.model = replace(self.robot.model, speed=config.speed)
         self.explorer = Explorer(
             self.robot,

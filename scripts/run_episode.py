@@ -2,29 +2,35 @@
 
 import os
 import sys
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING
 
-import tyro
 from rich.console import Console
-from rich.progress import Progress, TimeElapsedColumn
 
-from sarsim.episode import Episode, EpisodeConfig
-from sarsim.scripts.cli import INTERRUPTED, Interruptible, run
+from sarsim.scripts.cli import INTERRUPTED, Interruptible, progress
+from sarsim.scripts.settings import run_with_settings, save_settings
 from sarsim.scripts.tables import report_table
+from sarsim.settings import EpisodeConfig
+
+if TYPE_CHECKING:
+    from sarsim.episode import Episode
 
 
-def run_episode(config: Annotated[EpisodeConfig, tyro.conf.arg(name="")]) -> None:
-    """Run the episode, print its report and say where it lies."""
+def run_episode(config: EpisodeConfig) -> None:
+    """Explore an arena, and leave a recording, a report, the maps and config.yaml, with which --config repeats it."""
+    from sarsim.episode import Episode
+
     episode = Episode(config)
+    save_settings(config, episode.out / "config.yaml")
     finished = run_with_progress(episode)
     console = Console()
     if episode.explorer.steps:
         console.print(report_table(episode.report))
     viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
-    console.print(
-        f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}", soft_wrap=True
-    )
+    told = f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}"
+    console.print(told, soft_wrap=True)
     if finished and episode.recorder.viewer and episode.recorder.viewer.page:
         console.print("Ctrl-C ends the page")
         episode.recorder.viewer.wait()
@@ -32,20 +38,25 @@ def run_episode(config: Annotated[EpisodeConfig, tyro.conf.arg(name="")]) -> Non
         raise SystemExit(INTERRUPTED)
 
 
-def run_with_progress(episode: Episode) -> bool:
+def run_with_progress(episode: "Episode") -> bool:
     """Run an episode with a progress bar; False if Ctrl-C ended it."""
-    columns = (*Progress.get_default_columns(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress, Interruptible() as control:
-        bar = progress.add_task(episode.config.arena, total=episode.config.steps)
+    with progress() as bars, Interruptible() as control:
+        bar = bars.add_task(episode.config.arena, total=episode.config.steps)
         return episode.run(
             lambda: control.interrupted,
-            lambda line: progress.update(bar, completed=episode.explorer.steps, description=line),
+            lambda line: bars.update(bar, completed=episode.explorer.steps, description=line),
         )
+
+
+def elsewhere(config: EpisodeConfig) -> EpisodeConfig:
+    """The same in a new folder, unless one is named: repeating an episode overwrites none."""
+    folders = (Path(f"{config.folder}-{number}") for number in count(2))
+    return config if config.out else replace(config, out=next(path for path in folders if not path.exists()))
 
 
 def main() -> None:
     """Entry point."""
-    run(run_episode)
+    run_with_settings(run_episode, EpisodeConfig, repeated=elsewhere)
 
 
 if __name__ == "__main__":

@@ -64,7 +64,7 @@ class EpisodeRecorder:
 
     def log_step(self, number: int, explorer: Explorer, step: Step) -> None:
         """Log what a look brought and what has become of the maps."""
-        self._T_map_odom = explorer.localisation.T_map_odom
+        self._T_map_odom = explorer.mapper.localisation.T_map_odom
         self._true_track.add(self._robot.trajectory[-1].T_world_base[:3, 3])
         self._recorder.log_step(number, explorer, step)
         self._log_joints()

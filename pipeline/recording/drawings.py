@@ -9,7 +9,7 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.exploration.next_best_view import Viewpoint
+from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.frame import Frame
 from pipeline.labels import COLOURS, Label
 from pipeline.metric_map.metric_map import MetricMap

@@ -111,19 +111,19 @@ class Recorder:
     def log_step(self, number: int, explorer: Explorer, step: Step) -> None:
         """Log what a look brought and what has become of the maps."""
         self._step, self._explorer = number, explorer
-        self._track.add(step.T_map_base[:3, 3])
-        self._set_time(step.frame.time)
-        self._log_pose(step.T_map_base)
+        self._track.add(step.keyframe.T_map_base[:3, 3])
+        self._set_time(step.keyframe.frame.time)
+        self._log_pose(step.keyframe.T_map_base)
         self._log_camera(step)
         self._log_maps(explorer)
         self._log_clouds(explorer)
-        if explorer.detector is not None:
-            self._log_victims(explorer.victims, step)
+        if explorer.mapper.detector is not None:
+            self._log_victims(explorer.mapper.victims, step)
         log = self.stream.log
-        log("world/path_plan", drawings.path(step.T_map_base, step.plan, step.viewpoint))
-        log("world/frontiers", drawings.frontier_points(explorer.exploration.frontiers))
+        log("world/path_plan", drawings.path(step.keyframe.T_map_base, step.plan, step.viewpoint))
+        log("world/frontiers", drawings.frontier_points(step.frontiers))
         log("world/trajectory", drawings.trajectory(self._track.positions, drawings.TRAJECTORY_COLOUR))
-        self._log_metrics(explorer)
+        self._log_metrics(explorer, step)
 
     def log_motion(self, time: float, T_map_base: NDArray[np.float64]) -> bool:
         """Log where the robot is between looks, thinned to a few poses a second; whether this one was logged."""
@@ -181,16 +181,19 @@ class Recorder:
         self._moved = (time, self._track.distance)
 
     def _log_camera(self, step: Step) -> None:
-        frame, camera = step.frame, "world/robot/camera"
+        frame, camera = step.keyframe.frame, "world/robot/camera"
         log = self.stream.log
         log(camera, drawings.transform(frame.T_base_camera), drawings.pinhole(frame))
         log(f"{camera}/rgb", drawings.colour_image(frame.rgb, self.config.jpeg_quality))
         log(f"{camera}/depth", drawings.depth_image(frame.depth, self.config.max_depth))
-        log(f"{camera}/labels", drawings.label_image(frame, step.labels))
+        log(f"{camera}/labels", drawings.label_image(frame, step.keyframe.labels))
 
     def _log_victims(self, victims: Victims, step: Step) -> None:
         log = self.stream.log
-        log("world/robot/camera/victims", victim_drawings.detections(step.detections, victims.refusals))
+        log(
+            "world/robot/camera/victims",
+            victim_drawings.detections(step.keyframe.detections, victims.refusals),
+        )
         log("world/victims", victim_drawings.boxes(victims))
         log("world/victims/certainty", victim_drawings.certainty(victims))
         log("world/victims/photos", victim_drawings.photo_sheet(victims, self.config.jpeg_quality))
@@ -198,14 +201,14 @@ class Recorder:
         self._log_metric("victims/unconfirmed", len(victims.unconfirmed))
 
     def _log_maps(self, explorer: Explorer) -> None:
-        log, topology = self.stream.log, explorer.topological_map
-        log("world/segments", drawings.segment_boxes(explorer.segments))
+        log, topology = self.stream.log, explorer.mapper.topological_map
+        log("world/segments", drawings.segment_boxes(explorer.mapper.segments))
         log("world/topological_map/nodes", drawings.nodes(topology))
         log("world/topological_map/edges", drawings.edges(topology))
 
     def _log_clouds(self, explorer: Explorer) -> None:
         """Log the maps that grow, if they have changed enough."""
-        metric_map, semantic_map = explorer.metric_map, explorer.semantic_map
+        metric_map, semantic_map = explorer.mapper.metric_map, explorer.mapper.semantic_map
         occupied, free = metric_map.occupied_centres(), metric_map.free_centres()
         growth, spacing = self.config.growth, self.config.point_spacing
         if self._has_changed("occupied", len(occupied), 0.0):
@@ -226,14 +229,14 @@ class Recorder:
         self._logged_size[cloud] = size
         return True
 
-    def _log_metrics(self, explorer: Explorer) -> None:
-        traversability = explorer.elevation_map
+    def _log_metrics(self, explorer: Explorer, step: Step) -> None:
+        traversability = explorer.mapper.elevation_map
         seen = np.count_nonzero(~np.isnan(traversability.measured))
         self._log_metric("explored_area_m2", seen * traversability.config.cell**2)
-        self._log_metric("map/segments", len(explorer.segments))
-        self._log_metric("map/nodes", len(explorer.topological_map.nodes))
-        self._log_metric("map/frontiers", len(explorer.exploration.frontiers))
-        for stage, seconds in explorer.stopwatch.seconds.items():
+        self._log_metric("map/segments", len(explorer.mapper.segments))
+        self._log_metric("map/nodes", len(explorer.mapper.topological_map.nodes))
+        self._log_metric("map/frontiers", len(step.frontiers))
+        for stage, seconds in explorer.mapper.stopwatch.seconds.items():
             self._log_metric(f"time_ms/{stage}", 1000 * seconds[-1])
 
     def _log_metric(self, name: str, value: float) -> None:

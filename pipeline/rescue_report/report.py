@@ -24,8 +24,8 @@ class RescueReport:
 
     def add(self, step: Step) -> None:
         """Take the newest look into account."""
-        self._poses.append(step.T_map_base)
-        if self._explorer.goals is None:  # on the way to a goal there may be nothing else to look at
+        self._poses.append(step.keyframe.T_map_base)
+        if self._explorer.mission.goals is None:  # on the way to a goal there may be nothing else to look at
             self._finished = step.viewpoint is None and step.can_drive
 
     @property

@@ -79,24 +79,31 @@ def situation_of(explorer: Explorer, poses: Sequence[NDArray[np.float64]], finis
         poses: 4×4 ones from which it looked, the entrance first.
         finished: whether nothing was left that was worth a look.
     """
-    traversability = explorer.traversability_layer.update(explorer.elevation_map)
+    traversability = explorer.mapper.traversability_layer.update(explorer.mapper.elevation_map)
     paths = ShortestPaths(traversability, poses[0][:2, 3])
-    points = explorer.semantic_map.points()
+    points = explorer.mapper.semantic_map.points()
     hazards = find_hazards(traversability, paths.reachable, points)
     router = Router(
-        traversability, paths, explorer.topological_map, explorer.metric_map, hazards, yaw_of(poses[0])
+        traversability,
+        paths,
+        explorer.mapper.topological_map,
+        explorer.mapper.metric_map,
+        hazards,
+        yaw_of(poses[0]),
     )
     return Situation(
         T_map_entrance=poses[0],
         steps=np.array([T[:2, 3] for T in poses]),
         traversability=traversability,
         points=points,
-        labels=explorer.semantic_map.labels(),
+        labels=explorer.mapper.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(traversability, explorer.elevation_map.measured, paths.reachable),
-        people=[_person(mark, victim, router) for mark, victim in confirmed_ids(explorer.victims)],
-        sightings=[_person(mark, victim, router) for mark, victim in unconfirmed_ids(explorer.victims)],
-        searched=explorer.detector is not None,
+        unseen=find_unseen(traversability, explorer.mapper.elevation_map.measured, paths.reachable),
+        people=[_person(mark, victim, router) for mark, victim in confirmed_ids(explorer.mapper.victims)],
+        sightings=[
+            _person(mark, victim, router) for mark, victim in unconfirmed_ids(explorer.mapper.victims)
+        ],
+        searched=explorer.mapper.detector is not None,
         finished=finished,
     )
 

@@ -52,5 +52,5 @@ def before_a_wall(found: Victims | None, *, finished: bool = True) -> Situation:
     """
     explorer = Explorer(StillRobot(), TruthClassifier(), detector=None if found is None else Nobody())
     step = explorer.step()
-    explorer.victims = found or Victims()
-    return situation_of(explorer, [step.T_map_base], finished)
+    explorer.mapper.victims = found or Victims()
+    return situation_of(explorer, [step.keyframe.T_map_base], finished)

@@ -42,7 +42,6 @@ class Hazards:
         slope: rad, how steep the ground is.
         is_steep: bool, on a slope.
         drop: m that the ground falls from here; 0 elsewhere.
-        headroom: m of air above the ground; infinite where the map has nothing above it.
         slopes: steepest first, in rad.
         drops: deepest first, in m.
         ceilings: lowest first, in m of headroom.
@@ -51,7 +50,6 @@ class Hazards:
     slope: NDArray[np.float64]
     is_steep: NDArray[np.bool_]
     drop: NDArray[np.float64]
-    headroom: NDArray[np.float64]
     slopes: list[Place]
     drops: list[Place]
     ceilings: list[Place]
@@ -77,17 +75,14 @@ def find_hazards(
     drop = _drops(traversability, reachable)
     headroom = _headroom(traversability, points, robot_headroom)
     low = reachable & (headroom < LOW)
-    ceilings = [
-        Place(p.position, p.area, -p.value) for p in places(traversability.grid, low, -headroom, APART)
-    ]
+    lowest_first = places(traversability.grid, low, -headroom, APART)
     return Hazards(
         slope=slope,
         is_steep=is_steep,
         drop=drop,
-        headroom=headroom,
         slopes=places(traversability.grid, is_steep, slope, 0),
         drops=places(traversability.grid, drop > 0, drop, APART),
-        ceilings=ceilings,
+        ceilings=[Place(place.position, place.area, -place.value) for place in lowest_first],
     )
 
 

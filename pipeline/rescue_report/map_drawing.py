@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.grid_map import Grid
 from pipeline.labels import COLOURS, Label
 from pipeline.rescue_report.paper import Paper
 from pipeline.rescue_report.rendering import TEMPLATES
@@ -24,7 +23,6 @@ MAX_NUMBERS = 12
 """Numbers of one kind, the worst first, that the drawing has room for."""
 MIN_LINES = 6
 """Lines of round coordinates along the longer side."""
-NO_CLASS = -1
 
 
 def draw_map(situation: Situation) -> str:
@@ -52,26 +50,16 @@ def pale(label: Label) -> str:
 
 
 def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
-    """(H, W, 4) RGBA: the classes of what is highest in each cell but for ceilings; clear where nothing is known."""
-    image = np.zeros((*situation.traversability.grid.shape, 4), np.uint8)
+    """(H, W, 4) RGBA: the class of the highest point in each cell, but for ceilings; clear where the map is empty."""
+    grid, points = situation.traversability.grid, situation.points
+    image = np.zeros((*grid.shape, 4), np.uint8)
     image[~np.isnan(situation.traversability.elevation)] = KNOWN
-    highest = _highest(situation.traversability.grid, situation)
-    image[highest != NO_CLASS, :3] = PALETTE[highest[highest != NO_CLASS]]
-    image[highest != NO_CLASS, 3] = 255
+    drawn = (situation.labels != Label.CEILING) & grid.at(np.ones(grid.shape, np.bool_), points)
+    lowest_first = np.flatnonzero(drawn)[points[drawn, 2].argsort(kind="stable")]
+    i, j = grid.cell_of(points[lowest_first]).T
+    image[i, j, :3] = PALETTE[situation.labels[lowest_first]]
+    image[i, j, 3] = 255
     return np.ascontiguousarray(image[paper.window].transpose(1, 0, 2)[::-1])
-
-
-def _highest(grid: Grid, situation: Situation) -> NDArray[np.int64]:
-    """(nx, ny) class of the highest point in each cell; ``NO_CLASS`` where there is none."""
-    solid = situation.labels != Label.CEILING
-    points, labels = situation.points[solid], situation.labels[solid].astype(np.int64)
-    i, j = grid.cell_of(points).T
-    inside = (i >= 0) & (i < grid.shape[0]) & (j >= 0) & (j < grid.shape[1])
-    # Height in tenths of a millimetre and class in one number: of two points the greater one is the higher.
-    keys = (points[:, 2] * 1e4).astype(np.int64) * len(Label) + labels
-    best = np.full(grid.shape, np.iinfo(np.int64).min)
-    np.maximum.at(best, (i[inside], j[inside]), keys[inside])
-    return np.where(best == np.iinfo(np.int64).min, NO_CLASS, best % len(Label))
 
 
 def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[NDArray[np.float64], float]]:

@@ -14,9 +14,6 @@ RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_t
 """Parts of report.json that say what ran and how long it took; all others but the settings need the truth."""
 SETTINGS = "config"
 
-Tables = dict[str, list[tuple[str, str]]]
-"""Names and values by caption."""
-
 
 def page(situation: Situation, report: Mapping[str, Any]) -> str:
     """The whole page.
@@ -38,8 +35,8 @@ def page(situation: Situation, report: Mapping[str, Any]) -> str:
     )
 
 
-def _tables(content: Mapping[str, Any], rest: str) -> Tables:
-    """A table for every part that has parts itself, after one called ``rest`` for the others."""
+def _tables(content: Mapping[str, Any], rest: str) -> dict[str, list[tuple[str, str]]]:
+    """Names and values, by caption, of every part that has parts itself, after those of the ``rest``."""
     nested = {key: value for key, value in content.items() if isinstance(value, Mapping)}
     parts = {rest: {key: content[key] for key in content if key not in nested}, **nested}
     return {

@@ -26,9 +26,9 @@ def png(rgba: NDArray[np.uint8]) -> str:
     return _data_uri("png", rgba[..., [2, 1, 0, 3]], [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
 
-def jpeg(rgb: NDArray[np.uint8], quality: int = 88) -> str:
-    """(H, W, 3) uint8 RGB as a data URI; ``quality`` is at most 100."""
-    return _data_uri("jpeg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+def jpeg(rgb: NDArray[np.uint8]) -> str:
+    """(H, W, 3) uint8 RGB as a data URI."""
+    return _data_uri("jpeg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
 
 
 def _data_uri(kind: str, image: NDArray[np.uint8], settings: list[int]) -> str:

@@ -119,15 +119,8 @@ def situation_of(
     paths, robot = ShortestPaths(traversability, poses[0][:2, 3]), explorer.robot.model
     points = explorer.semantic_map.points()
     hazards = find_hazards(traversability, paths.reachable, points, robot.headroom)
-    router = Router(
-        traversability,
-        paths,
-        explorer.topological_map,
-        explorer.metric_map,
-        hazards,
-        yaw_of(poses[0]),
-        camera_height,
-    )
+    maps = traversability, paths, explorer.topological_map, explorer.metric_map
+    router = Router(*maps, hazards, yaw_of(poses[0]), camera_height)
     return Situation(
         robot=robot,
         T_map_entrance=poses[0],

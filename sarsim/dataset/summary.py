@@ -23,7 +23,6 @@ SIZE = (320, 240)
 """Width and height of the pictures in pixels."""
 FAR = 3.5
 """m, the end of the depth pictures' colours."""
-JPEG_QUALITY = 85
 
 
 def write_summary(folder: Path) -> None:
@@ -107,4 +106,4 @@ def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def _thumbnail(rgb: NDArray[np.uint8]) -> str:
-    return jpeg(cv2.resize(rgb, SIZE, interpolation=cv2.INTER_AREA).astype(np.uint8), JPEG_QUALITY)
+    return jpeg(cv2.resize(rgb, SIZE, interpolation=cv2.INTER_AREA).astype(np.uint8))

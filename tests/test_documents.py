@@ -1,15 +1,17 @@
-"""What the documents name is there: files, headings, pictures, commands and their flags, the site's pages."""
+"""What the documents name is there: files, headings, pictures, flags, imports, the site's pages."""
 
+import ast
 import re
 import tomllib
+from importlib import import_module
 from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
 
 from sarsim.arenas.load import load_arena
+from tests.source_tree import ROOT, modules
 
-ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(
     [*ROOT.glob("*.md"), *(p for top in ("assets", "docs") for p in (ROOT / top).rglob("*.md"))]
 )
@@ -20,6 +22,8 @@ ELSEWHERE = re.compile(r"[a-z]+:")
 HEADING = re.compile(r"^#+ +(.+)$", re.MULTILINE)
 FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 NAMED = re.compile(r"(?<![\w/.])((?:pipeline|sarsim|scripts|tests|docs|assets)/(?!NAME)[\w./-]*\w/?)")
+FLAG = re.compile(r"scripts/\w+\.py[^`#\n]*?--[^`#\n]*")
+PYTHON = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 PIN = re.compile(r"^([\w.-]+)==(\S+)", re.MULTILINE)
 
 document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
@@ -53,6 +57,31 @@ def test_links_lead_somewhere(document: Path) -> None:
 @document
 def test_paths_that_are_named_are_there(document: Path) -> None:
     assert not [path for path in NAMED.findall(document.read_text()) if not (ROOT / path).exists()]
+
+
+@pytest.fixture(scope="module")
+def settings() -> set[str]:
+    """Names of parameters and typed fields in the code, of which commands make flags, spelt like flags."""
+    nodes = [node for module in modules("pipeline", "sarsim", "scripts") for node in ast.walk(module.tree)]
+    fields = {n.target.id for n in nodes if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
+    names = fields | {node.arg for node in nodes if isinstance(node, ast.arg)}
+    return {f"--{name.replace('_', '-')}" for name in names} | {"--help"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_flags_are_settings(page: Path, settings: set[str]) -> None:
+    commands = " ".join(FLAG.findall(page.read_text()))
+    flags = {re.sub(r"[\w-]+\.", "", flag) for flag in re.findall(r"--[a-z][\w.-]*", commands)}
+    assert not {re.sub("^--no-", "--", flag) for flag in flags} - settings
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_python_in_pages_imports_what_is_there(page: Path) -> None:
+    for block in PYTHON.findall(page.read_text()):
+        for node in ast.parse(block).body:
+            if isinstance(node, ast.ImportFrom) and node.module:
+                module = import_module(node.module)
+                assert all(hasattr(module, alias.name) for alias in node.names), ast.unparse(node)
 
 
 def test_targets_and_headings_are_found() -> None:

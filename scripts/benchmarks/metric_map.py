@@ -10,10 +10,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pyoctomap
 from numpy.typing import NDArray
 from rich.progress import track
 
-from pipeline.errors import InputError
 from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.scripts.benchmarks.recorded_frames import Recording, record
@@ -225,10 +225,6 @@ class OctoMap(Contender):
     """OctoMap at its defaults, on a grid laid out like the metric map's."""
 
     def __init__(self, voxel_size: float, discretize: bool):
-        try:
-            import pyoctomap
-        except ImportError as error:
-            raise InputError("benchmark metric-map needs pyoctomap: pip install 'sarsim[dev]'") from error
         self._tree = pyoctomap.OcTree(voxel_size)
         self._discretize = discretize
         self._like = MetricMap(MetricMapConfig(voxel_size=voxel_size))

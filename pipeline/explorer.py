@@ -9,7 +9,7 @@ from pipeline.exploration.next_best_view import Exploration, ExplorationConfig, 
 from pipeline.frame import Frame
 from pipeline.goals import Goals
 from pipeline.localisation.odometry import OdometryLocalisation
-from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
+from pipeline.metric_map.metric_map import MetricMap
 from pipeline.navigation.navigator import Halt, NavigationConfig, Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck, ObstacleCheckConfig
 from pipeline.navigation.recovery import backtrack, escape
@@ -28,8 +28,8 @@ from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability, TraversabilityConfig
 from pipeline.traversability.traversability_layer import TraversabilityLayer
 from pipeline.victims.detection.detection import Detection, Detector
-from pipeline.victims.reobservation import Reobservation, ReobservationConfig
-from pipeline.victims.victim_map import Victims, VictimsConfig
+from pipeline.victims.reobservation import Reobservation
+from pipeline.victims.victim_map import Victims
 
 BUMPER, HALF_WIDTH, BODY_HEIGHT = 0.29, 0.25, 0.3
 """m from the robot's middle to what it touches with its front or back; half of its width; its height."""
@@ -40,6 +40,7 @@ class ExplorerConfig:
     """The settings of every stage.
 
     Attributes:
+        voxel_size: of the metric map, m.
         start_radius: ground that is taken for flat around where the robot was set down until it is seen, m: whoever
             did so saw to that, and the camera sees nothing nearer than a metre.
         start_ahead: the same in a strip before the robot, m.
@@ -49,7 +50,7 @@ class ExplorerConfig:
             which it stays.
     """
 
-    metric_map: MetricMapConfig = field(default_factory=MetricMapConfig)
+    voxel_size: float = 0.1
     traversability: ElevationMapConfig = field(default_factory=ElevationMapConfig)
     traversable: TraversabilityConfig = field(default_factory=TraversabilityConfig)
     semantic_map: SemanticMapConfig = field(default_factory=SemanticMapConfig)
@@ -59,8 +60,6 @@ class ExplorerConfig:
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
     obstacle_check: ObstacleCheckConfig = field(default_factory=ObstacleCheckConfig)
-    victims: VictimsConfig = field(default_factory=VictimsConfig)
-    reobservation: ReobservationConfig = field(default_factory=ReobservationConfig)
     start_radius: float = 0.5
     start_ahead: float = 1.4
     start_width: float = 0.8
@@ -125,15 +124,15 @@ class Explorer:
         self.classifier = classifier
         self.detector = detector
         self.localisation = OdometryLocalisation()
-        self.metric_map = MetricMap(self.config.metric_map)
+        self.metric_map = MetricMap(self.config.voxel_size)
         self.elevation_map = ElevationMap(self.config.traversability)
         self.traversability_layer = TraversabilityLayer(self.config.traversable)
         self.semantic_map = SemanticMap(self.config.semantic_map)
         self.segments = Segments(self.config.segments)
         self.topological_map = TopologicalMap(self.config.topological_map)
         self.exploration = Exploration(self.config.exploration)
-        self.victims = Victims(self.config.victims)
-        self.reobservation = Reobservation(self.victims, self.metric_map, self.config.reobservation)
+        self.victims = Victims()
+        self.reobservation = Reobservation(self.victims, self.metric_map)
         self.exploration.rewards = self.reobservation
         self.goals: Goals | None = None
         self.may_explore = True
@@ -246,7 +245,7 @@ class Explorer:
             detections = self.detector.detect(frame.rgb)
             self.victims.update(frame, detections, T_map_camera)
             self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
-            self.reobservation.count()
+            self.reobservation.count(frame)
         return detections
 
     def _plan(

@@ -59,7 +59,7 @@ class Mapper:
 def draw(metric_map: MetricMap, labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The occupied voxels as cubes in the colours of their (N,) labels, the nearest last."""
     picture = np.full((SIZE[1], SIZE[0], 3), 255, np.uint8)
-    centres, side = metric_map.occupied_centres(), metric_map.config.voxel_size
+    centres, side = metric_map.occupied_centres(), metric_map.voxel_size
     colours = COLOURS[labels][:, ::-1]
     toward = np.array(
         [np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)]

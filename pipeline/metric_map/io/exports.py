@@ -45,7 +45,7 @@ def save_map_server(path: Path, metric_map: MetricMap, lowest: float = 0.25, hig
         InputError: if a file cannot be written.
     """
     lower, upper = metric_map.bounds()
-    size = metric_map.config.voxel_size
+    size = metric_map.voxel_size
     layers = metric_map.voxel_index([(0, 0, lowest), (0, 0, highest)])[:, 2]
     lower[2], upper[2] = layers[0], layers[1] + 1
     log_odds = metric_map.log_odds(lower, upper)

@@ -29,7 +29,7 @@ def write_bt(path: Path, metric_map: MetricMap) -> None:
     Raises:
         InputError: the file cannot be written, or the map reaches farther than an octree does.
     """
-    tree = OcTree(metric_map.config.voxel_size)
+    tree = OcTree(metric_map.voxel_size)
     _add_voxels(tree, metric_map, metric_map.free_centres())
     _add_voxels(tree, metric_map, metric_map.occupied_centres())
     _write(path, metric_map, tree.writeBinary())
@@ -46,7 +46,7 @@ def write_ot(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None
     Raises:
         InputError: the file cannot be written, or the map reaches farther than an octree does.
     """
-    tree, occupied = ColorOcTree(metric_map.config.voxel_size), metric_map.occupied_centres()
+    tree, occupied = ColorOcTree(metric_map.voxel_size), metric_map.occupied_centres()
     _add_voxels(tree, metric_map, metric_map.free_centres())
     tree.prune()  # before anything has a colour: OctoMap would unite voxels of several colours
     places = _add_voxels(tree, metric_map, occupied)
@@ -60,14 +60,14 @@ def write_ot(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None
 
 def _add_voxels(
     tree: OcTree | ColorOcTree, metric_map: MetricMap, centres: NDArray[np.float32]
-) -> NDArray[np.float64]:
+) -> NDArray[np.floating]:
     """Add voxels with their log-odds; (N, 3) m, their centres in the octree."""
     index = metric_map.voxel_index(centres)
     if np.any((index < -REACH) | (index >= REACH)):
         raise InputError(f"an octree of OctoMap reaches {REACH} voxels from the map's origin, not farther")
     tree.setClampingThresMin(CLAMP)
     tree.setClampingThresMax(1 - CLAMP)
-    places = (index + 0.5) * metric_map.config.voxel_size
+    places = (index + 0.5) * metric_map.voxel_size
     log_odds = (metric_map.log_odds_at(index) * LOG_ODDS).tolist()
     for place, value in zip(places, log_odds, strict=True):
         tree.updateNode(place, value, True)
@@ -104,6 +104,6 @@ def voxel_labels(
     result = votes.argmax(axis=1).astype(np.uint8)
     empty = ~votes.any(axis=1)
     if empty.any() and len(points):
-        _, nearest = KDTree(points).query(centres[empty], distance_upper_bound=metric_map.config.voxel_size)
+        _, nearest = KDTree(points).query(centres[empty], distance_upper_bound=metric_map.voxel_size)
         result[empty] = np.append(labels, Label.UNLABELLED)[nearest]
     return result

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.metric_map.io.npz import load_metric_map, save_metric_map
-from pipeline.metric_map.metric_map import FREE, OCCUPIED, UNKNOWN, MetricMap, MetricMapConfig
+from pipeline.metric_map.metric_map import FREE, OCCUPIED, UNKNOWN, MetricMap
 
 CAMERA = Intrinsics(width=64, height=48, fx=57.7, fy=57.9, cx=32.0, cy=24.0)
 
@@ -28,7 +29,7 @@ def test_wall_ahead_is_occupied_space_before_it_free_and_behind_it_unknown() -> 
 
 
 def test_return_beyond_the_range_frees_up_to_the_range_and_ends_nowhere() -> None:
-    grid = MetricMap(MetricMapConfig(max_range=3.0))
+    grid = MetricMap(max_range=3.0)
     grid.integrate(wall(5.0), CAMERA, T_MAP_CAMERA)
     assert grid.state_at([(2.9, 0, 0.5), (3.2, 0, 0.5), (5, 0, 0.5)]).tolist() == [FREE, UNKNOWN, UNKNOWN]
     assert len(grid.occupied_centres()) == 0
@@ -51,7 +52,7 @@ def test_points_mark_their_voxels_and_free_the_way() -> None:
 
 
 def test_hits_outweigh_crossings_and_both_are_clamped() -> None:
-    grid = MetricMap(MetricMapConfig(hit=10, miss=1, least=-9, greatest=40))
+    grid = MetricMap()
     voxel = grid.voxel_index([(1.0, 0.0, 0.0)])
     values = []
     for end in [1.0] * 5 + [2.0] * 60 + [1.0]:
@@ -60,6 +61,22 @@ def test_hits_outweigh_crossings_and_both_are_clamped() -> None:
     assert values[:6] == [10, 20, 30, 40, 40, 39]
     assert values[44:46] == [0, -1] and values[-2:] == [-9, 1]
     assert grid.state_at([(1.0, 0.0, 0.0)]).tolist() == [OCCUPIED]
+
+
+def test_a_line_of_sight_is_free_up_to_the_target_and_not_through_walls_or_unknown_space() -> None:
+    grid, eye = MetricMap(), np.array([0.05, 0, 0.5])
+    grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
+    on_wall, behind, aside = (np.array(place) for place in ([2.0, 0, 0.5], [3.0, 0, 0.5], [1.0, 2, 0.5]))
+
+    def is_free(end: np.ndarray, **settings: float | bool) -> bool:
+        return grid.is_free_along(eye, end, KDTree(end[None]), 0.15, **settings)
+
+    assert is_free(np.array([1.5, 0, 0.5]))
+    assert is_free(on_wall) and not grid.is_free_along(eye, on_wall, KDTree(behind[None]), 0.15)
+    assert not is_free(behind) and not is_free(behind, may_be_unknown=True)
+    assert not is_free(aside) and is_free(aside, may_be_unknown=True)
+    grid.set_log_odds(grid.voxel_index([(0.3, 0, 0.5)])[0], np.full((1, 1, 1), 40, np.int8))
+    assert not is_free(on_wall) and is_free(on_wall, skip=0.5)
 
 
 def test_array_holds_the_three_values_where_it_says() -> None:
@@ -84,11 +101,10 @@ def test_frontiers_are_the_free_voxels_beside_unknown_ones() -> None:
 
 
 def test_map_survives_its_file(tmp_path) -> None:
-    grid = MetricMap(MetricMapConfig(voxel_size=0.2))
+    grid = MetricMap(voxel_size=0.2)
     grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
     save_metric_map(grid, tmp_path / "map.npz")
     again = load_metric_map(tmp_path / "map.npz")
-    assert again.config == grid.config
     np.testing.assert_array_equal(again.array()[0], grid.array()[0])
     np.testing.assert_array_equal(again.array()[1], grid.array()[1])
 

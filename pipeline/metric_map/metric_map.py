@@ -8,7 +8,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.metric_map.blocks import BlockArray, parts
 from pipeline.metric_map.grid_kernels import WORD, any_mark, fold, is_rigid
-from pipeline.metric_map.updates import Scan, Scratch, Updater
+from pipeline.metric_map.updates import Scan, Updater
 
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0
 """The thesis's three values of a voxel."""
@@ -65,12 +65,24 @@ class MetricMap:
         Raises:
             InputError: a value that cannot work, by its name.
         """
-        _check_settings(voxel_size, max_range, margin, offset, max_bytes)
         self.voxel_size, self.max_range, self.margin = voxel_size, max_range, margin
         self.offset, self.max_bytes = offset, max_bytes
+        self._check_settings()
         self.corner: NDArray[np.float64] = np.array(offset) * voxel_size
         self._log_odds = BlockArray(max_bytes)
-        self._updater = Updater(voxel_size, max_range, margin, Scratch(max_bytes))
+        self._updater = Updater(voxel_size, max_range, margin, max_bytes)
+
+    def _check_settings(self) -> None:
+        if not 1e-3 <= self.voxel_size < np.inf:
+            raise InputError(f"metric map: voxel_size must be 1 mm or more, got {self.voxel_size}")
+        if not 0 < self.max_range <= FARTHEST:
+            raise InputError(f"metric map: max_range must be at most {FARTHEST:.0f} m, got {self.max_range}")
+        if not 0 <= self.margin < np.inf:
+            raise InputError(f"metric map: margin must not be negative, got {self.margin}")
+        if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
+            raise InputError(f"metric map: offset must be three numbers, got {self.offset}")
+        if not isinstance(self.max_bytes, int) or self.max_bytes <= 0:
+            raise InputError(f"metric map: max_bytes must be a positive whole number, got {self.max_bytes}")
 
     @property
     def nbytes(self) -> int:
@@ -149,7 +161,9 @@ class MetricMap:
 
     def state_at(self, points: ArrayLike) -> NDArray[np.float32]:
         """(N,) float32 in {0 occupied, 0.5 unknown, 1 free} at (N, 3) points, m in ``map``."""
-        return states(self.log_odds_at(self.voxel_index(points)))
+        return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[
+            np.sign(self.log_odds_at(self.voxel_index(points)))
+        ]
 
     def is_free_along(
         self,
@@ -176,16 +190,6 @@ class MetricMap:
         line = line[np.logical_and.accumulate(to_target > margin)]
         return bool((self.state_at(line) >= (UNKNOWN if may_be_unknown else FREE)).all())
 
-    def array(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """The thesis's 3D array of all that is known so far.
-
-        Returns:
-            (nx, ny, nz) float32 in {0 occupied, 0.5 unknown, 1 free}, and (3,) the corner of its first voxel, m in
-            ``map``.
-        """
-        lower, upper = self.bounds()
-        return states(self.log_odds(lower, upper)), lower * self.voxel_size + self.corner
-
     def occupied_centres(self) -> NDArray[np.float32]:
         """(N, 3) float32 centres of the occupied voxels, m in ``map``."""
         return self._centres([np.argwhere(block > 0) + first for first, block in self._log_odds.items()])
@@ -193,14 +197,6 @@ class MetricMap:
     def free_centres(self) -> NDArray[np.float32]:
         """(N, 3) float32 centres of the free voxels, m in ``map``."""
         return self._centres([np.argwhere(block < 0) + first for first, block in self._log_odds.items()])
-
-    def frontier_centres(self) -> NDArray[np.float32]:
-        """(N, 3) float32 centres of the free voxels that share a face with an unknown one, m in ``map``."""
-        found = []
-        for first, block in self._log_odds.items():
-            around = self._log_odds.read(first - 1, tuple(side + 2 for side in block.shape))
-            found.append(np.argwhere((block < 0) & _beside(around == 0)) + first)
-        return self._centres(found)
 
     def _centres(self, indices: list[NDArray[np.int64]]) -> NDArray[np.float32]:
         return self.voxel_centre(np.concatenate([np.zeros((0, 3), np.int64), *indices]))
@@ -215,38 +211,6 @@ class MetricMap:
         self._log_odds.reserve(key for key, _, _ in marked)
         for key, part, in_block in marked:
             fold(part, self._log_odds[key][in_block], HIT, MISS, LEAST, GREATEST)
-
-
-def _check_settings(
-    voxel_size: float,
-    max_range: float,
-    margin: float,
-    offset: tuple[float, float, float],
-    max_bytes: int,
-) -> None:
-    if not 1e-3 <= voxel_size < np.inf:
-        raise InputError(f"metric map: voxel_size must be 1 mm or more, got {voxel_size}")
-    if not 0 < max_range <= FARTHEST:
-        raise InputError(f"metric map: max_range must lie between 0 and {FARTHEST:.0f} m, got {max_range}")
-    if not 0 <= margin < np.inf:
-        raise InputError(f"metric map: margin must not be negative, got {margin}")
-    if np.shape(offset) != (3,) or not np.isfinite(offset).all():
-        raise InputError(f"metric map: offset must be three numbers, got {offset}")
-    if not isinstance(max_bytes, int) or max_bytes <= 0:
-        raise InputError(f"metric map: max_bytes must be a positive whole number, got {max_bytes}")
-
-
-def states(log_odds: NDArray[np.int8]) -> NDArray[np.float32]:
-    """The thesis's values, float32 in {0 occupied, 0.5 unknown, 1 free}, of int8 log-odds."""
-    return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[np.sign(log_odds)]
-
-
-def _beside(padded: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(nx, ny, nz) bool: is one of the six neighbours set in an array that has one more voxel all around?"""
-    inner = slice(1, -1)
-    result = padded[:-2, inner, inner] | padded[2:, inner, inner]
-    result |= padded[inner, :-2, inner] | padded[inner, 2:, inner]
-    return result | padded[inner, inner, :-2] | padded[inner, inner, 2:]
 
 
 def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:

@@ -33,49 +33,17 @@ class Scan:
         return self.marks.view(np.uint64)
 
 
-class Scratch:
-    """Memory for the marks of one scan, kept from scan to scan so that none has to ask the system for it."""
-
-    def __init__(self, max_bytes: int) -> None:
-        """For at most so many marks."""
-        self._max_bytes = min(max_bytes, 2**31 - 1)  # the kernels count marks in 32 bits
-        self._memory = np.zeros(0, np.uint8)
-
-    def scan_around(self, points: NDArray[np.float64]) -> Scan:
-        """An empty scan around (N, 3) points in the grid's frame, in voxels, with one to spare for rounding.
-
-        It lives until the next call.
-
-        Raises:
-            InputError: if the box alone exceeds the map's memory bound.
-        """
-        x, y, z, nx, ny, nz = box_around(points, BLOCK)
-        size = nx * ny * nz + 1
-        if size > self._max_bytes:
-            raise InputError(f"a scan of {size} voxels exceeds the map's bound of {self._max_bytes} bytes")
-        if size > self._memory.size:
-            self._memory = np.empty(size, np.uint8)
-        flat = self._memory[:size]
-        flat.fill(0)
-        return Scan(np.array((x, y, z)), flat[:-1].reshape(nx, ny, nz), flat)
-
-
-@dataclass(frozen=True)
 class Updater:
     """Turns depth images and point clouds into scans of a grid whose voxel (0, 0, 0) starts at the origin.
 
-    Attributes:
-        voxel_size: m.
-        max_range: m; a farther return frees space up to there and ends nowhere: m of depth in an image, m from the
-            origin of a point cloud.
-        margin: m before its end up to which a ray frees space.
-        scratch: lends the marks.
+    A scan lives until the next one: they share their memory, so that none has to ask the system for it.
     """
 
-    voxel_size: float
-    max_range: float
-    margin: float
-    scratch: Scratch
+    def __init__(self, voxel_size: float, max_range: float, margin: float, max_bytes: int) -> None:
+        """As :class:`pipeline.metric_map.metric_map.MetricMap` has these."""
+        self._voxel_size, self._max_range, self._margin = voxel_size, max_range, margin
+        self._max_bytes = min(max_bytes, 2**31 - 1)  # the kernels count marks in 32 bits
+        self._memory = np.zeros(0, np.uint8)
 
     def project(
         self, depth: NDArray[np.float32], intrinsics: Intrinsics, T_grid_camera: NDArray[np.float64]
@@ -86,15 +54,18 @@ class Updater:
             depth: (H, W) float32, m along the optical axis; NaN, infinite and non-positive values are no return.
             intrinsics: of the depth image.
             T_grid_camera: 4×4 pose of ``camera_optical`` in the grid's frame.
+
+        Raises:
+            InputError: the box of marks alone exceeds the map's memory bound; so of :meth:`trace`.
         """
         pose = T_grid_camera[:3].copy()
-        pose[:, 3] /= self.voxel_size
-        frustum = _frustum(intrinsics) * (self.max_range / self.voxel_size)
-        scan = self.scratch.scan_around(frustum @ pose[:, :3].T + pose[:, 3])
+        pose[:, 3] /= self._voxel_size
+        frustum = _frustum(intrinsics) * (self._max_range / self._voxel_size)
+        scan = self._scan_around(frustum @ pose[:, :3].T + pose[:, 3])
         pose[:, 3] -= scan.lower
         pinhole = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
         pyramid = np.empty(_pyramid_shape(*depth.shape), np.float32)
-        limits = self.voxel_size, self.max_range, self.margin
+        limits = self._voxel_size, self._max_range, self._margin
         observe(depth, pinhole, pose, *limits, scan.marks, scan.flat, pyramid)
         return scan
 
@@ -105,13 +76,25 @@ class Updater:
         """
         rays = points - origin
         length = np.linalg.norm(rays, axis=1)
-        free = np.maximum(np.minimum(length, self.max_range) - self.margin, 0)
+        free = np.maximum(np.minimum(length, self._max_range) - self._margin, 0)
         stops = origin + rays * np.divide(free, length, out=np.zeros_like(length), where=length > 0)[:, None]
-        ends = length <= self.max_range
-        scan = self.scratch.scan_around(np.vstack([origin[None], stops, points[ends]]) / self.voxel_size)
-        points, stops, origin = (array / self.voxel_size - scan.lower for array in (points, stops, origin))
+        ends = length <= self._max_range
+        scan = self._scan_around(np.vstack([origin[None], stops, points[ends]]) / self._voxel_size)
+        points, stops, origin = (array / self._voxel_size - scan.lower for array in (points, stops, origin))
         trace_points(points, stops, ends, origin, scan.marks)
         return scan
+
+    def _scan_around(self, points: NDArray[np.float64]) -> Scan:
+        """An empty scan around (N, 3) points in the grid's frame, in voxels, with one to spare for rounding."""
+        x, y, z, nx, ny, nz = box_around(points, BLOCK)
+        size = nx * ny * nz + 1
+        if size > self._max_bytes:
+            raise InputError(f"a scan of {size} voxels exceeds the map's bound of {self._max_bytes} bytes")
+        if size > self._memory.size:
+            self._memory = np.empty(size, np.uint8)
+        flat = self._memory[:size]
+        flat.fill(0)
+        return Scan(np.array((x, y, z)), flat[:-1].reshape(nx, ny, nz), flat)
 
 
 @lru_cache(maxsize=8)

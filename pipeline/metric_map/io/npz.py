@@ -29,14 +29,11 @@ def save_metric_map(metric_map: MetricMap, path: Path) -> None:
         InputError: it cannot be written.
     """
     lower, upper = metric_map.bounds()
-    log_odds = metric_map.log_odds(lower, upper)
-    entries: dict[str, Any] = {"format": FORMAT, "version": VERSION, "lower": lower, "log_odds": log_odds}
-    with whole_file(path) as partial, partial.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **entries, **_settings(metric_map))
-
-
-def _settings(metric_map: MetricMap) -> dict[str, Any]:
-    return {
+    entries: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "lower": lower,
+        "log_odds": metric_map.log_odds(lower, upper),
         "voxel_size": metric_map.voxel_size,
         "max_range": metric_map.max_range,
         "offset": metric_map.offset,
@@ -47,6 +44,8 @@ def _settings(metric_map: MetricMap) -> dict[str, Any]:
         "margin": metric_map.margin,
         "max_bytes": metric_map.max_bytes,
     }
+    with whole_file(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **entries)
 
 
 def load_metric_map(path: Path) -> MetricMap:

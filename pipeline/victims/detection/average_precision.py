@@ -3,26 +3,23 @@
 Unlike there, precision is taken at every recall, not at 101 of them.
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.victims.detection.boxes import overlaps
 
+OVERLAP = 0.5
+"""Least intersection over union of a detection with what it has found."""
 
-@dataclass
+
 class AveragePrecision:
-    """Gathers detections image by image.
+    """Gathers detections image by image."""
 
-    Attributes:
-        overlap: least intersection over union of a detection with what it has found.
-    """
-
-    overlap: float = 0.5
-    _scores: list[float] = field(default_factory=list)
-    _right: list[bool] = field(default_factory=list)
-    _present: int = 0
+    def __init__(self) -> None:
+        """None yet."""
+        self._scores: list[float] = []
+        self._right: list[bool] = []
+        self._present = 0
 
     def add(
         self,
@@ -33,7 +30,7 @@ class AveragePrecision:
     ) -> None:
         """Add an image: (N, 4) detections with their (N,) scores and (M, 4) true boxes, some of them ignored."""
         order = np.argsort(-scores, kind="stable")
-        found = match(overlaps(boxes[order], truths), ignored, self.overlap)
+        found = match(overlaps(boxes[order], truths), ignored, OVERLAP)
         counts = (found < 0) | ~np.append(ignored, False)[found]
         self._scores += scores[order][counts].tolist()
         self._right += (found >= 0)[counts].tolist()

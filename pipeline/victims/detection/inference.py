@@ -10,7 +10,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from pipeline.victims.detection.folding import folded
 from pipeline.victims.detection.network import LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
 
 
@@ -40,7 +39,7 @@ class _FusedConvolution(nn.Module):
     def __init__(self, layer: DarknetConvolution, shape: tuple[int, int, int]) -> None:
         """For an input of that shape."""
         super().__init__()
-        kernel, self._bias = folded(layer)
+        kernel, self._bias = _folded(layer)
         kernel = kernel.cpu().contiguous(memory_format=torch.channels_last)
         conv = layer.conv
         # Padding, stride, dilation, groups.
@@ -54,6 +53,20 @@ class _FusedConvolution(nn.Module):
         return torch.ops.mkldnn._convolution_pointwise(
             x, self._kernel, self._bias, *self._window, *self._activation, ""
         )
+
+
+@torch.no_grad()
+def _folded(layer: DarknetConvolution) -> tuple[Tensor, Tensor]:
+    """Kernel (filters, channels, size, size) and bias (filters,) that do what the layer does in evaluation."""
+    conv, norm = layer.conv, layer.norm
+    if norm is None:
+        assert conv.bias is not None
+        return conv.weight.clone(), conv.bias.clone()
+    assert norm.running_mean is not None and norm.running_var is not None
+    # In double precision: a variance of nearly nothing makes factors that float32 rounds badly.
+    scale = norm.weight.double() / (norm.running_var.double() + norm.eps).sqrt()
+    bias = norm.bias.double() - scale * norm.running_mean.double()
+    return (conv.weight.double() * scale[:, None, None, None]).float(), bias.float()
 
 
 def to_tensor(images: NDArray[np.uint8]) -> Tensor:

@@ -51,11 +51,8 @@ class DarknetNetwork(nn.Module):
         x = images
         for index, (layer, module) in enumerate(zip(self.cfg.layers, self.layers, strict=True)):
             if isinstance(layer, Route):
-                x = (
-                    torch.cat([kept[i] for i in layer.layers], dim=1)
-                    if layer.layers[1:]
-                    else kept[layer.layers[0]]
-                )
+                sources = [kept[i] for i in layer.layers]
+                x = torch.cat(sources, dim=1) if sources[1:] else sources[0]
             elif isinstance(layer, Shortcut):
                 x = x + kept[layer.layer]
             elif isinstance(layer, Yolo):

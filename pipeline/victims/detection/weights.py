@@ -6,7 +6,6 @@ variances, and then its kernel (filters, channels, size, size).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +19,6 @@ from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.network import DarknetNetwork
 
 VERSION = (0, 2, 5)  # as the Darknet that published YOLOv3 writes
-
-
-@dataclass(frozen=True)
-class _Header:
-    seen: int
-    size: int
 
 
 def load_network(cfg: Path, weights: Path) -> DarknetNetwork:
@@ -49,14 +42,14 @@ def read_weights(path: Path, network: DarknetNetwork) -> int:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
-    header = _read_header(content, path)
+    seen, start = _read_header(content, path)
     tensors = list(_tensors(network))
-    _check_length(path, len(content), header.size + 4 * sum(t.numel() for t in tensors), network)
-    numbers = np.frombuffer(content, "<f4", offset=header.size)
+    _check_length(path, len(content), start + 4 * sum(t.numel() for t in tensors), network)
+    numbers = np.frombuffer(content, "<f4", offset=start)
     if not np.isfinite(numbers).all():
         raise InputError(f"{path}: holds numbers that are not finite")
     _fill(tensors, numbers)
-    return header.seen
+    return seen
 
 
 def write_weights(path: Path, network: DarknetNetwork, seen: int = 0) -> None:
@@ -87,14 +80,15 @@ def _fill(tensors: list[Tensor], numbers: NDArray[np.float32]) -> None:
         tensor.copy_(torch.tensor(part).view(tensor.shape))
 
 
-def _read_header(content: bytes, path: Path) -> _Header:
+def _read_header(content: bytes, path: Path) -> tuple[int, int]:
+    """Images that the network has seen in training, and bytes of the header."""
     if len(content) < 20:
         raise InputError(f"{path}: {len(content)} bytes, too short for Darknet weights")
     major, minor = (int(number) for number in np.frombuffer(content, "<i4", 2))
     if not (0 <= major < 1000 and 0 <= minor < 1000):
         raise InputError(f"{path}: not Darknet weights: version {major}.{minor}")
     seen = np.frombuffer(content, "<i8" if 10 * major + minor >= 2 else "<i4", 1, offset=12)
-    return _Header(int(seen[0]), 12 + seen.nbytes)
+    return int(seen[0]), 12 + seen.nbytes
 
 
 def _check_length(path: Path, length: int, wanted: int, network: DarknetNetwork) -> None:

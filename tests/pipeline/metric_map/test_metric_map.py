@@ -39,7 +39,7 @@ def test_return_beyond_the_range_frees_up_to_the_range_and_ends_nowhere() -> Non
 def test_no_return_changes_nothing(nothing: float) -> None:
     grid = MetricMap()
     grid.integrate(wall(nothing), CAMERA, T_MAP_CAMERA)
-    assert grid.array()[0].size == 0
+    assert not np.any(grid.bounds())
 
 
 def test_points_mark_their_voxels_and_free_the_way() -> None:
@@ -79,25 +79,16 @@ def test_a_line_of_sight_is_free_up_to_the_target_and_not_through_walls_or_unkno
     assert not is_free(on_wall) and is_free(on_wall, skip=0.5)
 
 
-def test_array_holds_the_three_values_where_it_says() -> None:
+def test_centres_are_those_of_the_voxels_in_each_state() -> None:
     grid = MetricMap()
     grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
-    array, corner = grid.array()
-    assert set(np.unique(array)) == {OCCUPIED, UNKNOWN, FREE}
-    for value, centres in ((OCCUPIED, grid.occupied_centres()), (FREE, grid.free_centres())):
-        index = np.argwhere(array == value)
-        assert sorted(np.rint((centres - corner) / 0.1 - 0.5).astype(int).tolist()) == index.tolist()
-    assert array.size == np.prod(np.diff(grid.bounds(), axis=0))
-
-
-def test_frontiers_are_the_free_voxels_beside_unknown_ones() -> None:
-    grid = MetricMap()
-    grid.set_log_odds(np.array([62, 0, 0]), np.full((5, 5, 5), -5, np.int8))
-    grid.set_log_odds(np.array([61, 0, 0]), np.full((1, 5, 5), 5, np.int8))
-    expected = [
-        (i, j, k) for i in range(62, 67) for j in range(5) for k in range(5) if i == 66 or {j, k} & {0, 4}
-    ]
-    assert sorted(map(tuple, grid.voxel_index(grid.frontier_centres()).tolist())) == expected
+    lower, upper = grid.bounds()
+    log_odds = grid.log_odds(lower, upper)
+    for sign, centres in ((1, grid.occupied_centres()), (-1, grid.free_centres())):
+        index = np.argwhere(np.sign(log_odds) == sign)
+        assert sorted((grid.voxel_index(centres) - lower).tolist()) == index.tolist()
+        np.testing.assert_array_equal(grid.voxel_centre(grid.voxel_index(centres)), centres)
+    assert set(np.unique(np.sign(log_odds))) == {-1, 0, 1}
 
 
 def test_map_survives_its_file(tmp_path) -> None:
@@ -105,8 +96,9 @@ def test_map_survives_its_file(tmp_path) -> None:
     grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
     save_metric_map(grid, tmp_path / "map.npz")
     again = load_metric_map(tmp_path / "map.npz")
-    np.testing.assert_array_equal(again.array()[0], grid.array()[0])
-    np.testing.assert_array_equal(again.array()[1], grid.array()[1])
+    np.testing.assert_array_equal(again.corner, grid.corner)
+    np.testing.assert_array_equal(again.bounds(), grid.bounds())
+    np.testing.assert_array_equal(again.log_odds(*grid.bounds()), grid.log_odds(*grid.bounds()))
 
 
 def test_intrinsics_that_do_not_fit_are_refused() -> None:

@@ -226,7 +226,7 @@ def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
 
 
 def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A copy of a pose, float64, after making sure that it is one."""
+    """A float64 copy of a pose. InputError if it is none."""
     T = np.array(T, np.float64)
     if T.shape != (4, 4) or not is_rigid(T):
         raise InputError(

@@ -1,4 +1,4 @@
-"""The projective update: which voxels do the rays of a depth image end in, and which do they cross?
+"""The projective update: finds the voxels that the rays of a depth image end in and those that they cross.
 
 The marks of a scan are a box of whole blocks of voxels. A point in the box is measured from its corner, in voxels.
 """

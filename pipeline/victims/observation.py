@@ -17,7 +17,7 @@ MIN_RELIEF = 0.05
 GAP = 0.3
 """m of depth between a person and what is before or behind the person."""
 MIN_PART = 0.25
-"""Share of what stands out that is enough to be the person; the nearest such part is."""
+"""The person is the nearest part that has this share of the points that stand out."""
 REACH = 1.1
 """m around the middle of that part within which all of a person lies."""
 MIN_SIZE, MAX_SIZE = 0.15, 2.3
@@ -49,12 +49,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class Refusal:
-    """A detection that is no person.
-
-    Attributes:
-        detection: in the image.
-        reason: why.
-    """
+    """A detection that is no person, and the reason."""
 
     detection: Detection
     reason: str

@@ -29,8 +29,8 @@ BETWEEN = 0.4
 """m at most between two parts that are one person if both together measure no more than TOGETHER: two ends are seen
 of a person whose middle is hidden, or of whom one frame shows the legs and another one the head."""
 TOUCH, INSIDE = 0.15, 0.5
-"""Two parts are one person, even if they measure more, if so large a share of the smaller one's points lies within so
-many m of the other's."""
+"""Two parts are one person, even if they measure more, if the share INSIDE of the smaller one's points lies within
+TOUCH, m, of the other's."""
 REOBSERVED = 0.5
 """Sum of the confidences of a victim's detections from which on re-observation is worth the drive."""
 ENOUGH, ENOUGH_OF_PART = 0.75, 1.2
@@ -38,15 +38,15 @@ ENOUGH, ENOUGH_OF_PART = 0.75, 1.2
 WHOLE = 0.85
 """m across what is seen of most people, at least; less may be a part of anything."""
 MIN_FRAMES, APART = 2, 0.3
-"""Frames that found a victim before it is confirmed, and m between the farthest two places of these, at least."""
+"""Detections of a victim before it is confirmed, and m between the farthest two cameras of these, at least."""
 IN_VIEW = 3.0
 """m within which a victim that is not hidden ought to be detected again."""
 OPEN_SHARE, CLEARANCE = 0.7, 0.1
-"""A victim is hidden unless before so large a share of its points no return is nearer by so many m and the noise."""
+"""A victim counts as seen if for this share of its points no return is nearer by CLEARANCE, m, and the noise."""
 VOXEL = 0.03
 """m; one of a victim's points is kept in each voxel."""
 PHOTO_MARGIN = 0.2
-"""Of a photo around the box, as a share of its longer side: surroundings help to recognise a person."""
+"""Margin of a photo around its box, as a share of the longer side: surroundings help to recognise a person."""
 
 
 @dataclass(eq=False)
@@ -84,11 +84,6 @@ class Victim:
         return _inverse(self.information)
 
     @property
-    def extent(self) -> NDArray[np.float64]:
-        """(3,) float64 m along x, y and z of what was seen."""
-        return np.ptp(self.points.astype(np.float64), axis=0)
-
-    @property
     def confidence(self) -> float:
         """Mean over the frames that ought to have found the person, 0 for those that did not."""
         return self.evidence / (len(self.confidences) + self.missed)
@@ -119,7 +114,7 @@ class Victims:
     """
 
     def __init__(self) -> None:
-        """None yet."""
+        """Without victims yet."""
         self.all: list[Victim] = []
         self.refusals: list[Refusal] = []
 

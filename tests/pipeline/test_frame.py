@@ -41,5 +41,5 @@ def test_points_are_in_the_target_frame():
     np.testing.assert_allclose(step.points(from_yaw(10, 0, 0, 0)), [(9.25, 0.25, 1)])
 
 
-def test_an_empty_look_has_no_points():
+def test_an_empty_image_has_no_points():
     assert frame(np.zeros((2, 4))).points(np.eye(4)).shape == (0, 3)

@@ -1,4 +1,4 @@
-"""The metric map for other programs: what is occupied as PLY, and a 2D map for ROS."""
+"""The metric map for other programs: occupied voxels as PLY, and a 2D map for ROS."""
 
 from pathlib import Path
 

@@ -37,7 +37,7 @@ Region = tuple[int, int, int, int]
 
 
 class CanvasSampler:
-    """Draws canvases; the one of a number is always the same."""
+    """Draws canvases; a canvas depends on its number and the seed alone."""
 
     def __init__(self, images: LabelledImages, size: tuple[int, int], batch: int, seed: int) -> None:
         """From images, as batches of so many canvases of ``size`` (width, height) pixels.
@@ -49,10 +49,10 @@ class CanvasSampler:
         shown = np.array([len(images.people(index)) > 0 for index in range(len(images))], bool)
         self._shown, self._empty = np.flatnonzero(shown), np.flatnonzero(~shown)
         if len(self._shown) == 0:
-            raise InputError("no one is to be found in the images to train with")
+            raise InputError("the images to train with show no people")
 
     def batch(self, number: int) -> list[LabelledImage]:
-        """The batch of that number."""
+        """Batch ``number`` of the training."""
         return [self._canvas(number * self._batch + i) for i in range(self._batch)]
 
     def _canvas(self, number: int) -> LabelledImage:
@@ -64,7 +64,7 @@ class CanvasSampler:
         return augmented(images, donors, self._size, rng)
 
     def _image(self, index: int) -> LabelledImage:
-        """As the detector shows it to the network."""
+        """An image in even light, as the detector hands it to the network."""
         image = self._images[index]
         return replace(image, rgb=evenly_exposed(image.rgb))
 
@@ -103,7 +103,7 @@ def _ratio(
 
 
 def regions(count: int, size: tuple[int, int], rng: np.random.Generator) -> list[Region]:
-    """All of the canvas, or four parts that meet near its middle."""
+    """The whole canvas for one image, or for four the parts that meet near its middle."""
     if count == 1:
         return [(0, 0, *size)]
     x, y = (int(extent * rng.uniform(0.3, 0.7)) for extent in size)
@@ -118,7 +118,7 @@ def place(
     ratio: float,
     rng: np.random.Generator,
 ) -> LabelledImage:
-    """Draw the image, ``ratio`` times as large, somewhere in a region of the canvas; its boxes there."""
+    """Draw an image, ``ratio`` times as large, somewhere in a region of the canvas; returns its boxes there."""
     x0, y0, x1, y1 = region
     drawn = scaled(image.rgb, ratio)
     rows, columns = drawn.shape[:2]
@@ -136,7 +136,7 @@ def place(
 
 
 def cut(image: LabelledImage, region: Region) -> LabelledImage:
-    """Boxes cut at a region's edges; ignored where less than the share KEPT is left, gone where nothing is."""
+    """The image with its boxes cut at a region's edges; a box is ignored if less than KEPT of it is left."""
     low, high = np.tile(region[:2], 2), np.tile(region[2:], 2)
     boxes = np.clip(image.boxes, low, high).astype(np.float32)
     left = areas(boxes)
@@ -145,7 +145,7 @@ def cut(image: LabelledImage, region: Region) -> LabelledImage:
 
 
 def mirrored(image: LabelledImage) -> LabelledImage:
-    """Left and right exchanged."""
+    """The image with left and right exchanged."""
     width = image.rgb.shape[1]
     boxes = image.boxes.copy()
     boxes[:, [0, 2]] = width - boxes[:, [2, 0]]
@@ -153,15 +153,11 @@ def mirrored(image: LabelledImage) -> LabelledImage:
 
 
 def recoloured(image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
-    """Hue turned, saturation and brightness times random factors."""
+    """The image with its hue turned, its saturation and brightness times random factors."""
     hue = rng.uniform(-HUE, HUE) * 180  # half degrees, as OpenCV has hue
     saturation, exposure = (np.exp(rng.uniform(-1, 1) * np.log(most)) for most in (SATURATION, EXPOSURE))
     steps = np.arange(256)
-    tables = [
-        (steps + hue) % 180,
-        np.clip(steps * saturation, 0, 255),
-        np.clip(steps * exposure, 0, 255),
-    ]
+    tables = (steps + hue) % 180, np.clip(steps * saturation, 0, 255), np.clip(steps * exposure, 0, 255)
     table = np.stack(tables, axis=1).astype(np.uint8)[None]
     changed = cv2.LUT(cv2.cvtColor(image.rgb, cv2.COLOR_RGB2HSV), table)
     rgb = cv2.cvtColor(changed, cv2.COLOR_HSV2RGB).astype(np.uint8, copy=False)

@@ -13,10 +13,10 @@ OVERLAP = 0.5
 
 
 class AveragePrecision:
-    """Gathers detections image by image."""
+    """Average precision at an overlap of OVERLAP, of detections that are added image by image."""
 
     def __init__(self) -> None:
-        """None yet."""
+        """Of no images yet."""
         self._scores: list[float] = []
         self._right: list[bool] = []
         self._present = 0
@@ -38,7 +38,7 @@ class AveragePrecision:
 
     @property
     def value(self) -> float:
-        """Area under precision over recall, precision made to fall; NaN where there was nothing to find."""
+        """Area under precision over recall, precision made to fall; NaN if there was nothing to find."""
         if self._present == 0:
             return float("nan")
         right = np.array(self._right, bool)[np.argsort(-np.array(self._scores), kind="stable")]
@@ -49,7 +49,7 @@ class AveragePrecision:
 
 
 def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], least: float) -> NDArray[np.intp]:
-    """What each detection has found.
+    """The truth that each detection has found.
 
     Each takes the truth that it overlaps most of those that no better detection has taken; one that is ignored only
     if there is none else, and that one may be taken again and again.

@@ -1,4 +1,4 @@
-"""The planes that a person lies on, leans against or is seen before."""
+"""The planes in the background of a person: what the person lies on, leans against or is seen before."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,11 @@ from pipeline.frame import Frame
 MARGIN, MIN_MARGIN = 1.0, 60.0
 """Around a box in which planes are looked for: a share of its size, and pixels at least."""
 SAMPLES = 3000
-"""Pixels, about so many, of the box and its margin."""
+"""Pixels of the box and its margin that are drawn, about."""
 MAX_PLANES, TRIALS = 6, 200
 """Planes at most, and random draws to find each of them."""
 MIN_SHARE = 0.02
-"""Of the samples that a plane must have."""
+"""Share of the samples that a plane must have."""
 BEYOND = 0.25
 """Samples outside the box, for each inside it, that make a plane more than a part of the person."""
 TOLERANCE = 0.012
@@ -75,7 +75,7 @@ def _goes_on(plane: _Samples) -> bool:
 
 
 def _is_flat(samples: _Samples, plane: NDArray[np.float64]) -> bool:
-    """Whether samples of a plane are nearer to it than what is round would be."""
+    """Whether samples of a plane lie nearer to it than those of a round body would."""
     points = samples.points
     near = np.abs(points @ plane[:3] + plane[3]) < SURFACE_NOISE + depth_noise(points[:, 2])
     area = np.sum(np.square(points[:, 2])) * samples.solid_angle
@@ -93,7 +93,7 @@ def near_plane(points: NDArray[np.float32], plane: NDArray[np.float64]) -> NDArr
 
 
 def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
-    """Of a grid over the box and its margin."""
+    """Pixels with depth of a grid over the box and its margin."""
     low, high = np.array(box[:2]), np.array(box[2:])
     margin = MARGIN * np.maximum(high - low, MIN_MARGIN)
     size = (frame.intrinsics.width, frame.intrinsics.height)
@@ -136,7 +136,7 @@ def _triples(samples: _Samples, count: int, rng: np.random.Generator) -> NDArray
 
 
 def _planes_of(triples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 4) planes through three points each; one through points on a line is nowhere."""
+    """(N, 4) planes through three points each; of three points on a line, a plane far from everything."""
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.maximum(lengths, 1e-12)

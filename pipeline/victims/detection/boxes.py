@@ -8,9 +8,9 @@ from pipeline.errors import InputError
 from pipeline.victims.detection.darknet_cfg import Yolo
 
 LARGEST_EXPONENT = 20.0
-"""Of an anchor's size: nothing in an image is so large, and its square is still a float32."""
+"""Bound of what scales an anchor: no box in an image is so large, and its square is still a float32."""
 ROUNDS = 300
-"""Of fitting anchors, at most."""
+"""Rounds of fitting anchors, at most."""
 
 
 def decode(
@@ -21,8 +21,7 @@ def decode(
     Args:
         head: (anchors · (5 + classes), H, W) what went into [yolo].
         yolo: the scale.
-        width: of the network's input, pixels.
-        height: of the network's input, pixels.
+        width, height: of the network's input, pixels.
         threshold: least objectness, over 0.
 
     Returns:
@@ -40,7 +39,7 @@ def decode(
 
 
 def areas(boxes: NDArray[np.floating]) -> NDArray[np.floating]:
-    """(N,) square pixels; 0 of a box that is turned inside out."""
+    """(N,) areas of (N, 4) boxes, square pixels; 0 of a box that is turned inside out."""
     return np.prod(np.maximum(boxes[:, 2:] - boxes[:, :2], 0), axis=1)
 
 
@@ -54,7 +53,10 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
 
 
 def suppress(boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap: float) -> NDArray[np.intp]:
-    """Indices of the boxes that overlap none with a higher score by more than that: greedy, best first."""
+    """(M,) indices, the best first, of the (N, 4) boxes that overlap none of a higher score (N,) by more.
+
+    Greedy non-maximum suppression; ``overlap`` is intersection over union.
+    """
     order = np.argsort(-scores, kind="stable")
     kept: list[int] = []
     while len(order):

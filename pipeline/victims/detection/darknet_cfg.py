@@ -27,7 +27,7 @@ class Convolutional:
 
 @dataclass(frozen=True)
 class Maxpool:
-    """The highest of a window; ``padding`` is shared by both sides, an odd rest goes to the right and the bottom."""
+    """The maximum of a window; ``padding`` is shared by both sides, an odd rest goes to the right and the bottom."""
 
     size: int
     stride: int
@@ -43,21 +43,21 @@ class Upsample:
 
 @dataclass(frozen=True)
 class Route:
-    """The channels of the layers of these numbers, one after another."""
+    """The outputs of the layers with these numbers, their channels one after another."""
 
     layers: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Shortcut:
-    """The layer before plus the layer of this number."""
+    """The output of the layer before plus that of the layer with this number."""
 
     layer: int
 
 
 @dataclass(frozen=True)
 class Yolo:
-    """Boxes at one scale: those of ``anchors`` (width, height in pixels of the input) that ``mask`` numbers."""
+    """Boxes at one scale, of the ``anchors`` (width, height in pixels of the input) with the numbers of ``mask``."""
 
     anchors: tuple[tuple[float, float], ...]
     mask: tuple[int, ...]
@@ -77,8 +77,7 @@ class DarknetCfg:
     """A network.
 
     Attributes:
-        width: of its input, pixels.
-        height: of its input, pixels.
+        width, height: of its input, pixels.
         channels: of its input.
         layers: in order; layers refer to one another by the index in it.
         name: what errors call it.
@@ -92,7 +91,7 @@ class DarknetCfg:
 
     @classmethod
     def read(cls, path: Path) -> "DarknetCfg":
-        """From a file. InputError where it cannot be read, or as of :meth:`parse`."""
+        """Read a file. InputError if it cannot be read, and as :meth:`parse`."""
         try:
             return cls.parse(path.read_text(), str(path))
         except UnicodeDecodeError as error:
@@ -102,7 +101,7 @@ class DarknetCfg:
 
     @classmethod
     def parse(cls, text: str, name: str = "cfg") -> "DarknetCfg":
-        """From a text.
+        """Read a text.
 
         Raises:
             InputError: a section or setting that is unknown, missing or impossible, by its line.
@@ -120,12 +119,12 @@ class DarknetCfg:
 
     @property
     def heads(self) -> list[Yolo]:
-        """The scales, in order."""
+        """The [yolo] layers, one a scale, in order."""
         return [layer for layer in self.layers if isinstance(layer, Yolo)]
 
     @property
     def classes(self) -> int:
-        """Kinds of things that the network tells apart."""
+        """Number of classes that the network tells apart."""
         return self.heads[0].classes
 
 
@@ -144,7 +143,7 @@ class _Section:
     settings: dict[str, str] = field(default_factory=dict)
 
     def error(self, message: str) -> InputError:
-        """Of this section."""
+        """An error that names this section."""
         return InputError(f"{self.where}: [{self.kind}] {message}")
 
     def whole(self, key: str, default: int | None = None, least: int = 1) -> int:
@@ -164,18 +163,18 @@ class _Section:
             raise self.error(f"{key}={text}: not {what}") from None
 
     def flag(self, key: str) -> bool:
-        """0, which is the default, or 1."""
+        """Whether a setting is 1; without it, or at 0, it is not."""
         return self.word(key, ("0", "1"), "0") == "1"
 
     def word(self, key: str, known: Sequence[str], default: str | None = None) -> str:
-        """One of some words."""
+        """A setting that must be one of the known words."""
         text = self._text(key, default)
         if text not in known:
             raise self.error(f"{key}={text}: known are {', '.join(known)}")
         return text
 
     def refuse_others(self, **only: str) -> None:
-        """Refuse settings that would make another layer than those of YOLOv3: any but these values."""
+        """Refuse other values of these settings: they would make a layer that YOLOv3 does not have."""
         for key, value in only.items():
             self.word(key, (value,), value)
 
@@ -237,8 +236,7 @@ def _upsample(section: _Section, index: int) -> Upsample:
 
 def _route(section: _Section, index: int) -> Route:
     section.refuse_others(groups="1")
-    layers = tuple(_index(section, number, index) for number in section.numbers("layers", int))
-    return Route(layers)
+    return Route(tuple(_index(section, number, index) for number in section.numbers("layers", int)))
 
 
 def _shortcut(section: _Section, index: int) -> Shortcut:
@@ -273,7 +271,7 @@ _READERS: dict[str, Callable[[_Section, int], Layer]] = {
 
 
 def _index(section: _Section, number: int, index: int) -> int:
-    """Of a layer before the one of ``index``; a negative number counts back from it."""
+    """Index of the layer that layer ``index`` refers to by ``number``; a negative one counts back from it."""
     result = number + index if number < 0 else number
     if not 0 <= result < index:
         raise section.error(f"layer {number}: there is no such layer before it")

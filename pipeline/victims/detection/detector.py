@@ -1,4 +1,4 @@
-"""People in a camera's image."""
+"""The detector of people in a camera's image."""
 
 from collections.abc import Callable
 from math import ceil
@@ -18,7 +18,7 @@ from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import load_network
 
 PERSON = {1: 0, 20: 14, 80: 0}
-"""Number of the class ``person`` by how many there are: victims alone, Pascal VOC, COCO."""
+"""Number of the class ``person`` by the number of classes: victims alone, Pascal VOC, COCO."""
 
 
 CONFIDENCE = 0.25
@@ -31,12 +31,12 @@ network; and the longer side of a box there that counts, over the image's, at le
 
 
 class Network(Protocol):
-    """What comes out of a network for one image: see :class:`FusedNetwork`."""
+    """A network for one image at a time, such as :class:`FusedNetwork`."""
 
     cfg: DarknetCfg
 
     def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
-        """(anchors · (5 + classes), H, W) of each [yolo], from an (H, W, 3) image of the network's size."""
+        """(anchors · (5 + classes), H, W) float32 of each [yolo], from an (H, W, 3) image of the network's size."""
         ...
 
 
@@ -68,11 +68,11 @@ class VictimDetector:
 
     @classmethod
     def load(cls, cfg: Path, weights: Path, confidence: float = CONFIDENCE) -> "VictimDetector":
-        """By Darknet's files. InputError as of :func:`load_network`."""
+        """A detector from Darknet's files. InputError as :func:`load_network`."""
         return cls(load_network(cfg, weights), confidence)
 
     def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
-        """People in an (H, W, 3) image of any size, the most confident first.
+        """People in an (H, W, 3) uint8 image of any size, the most confident first.
 
         Raises:
             InputError: grey, empty, or of another type.
@@ -89,7 +89,7 @@ class VictimDetector:
     def _find(
         self, network: Network, image: NDArray[np.uint8]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """(N, 4) boxes in the image, several of each person, and (N,) how sure each is."""
+        """(N, 4) boxes in the image, several of each person, and their (N,) confidences."""
         cfg = network.cfg
         letterbox, canvas = Letterbox.fit(image, cfg.width, cfg.height)
         parts = [
@@ -107,7 +107,7 @@ class VictimDetector:
 
 
 def of_both_sizes(network: DarknetNetwork) -> list[DarknetNetwork]:
-    """A network, and the same for an input SMALLER times as large; the network alone if that is no smaller."""
+    """A network and the same for an input SMALLER times as large; the network alone if no smaller one fits."""
     stride, cfg = network.stride, network.cfg
     width, height = (stride * ceil(SMALLER * size / stride) for size in (cfg.width, cfg.height))
     is_smaller = width < cfg.width and height < cfg.height

@@ -14,10 +14,10 @@ from pipeline.victims.detection.network import LEAKY_SLOPE, DarknetConvolution, 
 
 
 class FusedNetwork:
-    """What a :class:`DarknetNetwork` computes in evaluation, one image at a time, faster."""
+    """A :class:`DarknetNetwork` in evaluation for one image at a time, faster."""
 
     def __init__(self, network: DarknetNetwork) -> None:
-        """Of a network, which stays as it is."""
+        """Of a network, which is left unchanged."""
         self.cfg = network.cfg
         self._network = DarknetNetwork(network.cfg).eval()
         shapes = [(self.cfg.channels, self.cfg.height, self.cfg.width), *network.shapes]
@@ -28,7 +28,7 @@ class FusedNetwork:
         )
 
     def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
-        """(anchors · (5 + classes), H, W) of each [yolo], from an (H, W, 3) image of the network's size."""
+        """(anchors · (5 + classes), H, W) float32 of each [yolo], from an (H, W, 3) uint8 image of its size."""
         with torch.inference_mode():
             return [head[0].contiguous().numpy() for head in self._network(to_tensor(image[None]))]
 
@@ -70,5 +70,5 @@ def _folded(layer: DarknetConvolution) -> tuple[Tensor, Tensor]:
 
 
 def to_tensor(images: NDArray[np.uint8]) -> Tensor:
-    """(N, 3, H, W) float32 of 0 to 1, channels last in memory, of (N, H, W, 3) images."""
+    """(N, 3, H, W) float32 of 0 to 1, channels last in memory, of (N, H, W, 3) uint8 images."""
     return torch.from_numpy(np.ascontiguousarray(images)).permute(0, 3, 1, 2).float().div_(255)

@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 CELLS = (16, 12)
-"""Of the grid, along x and y."""
+"""Cells of the grid along x and y."""
 BLUR = 2.0
 """cells, standard deviation of the Gaussian over the grid: dark things stay dark, dark places do not."""
 BRIGHTNESS = 130.0
-"""Of 255, to which the brightest channel is brought where it is less."""
+"""Brightness, of 255, to which the brightest channel is brought where it is less."""
 DARKEST = 12.0
-"""Of 255; where there is less light there is nothing but noise to make brighter."""
+"""Brightness, of 255, below which there is nothing but noise to make brighter."""
 GREY = 128
-"""Of the bars beside a fitted image, as Darknet's letterbox_image."""
+"""Brightness of the bars beside a fitted image, as in Darknet's letterbox_image."""
 
 
 def evenly_exposed(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """An (H, W, 3) image in even light; one that is lit well stays as it is."""
+    """An (H, W, 3) uint8 image in even light; a well-lit image is not changed."""
     light = cv2.resize(rgb, CELLS, interpolation=cv2.INTER_AREA).max(axis=2).astype(np.float32)
     light = cv2.GaussianBlur(light, (0, 0), BLUR, borderType=cv2.BORDER_REPLICATE)
     gain = np.maximum(BRIGHTNESS / np.maximum(light, DARKEST), 1)
@@ -35,7 +35,7 @@ def evenly_exposed(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def scaled(rgb: NDArray[np.uint8], ratio: float) -> NDArray[np.uint8]:
-    """An (H, W, 3) image ``ratio`` times as large, of at least one pixel."""
+    """An (H, W, 3) uint8 image ``ratio`` times as large, of at least one pixel."""
     rows, columns = rgb.shape[:2]
     size = max(1, round(columns * ratio)), max(1, round(rows * ratio))
     how = cv2.INTER_AREA if ratio < 0.5 else cv2.INTER_LINEAR
@@ -58,7 +58,7 @@ class Letterbox:
 
     @classmethod
     def fit(cls, image: NDArray[np.uint8], width: int, height: int) -> tuple[Self, NDArray[np.uint8]]:
-        """As large as it can be in the middle of ``width`` × ``height``; with the (H, W, 3) uint8 input itself."""
+        """Fit an (H, W, 3) uint8 image into the middle of an input; also returns the (height, width, 3) input."""
         rows, columns = image.shape[:2]
         small = scaled(image, min(width / columns, height / rows))
         h, w = small.shape[:2]
@@ -68,6 +68,6 @@ class Letterbox:
         return cls((w / columns, h / rows), (left, top), (columns, rows)), canvas
 
     def to_image(self, boxes: NDArray[np.floating]) -> NDArray[np.float32]:
-        """(N, 4) boxes of the input as boxes of the image, cut at its edges."""
+        """(N, 4) float32 boxes of the input as boxes of the image, cut at its edges."""
         points = (boxes.reshape(-1, 2, 2) - self.corner) / self.scale
         return np.clip(points, 0, self.size).reshape(-1, 4).astype(np.float32)

@@ -24,7 +24,7 @@ NEAR = 0.7
 """Overlap of a predicted box with a person's from which on its objectness is not held against it, as Darknet's
 ``ignore_thresh``."""
 BOX_WEIGHT, OBJECTNESS_WEIGHT = 2.0, 1.0
-"""Of the boxes and of objectness, beside 1 of the class."""
+"""Weights of boxes and objectness against 1 of the class."""
 
 
 Index = tuple[Tensor, ...]
@@ -35,11 +35,11 @@ class YoloLoss:
     """The loss of a network with one class: a detector of people."""
 
     def __init__(self, cfg: DarknetCfg) -> None:
-        """Of a network."""
+        """Of a network with this ``.cfg``."""
         self.cfg = cfg
 
     def __call__(self, heads: Sequence[Tensor], batch: Sequence[LabelledImage]) -> Tensor:
-        """() of a network's heads, (N, anchors · (5 + classes), H, W) each, for a batch of N canvases."""
+        """() loss of a network's heads, (N, anchors · (5 + classes), H, W) each, for a batch of N canvases."""
         boxes = objectness = classes = heads[0].new_zeros(())
         asked = 0
         for head, yolo in zip(heads, self.cfg.heads, strict=True):
@@ -65,7 +65,7 @@ class YoloLoss:
         return binary_cross_entropy_with_logits(cells[..., 4][counted], wanted[counted], reduction="sum")
 
     def _far(self, predicted: Tensor, image: LabelledImage) -> Tensor:
-        """(anchors, H, W) bool: boxes that overlap no person enough to be let alone, nor lie in an ignored one."""
+        """(anchors, H, W) bool: boxes that neither overlap a person by NEAR nor lie in an ignored one."""
         far = torch.ones(predicted.shape[:-1], dtype=torch.bool, device=predicted.device)
         middle = (predicted[..., :2] + predicted[..., 2:]) / 2
         for box, ignored in zip(torch.from_numpy(image.boxes).to(far.device), image.ignored, strict=True):
@@ -77,7 +77,7 @@ class YoloLoss:
     def _targets(
         self, batch: Sequence[LabelledImage], yolo: Yolo, rows: int, columns: int
     ) -> tuple[Index, Tensor]:
-        """What one scale should say: where, and (P, 4) boxes in pixels of the input."""
+        """Cells of one scale that are to find people, and these people's (P, 4) boxes in pixels of the input."""
         anchors = np.array(yolo.anchors)
         parts = [np.zeros((0, 2), int)]
         boxes = [np.zeros((0, 4), np.float32)]
@@ -97,7 +97,7 @@ class YoloLoss:
     def _asked(
         self, boxes: NDArray[np.float32], anchors: NDArray[np.float64], mask: tuple[int, ...]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Pairs of a person and an anchor of the mask that is to find it: the best of all, and all alike."""
+        """Pairs of a person and an anchor of the mask that is to find it: the best one and all of about its size."""
         overlap = size_overlaps(boxes[:, 2:] - boxes[:, :2], anchors)
         asked = overlap >= ALIKE
         if len(boxes):
@@ -117,7 +117,7 @@ class YoloLoss:
 
 
 def iou(a: Tensor, b: Tensor) -> Tensor:
-    """Intersection over union of (..., 4) boxes with boxes in pairs."""
+    """(...) intersection over union of (..., 4) boxes in pairs."""
     common = (torch.minimum(a[..., 2:], b[..., 2:]) - torch.maximum(a[..., :2], b[..., :2])).clamp(min=0)
     inter = common.prod(dim=-1)
     union = (a[..., 2:] - a[..., :2]).prod(dim=-1) + (b[..., 2:] - b[..., :2]).prod(dim=-1) - inter
@@ -125,7 +125,7 @@ def iou(a: Tensor, b: Tensor) -> Tensor:
 
 
 def ciou(a: Tensor, b: Tensor) -> Tensor:
-    """Complete IoU of (P, 4) boxes in pairs: less for middles apart and for other proportions."""
+    """(P,) complete IoU of (P, 4) boxes in pairs: less for distant middles and for other proportions."""
     hull = torch.maximum(a[:, 2:], b[:, 2:]) - torch.minimum(a[:, :2], b[:, :2])
     apart = ((a[:, :2] + a[:, 2:] - b[:, :2] - b[:, 2:]) / 2).square().sum(dim=1)
     overlap = iou(a, b)

@@ -1,9 +1,9 @@
-"""Training: random canvases of labelled images in, the weights that validate best out."""
+"""Training of a network on random canvases; the weights that validate best are kept."""
 
 import csv
 import json
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
 from dataclasses import asdict, dataclass
 from math import log
@@ -31,9 +31,9 @@ from pipeline.victims.detection.weights import load_network, write_weights
 
 COLUMNS = ("step", "loss", "ap50")
 BUILDERS = {"yolov3-small": (yolov3_small, 9), "yolov3-tiny": (yolov3_tiny, 6), "yolov3": (yolov3, 9)}
-"""What writes each network, and its number of anchors."""
+"""Function that writes each network's ``.cfg``, and its number of anchors."""
 LOWEST_CONFIDENCE = 0.01
-"""Of the detections that average precision is of."""
+"""Least confidence of the detections that average precision counts."""
 PRIOR = 0.01
 """Objectness before training (Lin et al., RetinaNet, arXiv:1708.02002, section 3.3)."""
 WEIGHT_DECAY = 1e-2
@@ -52,8 +52,7 @@ class TrainingConfig:
 
     Attributes:
         network: what is trained.
-        width: of its input, pixels; a multiple of 32.
-        height: of its input, pixels; a multiple of 32.
+        width, height: of its input, pixels; multiples of 32.
         steps: batches.
         batch: canvases in a batch.
         seed: of the first weights, the anchors, the canvases.
@@ -71,7 +70,7 @@ class TrainingConfig:
     validate_every: int = 500
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be done."""
+        """Raise InputError for settings that cannot work."""
         if min(self.width, self.height) < 32 or self.width % 32 or self.height % 32:
             raise InputError(f"--width {self.width} --height {self.height}: multiples of 32")
         if min(self.steps, self.batch, self.validate_every) < 1:
@@ -79,7 +78,7 @@ class TrainingConfig:
 
 
 class Trainer:
-    """A training that can be left at any step and taken up again; it leaves the same weights.
+    """A training that can be interrupted at any step and resumed; it ends with the same weights.
 
     Attributes:
         config: settings.
@@ -113,11 +112,11 @@ class Trainer:
                 of a network whose anchors fit the images' people.
 
         Raises:
-            InputError: no one is to be found in the images, the checkpoint is of another training, or the initial
+            InputError: images show no people, the checkpoint is of another training, or the initial
                 network cannot be read or tells more than one class apart.
         """
         if not any(len(validation.people(index)) for index in range(len(validation))):
-            raise InputError("no one is to be found in the images to validate with")
+            raise InputError("the images to validate with show no people")
         torch.manual_seed(config.seed)
         self.config, self.out, self._about = config, out, about
         self._sampler = CanvasSampler(training, (config.width, config.height), config.batch, config.seed)
@@ -139,23 +138,16 @@ class Trainer:
             coming = pool.submit(self._sampler.batch, self.step)
             try:
                 while self.step < self.config.steps:
-                    coming = self._take_step(coming, pool)
+                    batch = coming.result()
+                    coming = pool.submit(self._sampler.batch, self.step + 1)  # while this one is learned from
+                    self._losses.append(self._learn(batch))
+                    self.step += 1
+                    if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
+                        self._validate()
                     report(self)
             except KeyboardInterrupt:
                 self._save()
                 raise
-
-    def _take_step(
-        self, coming: Future[list[LabelledImage]], pool: ThreadPoolExecutor
-    ) -> Future[list[LabelledImage]]:
-        """Learn from a batch while the next one, which is returned, is drawn."""
-        batch = coming.result()
-        coming = pool.submit(self._sampler.batch, self.step + 1)
-        self._losses.append(self._learn(batch))
-        self.step += 1
-        if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
-            self._validate()
-        return coming
 
     def _learn(self, batch: list[LabelledImage]) -> float:
         config = self.config
@@ -191,7 +183,7 @@ class Trainer:
         self._save()
 
     def _write(self) -> None:
-        """The average's weights, its network and their card."""
+        """Write the averaged weights, their network and their card."""
         write_weights(self.out, self.average, self.step * self.config.batch)
         card = self._about | {"step": self.step, "ap50": self.best, "config": asdict(self.config)}
         for ending, text in ((".cfg", self._text), (".json", json.dumps(card, indent=1) + "\n")):
@@ -223,7 +215,7 @@ class Trainer:
 
 
 def fitted_cfg(images: LabelledImages, config: TrainingConfig) -> str:
-    """The text of a network whose anchors fit the images' people. InputError where they are too few."""
+    """The ``.cfg`` of a network with anchors fitted to the images' people. InputError if these are too few."""
     build, count = BUILDERS[config.network]
     shares = np.concatenate([images.people(index) for index in range(len(images))])
     rng = np.random.default_rng(config.seed)
@@ -232,7 +224,7 @@ def fitted_cfg(images: LabelledImages, config: TrainingConfig) -> str:
 
 
 def _cfg_beside(weights: Path) -> str:
-    """The text of the network that weights are of. InputError where it is not for people alone."""
+    """The ``.cfg`` beside a weights file. InputError if its network has other classes than people."""
     path = weights.with_suffix(".cfg")
     cfg = DarknetCfg.read(path)
     if cfg.classes != 1:
@@ -257,7 +249,7 @@ def new_network(text: str) -> DarknetNetwork:
 
 
 def validate(network: DarknetNetwork, images: LabelledImages) -> float:
-    """Average precision at an overlap of 0.5, as the robot would use the network."""
+    """Average precision at an overlap of 0.5 of the detector that the robot would use."""
     detector = VictimDetector(network, LOWEST_CONFIDENCE)
     result = AveragePrecision()
     for index in range(len(images)):

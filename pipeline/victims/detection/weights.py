@@ -33,7 +33,7 @@ def load_network(cfg: Path, weights: Path) -> DarknetNetwork:
 
 
 def read_weights(path: Path, network: DarknetNetwork) -> int:
-    """Fill the network; the number of images that it has seen in training.
+    """Fill a network; returns the number of images that it has seen in training.
 
     Raises:
         InputError: no such file, too short or too long for the network, or numbers that are not finite.
@@ -44,7 +44,10 @@ def read_weights(path: Path, network: DarknetNetwork) -> int:
         raise InputError(f"{path}: {error.strerror or error}") from error
     seen, start = _read_header(content, path)
     tensors = list(_tensors(network))
-    _check_length(path, len(content), start + 4 * sum(t.numel() for t in tensors), network)
+    needed = start + 4 * sum(tensor.numel() for tensor in tensors)
+    if len(content) != needed:
+        which, name = "short" if len(content) < needed else "long", network.cfg.name
+        raise InputError(f"{path}: {len(content)} bytes, too {which} for {name}, which needs {needed}")
     numbers = np.frombuffer(content, "<f4", offset=start)
     if not np.isfinite(numbers).all():
         raise InputError(f"{path}: holds numbers that are not finite")
@@ -53,7 +56,7 @@ def read_weights(path: Path, network: DarknetNetwork) -> int:
 
 
 def write_weights(path: Path, network: DarknetNetwork, seen: int = 0) -> None:
-    """Write the network, having seen so many images. InputError if that is impossible."""
+    """Write a network's weights, trained on ``seen`` images. InputError if the file cannot be written."""
     with whole_file(path) as partial, partial.open("wb") as file:
         file.write(np.array(VERSION, "<i4").tobytes() + np.array(seen, "<i8").tobytes())
         for tensor in _tensors(network):
@@ -89,9 +92,3 @@ def _read_header(content: bytes, path: Path) -> tuple[int, int]:
         raise InputError(f"{path}: not Darknet weights: version {major}.{minor}")
     seen = np.frombuffer(content, "<i8" if 10 * major + minor >= 2 else "<i4", 1, offset=12)
     return int(seen[0]), 12 + seen.nbytes
-
-
-def _check_length(path: Path, length: int, wanted: int, network: DarknetNetwork) -> None:
-    if length != wanted:
-        which = "short" if length < wanted else "long"
-        raise InputError(f"{path}: {length} bytes, too {which} for {network.cfg.name}, which needs {wanted}")

@@ -115,7 +115,7 @@ def test_a_view_that_reaches_too_far_for_the_memory_is_refused():
         mapped(max_range=1e5, max_bytes=2**26)
 
 
-def test_a_full_map_refuses_a_look_whole():
+def test_a_full_map_refuses_a_whole_frame():
     metric_map = mapped(max_bytes=2**20 + 2**18)
     before = content(metric_map)
     elsewhere = T.copy()
@@ -177,7 +177,7 @@ def test_settings_that_cannot_work_are_named(wrong):
         MetricMap(**wrong)
 
 
-def test_a_look_leaves_what_it_was_given_as_it_was():
+def test_a_frame_leaves_what_it_was_given_as_it_was():
     depth, pose = SCENE.copy(), T.copy()
     mapped(depth, pose)
     np.testing.assert_array_equal(depth, SCENE)

@@ -40,7 +40,7 @@ def test_after_a_tour_projection_and_rays_agree_in_99_percent_of_the_voxels():
     assert (np.sign(projected) == np.sign(traced))[known].mean() >= 0.99
 
 
-def test_single_looks_find_the_very_same_occupied_voxels_and_96_percent_of_all():
+def test_single_frames_find_the_very_same_occupied_voxels_and_96_percent_of_all():
     same = known = 0
     for T in tour(12):
         projected, traced = by_both([depth_image(T)], [T])

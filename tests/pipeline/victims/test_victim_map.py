@@ -130,7 +130,7 @@ def test_two_people_stay_two() -> None:
     assert positions[1] == pytest.approx(OTHER[:3], abs=0.16)
 
 
-def test_someone_who_is_not_found_again_is_dropped() -> None:
+def test_a_victim_that_is_not_found_again_is_dropped() -> None:
     victims = Victims()
     walk(victims, [(0, 0)], [PERSON], [PERSON])
     walk(victims, [(0, 0.1), (0, 0.2)], [PERSON], [])
@@ -139,7 +139,7 @@ def test_someone_who_is_not_found_again_is_dropped() -> None:
     assert victims.all == []
 
 
-def test_someone_hidden_or_out_of_sight_is_not_missed() -> None:
+def test_a_victim_hidden_or_out_of_sight_is_not_missed() -> None:
     victims = Victims()
     walk(victims, [(0, 0)], [PERSON], [PERSON])
     walk(victims, [(0, 0)], [PERSON, (1.2, 0, 0.4, 0.35)], [])  # something stands before it
@@ -197,7 +197,7 @@ def test_a_person_seen_in_parts_is_one_person() -> None:
     assert victim.position == pytest.approx((x, y - 0.4, z), abs=0.16)
 
 
-def test_two_ends_of_someone_whose_middle_is_hidden_are_one_person() -> None:
+def test_two_ends_of_a_person_whose_middle_is_hidden_are_one_person() -> None:
     for settings, people in (({}, 1), ({"BETWEEN": 0.1}, 2), ({"TOGETHER": 0.8}, 2)):
         victims = Victims()
         with constants(victim_map, GATE=1e-6, **settings):

@@ -59,7 +59,7 @@ def test_a_damaged_file_is_refused_or_harmless(written, tmp_path_factory, data):
     except InputError as error:
         assert str(path) in str(error) and "\n" not in str(error)
     else:
-        # A bit that nobody reads, a date in the archive's directory.
+        # A bit that no reader needs: a date in the archive's directory.
         lower, upper = metric_map.bounds()
         assert (metric_map.log_odds(lower, upper).shape == upper - lower).all()
 

@@ -100,7 +100,7 @@ def test_images_without_anyone_are_refused() -> None:
         def __getitem__(self, index: int) -> LabelledImage:
             return super().__getitem__(2)
 
-    with pytest.raises(InputError, match="no one"):
+    with pytest.raises(InputError, match="no people"):
         CanvasSampler(Empty(3), (64, 48), 2, 0)
 
 

@@ -79,7 +79,7 @@ def test_complete_iou_by_hand() -> None:
     assert float(ciou(a, b)) == pytest.approx(-4 / 20)  # apart by 2 in a hull of 4 × 2
 
 
-def test_a_new_network_expects_no_one() -> None:
+def test_a_new_network_expects_no_people() -> None:
     network = new_network(SMALL).eval()
     with torch.inference_mode():
         (answer,) = network(torch.rand(1, 3, 8, 16))
@@ -128,7 +128,7 @@ def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
     for wrong in ({"width": 100}, {"height": 0}, {"steps": 0}, {"batch": 0}):
         with pytest.raises(InputError):
             TrainingConfig(**wrong)
-    with pytest.raises(InputError, match="no one is to be found in the images to validate"):
+    with pytest.raises(InputError, match="images to validate with show no people"):
         Trainer(WhiteBoxes(30), WhiteBoxes(0), CONFIG, tmp_path / "w.weights", {})
 
 

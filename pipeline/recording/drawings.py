@@ -87,7 +87,7 @@ def free_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.Voxel
 
 
 def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **style: Any) -> rr.VoxelGridMap:
-    size = metric_map.config.voxel_size
+    size = metric_map.voxel_size
     return rr.VoxelGridMap(
         metric_map.voxel_index(centres).astype(np.int32),
         voxel_size=np.full(3, size),

@@ -128,10 +128,7 @@ class Router:
         ground = float(self._traversability.grid.at(self._traversability.elevation, place))
         eye = np.append(place, ground + self._camera_height)
         middle = person.data.mean(axis=0)
-        steps = int(np.ceil(2 * np.linalg.norm(middle - eye) / self._metric_map.config.voxel_size)) + 1
-        line = np.linspace(eye, middle, steps)
-        apart, _ = person.query(line)
-        return bool((self._metric_map.state_at(line[apart > BODY_MARGIN]) > 0).all())
+        return self._metric_map.is_free_along(eye, middle, person, SPARED, may_be_unknown=True)
 
     def _route(self, way: NDArray[np.float64], gap: float, in_sight: bool) -> Route:
         legs = list(self._legs(way))

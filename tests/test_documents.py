@@ -71,7 +71,7 @@ def settings() -> set[str]:
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 def test_flags_are_settings(page: Path, settings: set[str]) -> None:
     commands = " ".join(FLAG.findall(page.read_text()))
-    flags = {re.sub(r"[\w-]+\.", "", flag) for flag in re.findall(r"--[a-z][\w.-]*", commands)}
+    flags = {re.sub(r"--[\w-]+\.", "--", flag) for flag in re.findall(r"--[a-z][\w.-]*", commands)}
     unknown = {re.sub("^--no-", "--", flag) for flag in flags} - settings
     assert not unknown
 

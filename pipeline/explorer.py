@@ -15,10 +15,10 @@ from pipeline.navigation.obstacle_check import ObstacleCheck, ObstacleCheckConfi
 from pipeline.navigation.recovery import backtrack, escape
 from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
-from pipeline.segments.planes import PlanesConfig, find_planes
-from pipeline.segments.segments import Segments, SegmentsConfig
+from pipeline.segments.planes import find_planes
+from pipeline.segments.segments import Segments
 from pipeline.semantic_map.classifier import PointClassifier
-from pipeline.semantic_map.semantic_map import SemanticMap, SemanticMapConfig
+from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.transforms import transform_points
@@ -52,9 +52,6 @@ class ExplorerConfig:
     metric_map: MetricMapConfig = field(default_factory=MetricMapConfig)
     traversability: ElevationMapConfig = field(default_factory=ElevationMapConfig)
     traversable: TraversabilityConfig = field(default_factory=TraversabilityConfig)
-    semantic_map: SemanticMapConfig = field(default_factory=SemanticMapConfig)
-    planes: PlanesConfig = field(default_factory=PlanesConfig)
-    segments: SegmentsConfig = field(default_factory=SegmentsConfig)
     topological_map: TopologicalMapConfig = field(default_factory=TopologicalMapConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
@@ -128,8 +125,8 @@ class Explorer:
         self.metric_map = MetricMap(self.config.metric_map)
         self.elevation_map = ElevationMap(self.config.traversability)
         self.traversability_layer = TraversabilityLayer(self.config.traversable)
-        self.semantic_map = SemanticMap(self.config.semantic_map)
-        self.segments = Segments(self.config.segments)
+        self.semantic_map = SemanticMap()
+        self.segments = Segments()
         self.topological_map = TopologicalMap(self.config.topological_map)
         self.exploration = Exploration(self.config.exploration)
         self.victims = Victims(self.config.victims)
@@ -168,7 +165,7 @@ class Explorer:
             labels = probabilities.argmax(axis=1).astype(np.uint8)
             self.semantic_map.update(points, probabilities)
         with self.stopwatch("segments"):
-            patches = find_planes(frame, labels, T_map_camera, self._seed + self.steps, self.config.planes)
+            patches = find_planes(frame, labels, T_map_camera, self._seed + self.steps)
             self.segments.update(patches, self.steps)
         detections = self._find_victims(frame, T_map_camera)
         with self.stopwatch("exploration"):

@@ -1,12 +1,11 @@
 """The best plane among random samples (Fischler & Bolles 1981), by Open3D."""
 
 import numpy as np
-import open3d as o3d
 from numpy.typing import NDArray
 
 
 def plane_inliers(
-    points: NDArray[np.float32], max_distance: float, iterations: int, seed: int
+    points: NDArray[np.float32], max_distance: float, samples: int, seed: int
 ) -> NDArray[np.bool_]:
     """Which points lie near the plane that has most of them near it; the same for the same seed, bit for bit.
 
@@ -16,13 +15,15 @@ def plane_inliers(
     Args:
         points: (N, 3) float32, N ≥ 3.
         max_distance: m, from the plane.
-        iterations: number of samples.
+        samples: number of random planes.
         seed: of the samples; it seeds Open3D as a whole.
 
     Returns:
         (N,) bool.
     """
+    import open3d as o3d  # it takes a second, which no command's --help should
+
     o3d.utility.random.seed(seed)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.astype(np.float64)))
-    (*normal, d), _ = cloud.segment_plane(max_distance, 3, iterations, probability=1.0)
-    return np.abs(points @ np.array(normal) + d) < max_distance
+    (*normal, minus_offset), _ = cloud.segment_plane(max_distance, 3, samples, probability=1.0)
+    return np.abs(points @ np.array(normal) + minus_offset) < max_distance

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from pipeline.errors import InputError
+from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.classifier import load_classifier
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.parallel import Worker
@@ -28,8 +29,8 @@ class TrainDgcnn:
 
     Attributes:
         data: folder of the dataset; its scenes of the split train are learned from, those of val validated with.
-        out: file for the weights (.safetensors); a checkpoint, a table and a picture get its name with other
-            endings. A training that was left is taken up from its checkpoint.
+        out: file for the weights (.safetensors); a checkpoint and a table (.csv) get its name with other endings.
+            A training that was left is taken up from its checkpoint.
         stride: take every so manieth frame of a scene.
         validation_frames: at most, evenly over the scenes.
         init: weights to begin with, as this command writes them; random ones if not given.
@@ -77,7 +78,7 @@ class TrainDgcnn:
 
     def _load(self, worker: Worker) -> dict[str, list[LabelledCloud]]:
         """The clouds of every split."""
-        dataset, voxel_size = Dataset(self.data), self.training.blocks.voxel_size
+        dataset, voxel_size = Dataset(self.data), BlockConfig().voxel_size
         clouds: dict[str, list[LabelledCloud]] = {"train": [], "val": [], "test": []}
         with progress_bar(worker) as progress:
             for entry, scene in progress.track(dataset, total=len(dataset), description="scenes"):

@@ -1,15 +1,15 @@
-"""Loops over the points of a look: a hash table of voxels with open addressing and linear probing.
+"""Loops over the points of a frame: a hash table of voxels with open addressing and linear probing.
 
-The key of voxel (i, j, k) is ``(i · 2²¹ + j) · 2²¹ + k``, its indices shifted to be positive. A table has 2ⁿ
+The key of a voxel is that of :func:`pipeline.segments.cells.keys`; keys end 21 km from the origin. A table has 2ⁿ
 slots; empty ones hold ``EMPTY``.
 """
 
 import numpy as np
 from numba import int64, njit, uint64
 
+from pipeline.segments.cells import BITS, HALF
+
 EMPTY = -1
-HALF = 1 << 20
-"""Voxels from the origin to where keys end, along every axis: 21 km at 2 cm."""
 FIBONACCI = 0x9E3779B97F4A7C15
 """2⁶⁴ over the golden ratio: multiplicative hashing, Knuth, The Art of Computer Programming 6.4."""
 
@@ -68,7 +68,7 @@ def voxel_key(point, per_metre):
     i, j, k = np.floor(point[0] * per_metre), np.floor(point[1] * per_metre), np.floor(point[2] * per_metre)
     if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
         return int64(EMPTY)
-    return ((int64(i) + HALF) << 21 | (int64(j) + HALF)) << 21 | (int64(k) + HALF)
+    return ((int64(i) + HALF) << BITS | (int64(j) + HALF)) << BITS | (int64(k) + HALF)
 
 
 @njit(cache=True, inline="always")

@@ -18,6 +18,7 @@ from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
 
 TILE = 64
 """Points at a time: what belongs to them, above all 1 MB of distances from 4,096 points, stays in the cache."""
+SLOPE32 = np.float32(SLOPE)
 
 Features = NDArray[np.float32]
 Edges = Callable[[slice, NDArray[np.int32]], Features]
@@ -41,9 +42,7 @@ class FastDgcnn:
             InputError: k is too large.
         """
         if network.k > kernels.BOUNDS:
-            raise InputError(
-                f"DGCNN with k = {network.k}: at most {kernels.BOUNDS} neighbours can be selected"
-            )
+            raise InputError(f"DGCNN with k = {network.k}: at most {kernels.BOUNDS} neighbours are selected")
         self.channels, self.classes, self.k = network.channels, network.classes, network.k
         self._threads = RowThreads(threads or os.cpu_count() or 1)
         self._conv1, self._conv2, self._conv3 = (_Layer.all_of(conv) for conv in network.edge_convs)
@@ -68,36 +67,22 @@ class FastDgcnn:
 
     def _check(self, points: Features) -> None:
         if points.ndim != 2 or points.shape[1] != self.channels or len(points) < self.k:
-            raise InputError(
-                f"DGCNN: a block of points {points.shape} is not (at least {self.k}, {self.channels})"
-            )
+            wanted = f"(at least {self.k}, {self.channels})"
+            raise InputError(f"DGCNN: a block of points {points.shape} is not {wanted}")
         if not np.isfinite(points).all():
             raise InputError("DGCNN: a block holds points that are not finite")
 
-    def _neighbours(self, x: Tensor) -> Callable[[slice], NDArray[np.int32]]:
-        """A function that finds the neighbours of some of the points, by their distances from all."""
-        # Added up in the same order as in network.nearest: another one rounds to other neighbours.
-        half_square = (x.T.contiguous().square().sum(dim=0) / 2).numpy()
-
-        def neighbours(rows: slice) -> NDArray[np.int32]:
-            product = linear(x[rows], x).numpy()
-            result = np.empty((len(product), self.k), np.int32)
-            kernels.select_nearest(product, half_square, result)
-            return result
-
-        return neighbours
-
     def _edge_conv(self, graph: Tensor, edges: Edges, last: "_Layer") -> Tensor:
         """An EdgeConv of two layers: the graph's (N, C) features, and the first layer's response on its edges."""
-        neighbours = self._neighbours(graph.contiguous())
+        find = neighbour_finder(graph.contiguous(), self.k)
         features = np.empty((len(graph), len(last.weight)), np.float32)
         scale, shift = last.scale.numpy(), last.shift.numpy()
 
         def tile(rows: slice) -> None:
-            responses = linear(torch.from_numpy(edges(rows, neighbours(rows))), last.weight).numpy()
+            responses = linear(torch.from_numpy(edges(rows, find(rows))), last.weight).numpy()
             kernels.largest_edge(responses, scale, shift, SLOPE32, features[rows])
 
-        self._threads.over(len(graph), TILE, tile)
+        self._threads.over(tiles(len(graph)), tile)
         return torch.from_numpy(features)
 
     def _edges_of_differences(self, x: Tensor) -> Edges:
@@ -126,21 +111,21 @@ class FastDgcnn:
     def _last_edge_conv(self, x: Tensor) -> Tensor:
         """An EdgeConv of one layer: all of it can wait until after the maximum."""
         of_neighbour, of_point = self._conv3[0].split(x)
-        neighbours = self._neighbours(x)
+        find = neighbour_finder(x, self.k)
         features = np.empty_like(of_point)
 
         def tile(rows: slice) -> None:
-            kernels.largest_sum(of_neighbour, of_point[rows], neighbours(rows), SLOPE32, features[rows])
+            kernels.largest_sum(of_neighbour, of_point[rows], find(rows), SLOPE32, features[rows])
 
-        self._threads.over(len(x), TILE, tile)
+        self._threads.over(tiles(len(x)), tile)
         return torch.from_numpy(features)
 
     def _segment(self, local: Tensor) -> Tensor:
         """(N, 192) features of the three EdgeConvs to (N, classes) logits."""
         weight, bias = self._embedding
-        largest: list[Tensor] = []
+        largest, rows_of_tiles = list[Tensor](), tiles(len(local))
         self._threads.over(
-            len(local), TILE, lambda rows: largest.append(linear(local[rows], weight).amax(dim=0))
+            rows_of_tiles, lambda rows: largest.append(linear(local[rows], weight).amax(dim=0))
         )
         everything = leaky_relu(torch.stack(largest).amax(dim=0) + bias, SLOPE)
         weight, bias = self._head1
@@ -153,11 +138,27 @@ class FastDgcnn:
             x = leaky_relu(linear(x, *self._head2), SLOPE)
             logits[rows] = linear(x, self._classifier)
 
-        self._threads.over(len(local), TILE, tile)
+        self._threads.over(rows_of_tiles, tile)
         return logits
 
 
-SLOPE32 = np.float32(SLOPE)
+def neighbour_finder(x: Tensor, k: int) -> Callable[[slice], NDArray[np.int32]]:
+    """A function that finds the (R, k) nearest of (N, C) points to some of them, by their distances from all."""
+    # Added up in the same order as in dgcnn.nearest: another one rounds to other neighbours.
+    half_square = (x.T.contiguous().square().sum(dim=0) / 2).numpy()
+
+    def find(rows: slice) -> NDArray[np.int32]:
+        product = linear(x[rows], x).numpy()
+        result = np.empty((len(product), k), np.int32)
+        kernels.select_nearest(product, half_square, result)
+        return result
+
+    return find
+
+
+def tiles(count: int) -> list[slice]:
+    """Slices of TILE rows."""
+    return [slice(start, min(start + TILE, count)) for start in range(0, count, TILE)]
 
 
 def linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:

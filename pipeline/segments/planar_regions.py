@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.segments.plane import Moments
 from pipeline.segments.ransac import plane_inliers
-from pipeline.segments.regions_kernels import NONE, claim_nearest, grow_regions, normals
-from pipeline.segments.surfels_kernels import make_surfels, neighbours
+from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals
+from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
 
 BLOCK = 8
 """pixels, the edge of the image blocks that are averaged to one surfel each."""
@@ -128,9 +128,9 @@ def _settle(
     surfels: Surfels, region: NDArray[np.int32], planes: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """Let every surfel choose the nearest plane around it, and fit again, so that edges fall where planes meet."""
-    everyone = np.arange(len(region))
+    everything = np.arange(len(region))
     for _ in range(2):
-        region = claim_nearest(surfels.points, surfels.near, everyone, region, planes, MAX_DISTANCE)
+        region = claim_nearest(surfels.points, surfels.near, everything, region, planes, MAX_DISTANCE)
         planes = planes.copy()
         for number, members in groups(region):
             if len(members) >= MIN_SURFELS:

@@ -1,10 +1,10 @@
 """Points of one plane decide together what they are.
 
-A network that sees one column at a time errs in speckles, and at edges, where its voxels hold two surfaces. But a
-plane is hardly ever of two classes, and where two planes meet is known better from their equations than from the
-class of any point. So planar regions are found without labels, and every pixel goes to the plane to which it and its
-neighbours move least along their rays. What a point is follows from its own probabilities, from those of all points
-on its plane, and from how the plane leans: what a wall, the floor or a ramp is, is defined by that.
+A network that sees one column at a time makes errors in speckles, and at edges, where its voxels hold two surfaces.
+But a plane is hardly ever of two classes, and where two planes meet is known better from their equations than from
+the class of any point. So planar regions are found without labels, and every pixel goes to the plane to which it
+and its neighbours move least along their rays. The class of a point follows from its own probabilities, from those
+of all points on its plane, and from how the plane leans, for that defines what a wall, the floor or a ramp is.
 """
 
 import numpy as np

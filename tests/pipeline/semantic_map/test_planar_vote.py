@@ -6,11 +6,11 @@ import pytest
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.segments.planar_regions import MIN_PIXELS, MIN_SURFELS
+from pipeline.segments.surfels_kernels import NONE
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL
 from pipeline.semantic_map.planar_vote import planar_vote, possible_classes
 from pipeline.semantic_map.planar_vote_kernels import (
-    NONE,
     mean_logs,
     normalised_products,
     planes_of_pixels,

@@ -63,7 +63,7 @@ def edge_conv(conv: EdgeConv, x: Tensor, neighbours: Tensor) -> Tensor:
         return cast(Tensor, LargestSum.apply(a, b, norm.weight, norm.bias, js, norm))
     norm2 = _norm(rest[0])
     parameters = norm.weight, norm.bias, _weight(rest[0]), norm2.weight, norm2.bias
-    return cast(Tensor, LargestOfTwoLayers.apply(a, b, *parameters, js, (norm, norm2)))
+    return cast(Tensor, LargestOfTwoLayers.apply(a, b, js, (norm, norm2), *parameters))
 
 
 def largest(layer: nn.Sequential, x: Tensor, sizes: list[int]) -> Tensor:

@@ -19,7 +19,7 @@ class Edges:
         neighbours: (N, k) int32, the j of every i.
         sums: (C,) float64 over all edges, of the responses and of their squares.
         of_neighbours: (N, C) float32 sum of a_j over the neighbours of i.
-        of_askers: (N, C) float32 sum of b_i over those whose neighbour is j.
+        of_origins: (N, C) float32 sum of b_i over the i whose neighbour is j.
         degree: (N, 1) float32 number of those.
     """
 
@@ -27,9 +27,9 @@ class Edges:
         """Sum up the edges."""
         self.a, self.b, self.neighbours = a, b, neighbours
         self.sums = np.zeros(a.shape[1]), np.zeros(a.shape[1])
-        self.of_neighbours, self.of_askers = torch.zeros_like(a), torch.zeros_like(a)
+        self.of_neighbours, self.of_origins = torch.zeros_like(a), torch.zeros_like(a)
         self.degree = torch.zeros(len(a), 1)
-        by_point = (self.of_neighbours.numpy(), self.of_askers.numpy(), self.degree[:, 0].numpy())
+        by_point = (self.of_neighbours.numpy(), self.of_origins.numpy(), self.degree[:, 0].numpy())
         kernels.edge_moments(a.numpy(), b.numpy(), neighbours, *self.sums, *by_point)
 
     def norm(self, sign: Tensor, norm: nn.BatchNorm1d) -> Norm:
@@ -41,7 +41,7 @@ class Edges:
     ) -> tuple[Tensor, Tensor]:
         """Take from the gradients of a and b what batch norm takes from every edge: constant + factor · response."""
         k = self.neighbours.shape[1]
-        to_a = to_a - self.degree * constant - factor * (self.degree * self.a + self.of_askers)
+        to_a = to_a - self.degree * constant - factor * (self.degree * self.a + self.of_origins)
         to_b = to_b - k * constant - factor * (self.of_neighbours + k * self.b)
         return to_a, to_b
 

@@ -24,6 +24,8 @@ from pipeline.semantic_map.networks.dgcnn_cpu.inference import linear, tiles
 from pipeline.semantic_map.networks.dgcnn_cpu.training_edges import ActivatedEdges, BackThroughEdges, Edges
 from pipeline.semantic_map.networks.dgcnn_cpu.training_norm import Largest, Norm, signs
 
+Norms = tuple[nn.BatchNorm1d, nn.BatchNorm1d]
+
 
 class Linear(Function):
     """``x Wᵀ``."""
@@ -105,19 +107,9 @@ class LargestOfTwoLayers(Function):
     """LeakyReLU(norm(W LeakyReLU(norm(A x_j + B x_i)))), and of that the maximum over each point's neighbours j."""
 
     @staticmethod
-    def forward(
-        ctx: Any,
-        a: Tensor,
-        b: Tensor,
-        gamma1: Tensor,
-        beta1: Tensor,
-        weight: Tensor,
-        gamma2: Tensor,
-        beta2: Tensor,
-        js: NDArray[np.int32],
-        norms: tuple[nn.BatchNorm1d, nn.BatchNorm1d],
-    ) -> Tensor:
-        """(N, C) A x_j and B x_i, (C', C) W, (N, k) neighbours to (N, C'); γ and β are those of the norms."""
+    def forward(ctx: Any, a: Tensor, b: Tensor, js: NDArray[np.int32], norms: Norms, *rest: Tensor) -> Tensor:
+        """(N, C) A x_j and B x_i, (N, k) neighbours to (N, C'); the rest is γ1, β1, (C', C) W, γ2 and β2."""
+        gamma1, _, weight, gamma2, _ = rest
         edges = Edges(a, b, js)
         ctx.activated = ActivatedEdges(edges, edges.norm(torch.ones_like(gamma1), norms[0]))
         ctx.linear = _LargestResponses(weight, signs(gamma2))
@@ -131,7 +123,8 @@ class LargestOfTwoLayers(Function):
         for rows in tiles(len(gradients[0])):
             h = ctx.activated.tile(rows)
             back_further.add(rows, h, back.to_input(rows, h))
-        return *back_further.gradients(), *back.to_parameters(), None, None
+        to_a, to_b, *to_norm1 = back_further.gradients()
+        return to_a, to_b, None, None, *to_norm1, *back.to_parameters()
 
 
 class _LargestResponses:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.segments.plane import Moments
-from pipeline.segments.ransac import plane_inliers
 from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals
 from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
 
@@ -122,6 +121,31 @@ def _ransac_regions(
             planes = np.vstack([planes, _fit(surfels.points[rest[inlier]])])
             rest = rest[~inlier]
     return result, planes
+
+
+def plane_inliers(
+    points: NDArray[np.float32], max_distance: float, samples: int, seed: int
+) -> NDArray[np.bool_]:
+    """Which points lie near the plane that has most of them near it, by RANSAC (Fischler & Bolles 1981).
+
+    The same seed gives the same plane, bit for bit. For that Open3D must try all samples, hence the probability of 1. With less it stops
+    early, sooner or later by the timing of its threads, and the result varies with it.
+
+    Args:
+        points: (N, 3) float32, N ≥ 3.
+        max_distance: m, from the plane.
+        samples: number of random planes.
+        seed: of the samples; it seeds Open3D as a whole.
+
+    Returns:
+        (N,) bool.
+    """
+    import open3d as o3d  # it takes a second, which no command's --help should
+
+    o3d.utility.random.seed(seed)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.astype(np.float64)))
+    (*normal, minus_offset), _ = cloud.segment_plane(max_distance, 3, samples, probability=1.0)
+    return np.abs(points @ np.array(normal) + minus_offset) < max_distance
 
 
 def _settle(

@@ -55,7 +55,7 @@ class EpisodeRecorder(Recorder):
 
     def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
         """Log a step of the explorer, the ``index``-th from 0 on, and the maps after it."""
-        self._T_map_odom = explorer.localisation.T_map_odom
+        self._T_map_odom = explorer.mapper.localisation.T_map_odom
         self._true_track.add(self._robot.trajectory[-1].T_world_base[:3, 3])
         super().log_step(index, explorer, step)
         self._log_joints()

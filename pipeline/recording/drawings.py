@@ -142,7 +142,7 @@ def path(step: Step) -> rr.LineStrips3D:
     """The path from the robot to the next viewpoint, with a short line along its heading; none without a plan."""
     strips = []
     if step.plan is not None:
-        strips.append(np.vstack([step.T_map_base[:3, 3], step.plan.way_points]))
+        strips.append(np.vstack([step.keyframe.T_map_base[:3, 3], step.plan.way_points]))
     if step.plan is not None and step.viewpoint is not None:
         yaw = step.viewpoint.heading
         heading = 0.3 * np.array([np.cos(yaw), np.sin(yaw), 0])

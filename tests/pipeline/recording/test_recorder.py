@@ -72,7 +72,8 @@ def test_each_keyframe_is_a_step(recording):
     for entity in EACH_STEP:
         found = rows[f"/{entity}"]
         assert [row["step"] for row in found] == list(range(STEPS))
-        assert [row["sim_time"] for row in found] == pytest.approx([step.frame.time for step in steps])
+        times = [step.keyframe.frame.time for step in steps]
+        assert [row["sim_time"] for row in found] == pytest.approx(times)
 
 
 def test_z_is_up_and_labels_have_their_names_and_colours(recording):
@@ -88,20 +89,20 @@ def test_z_is_up_and_labels_have_their_names_and_colours(recording):
 def test_pictures_come_back_as_they_were(recording):
     _, steps, rows = recording
     camera = "/world/robot/camera"
-    for index, step in enumerate(steps):
+    for index, frame in enumerate(step.keyframe.frame for step in steps):
         depth = components(rows[f"{camera}/depth"], "EncodedDepthImage:blob")[index]
         millimetres = cv2.imdecode(depth.astype(np.uint8).ravel(), cv2.IMREAD_UNCHANGED)
-        np.testing.assert_allclose(millimetres / 1000, step.frame.depth, atol=0.5001e-3)
+        np.testing.assert_allclose(millimetres / 1000, frame.depth, atol=0.5001e-3)
         rgb = components(rows[f"{camera}/rgb"], "EncodedImage:blob")[index]
         picture = cv2.imdecode(rgb.astype(np.uint8).ravel(), cv2.IMREAD_COLOR)[..., ::-1]
-        assert np.abs(picture.astype(int) - step.frame.rgb).mean() < 3
+        assert np.abs(picture.astype(int) - frame.rgb).mean() < 3
         labels = components(rows[f"{camera}/labels"], "SegmentationImage:buffer")[index]
-        np.testing.assert_array_equal(labels.reshape(step.frame.depth.shape), step.frame.label)
+        np.testing.assert_array_equal(labels.reshape(frame.depth.shape), frame.label)
 
 
 def test_the_camera_projects_as_its_intrinsics_say(recording):
     _, steps, rows = recording
-    frame, row = steps[0].frame, rows["/world/robot/camera"][0]
+    frame, row = steps[0].keyframe.frame, rows["/world/robot/camera"][0]
     k = frame.intrinsics
     columns = [[k.fx, 0, 0], [0, k.fy, 0], [k.cx, k.cy, 1]]
     np.testing.assert_allclose(np.reshape(row["Pinhole:image_from_camera"], (3, 3)), columns)
@@ -134,9 +135,9 @@ def test_voxels_lie_where_the_map_has_them(recording):
     index, corner = np.array(last["VoxelGridMap:voxel_indices"]), np.array(last["VoxelGridMap:translation"])
     size = np.array(last["VoxelGridMap:voxel_size"])
     centres = (index + 0.5) * size + corner
-    np.testing.assert_allclose(centres, explorer.metric_map.occupied_centres(), atol=1e-5)
+    np.testing.assert_allclose(centres, explorer.mapper.metric_map.occupied_centres(), atol=1e-5)
     assert len(rows["/world/metric_map/free"][-1]["VoxelGridMap:voxel_indices"]) == len(
-        explorer.metric_map.free_centres()
+        explorer.mapper.metric_map.free_centres()
     )
 
 
@@ -144,8 +145,8 @@ def test_the_semantic_map_is_thinned_and_labelled(recording):
     explorer, _, rows = recording
     last = rows["/world/semantic_map"][-1]
     points, labels = np.array(last["Points3D:positions"]), np.array(last["Points3D:class_ids"])
-    cubes = np.floor(explorer.semantic_map.points() / 0.04).astype(int)
-    assert len(points) == len(np.unique(cubes, axis=0)) < len(explorer.semantic_map)
+    cubes = np.floor(explorer.mapper.semantic_map.points() / 0.04).astype(int)
+    assert len(points) == len(np.unique(cubes, axis=0)) < len(explorer.mapper.semantic_map)
     assert set(labels) == {Label.WALL, Label.TERRAIN}
     np.testing.assert_allclose(points[labels == Label.WALL][:, 0], WALL, atol=1e-3)
     np.testing.assert_allclose(points[labels == Label.TERRAIN][:, 2], 0, atol=1e-3)
@@ -161,7 +162,7 @@ def test_clouds_are_logged_when_they_have_grown_and_at_the_end(recording):
 def test_segments_are_boxes_of_their_label(recording):
     explorer, _, rows = recording
     last = rows["/world/segments"][-1]
-    assert last["Boxes3D:class_ids"] == [int(segment.label) for segment in explorer.segments]
+    assert last["Boxes3D:class_ids"] == [int(segment.label) for segment in explorer.mapper.segments]
     wall = last["Boxes3D:class_ids"].index(Label.WALL)
     assert last["Boxes3D:centers"][wall][0] == pytest.approx(WALL, abs=0.02)
     assert sorted(last["Boxes3D:half_sizes"][wall])[0] < 0.05
@@ -173,7 +174,7 @@ def test_the_plan_begins_at_the_robot_and_ends_at_the_viewpoint(recording):
     assert planned
     for step, row in planned:
         way, heading = (np.array(strip) for strip in row["LineStrips3D:strips"])
-        np.testing.assert_allclose(way[0, :2], step.T_map_base[:2, 3], atol=1e-6)
+        np.testing.assert_allclose(way[0, :2], step.keyframe.T_map_base[:2, 3], atol=1e-6)
         np.testing.assert_allclose(way[-1, :2], step.viewpoint.position, atol=1e-6)
         ahead = np.arctan2(*(heading[1] - heading[0])[[1, 0]])
         assert ahead == pytest.approx(step.viewpoint.heading, abs=1e-5)

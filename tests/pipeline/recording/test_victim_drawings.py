@@ -34,7 +34,7 @@ def rows(tmp_path_factory):
     path = tmp_path_factory.mktemp("wall-0") / "episode.rrd"
     explorer = Explorer(StillRobot(), TruthClassifier(), detector=Mistaken())
     step = explorer.step()
-    explorer.victims.all = [BOB, ALICE]
+    explorer.mapper.victims.all = [BOB, ALICE]
     recorder = Recorder(path)
     recorder.log_step(0, explorer, step)
     recorder.log_ways([WAY])

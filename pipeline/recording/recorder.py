@@ -22,9 +22,6 @@ from pipeline.victims.victim_map import Victims
 
 Level = Literal["INFO", "WARN", "ERROR"]
 
-# The numbers that keep a recording small.
-POINT_SPACING = 0.04
-"""m; the semantic map is thinned to a point per cube of this side."""
 GROWTH = 0.05
 """Share by which a cloud has to grow to be logged again; all are logged at the end."""
 MOTION_PERIOD = 0.2
@@ -105,8 +102,7 @@ class Recorder:
         log("world/path_plan", drawings.path(step))
         log("world/frontiers", drawings.frontier_points(step.frontiers))
         log("world/trajectory", drawings.trajectory(self._track.positions, drawings.TRAJECTORY_COLOUR))
-        self._log_metrics("map/", frontiers=len(step.frontiers))
-        self._log_progress(mapper)
+        self._log_progress(mapper, len(step.frontiers))
 
     def log_pose(self, time: float, T_map_base: NDArray[np.float64]) -> bool:
         """Log the robot's 4×4 pose between steps, thinned to 5 a second; whether this one was logged."""
@@ -184,7 +180,7 @@ class Recorder:
         if self._has_changed("free", len(free), GROWTH):
             self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map, free))
         if self._has_changed("semantic", len(semantic_map), GROWTH):
-            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, POINT_SPACING))
+            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map))
         self._log_metrics(
             "map/", occupied_voxels=len(occupied), free_voxels=len(free), semantic_points=len(semantic_map)
         )
@@ -197,10 +193,11 @@ class Recorder:
         self._logged_size[cloud] = size
         return True
 
-    def _log_progress(self, mapper: Mapper) -> None:
+    def _log_progress(self, mapper: Mapper, frontiers: int) -> None:
         seen = np.count_nonzero(~np.isnan(mapper.elevation_map.measured))
         self._log_metrics(explored_area_m2=seen * mapper.elevation_map.grid.cell**2)
-        self._log_metrics("map/", segments=len(mapper.segments), nodes=len(mapper.topological_map.nodes))
+        nodes = len(mapper.topological_map.nodes)
+        self._log_metrics("map/", segments=len(mapper.segments), nodes=nodes, frontiers=frontiers)
         times = {stage: 1000 * seconds[-1] for stage, seconds in mapper.stopwatch.seconds.items()}
         self._log_metrics("time_ms/", **times)
 

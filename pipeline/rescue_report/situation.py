@@ -1,6 +1,5 @@
 """What the robot knows when an episode ends, as a rescue team asks for it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,11 +104,7 @@ class Situation:
 
 
 def situation_of(
-    mapper: Mapper,
-    robot: RobotModel,
-    poses: Sequence[NDArray[np.float64]],
-    camera_height: float,
-    finished: bool,
+    mapper: Mapper, robot: RobotModel, poses: list[NDArray[np.float64]], camera_height: float, finished: bool
 ) -> Situation:
     """What the maps tell.
 

@@ -200,7 +200,7 @@ def _train(trainer: Any, steps: int, disable: bool = False, **options: Any) -> N
 
 def main() -> None:
     """Entry point."""
-    networks = {"dgcnn": (train_dgcnn, TrainDgcnn), "yolo": (train_yolo, TrainYolo)}
+    networks: dict[str, Any] = {"dgcnn": (train_dgcnn, TrainDgcnn), "yolo": (train_yolo, TrainYolo)}
     run_one_of(networks, str(__doc__))
 
 

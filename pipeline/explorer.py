@@ -77,17 +77,16 @@ class Explorer:
         *,
         voxel_size: float = 0.1,
         graph: Literal["mst", "roadmap"] = "roadmap",
-        speed: float = 0.2,
         seed: int = 0,
     ):
-        """Begin where the robot stands; ``speed`` on level ground in m/s, the others as of :class:`Mapper`."""
+        """Begin where the robot stands; the parameters are those of :class:`pipeline.mapper.Mapper`."""
         self.robot = robot
         self.mapper = Mapper(robot.model, classifier, detector, voxel_size, graph, seed)
         self.reobservation = Reobservation(self.mapper.victims, self.mapper.metric_map)
         exploration = Exploration()
         exploration.rewards = self.reobservation
         self.mission = Mission(exploration)
-        self.navigator = Navigator(robot, speed)
+        self.navigator = Navigator(robot)
         self.steps = 0
         self._failed_drives = 0
         self.T_map_expected: NDArray[np.float64] | None = None

@@ -1,6 +1,10 @@
 """From frames to maps (thesis 3.1 to 3.3): localise, map, label, segment. It drives nothing."""
 
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Literal
 
 import numpy as np
@@ -14,7 +18,6 @@ from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
-from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_map import ElevationMap
@@ -40,7 +43,7 @@ class Keyframe:
         points: (N, 3) float32 the returns in ``map``, m.
         labels: (N,) uint8 their classes.
         patches: the planes in it.
-        detections: people in the image, before their depth was looked at.
+        detections: people in the image, by their colours alone.
         traversability: where the robot may drive by all keyframes so far.
     """
 
@@ -51,6 +54,24 @@ class Keyframe:
     patches: list[PlanePatch]
     detections: list[Detection]
     traversability: Traversability
+
+
+class Stopwatch:
+    """Collects the wall time of named stages.
+
+    Attributes:
+        seconds: one entry for every time that a stage ran, by its name.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, list[float]] = defaultdict(list)
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        """Time the block under it."""
+        begin = perf_counter()
+        yield
+        self.seconds[stage].append(perf_counter() - begin)
 
 
 class Mapper:

@@ -29,7 +29,7 @@ class Mission:
     It begins with exploring; :meth:`visit` sends the robot to goals afterwards.
 
     Attributes:
-        exploration: the strategy that looks at unseen ground.
+        exploration: the strategy that explores unseen ground.
         goals: of the present task; None while the task is to explore.
         may_explore: whether exploring is allowed, also on the way to goals.
     """

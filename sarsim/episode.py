@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -50,13 +50,13 @@ class Episode:
         make_folder(self.out)
         simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust)
         self.robot = SimulatedRobot(arena, simulation, config.seed)
+        self.robot.model = replace(self.robot.model, speed=config.speed)
         self.explorer = Explorer(
             self.robot,
             classifier,
             detector,
             voxel_size=config.voxel_size,
             graph=config.graph,
-            speed=config.speed,
             seed=config.seed,
         )
         self.mission = self.explorer.mission
@@ -138,7 +138,7 @@ class Episode:
         if not step.can_drive:
             return f"{explored}; the robot stands where it cannot drive"
         if step.viewpoint is None or step.plan is None:
-            nothing = "that is worth a look" if self.mission.goals is None else "to drive to"
+            nothing = "that is worth a keyframe" if self.mission.goals is None else "to drive to"
             return f"{explored}; nothing is left {nothing}"
         place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
         way = f"{step.plan.length:.1f} m {f'over nodes {nodes}' if nodes else 'straight'}"

@@ -70,7 +70,7 @@ class SimulatedRobot:
     """A Pioneer 3-AT in an arena that implements :class:`pipeline.robot.Robot`; ``odom`` is the world's frame.
 
     Attributes:
-        physics: dm_control's, for whoever scores or draws.
+        physics: dm_control's, for scores and drawings.
         true_look: of the newest frame.
         trajectory: a pose every control period.
         collisions: counts the robot's contacts with walls, clutter and victims.
@@ -121,7 +121,7 @@ class SimulatedRobot:
         return float(self.physics.time())
 
     def sense(self) -> Frame:
-        """Take one look, standing."""
+        """Take a frame where the robot stands."""
         truth = self._camera.capture(self.physics.data.ptr)
         image = self._conditions.sense(truth, self._sensor_rng)
         clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)

@@ -2,8 +2,14 @@
 
 import os
 import signal
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
+
+# Tests run in as many processes as there are cores, so each process is to use one. Set before anything reads it.
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
 
 # MuJoCo reads it when it is first imported, which a test may do before sarsim.
 os.environ.setdefault("MUJOCO_GL", "egl")
@@ -14,3 +20,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Compiled functions are slow the first time, and a failure must come back when the tests are run again.
 settings.register_profile("sarsim", deadline=None, derandomize=True)
 settings.load_profile("sarsim")
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder beside the checkout with arenas, a checkpoint and programs that are no part of the project."""
+    path = Path(__file__).parents[2] / "shared"
+    if not path.is_dir():
+        pytest.skip("no folder `shared` beside the checkout")
+    return path

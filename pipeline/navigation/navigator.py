@@ -12,16 +12,12 @@ from pipeline.navigation.progress import Progress, Turn
 from pipeline.robot import Motion, Robot, Velocity
 from pipeline.transforms import wrap_angle, yaw_of
 
-RAMP_SPEED = 0.15
-"""m/s, climbing and descending."""
 RAMP_TILT = np.deg2rad(6)
 """A robot that leans further is on a ramp."""
 CREST = 0.1
 """m; so is one that did no farther from here."""
 TURN_GAIN = 1.5
 """1/s, turn rate over heading error: the wider the angle, the faster the turn (thesis 4.5)."""
-MAX_TURN_RATE, RAMP_TURN_RATE = 0.8, 0.4
-"""rad/s, on level ground and on a ramp."""
 HEADING_TOLERANCE = np.deg2rad(2)
 """A turn on the spot ends so near to its goal."""
 POSITION_TOLERANCE = 0.04
@@ -101,7 +97,6 @@ class Navigator:
 
     Attributes:
         robot: the body.
-        speed: on level ground, m/s (the thesis's 0.2).
         hold_gain: 1/s, speed over the metres that a turn on a ramp strays, or will; 0 for wheels that do not slide.
         T_map_odom: 4×4, where the localisation believes the odometry's origin.
         legs: every leg driven so far.
@@ -113,7 +108,6 @@ class Navigator:
     """
 
     robot: Robot
-    speed: float = 0.2
     hold_gain: float = 1.0
     T_map_odom: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     legs: list[Leg] = field(default_factory=list)
@@ -196,6 +190,12 @@ class Navigator:
             np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < CREST
         )
 
+    @property
+    def _limits(self) -> tuple[float, float]:
+        """Greatest speed (m/s) and turn rate (rad/s) on the ground under the robot."""
+        model = self.robot.model
+        return (model.ramp_speed, model.ramp_turn_rate) if self._on_ramp else (model.speed, model.turn_rate)
+
     def _turn_to(self, heading: float) -> Iterator[Velocity]:
         """Commands that turn on the spot, the shorter way, to a heading."""
         place = self.T_map_base[:2, 3].copy()
@@ -204,7 +204,7 @@ class Navigator:
             error = wrap_angle(heading - yaw_of(T))
             if abs(error) < HEADING_TOLERANCE:
                 return
-            fastest = RAMP_TURN_RATE if self._on_ramp else MAX_TURN_RATE
+            _, fastest = self._limits
             rate = np.clip(TURN_GAIN * abs(error), self.robot.model.min_turn_rate, fastest)
             yield Turn(self._hold(T, place, error) if self._on_ramp else 0.0, float(np.sign(error) * rate))
 
@@ -227,6 +227,7 @@ class Navigator:
         along = (target - start) / length
         left = np.array([-along[1], along[0]])
         bearing = np.arctan2(along[1], along[0]) + (np.pi if backwards else 0.0)
+        fastest = self.robot.model.turn_rate
         while True:
             T = self.T_map_base
             remaining = float(length - (T[:2, 3] - start) @ along)
@@ -235,8 +236,8 @@ class Navigator:
             offset = float(np.clip(CROSS_TRACK_GAIN * ((T[:2, 3] - start) @ left), -0.5, 0.5))
             error = wrap_angle(bearing - offset - yaw_of(T))
             # Slowing down before the way point keeps the wheels from skidding past it.
-            speed = min(RAMP_SPEED if self._on_ramp else self.speed, max(0.05, remaining))
-            rate = float(np.clip(TURN_GAIN * error, -MAX_TURN_RATE, MAX_TURN_RATE))
+            speed = min(self._limits[0], max(0.05, remaining))
+            rate = float(np.clip(TURN_GAIN * error, -fastest, fastest))
             yield Velocity(-speed if backwards else speed, rate)
 
     def _finish(
@@ -266,15 +267,14 @@ class Navigator:
 
     def _back_out(self, command: Velocity) -> None:
         """Undo the last of the motion: that way was free."""
+        model = self.robot.model
         if isinstance(command, Turn):
-            undo, seconds = (
-                Velocity(0.0, -np.sign(command.omega) * RAMP_TURN_RATE),
-                BACK_TURN / RAMP_TURN_RATE,
-            )
+            rate = model.ramp_turn_rate
+            undo, seconds = Velocity(0.0, -np.sign(command.omega) * rate), BACK_TURN / rate
         else:
-            undo, seconds = Velocity(-np.sign(command.v) * RAMP_SPEED), BACK_OUT / RAMP_SPEED
+            undo, seconds = Velocity(-np.sign(command.v) * model.ramp_speed), BACK_OUT / model.ramp_speed
         T = self._drive(Velocity())
-        progress = Progress(self.robot.model, T, self._time)
+        progress = Progress(model, T, self._time)
         for _ in range(round(seconds / self.robot.control_period)):
             if progress.is_stuck(self._drive(undo), self._time, undo, self._on_ramp):
                 break

@@ -1,7 +1,7 @@
 """The obstacle check: does something stand in the robot's way that the map does not show?
 
-A plan leads over ground that the map shows free, and the map is as old as the last keyframe. So the robot looks at
-the depth image while it drives.
+A plan leads over ground that the map shows free, and the map is as old as the last keyframe. So the robot
+checks the depth image while it drives.
 """
 
 from collections.abc import Callable

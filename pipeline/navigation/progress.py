@@ -15,10 +15,8 @@ STUCK_TIME = 4.0
 STUCK_DISTANCE, STUCK_ANGLE = 0.02, np.deg2rad(3)
 """m and rad that count as progress."""
 OVERDUE = 60.0
-"""s that a turn may take, and that a leg may take beyond four times what it takes at :data:`SLOW`: a robot that
+"""s that a turn may take, and that a leg may take beyond four times what it takes on a ramp: a robot that
 slides back and forth is not still, and gets nowhere."""
-SLOW = 0.15
-"""m/s."""
 LEAST = np.array([0.04, 0.15])
 """m/s and rad/s; slower commands tell nothing."""
 
@@ -33,7 +31,7 @@ class Progress:
     def __init__(self, robot: RobotModel, T: NDArray[np.float64], time: float, length: float = 0.0):
         """Begin at a pose (4×4) and a time in s; ``length`` of the leg in m."""
         self._limits = np.array([robot.acceleration, robot.turn_acceleration])
-        self._deadline = time + OVERDUE + 4 * length / SLOW
+        self._deadline = time + OVERDUE + 4 * length / robot.ramp_speed
         self._anchor, self._since = T, time
         self._last, self._time = T, time
         # Speeds forward and of turning: as commanded and so far come true, and the averages of what is and should be.

@@ -54,7 +54,7 @@ def pose(x, y, z, yaw, down=0.0):
     return T
 
 
-def step(faces, T_map_camera, sigma=0.0, seed=0, reach=RANGE):
+def look(faces, T_map_camera, sigma=0.0, seed=0, reach=RANGE):
     """The frame that a camera sees, with depth noise of ``sigma`` m; ``instance`` is the face's index."""
     origin = T_map_camera[:3, 3]
     rays = CAMERA.rays.reshape(-1, 3).astype(float) @ T_map_camera[:3, :3].T

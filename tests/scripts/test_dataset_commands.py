@@ -11,7 +11,7 @@ from sarsim.scripts import export_dataset, generate_dataset
 from sarsim.scripts.generate_dataset import GenerateDataset, make_engine
 from sarsim.scripts.generate_dataset import generate_dataset as command
 from sarsim.scripts.settings import run_with_settings
-from tests.sarsim.dataset.test_generate import InProcess, toys
+from tests.sarsim.dataset.small import InProcess, toys
 
 
 def exit_status(args: list[str]) -> int | str | None:

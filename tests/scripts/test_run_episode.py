@@ -18,8 +18,6 @@ from sarsim.episode import WEIGHTS, Episode, EpisodeConfig
 from sarsim.scripts import run_episode
 from tests.pipeline.victims.detection.networks import SMALL, random_network
 
-CHECK_REPORT = Path(__file__).parents[3] / "shared" / "check_report.py"
-
 
 @pytest.fixture(scope="module")
 def episode(tmp_path_factory) -> Path:
@@ -83,10 +81,9 @@ def test_every_file_reads_back(episode, report):
     assert not list(episode.glob("*.part"))
 
 
-@pytest.mark.skipif(not CHECK_REPORT.exists(), reason="no list of the report's names here")
-def test_the_report_has_the_agreed_names(episode):
+def test_the_report_has_the_agreed_names(episode, shared):
     check = subprocess.run(
-        [sys.executable, CHECK_REPORT, episode / "report.json"], capture_output=True, text=True
+        [sys.executable, shared / "check_report.py", episode / "report.json"], capture_output=True, text=True
     )
     assert check.stdout == ""
 

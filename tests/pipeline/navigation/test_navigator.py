@@ -3,19 +3,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.navigation.navigator import (
-    BACK_OUT,
-    MAX_TURN_RATE,
-    RAMP_SPEED,
-    RAMP_TILT,
-    RAMP_TURN_RATE,
-    Navigator,
-    Outcome,
-)
+from pipeline.navigation.navigator import BACK_OUT, RAMP_TILT, Navigator, Outcome
 from pipeline.navigation.progress import OVERDUE
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
 from tests.pipeline.kinematic_robot import KinematicRobot
+from tests.pipeline.robot_model import PIONEER
 
 coordinates = st.floats(-3, 3)
 
@@ -41,7 +34,7 @@ def test_the_wider_the_angle_the_faster_the_turn():
     robot = KinematicRobot()
     Navigator(robot).follow(np.array([(-1, 0.001)]))
     turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
-    assert turning[0] == MAX_TURN_RATE
+    assert turning[0] == PIONEER.turn_rate
     assert np.all(np.diff(turning) <= 0)
     assert turning[-1] < 0.2
 
@@ -202,7 +195,7 @@ def test_on_a_ramp_it_turns_slowly_where_the_way_leads_across():
     navigator = Navigator(robot, hold_gain=0.0)
     assert navigator.follow(np.array([(0.5, 0.0), (0.5, 0.5)]))
     turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
-    assert max(turning) == RAMP_TURN_RATE
+    assert max(turning) == PIONEER.ramp_turn_rate
     np.testing.assert_allclose(robot.T[:2, 3], (0.5, 0.5), atol=0.06)
 
 
@@ -300,7 +293,7 @@ def test_a_leg_on_which_the_robot_slides_back_again_and_again_is_given_up():
     robot.drive = slide
     assert not navigator.follow(np.array([(0.6, 0.0)]))
     assert navigator.legs[-1].outcome is Outcome.STUCK
-    limit = OVERDUE + 4 * 0.6 / RAMP_SPEED
+    limit = OVERDUE + 4 * 0.6 / PIONEER.ramp_speed
     assert limit < navigator.motion.time < limit + 10
 
 

@@ -2,7 +2,6 @@
 
 import logging
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -17,8 +16,6 @@ from sarsim.sensors.camera import geom_labels
 from sarsim.victims.victims import victims_of
 from tests.sarsim.arenas.raf_geometry import ELEMENTS, LOOSE, MOUNTS, TILE, WALL, steady, top_of
 
-SHARED = Path(__file__).parents[4] / "shared" / "arenas" / "raf"
-FILES = sorted(SHARED.glob("*.raf"))
 HIGH = 10.0
 LOOSE_TYPES = ("stepfield_red_diagonal", "spectator_120", "fire_extinguisher")
 
@@ -210,10 +207,12 @@ def compare_as_written(path):
     return compare(path, rest, x[~near_loose], y[~near_loose])
 
 
-@pytest.mark.skipif(not FILES, reason="no arenas at hand")
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_an_arena_that_was_used_is_as_its_file_says(path):
-    assert compare_as_written(path) > 0.9
+def test_arenas_that_were_used_are_as_their_files_say(shared, subtests):
+    files = sorted((shared / "arenas" / "raf").glob("*.raf"))
+    assert files
+    for path in files:
+        with subtests.test(path.stem):
+            assert compare_as_written(path) > 0.9
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -20,7 +20,7 @@ from sarsim.dataset.folder import Dataset
 from sarsim.dataset.generate import generate
 from sarsim.dataset.recipe import DustRange, Recipe, SensorRange
 from sarsim.dataset.scene_file import Scene
-from tests.sarsim.dataset.test_generate import InProcess
+from tests.sarsim.dataset.small import InProcess
 
 RECIPE = Recipe(
     seed=2,

@@ -8,8 +8,7 @@ import pytest
 from pipeline.errors import InputError
 from sarsim.dataset.generate import generate
 from sarsim.dataset.ray_engine import RayEngine
-from tests.sarsim.dataset.small import RECIPE
-from tests.sarsim.dataset.test_generate import InProcess, files
+from tests.sarsim.dataset.small import RECIPE, InProcess, files
 
 pytest.importorskip("ray")
 

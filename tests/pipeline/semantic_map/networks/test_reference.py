@@ -1,7 +1,5 @@
 """The published checkpoint gives the published logits, where it is at hand."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -9,21 +7,16 @@ import torch
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.weights import load_weights
 
-FOLDER = Path(__file__).parents[5] / "shared" / "dgcnn"
-pytestmark = pytest.mark.skipif(
-    not FOLDER.is_dir(), reason="the published checkpoint is not beside the checkout"
-)
-
 
 @pytest.fixture(scope="module")
-def reference():
-    with np.load(FOLDER / "reference.npz") as file:
+def reference(shared):
+    with np.load(shared / "dgcnn" / "reference.npz") as file:
         return file["input"], file["logits"]
 
 
 @pytest.fixture(scope="module")
-def network():
-    return load_weights(FOLDER / "s3dis_area6.safetensors")[0]
+def network(shared):
+    return load_weights(shared / "dgcnn" / "s3dis_area6.safetensors")[0]
 
 
 def agree(logits, expected):

@@ -1,0 +1,240 @@
+"""The house: who may import whom, how much stands in a room, how long and how well documented it is."""
+
+import ast
+import re
+from collections.abc import Iterable, Iterator
+
+import networkx as nx
+import pytest
+
+from tests.source_tree import ROOT, Module, PublicFunction, is_text, modules, public_functions
+
+PACKAGES = ("pipeline", "sarsim", "scripts")
+FORBIDDEN = {
+    "pipeline": ("mujoco", "dm_control", "dm_env", "sarsim", "scripts", "tests"),
+    "sarsim": ("sarsim.scripts", "scripts", "tests"),
+    "scripts": ("tests",),
+}
+MOST_ENTRIES = {"pipeline": 22, "sarsim": 16}
+MOST_LINES = 27_000
+"""Of all packages together, without tests."""
+LONGEST_FUNCTION = 40
+LONGEST_EXPLORER = 120
+LEAST_DOCUMENTED = 0.98
+
+
+# Who imports whom
+
+
+def is_in(name: str, package: str) -> bool:
+    """Whether a dotted name is that package or inside it."""
+    return f"{name}.".startswith(f"{package}.")
+
+
+@pytest.mark.parametrize("package", FORBIDDEN)
+def test_no_import_goes_back(package: str) -> None:
+    assert modules(package)
+    for module in modules(package):
+        back = [name for name in module.imports for other in FORBIDDEN[package] if is_in(name, other)]
+        assert not back, f"{module.name} imports {back}"
+
+
+def test_every_way_to_import_is_seen() -> None:
+    text = "import mujoco.viewer\nfrom sarsim import scripts\ndef f():\n    from dm_control.mjcf import Physics\n"
+    assert Module("m", text).imports == ["mujoco.viewer", "sarsim.scripts", "dm_control.mjcf.Physics"]
+
+
+def folder_circles(found: Iterable[Module]) -> list[set[str]]:
+    """Sets of neighbours, folders or modules of one folder, that import one another in a circle."""
+    found = list(found)
+    names, graph = {module.name for module in found}, nx.DiGraph()
+    for module in found:
+        for imported in module.imports:
+            pair = neighbours(module.name, known(re.sub(r"^sarsim\.scripts\b", "scripts", imported), names))
+            graph.add_edges_from([pair] if pair else [])
+    return [circle for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
+
+
+def known(name: str, names: set[str]) -> str:
+    """The module that an imported name is or lies in; empty if it is none of ``names``."""
+    while name and name not in names:
+        name = name.rpartition(".")[0]
+    return name
+
+
+def neighbours(importer: str, imported: str) -> tuple[str, str] | None:
+    """The two entries of the innermost common folder that modules lie in; None if one holds the other."""
+    a, b = importer.split("."), imported.split(".")
+    for depth, (one, other) in enumerate(zip(a, b, strict=False), 1):
+        if one != other:
+            return ".".join(a[:depth]), ".".join(b[:depth])
+    return None
+
+
+def test_no_folders_import_one_another_in_a_circle() -> None:
+    assert folder_circles(modules(*PACKAGES)) == []
+
+
+def test_a_circle_is_seen_at_any_depth() -> None:
+    a = Module("p.a.x", "from p.b import y")
+    b = Module("p.b.y", "from q import z")
+    assert folder_circles([a, b, Module("q.z", "")]) == []
+    assert folder_circles([a, b, Module("q.z", "import p.a.x as x")]) == [{"p", "q"}]
+    assert folder_circles([a, Module("p.b.y", "def f():\n    from p.a.w import g"), Module("p.a.w", "")]) == [
+        {"p.a", "p.b"}
+    ]
+
+
+# How much
+
+
+@pytest.mark.parametrize("package", MOST_ENTRIES)
+def test_a_package_has_few_entries(package: str) -> None:
+    entries = {path.name for path in (ROOT / package).iterdir()} - {"__init__.py", "__pycache__"}
+    assert len(entries) <= MOST_ENTRIES[package], sorted(entries)
+
+
+def test_functions_are_short() -> None:
+    long = [
+        f"{module.name}.{node.name}: {module.length(node)}"
+        for module in modules(*PACKAGES)
+        for node in ast.walk(module.tree)
+        if isinstance(node, ast.FunctionDef) and module.length(node) > LONGEST_FUNCTION
+    ]
+    assert not long
+
+
+def test_the_explorer_is_short() -> None:
+    (explorer,) = (m for m in modules("pipeline") if m.name == "pipeline.explorer")
+    (node,) = (n for n in explorer.tree.body if isinstance(n, ast.ClassDef) and n.name == "Explorer")
+    assert explorer.length(node) <= LONGEST_EXPLORER
+
+
+def test_only_code_counts_as_lines_of_code() -> None:
+    text = 'def f(\n    a,\n):\n    """Do.\n\n    More.\n    """\n    # why\n\n    return """\n"""\n'
+    module = Module("m", text)
+    assert module.length(module.tree.body[0]) == 5
+
+
+# What is documented
+
+SHAPE = re.compile(
+    r"\((\w+ )?[\w.…]+( [-+·] \w+)?,( (or )?[\w.…]+( [-+·] \w+)?,?)*( or \d)?\)|\w ?× ?\w|\([A-Z]\w*\)"
+)
+"""``(N, 3)``, ``(..., 2 or 3)``, ``(N,)``, ``4×4``, ``width × height``."""
+UNIT = re.compile(
+    r"(?<!\w)(m|m²|m³|mm|cm|px|rad|°|s|Hz|kg|[Pp]ixels?|cells?|degrees|T_\w+|``(map|world|odom|base|base_link|camera|"
+    r"camera_optical|image)``)(?!\w)|°|(?<!\w)unit (vector|normal|quaternion)"
+)
+"""A unit, or the frame that points are given in, whose unit is m."""
+MEASURE = re.compile(
+    r"(?<!\w)(points?|positions?|places?|distances?|heights?|widths?|depth|radius|radii|reach|ways?|paths?|poses?|"
+    r"centres?|corners?|headings?|yaws?|angles?|bearings?|elevation|offset)(?!\w)"
+)
+"""Words for lengths and angles."""
+POSE = re.compile(r"\bT_[a-z]\w*")
+"""The notation for 4×4 poses, whose translations are in m."""
+
+
+def names_its_shapes(function: PublicFunction) -> bool:
+    """Whether the docstring, or that of the class, gives a shape; a pose's name does."""
+    return bool(SHAPE.search(function.doc) or POSE.search(function.doc + ast.unparse(function.node.args)))
+
+
+def names_its_units(function: PublicFunction) -> bool:
+    """Whether the docstring, or that of the class, gives a unit if it speaks of a length or an angle."""
+    is_measured = "float" in function.types and MEASURE.search(ast.get_docstring(function.node) or "")
+    return not is_measured or bool(UNIT.search(function.doc))
+
+
+def test_public_functions_name_the_shapes_and_units_of_their_arrays() -> None:
+    """Ruff's D1 sees to it that there is a docstring at all; here is what it says of the arrays that pass."""
+    functions = [f for module in modules("pipeline", "sarsim") for f in public_functions(module)]
+    passing = [f for f in functions if f.passes_arrays]
+    vague = [f.name for f in passing if not (names_its_shapes(f) and names_its_units(f))]
+    print(f"{len(passing)} of {len(functions)} public functions pass arrays; no shape or unit: {vague}")
+    assert len(passing) > 100
+    assert 1 - len(vague) / len(passing) >= LEAST_DOCUMENTED
+
+
+@pytest.mark.parametrize(
+    ("head", "doc", "is_clear"),
+    [
+        ("def f(a: NDArray[np.float64]) -> float", "Middle of (N, 3) points, m.", True),
+        ("def f(a: NDArray[np.float64]) -> float", "Middle of (N, 3) points in ``map``.", True),
+        ("def f(a: NDArray[np.float64]) -> float", "Middle of (N, 3) points.", False),
+        ("def f(a: NDArray[np.float64]) -> float", "Middle of all points, m.", False),
+        ("def f(a: NDArray[np.uint8]) -> None", "Write labels (N,).", True),
+        ("def f(a: NDArray[np.uint8]) -> None", "Write labels.", False),
+        ("def f(T_map_base: NDArray[np.float64]) -> float", "Yaw of the robot, rad: an angle.", True),
+        ("def f(T_map_base: NDArray[np.float64]) -> float", "Yaw of the robot: an angle.", False),
+    ],
+)
+def test_what_a_docstring_says_of_arrays_is_seen(head: str, doc: str, is_clear: bool) -> None:
+    (function,) = public_functions(Module("m", f'{head}:\n    """{doc}"""'))
+    assert function.passes_arrays
+    assert (names_its_shapes(function) and names_its_units(function)) is is_clear
+
+
+def test_compiled_functions_pass_the_arrays_that_they_index() -> None:
+    text = "def f(a, b):\n    return a + b\n\ndef g(a, b):\n    return a[b]\n\ndef _h(a):\n    return a[0]"
+    assert [f.passes_arrays for f in public_functions(Module("kernels", text))] == [False, True]
+
+
+# What tests reach for
+
+
+def private_access(module: Module) -> Iterator[str]:
+    """Names with a leading underscore that a test takes from what it tests, by attribute, import or string."""
+    own = own_privates(module)
+    for node in ast.walk(module.tree):
+        if isinstance(node, ast.Attribute) and is_private(node.attr):
+            is_own = (
+                isinstance(node.value, ast.Name) and node.value.id in ("self", "cls") and node.attr in own
+            )
+            yield from [] if is_own else [ast.unparse(node)]
+        elif isinstance(node, ast.ImportFrom):
+            yield from (alias.name for alias in node.names if is_private(alias.name))
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(
+            ("setattr", "getattr", "delattr")
+        ):
+            names = [argument.value for argument in node.args if is_text(argument)]
+            yield from (name for name in names if any(map(is_private, name.split("."))))
+
+
+def own_privates(module: Module) -> set[str]:
+    """Private names that the module's own classes assign or define."""
+    nodes = list(ast.walk(module.tree))
+    assigned = {n.attr for n in nodes if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)}
+    return assigned | {n.name for n in nodes if isinstance(n, ast.FunctionDef)}
+
+
+def is_private(name: str) -> bool:
+    """Whether a name has one leading underscore."""
+    return name.startswith("_") and not name.startswith("__") and len(name) > 1
+
+
+def test_no_test_reaches_for_privates() -> None:
+    found = {module.name: list(private_access(module)) for module in modules("tests")}
+    assert {name: names for name, names in found.items() if names} == {}
+
+
+def test_no_test_module_imports_another() -> None:
+    for module in modules("tests"):
+        taken = [name for name in module.imports if re.search(r"^tests\.(.+\.)?test_", name)]
+        assert not taken, f"{module.name} imports {taken}"
+
+
+def test_every_way_to_reach_for_privates_is_seen() -> None:
+    text = (
+        "from pipeline.m import _a, b\nclass T(b):\n    def _d(self):\n        self._c = self._d() + self._e\n"
+        "def test(monkeypatch):\n    b._f = 1\n    monkeypatch.setattr(b, '_g', 2)\n    b.__doc__\n"
+    )
+    assert sorted(private_access(Module("m", text))) == ["_a", "_g", "b._f", "self._e"]
+
+
+# The whole
+
+
+def test_the_project_is_small() -> None:
+    assert sum(len(module.text.splitlines()) for module in modules(*PACKAGES)) <= MOST_LINES

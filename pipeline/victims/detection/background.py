@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
+from pipeline.segments.plane import facing_camera
 
 MARGIN, MIN_MARGIN = 1.0, 60.0
 """Around a box in which planes are looked for: a share of its size, and pixels at least."""
@@ -49,7 +50,7 @@ class _Samples:
 def background_planes(
     frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator
 ) -> list[NDArray[np.float64]]:
-    """(4,) unit normal n and offset d, n · p + d = 0 in ``camera_optical``, of planes in and around a box.
+    """(4,) planes [n, d] in and around a box, in ``camera_optical``: see :mod:`pipeline.segments.plane`.
 
     What RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
@@ -77,7 +78,7 @@ def _goes_on(plane: _Samples) -> bool:
 def _is_flat(samples: _Samples, plane: NDArray[np.float64]) -> bool:
     """Whether samples of a plane lie nearer to it than those of a round body would."""
     points = samples.points
-    near = np.abs(points @ plane[:3] + plane[3]) < SURFACE_NOISE + depth_noise(points[:, 2])
+    near = np.abs(points @ plane[:3] - plane[3]) < SURFACE_NOISE + depth_noise(points[:, 2])
     area = np.sum(np.square(points[:, 2])) * samples.solid_angle
     return bool(near.mean() >= FLAT and area >= FLAT_AREA)
 
@@ -89,7 +90,7 @@ def depth_noise(depth: NDArray[np.floating]) -> NDArray[np.floating]:
 
 def near_plane(points: NDArray[np.float32], plane: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N,) bool: which points (N, 3) in ``camera_optical`` belong to a plane (4,)."""
-    return np.abs(points @ plane[:3] + plane[3]) < TOLERANCE + 2 * depth_noise(points[:, 2])
+    return np.abs(points @ plane[:3] - plane[3]) < TOLERANCE + 2 * depth_noise(points[:, 2])
 
 
 def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
@@ -114,7 +115,7 @@ def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
     """(4,) the plane with most samples, fitted to them."""
     planes = _planes_of(_triples(samples, TRIALS, rng))
     points = samples.points
-    distance = np.abs(points @ planes[:, :3].T.astype(np.float32) + planes[:, 3].astype(np.float32))
+    distance = np.abs(points @ planes[:, :3].T.astype(np.float32) - planes[:, 3].astype(np.float32))
     near = distance < (TOLERANCE + 2 * depth_noise(points[:, 2]))[:, None]
     best = planes[near.sum(axis=0).argmax()]
     members = samples.points[near_plane(samples.points, best)].astype(np.float64)
@@ -122,7 +123,7 @@ def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
         return best
     centre = members.mean(axis=0)
     normal = np.linalg.svd(members - centre, full_matrices=False)[2][2]
-    return np.append(normal, -normal @ centre)
+    return facing_camera(np.append(normal, normal @ centre)[None])[0]
 
 
 def _triples(samples: _Samples, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -140,5 +141,6 @@ def _planes_of(triples: NDArray[np.float64]) -> NDArray[np.float64]:
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.maximum(lengths, 1e-12)
-    offsets = -np.sum(normals * triples[:, 0], axis=1, keepdims=True)
-    return np.where(lengths > 1e-9, np.concatenate([normals, offsets], axis=1), (0, 0, 0, 1e3))
+    offsets = np.sum(normals * triples[:, 0], axis=1, keepdims=True)
+    planes = np.where(lengths > 1e-9, np.concatenate([normals, offsets], axis=1), (0, 0, 0, -1e3))
+    return facing_camera(planes)

@@ -15,8 +15,8 @@ import torch
 from torch import nn
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
-from pipeline.training import resume, save_checkpoint, schedule
+from pipeline.files import resume, save_checkpoint, whole_file
+from pipeline.semantic_map.networks.schedule import schedule
 from pipeline.victims.detection.architectures import yolov3, yolov3_small, yolov3_tiny
 from pipeline.victims.detection.augmentation import CanvasSampler
 from pipeline.victims.detection.average_precision import AveragePrecision

@@ -9,7 +9,7 @@ import torch
 from scipy.special import logit
 
 from pipeline.errors import InputError
-from pipeline.training import schedule
+from pipeline.semantic_map.networks.schedule import schedule
 from pipeline.victims.detection import augmentation, loss, training
 from pipeline.victims.detection.boxes import overlaps
 from pipeline.victims.detection.darknet_cfg import DarknetCfg

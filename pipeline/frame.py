@@ -1,4 +1,4 @@
-"""What the RGB-D camera delivers in one look."""
+"""What the RGB-D camera delivers at one moment."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,7 +31,7 @@ class Intrinsics:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One look of the RGB-D camera.
+    """One image pair of the RGB-D camera.
 
     Attributes:
         time: s.

@@ -1,41 +1,70 @@
-"""What a robot is sent for: it explores, drives to goals, drives home."""
+"""What to do next: an ordered list of strategies over one context (explore, drive to goals, drive home)."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from pipeline.explorer import Explorer
-from pipeline.goals import Goals
-from pipeline.planning.path_plan import goal_name
+from pipeline.exploration.next_best_view import Exploration
+from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
+from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
+from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.traversability.traversability import Traversability
 
+ARRIVED = 0.15
+"""m; a robot so near to a goal has reached it."""
+PROGRESS = 0.1
+"""m by which the way to a goal must have become shorter, or the drive was in vain."""
+PATIENCE = 5
+"""Drives in vain after which a goal is given up."""
 HOME_SNAP = 0.5
 """m; so near to where it was set down a robot is home. It may have stood where it would not drive to."""
 
 
 class Mission:
-    """Sets an explorer's errands one after the other, and says what came of them."""
+    """Chooses the next viewpoint: the first that a strategy names, in the order of :attr:`strategies`.
 
-    def __init__(self, explorer: Explorer, goals: Sequence[ArrayLike] = (), home: bool = False):
-        """``goals``: (2,) m in ``map``, to drive to after exploring; ``home``: whether to come back at the end."""
-        self._explorer, self._wanted, self._home = explorer, goals, home
+    It begins with exploring; :meth:`visit` sends the robot to goals afterwards.
+
+    Attributes:
+        exploration: the strategy that explores unseen ground.
+        goals: of the present task; None while the task is to explore.
+        may_explore: whether exploring is allowed, also on the way to goals.
+    """
+
+    def __init__(self, exploration: Exploration):
+        self.exploration = exploration
+        self.goals: Goals | None = None
+        self.may_explore = True
         self._visited: dict[str, Goals] = {}
         self._told: dict[str, int] = {}
 
-    def __iter__(self) -> Iterator[str]:
-        """The name of each errand, when the explorer has been sent for it; the first is to explore."""
-        self._explorer.goals = None
-        yield "exploring"
-        if self._wanted:
-            yield from self._send("goals", Goals(self._explorer.topological_map, self._wanted))
-        if self._home and self._explorer.T_map_start is not None:
-            start = self._explorer.T_map_start[:2, 3]
-            yield from self._send("home", Goals(self._explorer.topological_map, [start], HOME_SNAP))
+    @property
+    def strategies(self) -> list[Strategy]:
+        """In the order in which they are asked: goals come first, exploring helps as long as goals are left."""
+        explore: list[Strategy] = [self.exploration] if self.may_explore else []
+        if self.goals is None:
+            return explore
+        return [self.goals, *(explore if self.goals.left else [])]
 
-    def _send(self, name: str, goals: Goals) -> Iterator[str]:
-        self._explorer.goals = self._visited[name] = goals
-        yield name
-        goals.refuse("the robot is held where it stands" if self._explorer.is_held else None)
+    def observe(self, context: Context) -> None:
+        """Let every strategy take the newest keyframe into account."""
+        self.exploration.observe(context)
+        if self.goals is not None:
+            self.goals.observe(context)
+
+    def next_viewpoint(self, context: Context) -> tuple[Strategy, Viewpoint] | None:
+        """The first viewpoint that a strategy names, and that strategy; None if the task is done."""
+        for strategy in self.strategies:
+            if (viewpoint := strategy.next_viewpoint(context)) is not None:
+                return strategy, viewpoint
+        return None
+
+    def visit(self, name: str, goals: "Goals") -> None:
+        """Begin a task: drive to goals. ``name`` is what the report calls it."""
+        self.goals = self._visited[name] = goals
 
     def news(self) -> Iterator[tuple[str, bool]]:
         """Lines on what came of goals since the last call, and whether that is good."""
@@ -46,7 +75,7 @@ class Mission:
             self._told[name] = len(goals.visits)
 
     def report(self) -> dict[str, Any]:
-        """Figures of each errand that the robot was sent for after exploring, and why goals were not reached."""
+        """Figures of each task after exploring, and why goals were not reached."""
         return {
             name: {
                 "given": len(goals.visits) + len(goals.left),
@@ -55,3 +84,100 @@ class Mission:
             }
             for name, goals in self._visited.items()
         }
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """What came of a goal.
+
+    Attributes:
+        goal: (2,) m in ``map``.
+        obstacle: why the robot did not reach it, in a line for the log; None if it did.
+    """
+
+    goal: NDArray[np.float64]
+    obstacle: str | None
+
+
+class Goals:
+    """Drives to goals in the order that makes the drive short, found anew at every step.
+
+    Attributes:
+        left: (2,) each, those still to be visited.
+        visits: what came of the others, in the order in which that was clear.
+    """
+
+    def __init__(self, topology: TopologicalMap, goals: Sequence[ArrayLike], snap: float = 0.0):
+        """Begin with all goals (2,), m in ``map``.
+
+        Args:
+            topology: tells how long the drives between them take.
+            goals: where to go.
+            snap: m by which a goal may be off traversable ground; the nearest traversable place serves as well.
+        """
+        self.left = [np.asarray(goal, np.float64) for goal in goals]
+        self.visits: list[Visit] = []
+        self._topology, self._snap = topology, snap
+        self._context: Context | None = None
+        self._goal: NDArray[np.float64] | None = None
+        self._set_out, self._way_left, self._in_vain = False, np.inf, 0
+
+    def observe(self, context: Context) -> None:
+        """Count a goal that is near as visited, and give up one to which drives brought the robot no nearer."""
+        self._context = context
+        for goal in list(self.left):
+            place = self._place(goal, context.traversability)
+            if np.linalg.norm(place - context.T_map_base[:2, 3]) <= ARRIVED:
+                self._end(goal, None)
+            elif self._set_out and goal is self._goal and self._was_in_vain(context.paths.cost_to(place)):
+                self._end(
+                    goal, f"{goal_name(goal)} is given up: {PATIENCE} drives brought the robot no nearer"
+                )
+        self._set_out = False
+
+    def next_viewpoint(self, context: Context) -> Viewpoint | None:
+        """The next goal; None when none is left that can be reached as far as the map goes."""
+        places = [self._place(goal, context.traversability) for goal in self.left]
+        order = order_goals(self._topology, context.traversability, context.paths, places)
+        if not order:
+            return None
+        way = places[order[0]] - context.T_map_base[:2, 3]
+        return Viewpoint(places[order[0]], float(np.arctan2(way[1], way[0])), turn=False, gain=0.0)
+
+    def commit(self, viewpoint: Viewpoint, context: Context) -> None:
+        """Remember to which goal the robot sets out."""
+        places = [self._place(goal, context.traversability) for goal in self.left]
+        goal = next(
+            g for g, place in zip(self.left, places, strict=True) if (place == viewpoint.position).all()
+        )
+        self._set_out = True
+        if goal is not self._goal:
+            self._goal, self._in_vain = goal, 0
+            self._way_left = context.paths.cost_to(viewpoint.position)
+
+    def refuse(self, why: str | None = None) -> None:
+        """Give up the goals that are left, for what the last step showed if there is no other reason ``why``."""
+        for goal in list(self.left):
+            obstacle = None
+            if why is None and self._context is not None:
+                obstacle = obstacle_to(self._context.traversability, self._context.paths, goal)
+            self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
+
+    def _place(self, goal: NDArray[np.float64], traversability: Traversability) -> NDArray[np.float64]:
+        """(2,) where to drive to for a goal."""
+        if not np.isfinite(goal).all():
+            return goal
+        place = traversability.grid.nearest(traversability.traversable, goal, self._snap)
+        return goal if place is None else place
+
+    def _was_in_vain(self, way_left: float) -> bool:
+        """Whether too many drives to the present goal have not shortened the way to it."""
+        if way_left < self._way_left - PROGRESS:
+            self._way_left, self._in_vain = way_left, 0
+        else:
+            self._in_vain += 1
+        return self._in_vain >= PATIENCE
+
+    def _end(self, goal: NDArray[np.float64], obstacle: str | None) -> None:
+        self.left = [other for other in self.left if other is not goal]
+        self.visits.append(Visit(goal, obstacle))

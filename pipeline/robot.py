@@ -52,6 +52,8 @@ class RobotModel:
         max_gap: widest gap that it rolls over, m.
         max_tilt: of the ground that it is driven on, rad.
         tipping_tilt: at which it stops and backs out, rad.
+        speed, ramp_speed: at which it is driven on level ground and on ramps, m/s.
+        turn_rate, ramp_turn_rate: fastest turns on level ground and on ramps, rad/s.
         acceleration, turn_acceleration: of its drive, m/s² and rad/s².
         ramp_slide: farthest that it strays in a quarter turn on the steepest ramp, m.
         ramp_drift: farthest that it strays while it crosses such a ramp, m.
@@ -68,6 +70,10 @@ class RobotModel:
     max_gap: float
     max_tilt: float
     tipping_tilt: float
+    speed: float
+    ramp_speed: float
+    turn_rate: float
+    ramp_turn_rate: float
     acceleration: float
     turn_acceleration: float
     ramp_slide: float
@@ -101,7 +107,7 @@ class Robot(Protocol):
     """Seconds that one call of ``drive`` lasts."""
 
     def sense(self) -> Frame:
-        """Take one look, standing."""
+        """Take a frame where the robot stands."""
         ...
 
     def drive(self, command: Velocity) -> Motion:

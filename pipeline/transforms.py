@@ -29,7 +29,7 @@ def from_rotation(R: ArrayLike, t: ArrayLike) -> NDArray[np.float64]:
 
 
 def from_yaw(x: float, y: float, z: float, yaw: float) -> NDArray[np.float64]:
-    """The transform of a level body at (x, y, z) m that looks along ``yaw`` rad."""
+    """The transform of a level body at (x, y, z) m with heading ``yaw`` rad."""
     c, s = np.cos(yaw), np.sin(yaw)
     return from_rotation([[c, -s, 0], [s, c, 0], [0, 0, 1]], [x, y, z])
 

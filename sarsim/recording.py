@@ -1,6 +1,5 @@
-"""A simulated episode in Rerun: what the robot's software knows, and the world that it moves in."""
+"""A simulated episode in Rerun: what the robot's software knows, and the world around the robot."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -11,8 +10,9 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer, Step
 from pipeline.labels import Label
+from pipeline.recording import drawings
 from pipeline.recording.blueprint import blueprint
-from pipeline.recording.recorder import Level, Recorder, RecordingConfig, Track, drawings
+from pipeline.recording.recorder import Recorder, Track
 from pipeline.recording.viewer import Viewer, ViewerKind
 from pipeline.transforms import from_rotation, inverse
 from sarsim.ground_truth.meshes import Mesh, drawn_geoms, geom_poses, joined_mesh
@@ -23,23 +23,16 @@ from sarsim.simulated_robot import SimulatedRobot
 TRUE_TRACK_COLOUR = (0, 255, 120)
 
 
-class EpisodeRecorder:
+class EpisodeRecorder(Recorder):
     """Logs an episode; the robot is drawn where its software believes it to be, the arena where it is."""
 
-    def __init__(
-        self,
-        robot: SimulatedRobot,
-        path: Path,
-        view: ViewerKind | Literal["none"] = "none",
-        config: RecordingConfig | None = None,
-    ):
+    def __init__(self, robot: SimulatedRobot, path: Path, view: ViewerKind | Literal["none"] = "none"):
         """Begin the recording with the arena and the robot's shape.
 
         Args:
             robot: in its arena.
             path: of the file, which is written as the recording grows and can be read at any time.
             view: where to show it meanwhile; the address of a ``web`` page is printed.
-            config: of the pipeline's part.
 
         Raises:
             InputError: the file cannot be written, or the viewer cannot be had.
@@ -51,56 +44,42 @@ class EpisodeRecorder:
         self._is_robot = self._model.body_rootid == self._model.body_rootid[base]
         self._geoms = np.flatnonzero(drawn_geoms(self._model))
         self._T_map_odom = np.eye(4)
+        self._true_track = Track()
         arena = self._arena_meshes()
         vertices = np.concatenate([mesh.vertices for mesh in arena.values()])
         layout = blueprint(vertices.min(axis=0), vertices.max(axis=0))
-        self.viewer = None if view == "none" else Viewer(view)
-        self._recorder = Recorder(path, self.viewer, layout, config)
-        self._stream = self._recorder.stream
-        self._true_track = Track(self._recorder.config.track_spacing)
+        super().__init__(path, None if view == "none" else Viewer(view), layout)
         for label, mesh in arena.items():
-            self._stream.log(f"world/arena/{label.name.lower()}", _mesh3d(mesh), static=True)
+            self.stream.log(f"world/arena/{label.name.lower()}", _mesh3d(mesh), static=True)
         self._log_robot()
 
-    def log_step(self, number: int, explorer: Explorer, step: Step) -> None:
-        """Log what a look brought and what has become of the maps."""
-        self._T_map_odom = explorer.localisation.T_map_odom
+    def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
+        """Log a step of the explorer, the ``index``-th from 0 on, and the maps after it."""
+        self._T_map_odom = explorer.mapper.localisation.T_map_odom
         self._true_track.add(self._robot.trajectory[-1].T_world_base[:3, 3])
-        self._recorder.log_step(number, explorer, step)
+        super().log_step(index, explorer, step)
         self._log_joints()
         if self._robot.config.odometry == "wheel":
             track = drawings.trajectory(self._true_track.positions, TRUE_TRACK_COLOUR)
-            self._stream.log("world/trajectory/true", track)
+            self.stream.log("world/trajectory/true", track)
 
     def log_motion(self, pose: Pose) -> None:
-        """Log where the robot is between looks; meant for every control period, thinned to a few a second."""
+        """Log where the robot is after a control period; thinned to 5 poses a second."""
         self._true_track.add(pose.T_world_base[:3, 3])
-        if self._recorder.log_motion(pose.time, self._T_map_odom @ pose.T_odom_base):
+        if self.log_pose(pose.time, self._T_map_odom @ pose.T_odom_base):
             self._log_joints()
 
-    def log_message(self, level: Level, text: str) -> None:
-        """Log a line for people to read."""
-        self._recorder.log_message(level, text)
-
-    def log_ways(self, ways: Sequence[NDArray[np.float64]]) -> None:
-        """Log the ways, (N, 3) points each, from the entrance to the victims."""
-        self._recorder.log_ways(ways)
-
-    def close(self) -> None:
-        """Log the maps as they are at the end, and write what is still on its way to the sinks."""
-        self._recorder.close()
-
     def _arena_meshes(self) -> dict[Label, Mesh]:
-        """What stands in the arena now, by label."""
+        """The meshes of the arena as it is now, by label."""
         labels = geom_labels(self._model)
         geoms = self._geoms[~self._is_robot[self._model.geom_bodyid[self._geoms]]]
-        meshes = {}
-        for label in Label:
-            chosen = geoms[labels[geoms] == label]
-            if len(chosen):
-                poses = [_pose(self._data.geom_xmat[geom], self._data.geom_xpos[geom]) for geom in chosen]
-                meshes[label] = joined_mesh(self._model, chosen, poses)
-        return meshes
+        by_label = {label: geoms[labels[geoms] == label] for label in Label}
+        matrices, positions = self._data.geom_xmat, self._data.geom_xpos
+        return {
+            label: joined_mesh(self._model, chosen, [_pose(matrices[k], positions[k]) for k in chosen])
+            for label, chosen in by_label.items()
+            if len(chosen)
+        }
 
     def _log_robot(self) -> None:
         """A mesh per body, in the body's frame."""
@@ -109,16 +88,16 @@ class EpisodeRecorder:
                 geoms = self._geoms[self._model.geom_bodyid[self._geoms] == body]
                 mesh = joined_mesh(self._model, geoms, geom_poses(self._model, geoms))
                 entity = self._entity(body)
-                self._stream.log(entity, _mesh3d(mesh), static=True)
+                self.stream.log(entity, _mesh3d(mesh), static=True)
                 if not self._model.body_jntnum[body]:
-                    self._stream.log(entity, drawings.transform(self._T_base_body(body)), static=True)
+                    self.stream.log(entity, drawings.transform(self._T_base_body(body)), static=True)
 
     def _log_joints(self) -> None:
-        """Where the bodies are that turn or slide against the robot's base."""
+        """The poses of the bodies that turn or slide against the robot's base."""
         moving = self._is_robot & (self._model.body_jntnum > 0)
         moving &= self._model.body_rootid != np.arange(self._model.nbody)
         for body in np.flatnonzero(moving).tolist():
-            self._stream.log(self._entity(body), drawings.transform(self._T_base_body(body)))
+            self.stream.log(self._entity(body), drawings.transform(self._T_base_body(body)))
 
     def _entity(self, body: int) -> str:
         return "world/robot/" + self._model.body(body).name.rpartition("/")[2]

@@ -14,7 +14,7 @@ from pipeline.robot import Motion, Velocity
 from pipeline.transforms import transform_points
 from sarsim.arenas.arena import RescueArena
 from sarsim.ground_truth.contacts import CollisionCounter
-from sarsim.robots.pioneer3at import MODEL
+from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera
@@ -70,14 +70,14 @@ class SimulatedRobot:
     """A Pioneer 3-AT in an arena that implements :class:`pipeline.robot.Robot`; ``odom`` is the world's frame.
 
     Attributes:
-        physics: dm_control's, for whoever scores or draws.
+        physics: dm_control's, for scores and drawings.
         true_look: of the newest frame.
         trajectory: a pose every control period.
         collisions: counts the robot's contacts with walls, clutter and victims.
         on_motion: called with every new pose of the trajectory.
     """
 
-    model = MODEL
+    model = PIONEER_3AT
     control_period = 2 * CONTROL_TIMESTEP
 
     def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):
@@ -121,7 +121,7 @@ class SimulatedRobot:
         return float(self.physics.time())
 
     def sense(self) -> Frame:
-        """Take one look, standing."""
+        """Take a frame where the robot stands."""
         truth = self._camera.capture(self.physics.data.ptr)
         image = self._conditions.sense(truth, self._sensor_rng)
         clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)

@@ -1,24 +1,30 @@
-"""What all commands share: flags from typed parameters, and one line for what the user got wrong."""
+"""What all commands share: flags from typed parameters, and one line on stderr for what is wrong with the input."""
 
 import functools
+import inspect
 import io
 import os
 import re
 import select
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
+from pathlib import Path
 from types import FrameType
 from typing import Any, Self
 
 import tyro
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from pipeline.errors import InputError
 
 BAD_INPUT = 2
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 UNREAD = 141  # 128 + SIGPIPE
+HELP_INDENT = 10 * " "
+"""before the help of a flag in tyro's messages about wrong ones."""
 
 
 def run(command: Callable[..., object], args: Sequence[str] | None = None) -> None:
@@ -48,16 +54,45 @@ def parse(command_line: Callable[[], Any]) -> Any:
 
 
 def unboxed(text: str) -> str:
-    """What a box of tyro's says above its first rule, as one line."""
-    lines = [re.sub("[╭╮╰╯│─]", " ", line).strip() for line in text.splitlines()[1:]]
-    said = "\n".join(lines).strip().split("\n\n")[0]
-    return " ".join(said.split())
+    """What a box of tyro's says, as one line: its message, and the flags that it suggests, without their help."""
+    lines = [re.sub("[╭╮╰╯│]", " ", line).rstrip() for line in text.splitlines()[1:]]
+    lines = [line.strip() for line in lines if not line.startswith(HELP_INDENT)]
+    parts = [part.strip() for part in re.split("─{3,}", "\n".join(lines))]
+    suggestions = [part for part in parts if part.startswith(("Perhaps you meant", "Arguments similar"))]
+    flags = [flag for part in suggestions for flag in re.findall(r"^--[\w.-]+", part, re.MULTILINE)]
+    said = [part for part in parts if part not in suggestions and not part.startswith("For full helptext")]
+    return " ".join(" ".join(said).split()) + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
+
+
+def progress(**options: Any) -> Progress:
+    """A progress bar on stderr, with counts and the time elapsed."""
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=Console(stderr=True), **options)
+
+
+def call_with(function: Callable[..., Any], given: Mapping[str, Any], name: str) -> Any:
+    """Call a function with those values that are not None; its own defaults hold for the others.
+
+    Raises:
+        InputError: ``name``, what the user chose, has no such parameter.
+    """
+    values = {key: value for key, value in given.items() if value is not None}
+    known = inspect.signature(function).parameters
+    if unknown := [f"--{key.replace('_', '-')}" for key in values if key not in known]:
+        raise InputError(f"{', '.join(unknown)}: {name} has no such setting")
+    return function(**values)
+
+
+def check_folder_of(flag: str, path: Path) -> None:
+    """Raises InputError if the folder that is to hold the file ``path`` does not exist."""
+    if not path.absolute().parent.is_dir():
+        raise InputError(f"--{flag} {path}: there is no folder {path.absolute().parent}")
 
 
 def guarded(action: Callable[[], object]) -> None:
     """Run ``action``; turn bad input and Ctrl-C into one line on stderr and an exit status.
 
-    If whoever reads the output has enough, as ``head`` does, the process ends without a word.
+    If the program that reads the output stops reading, as ``head`` does, the process ends without a message.
     """
     try:
         try:
@@ -77,14 +112,14 @@ def guarded(action: Callable[[], object]) -> None:
 
 
 def _is_unread() -> bool:
-    """Whether nobody is left at the other end of stdout; the pipe that broke may be another one."""
+    """Whether stdout has no reader any more; the pipe that broke may be another one."""
     poll = select.poll()
-    poll.register(sys.stdout.fileno(), 0)  # errors are told of unasked
+    poll.register(sys.stdout.fileno(), 0)  # poll reports errors unasked
     return bool(poll.poll(0))
 
 
 class Interruptible:
-    """Holds Ctrl-C back while a step is under way, so that what it changes stays of one piece; a second one does not.
+    """Holds the first Ctrl-C back until the step under way is complete; a second one interrupts at once.
 
     Attributes:
         interrupted: whether Ctrl-C was pressed since ``with``.

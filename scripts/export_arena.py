@@ -1,33 +1,43 @@
 """Write any arena as plain MJCF, which MuJoCo's viewer opens: ``export_arena.py --arena A --out FILE.xml``."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from sarsim.arenas.export import write_mjcf
-from sarsim.arenas.load import StartPose, load_arena
-from sarsim.arenas.random_arena import RandomArenaConfig
-from sarsim.scripts.cli import run
+from tyro.conf import Fixed
 
-_DEFAULT = RandomArenaConfig()
+from sarsim.arenas.settings import RandomArenaConfig, StartPose
+from sarsim.scripts.settings import run_with_settings
 
 
-def export_arena(
-    arena: str, out: Path, start: StartPose | None = None, random: RandomArenaConfig = _DEFAULT
-) -> None:
-    """Write an arena without the robot; look at it with ``python -m mujoco.viewer --mjcf=FILE.xml``.
+@dataclass(frozen=True)
+class ExportArena:
+    """What is written, and where.
 
-    Args:
-        arena: a built-in one, random:SEED, or the path of a .raf or an MJCF file.
-        out: the file to write; files that the arena's own MJCF refers to are copied beside it.
-        start: where the robot is set down: x and y in m, yaw in degrees.
-        random: what a random arena is like.
+    Attributes:
+        arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
+        out: the MJCF file to write; files that the arena refers to are copied beside it.
+        start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
+        random: what a random arena is like, in a --config file as run_episode.py writes it.
     """
-    write_mjcf(load_arena(arena, start, random).mjcf_model, out)
-    print(f"python -m mujoco.viewer --mjcf={out}")
+
+    arena: str
+    out: Path
+    start: StartPose | None = None
+    random: Fixed[RandomArenaConfig] = field(default_factory=RandomArenaConfig)
+
+
+def export_arena(settings: ExportArena) -> None:
+    """Write an arena without the robot; look at it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
+    from sarsim.arenas.export import write_mjcf
+    from sarsim.arenas.load import load_arena
+
+    write_mjcf(load_arena(settings.arena, settings.start, settings.random).mjcf_model, settings.out)
+    print(f"python -m mujoco.viewer --mjcf={settings.out}")
 
 
 def main() -> None:
     """Entry point."""
-    run(export_arena)
+    run_with_settings(export_arena, ExportArena)
 
 
 if __name__ == "__main__":

@@ -1,39 +1,60 @@
 """Export a dataset to a layout that other tools read: ``export_dataset.py FORMAT --data DIR --out DIR``."""
 
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Literal
+
 import tyro
 from rich.console import Console
-from rich.progress import Progress, TimeElapsedColumn
 
-from sarsim.dataset.exports.blocks import Blocks
-from sarsim.dataset.exports.export import Export
-from sarsim.dataset.exports.s3dis import S3dis
-from sarsim.dataset.exports.tum import Tum
-from sarsim.dataset.exports.yolo import Yolo
-from sarsim.dataset.folder import Dataset
-from sarsim.scripts.cli import guarded, parse
+from sarsim.scripts.cli import call_with, progress, run
 
-FORMATS: dict[str, type[Export]] = {"s3dis": S3dis, "blocks": Blocks, "tum": Tum, "yolo": Yolo}
+EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo"}
+"""The class of each format, in the module of its name in :mod:`sarsim.dataset.exports`."""
 
 
-def export_dataset(export: Export) -> None:
+@dataclass(frozen=True)
+class ExportDataset:
+    """What is exported, and how; where no value is given, the format's own default holds.
+
+    Attributes:
+        format: s3dis: folders of rooms and annotated objects; blocks: HDF5 files to train point networks with; tum:
+            RGB-D sequences for SLAM tools; yolo: images with boxes of victims.
+        data: folder of the dataset.
+        out: new folder for the export; it appears when it is whole.
+        voxel: s3dis: m; one point is kept in each cube of this size: larger ones make smaller files (0.02).
+        size: blocks: m, sides of a block in x and y (1.0).
+        points: blocks: points of a block, as many as the network to train takes (4096).
+        min_area: yolo: pixels; victims that show fewer get no box (100).
+    """
+
+    format: Annotated[Literal["s3dis", "blocks", "tum", "yolo"], tyro.conf.Positional]
+    data: Path
+    out: Path
+    voxel: float | None = None
+    size: float | None = None
+    points: int | None = None
+    min_area: int | None = None
+
+
+def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -> None:
     """Export scene by scene and say where the result lies."""
+    from sarsim.dataset.folder import Dataset
+
+    kind = getattr(import_module(f"sarsim.dataset.exports.{settings.format}"), EXPORTS[settings.format])
+    given = {name: value for name, value in asdict(settings).items() if name != "format"}
+    export = call_with(kind, given, settings.format)
     total = len(Dataset(export.data))
-    with Progress(
-        *Progress.get_default_columns(), TimeElapsedColumn(), console=Console(stderr=True)
-    ) as progress:
-        for _ in progress.track(export.run(), total=total, description="scenes"):
+    with progress() as bars:
+        for _ in bars.track(export.run(), total=total, description="scenes"):
             pass
     Console().print(f"{total} scenes in {export.out}", soft_wrap=True)
 
 
 def main() -> None:
     """Entry point."""
-    guarded(run)
-
-
-def run() -> None:
-    """Parse the command line and export."""
-    export_dataset(parse(lambda: tyro.extras.subcommand_cli_from_dict(dict(FORMATS), description=__doc__)))
+    run(export_dataset)
 
 
 if __name__ == "__main__":

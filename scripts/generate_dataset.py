@@ -3,79 +3,93 @@
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-import tyro
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from pipeline.errors import InputError
-from sarsim.dataset.engine import Engine
-from sarsim.dataset.generate import generate
-from sarsim.dataset.local_engine import LocalEngine
-from sarsim.dataset.recipe import Recipe
-from sarsim.scripts.cli import run
+from sarsim.dataset.arena_range import ArenaRange
+from sarsim.scripts.cli import progress
+from sarsim.scripts.settings import run_with_settings, save_settings
+
+if TYPE_CHECKING:
+    from sarsim.dataset.engine import Engine
 
 
 @dataclass(frozen=True)
-class GenerateConfig:
+class GenerateDataset:
     """What is generated, and how.
 
     Attributes:
         out: folder for the dataset; one that holds a part of it is completed.
-        scenes: how many arenas.
-        recipe: of the scenes.
+        scenes: how many arenas; more make a network better on arenas that it has not seen.
+        frames: frames of each scene.
+        seed: of everything random; another one makes other scenes.
+        width: of the images, pixels.
+        height: of the images, pixels; half of each is four times as fast, and shows less of what is far away.
+        arenas: names or paths, taken in turn; "random" is another random arena each time.
+        random: ranges from which each random arena is drawn.
+        look_distance: m that the robot drives from one frame to the next; larger ones show more of the arena.
         workers: processes at a time, one a core if not given; the dataset does not depend on it.
-        engine: processes on this machine, or tasks on a Ray cluster.
-        ray_address: of a running cluster, if not given one is started on this machine.
+        engine: processes on this machine, or tasks on the Ray cluster that RAY_ADDRESS names (without it, on this
+            machine).
     """
 
     out: Path
     scenes: int = 10
-    recipe: Annotated[Recipe, tyro.conf.arg(name="")] = field(default_factory=Recipe)
+    frames: int = 100
+    seed: int = 0
+    width: int = 640
+    height: int = 480
+    arenas: tuple[str, ...] = ("random",)
+    random: ArenaRange = field(default_factory=ArenaRange)
+    look_distance: float = 0.3
     workers: int | None = None
     engine: Literal["local", "ray"] = "local"
-    ray_address: str | None = None
 
 
-def generate_dataset(config: Annotated[GenerateConfig, tyro.conf.arg(name="")]) -> None:
+def generate_dataset(settings: GenerateDataset) -> None:
     """Generate the dataset, or what is missing of it, and say where it lies."""
-    if config.scenes < 1 or (config.workers is not None and config.workers < 1):
+    if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
         raise InputError("--scenes, --workers: at least 1")
-    console = Console(stderr=True)
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console) as progress:
-        bar = progress.add_task("frames", total=config.scenes * config.recipe.frames)
+    from sarsim.dataset.drive import DriveConfig
+    from sarsim.dataset.generate import generate
+    from sarsim.dataset.recipe import Recipe
+
+    given = {
+        name: getattr(settings, name) for name in ("seed", "frames", "width", "height", "arenas", "random")
+    }
+    recipe = Recipe(**given, drive=DriveConfig(look_distance=settings.look_distance))
+    with progress() as bars:
+        bar = bars.add_task("frames", total=settings.scenes * settings.frames)
+        engine = make_engine(settings.engine, settings.workers)
         manifest = generate(
-            config.recipe,
-            config.scenes,
-            config.out,
-            make_engine(config),
-            lambda made: progress.update(bar, completed=made),
+            recipe, settings.scenes, settings.out, engine, lambda made: bars.update(bar, completed=made)
         )
-    Console().print(
-        f"{len(manifest.scenes)} scenes in {config.out}; look at them in {config.out / 'index.html'}",
-        soft_wrap=True,
-    )
+    save_settings(settings, settings.out / "config.yaml")
+    told = f"{len(manifest.scenes)} scenes in {settings.out}; look at them in {settings.out / 'index.html'}"
+    Console().print(told, soft_wrap=True)
 
 
-def make_engine(config: GenerateConfig) -> Engine:
-    """The engine that the flags name.
+def make_engine(name: str, workers: int | None) -> "Engine":
+    """The engine that ``--engine`` names, with one worker a core if their number is not given.
 
     Raises:
         InputError: it is not installed.
     """
-    workers = config.workers or len(os.sched_getaffinity(0))
-    if config.engine == "ray":
+    workers = workers or len(os.sched_getaffinity(0))
+    if name == "ray":
         from sarsim.dataset.ray_engine import RayEngine
 
-        return RayEngine(workers, config.ray_address)
+        return RayEngine(workers, os.environ.get("RAY_ADDRESS"))
+    from sarsim.dataset.local_engine import LocalEngine
+
     return LocalEngine(workers)
 
 
 def main() -> None:
     """Entry point."""
-    run(generate_dataset)
+    run_with_settings(generate_dataset, GenerateDataset)
 
 
 if __name__ == "__main__":

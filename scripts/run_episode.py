@@ -1,260 +1,36 @@
 """Run an episode: the robot explores an arena, builds its maps and leaves a recording and a report."""
 
-import json
 import os
 import sys
-from dataclasses import asdict, dataclass, field
-from importlib.metadata import version
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
-from time import perf_counter
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING
 
-import numpy as np
-import tyro
 from rich.console import Console
-from rich.progress import Progress, TimeElapsedColumn
 
-from pipeline.errors import InputError
-from pipeline.explorer import Explorer, ExplorerConfig, Step
-from pipeline.files import whole_file
-from pipeline.metric_map.io.npz import save_metric_map
-from pipeline.mission import Mission
-from pipeline.planning.path_plan import place_name
-from pipeline.rescue_report.report import RescueReport, write_page
-from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier
-from pipeline.victims.detection.detector import VictimDetector
-from sarsim.arenas.load import StartPose, load_arena
-from sarsim.arenas.random_arena import RandomArenaConfig
-from sarsim.assets import asset
-from sarsim.recording import EpisodeRecorder
-from sarsim.scoring.episode import EpisodeScore
-from sarsim.scoring.trajectory import write_tum
-from sarsim.scripts.cli import INTERRUPTED, Interruptible, run
+from sarsim.scripts.cli import INTERRUPTED, Interruptible, progress
+from sarsim.scripts.settings import run_with_settings, save_settings
 from sarsim.scripts.tables import report_table
-from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from sarsim.settings import EpisodeConfig
 
-Labels = Literal["dgcnn", "truth"]
-"""Who says what a point belongs to: the network, or the simulator."""
-WEIGHTS = asset("weights", "dgcnn.safetensors")
-DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
+if TYPE_CHECKING:
+    from sarsim.episode import Episode
 
 
-@dataclass(frozen=True)
-class EpisodeConfig:
-    """What an episode is made of.
+def run_episode(config: EpisodeConfig) -> None:
+    """Explore an arena, and leave a recording, a report, the maps and config.yaml, with which --config repeats it."""
+    from sarsim.episode import Episode
 
-    Attributes:
-        arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
-        start: where the robot is set down, x y (m) and yaw (degrees); if not given, where the arena says.
-        random: what a random arena is like.
-        seed: of everything random.
-        steps: looks at most while exploring, which ends before when nothing is left to look at.
-        goals: places to drive to afterwards, x y x y … (m), in the order that makes the way short.
-        home: in the end drive back to where the robot was set down.
-        labels: who says what a point belongs to: the network, or the simulator.
-        simulation: of the robot's body.
-        pipeline: settings of every stage.
-        view: show the episode while it runs: in a new window, in the browser, or not at all.
-        out: folder for the results, runs/<arena>-<seed> if not given.
-        weights: of the network, as train.py writes them.
-        detector: of victims, Darknet's .cfg and .weights of a YOLOv3; None to look for nobody.
-    """
-
-    arena: str = "nist_6x4"
-    start: StartPose | None = None
-    random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
-    seed: int = 0
-    steps: int = 160
-    goals: tuple[tuple[float, float], ...] = ()
-    home: bool = False
-    labels: Labels = "dgcnn"
-    simulation: Annotated[SimulationConfig, tyro.conf.arg(name="")] = field(default_factory=SimulationConfig)
-    pipeline: ExplorerConfig = field(default_factory=ExplorerConfig)
-    view: Literal["none", "spawn", "web"] = "none"
-    out: Path | None = None
-    weights: Path = WEIGHTS
-    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
-
-
-class Episode:
-    """A robot, its explorer, and those who watch: the score and the recorder."""
-
-    def __init__(self, config: EpisodeConfig):
-        """Raises InputError where the arena, the output folder or the viewer cannot be had."""
-        self.config = config
-        if config.steps < 1 or config.seed < 0:
-            raise InputError(
-                f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed"
-            )
-        if not np.isfinite(config.goals).all():
-            raise InputError(
-                f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there"
-            )
-        classifier = make_classifier(config.labels, config.weights)
-        detector = VictimDetector.load(*config.detector) if config.detector else None
-        arena = load_arena(config.arena, config.start, config.random)
-        self.out = config.out or Path("runs") / f"{Path(config.arena).stem}-{config.seed}"
-        make_folder(self.out)
-        self.robot = SimulatedRobot(arena, config.simulation, config.seed)
-        self.explorer = Explorer(self.robot, classifier, config.pipeline, config.seed, detector)
-        self.mission = Mission(self.explorer, config.goals, config.home)
-        self.score = EpisodeScore(self.robot, self.explorer)
-        self.rescue_report = RescueReport(self.explorer)
-        self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
-        self.robot.on_motion = self.recorder.log_motion
-        self._wall_start, self._sim_start = perf_counter(), self.robot.time
-
-    def run(self) -> bool:
-        """Explore, drive to the goals and home, and write the results; False if Ctrl-C ended it."""
-        columns = (*Progress.get_default_columns(), TimeElapsedColumn())
-        with Progress(*columns, console=Console(stderr=True)) as progress, Interruptible() as control:
-            bar = progress.add_task(self.config.arena, total=self.config.steps)
-            try:
-                for task in self.mission:
-                    while self._may_look() and not control.interrupted and self.step():
-                        progress.update(bar, completed=self.explorer.steps, description=self._state(task))
-                self._log_news()
-            finally:
-                self._finish()
-        return not control.interrupted
-
-    def _may_look(self) -> bool:
-        """Whether the errand goes on; the way to goals ends by itself, exploring after so many looks."""
-        self.explorer.may_explore = self.explorer.steps < self.config.steps
-        return self.explorer.may_explore or self.explorer.goals is not None
-
-    def _log_news(self) -> None:
-        for line, is_good in self.mission.news():
-            self.recorder.log_message("INFO" if is_good else "WARN", line)
-
-    def step(self) -> bool:
-        """One look, and the drive to the next; False when there is no next."""
-        step = self.explorer.step()
-        self.score.add(step)
-        self.rescue_report.add(step)
-        self.recorder.log_step(self.explorer.steps - 1, self.explorer, step)
-        self._log_news()
-        if step.was_kidnapped:
-            self.recorder.log_message(
-                "WARN", f"the robot was lifted and set down at {place_name(step.T_map_base[:2, 3])}"
-            )
-        self.recorder.log_message("INFO" if step.can_drive else "WARN", self._tell(step))
-        if step.plan is None:
-            return False
-        if not self.explorer.drive(step):
-            leg = self.explorer.navigator.legs[-1]
-            self.recorder.log_message("WARN", f"leg to {place_name(leg.target)} ended: {leg.outcome.value}")
-        return True
-
-    def _tell(self, step: Step) -> str:
-        """What came of a look, for the log."""
-        explored = f"{self.score.explored_fraction:.0%} explored"
-        if not step.can_drive:
-            return f"{explored}; the robot stands where it cannot drive"
-        if step.viewpoint is None or step.plan is None:
-            nothing = "that is worth a look" if self.explorer.goals is None else "to drive to"
-            return f"{explored}; nothing is left {nothing}"
-        place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
-        way = f"{step.plan.length:.1f} m {f'over nodes {nodes}' if nodes else 'straight'}"
-        if not step.viewpoint.gain:
-            return f"{explored}; next to {place}, {way}"
-        heading = np.degrees(step.viewpoint.heading)
-        return (
-            f"{explored}; next from {place} towards {heading:.0f}°, {way}, for {step.viewpoint.gain:.2f} m²"
-        )
-
-    def _state(self, task: str) -> str:
-        return f"{self.config.arena}: {task}, {self.score.explored_fraction:.0%} explored"
-
-    def _finish(self) -> None:
-        wall_time, sim_time = perf_counter() - self._wall_start, self.robot.time - self._sim_start
-        if self.explorer.steps:
-            self.situation = self.rescue_report.situation
-            self.recorder.log_ways([p.route.trace for p in self.situation.everyone if p.route])
-        self.recorder.close()
-        if self.explorer.steps:
-            self.report = self._report(wall_time, sim_time)
-            self._write()
-        self.robot.close()
-
-    def _report(self, wall_time: float, sim_time: float) -> dict[str, Any]:
-        seconds = self.explorer.stopwatch.seconds
-        detector = self.config.detector and [str(path) for path in self.config.detector]
-        paths = {"out": str(self.out), "weights": str(self.config.weights), "detector": detector}
-        return {
-            "arena": self.config.arena,
-            "seed": self.config.seed,
-            "steps": self.explorer.steps,
-            "version": version("sarsim"),
-            "config": asdict(self.config) | paths,
-            "sim_time_s": sim_time,
-            "wall_time_s": wall_time,
-            "real_time_factor": sim_time / wall_time,
-            "timing_ms": {stage: percentiles(times) for stage, times in seconds.items()},
-            **self.score.report(),
-            **self.mission.report(),
-        }
-
-    def _write(self) -> None:
-        with whole_file(self.out / "report.json") as path:
-            path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
-        save_metric_map(self.explorer.metric_map, self.out / "metric_map.npz")
-        self.explorer.semantic_map.save(self.out / "semantic_map.ply")
-        self.explorer.topological_map.save(self.out / "topology.json")
-        poses = self.robot.trajectory
-        times = [p.time for p in poses]
-        write_tum(self.out / "trajectory_true.tum", times, [p.T_world_base for p in poses])
-        write_tum(self.out / "trajectory_estimated.tum", times, [p.T_odom_base for p in poses])
-        write_page(self.out / "report.html", self.situation, self.report)
-
-
-def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
-    """Who says what a point belongs to.
-
-    Raises:
-        InputError: the network's weights are missing, or not for this.
-    """
-    if labels == "truth":
-        return TruthClassifier()
-    if not weights.exists():
-        raise InputError(
-            f"--weights {weights}: no such file; train.py dgcnn makes one, --labels truth needs none"
-        )
-    return DgcnnClassifier(weights)
-
-
-def percentiles(seconds: list[float]) -> dict[str, float]:
-    """Median and 95th percentile, in ms."""
-    return {"median": 1e3 * float(np.median(seconds)), "p95": 1e3 * float(np.percentile(seconds, 95))}
-
-
-def make_folder(path: Path) -> None:
-    """Make sure that files can be written into a folder.
-
-    Raises:
-        InputError: they cannot.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        with whole_file(path / ".probe") as probe:
-            probe.touch()
-        (path / ".probe").unlink()
-    except OSError as error:
-        raise InputError(f"--out {path}: {error.strerror or error}") from error
-
-
-def run_episode(config: Annotated[EpisodeConfig, tyro.conf.arg(name="")]) -> None:
-    """Run the episode, print its report and say where it lies."""
     episode = Episode(config)
-    finished = episode.run()
+    save_settings(config, episode.out / "config.yaml")
+    finished = run_with_progress(episode)
     console = Console()
     if episode.explorer.steps:
         console.print(report_table(episode.report))
     viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
-    console.print(
-        f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}", soft_wrap=True
-    )
+    told = f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}"
+    console.print(told, soft_wrap=True)
     if finished and episode.recorder.viewer and episode.recorder.viewer.page:
         console.print("Ctrl-C ends the page")
         episode.recorder.viewer.wait()
@@ -262,9 +38,25 @@ def run_episode(config: Annotated[EpisodeConfig, tyro.conf.arg(name="")]) -> Non
         raise SystemExit(INTERRUPTED)
 
 
+def run_with_progress(episode: "Episode") -> bool:
+    """Run an episode with a progress bar; False if Ctrl-C ended it."""
+    with progress() as bars, Interruptible() as control:
+        bar = bars.add_task(episode.config.arena, total=episode.config.steps)
+        return episode.run(
+            lambda: control.interrupted,
+            lambda line: bars.update(bar, completed=episode.explorer.steps, description=line),
+        )
+
+
+def elsewhere(config: EpisodeConfig) -> EpisodeConfig:
+    """The same in a new folder, unless one is named: repeating an episode overwrites none."""
+    folders = (Path(f"{config.folder}-{number}") for number in count(2))
+    return config if config.out else replace(config, out=next(path for path in folders if not path.exists()))
+
+
 def main() -> None:
     """Entry point."""
-    run(run_episode)
+    run_with_settings(run_episode, EpisodeConfig, repeated=elsewhere)
 
 
 if __name__ == "__main__":

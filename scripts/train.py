@@ -3,23 +3,22 @@
 On several GPUs, or a process for each core of a CPU: ``torchrun --nproc-per-node N scripts/train.py ...``.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Any, Literal
 
-import tyro
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.networks.classifier import load_classifier
-from pipeline.semantic_map.networks.clouds import LabelledCloud
-from pipeline.semantic_map.networks.parallel import Worker
-from pipeline.semantic_map.networks.training import Trainer, TrainingConfig
-from sarsim.dataset.folder import Dataset
-from sarsim.scripts.cli import guarded, parse
-from sarsim.scripts.training.yolo import TrainYolo
+from sarsim.scripts.cli import Interruptible, check_folder_of, progress
+from sarsim.scripts.settings import run_one_of, save_settings
+
+if TYPE_CHECKING:
+    from pipeline.semantic_map.networks.clouds import LabelledCloud
+    from pipeline.semantic_map.networks.parallel import Worker
+
+VALIDATION_FRAMES = 200
+"""At most, evenly over the scenes kept for validation: as many clouds take a minute on two cores."""
 
 
 @dataclass(frozen=True)
@@ -28,97 +27,181 @@ class TrainDgcnn:
 
     Attributes:
         data: folder of the dataset; its scenes of the split train are learned from, those of val validated with.
-        out: file for the weights (.safetensors); a checkpoint, a table and a picture get its name with other
-            endings. A training that was left is taken up from its checkpoint.
-        stride: take every so manieth frame of a scene.
-        validation_frames: at most, evenly over the scenes.
+        out: file for the weights (.safetensors); a checkpoint, a table and the settings (.yaml) get its name with
+            other endings. The same command continues an interrupted training from its checkpoint.
+        stride: use every n-th frame of a scene; larger ones load faster.
         init: weights to begin with, as this command writes them; random ones if not given.
-        until: leave the training after that step; the same command takes it up again.
-        training: settings.
+        until: stop after that step as if interrupted; the learning rate still falls as --steps says.
+        steps: batches; more fit the training data better and take longer.
+        seed: of the first weights, the batches and their augmentation; another one tells how much is chance.
+        learning_rate: highest step width of AdamW; lower it if the loss jumps, raise it if it hardly falls.
+        balance: a class weighs its share of the points to the power of minus this: 0 favours frequent classes, 1
+            makes all classes weigh the same.
+        validate_every: steps between validations; each takes time, and the best weights are kept only then.
+        keep: the weights that validate best, or the last ones: where few clouds validate, the best are so by chance.
     """
 
     data: Path
     out: Path
     stride: int = 1
-    validation_frames: int = 200
     init: Path | None = None
     until: int | None = None
-    training: Annotated[TrainingConfig, tyro.conf.arg(name="")] = field(default_factory=TrainingConfig)
+    steps: int = 3000
+    seed: int = 0
+    learning_rate: float = 2e-3
+    balance: float = 0.5
+    validate_every: int = 250
+    keep: Literal["best", "last"] = "best"
 
-    def run(self) -> None:
-        """Train, and say where the weights lie."""
-        self._check()
-        initial = None if self.init is None else load_classifier(self.init)[0]
-        worker = Worker.join()
-        try:
-            clouds = self._load(worker)
-            validation = clouds["val"][:: 1 + len(clouds["val"]) // self.validation_frames]
-            about = {"data": str(self.data), "scenes": len(Dataset(self.data)), "stride": self.stride}
-            about |= {} if self.init is None else {"init": str(self.init)}
-            trainer = Trainer(clouds["train"], validation, self.training, self.out, worker, about, initial)
-            self._train(trainer)
-        finally:
-            worker.leave()
+
+@dataclass(frozen=True)
+class TrainYolo:
+    """The network that finds victims, from datasets of generate_dataset.py.
+
+    Attributes:
+        data: folders of datasets; scenes of the split train are learned from, those of val validated with.
+        out: file for the weights (.weights); the network (.cfg), its card (.json), a table (.csv), a checkpoint and
+            the settings (.yaml) get its name with other endings. The same command continues an interrupted training
+            from its checkpoint.
+        stride: use every n-th frame of a scene; larger ones skip frames that look alike.
+        init: weights to begin with, as this command writes them, their .cfg beside them: then its size counts, not
+            --network, --width and --height; random ones if not given.
+        network: what is trained; larger ones find more and take longer for a frame.
+        width: of the network's input, pixels, a multiple of 32; larger ones find smaller people, and take longer.
+        height: of the network's input, pixels, a multiple of 32.
+        steps: batches; more fit the training data better and take longer.
+        seed: of the first weights, the anchors and the images drawn; another one tells how much is chance.
+        batch: images in a batch; larger ones take more memory and steadier steps.
+        learning_rate: highest step width of AdamW; lower it to go on from --init.
+        bfloat16: convolve in half precision: faster on a processor that can, slower on any other.
+        validate_every: steps between validations; each takes time, and the best weights are kept only then.
+    """
+
+    data: tuple[Path, ...]
+    out: Path
+    stride: int = 1
+    init: Path | None = None
+    network: Literal["yolov3-small", "yolov3-tiny", "yolov3"] = "yolov3-small"
+    width: int = 512
+    height: int = 384
+    steps: int = 6000
+    seed: int = 0
+    batch: int = 16
+    learning_rate: float = 2e-3
+    bfloat16: bool = False
+    validate_every: int = 500
+
+
+def train_dgcnn(settings: TrainDgcnn) -> None:
+    """Train the network of the semantic map, and say where the weights lie."""
+    _check(settings)
+    from pipeline.semantic_map.networks.classifier import load_classifier
+    from pipeline.semantic_map.networks.parallel import Worker
+    from pipeline.semantic_map.networks.training import Trainer, TrainingConfig
+
+    names = ("steps", "seed", "learning_rate", "balance", "validate_every", "keep")
+    config = TrainingConfig(**{name: getattr(settings, name) for name in names})
+    about: dict[str, Any] = {"data": str(settings.data), "scenes": _scenes(settings.data)}
+    about["stride"] = settings.stride
+    initial = None
+    if settings.init is not None:
+        initial, about["init"] = load_classifier(settings.init)[0], str(settings.init)
+    worker = Worker.join()
+    try:
+        clouds = _clouds(settings, worker, config.blocks.voxel_size)
+        validation = clouds["val"][:: 1 + len(clouds["val"]) // VALIDATION_FRAMES]
+        trainer = Trainer(clouds["train"], validation, config, settings.out, worker, about, initial)
         if worker.leads:
-            told = f"Validated best: mIoU over the four {trainer.best:.4f}. Weights in {self.out}"
-            Console().print(told, soft_wrap=True)
-
-    def _check(self) -> None:
-        if self.stride < 1 or self.validation_frames < 1:
-            raise InputError("--stride, --validation-frames: at least 1")
-        if not self.out.absolute().parent.is_dir():
-            raise InputError(f"--out {self.out}: there is no folder {self.out.absolute().parent}")
-        scenes = [self.data / entry.file for entry in Dataset(self.data).entries]
-        if missing := [path for path in scenes if not path.is_file()]:
-            raise InputError(
-                f"{missing[0]}: missing, {len(missing)} of {len(scenes)} scenes are:"
-                " generate_dataset.py with the flags of before makes them again"
-            )
-
-    def _load(self, worker: Worker) -> dict[str, list[LabelledCloud]]:
-        """The clouds of every split."""
-        dataset, voxel_size = Dataset(self.data), self.training.blocks.voxel_size
-        clouds: dict[str, list[LabelledCloud]] = {"train": [], "val": [], "test": []}
-        with progress_bar(worker) as progress:
-            for entry, scene in progress.track(dataset, total=len(dataset), description="scenes"):
-                for index in range(0, len(scene) if entry.split != "test" else 0, self.stride):
-                    pose = scene.T_world_camera(index)
-                    clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size))
-        if not clouds["val"]:
-            raise InputError(
-                f"--data {self.data}: no scene of the split val, which one in ten is: make 5 at least"
-            )
-        return clouds
-
-    def _train(self, trainer: Trainer) -> None:
-        with progress_bar(trainer.worker) as progress:
-            bar = progress.add_task("steps", total=self.training.steps, completed=trainer.step)
-            trainer.run(
-                lambda now: progress.update(
-                    bar, completed=now.step, description=f"steps, best {now.best:.3f}"
-                ),
-                self.until,
-            )
+            save_settings(settings, settings.out.with_suffix(".yaml"))
+        _train(trainer, settings.steps, disable=not worker.leads, until=settings.until)
+    finally:
+        worker.leave()
+    if worker.leads:
+        told = f"Validated best: mIoU over the four {trainer.best:.4f}. Weights in {settings.out}"
+        Console().print(told, soft_wrap=True)
 
 
-def progress_bar(worker: Worker) -> Progress:
-    """Shown by one worker alone."""
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=Console(stderr=True), disable=not worker.leads)
+def train_yolo(settings: TrainYolo) -> None:
+    """Train the network that finds victims, and say where the weights lie."""
+    _check(settings)
+    if settings.out.suffix != ".weights":
+        raise InputError(f"--out {settings.out}: a name that ends with .weights")
+    from pipeline.victims.detection.sampler import SamplingConfig
+    from pipeline.victims.detection.training import Trainer, TrainingConfig
+    from sarsim.dataset.victim_images import VictimImages
+
+    names = ("network", "width", "height", "steps", "seed", "learning_rate", "bfloat16", "validate_every")
+    config = TrainingConfig(
+        sampling=SamplingConfig(batch=settings.batch), **{name: getattr(settings, name) for name in names}
+    )
+    images = [VictimImages(settings.data, split, settings.stride) for split in ("train", "val")]
+    try:
+        about = {"data": list(map(str, settings.data)), "images": [len(source) for source in images]}
+        about |= {"stride": settings.stride, "init": str(settings.init) if settings.init else None}
+        trainer = Trainer(images[0], images[1], config, settings.out, about, settings.init)
+        save_settings(settings, settings.out.with_suffix(".yaml"))
+        _train(trainer, settings.steps)
+    finally:
+        for source in images:
+            source.close()
+    Console().print(f"Validated best: AP50 {trainer.best:.4f}. Weights in {settings.out}", soft_wrap=True)
 
 
-NETWORKS: dict[str, Callable[..., TrainDgcnn | TrainYolo]] = {"dgcnn": TrainDgcnn, "yolo": TrainYolo}
+def _check(settings: TrainDgcnn | TrainYolo) -> None:
+    if settings.stride < 1:
+        raise InputError("--stride: at least 1")
+    check_folder_of("out", settings.out)
 
 
-def train() -> None:
-    """Parse the command line and train."""
-    network = parse(lambda: tyro.extras.subcommand_cli_from_dict(NETWORKS, description=__doc__))
-    network.run()
+def _scenes(data: Path) -> int:
+    """How many scenes a dataset has, all of which must be there."""
+    from sarsim.dataset.folder import Dataset
+
+    scenes = [data / entry.file for entry in Dataset(data).entries]
+    if missing := [path for path in scenes if not path.is_file()]:
+        raise InputError(
+            f"{missing[0]}: missing, {len(missing)} of {len(scenes)} scenes are:"
+            " generate_dataset.py with the flags of before makes them again"
+        )
+    return len(scenes)
+
+
+def _clouds(settings: TrainDgcnn, worker: "Worker", voxel_size: float) -> dict[str, list["LabelledCloud"]]:
+    """The clouds of the splits train and val."""
+    from pipeline.semantic_map.networks.clouds import LabelledCloud
+    from sarsim.dataset.folder import Dataset
+
+    dataset = Dataset(settings.data)
+    clouds: dict[str, list[LabelledCloud]] = {"train": [], "val": [], "test": []}
+    with progress(disable=not worker.leads) as bars:
+        for entry, scene in bars.track(dataset, total=len(dataset), description="scenes"):
+            for index in range(0, len(scene) if entry.split != "test" else 0, settings.stride):
+                pose = scene.T_world_camera(index)
+                clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size))
+    if not clouds["val"]:
+        raise InputError(
+            f"--data {settings.data}: no scene of the split val, which one in ten is: make 5 at least"
+        )
+    return clouds
+
+
+def _train(trainer: Any, steps: int, disable: bool = False, **options: Any) -> None:
+    """Run a trainer of either network with a progress bar; Ctrl-C ends it after the step under way."""
+    with progress(disable=disable) as bars, Interruptible() as hold:
+        bar = bars.add_task("steps", total=steps, completed=trainer.step)
+
+        def report(now: Any) -> None:
+            bars.update(bar, completed=now.step, description=f"steps, best {now.best:.3f}")
+            if hold.interrupted:
+                raise KeyboardInterrupt
+
+        trainer.run(report, **options)
 
 
 def main() -> None:
     """Entry point."""
-    guarded(train)
+    networks = {"dgcnn": (train_dgcnn, TrainDgcnn), "yolo": (train_yolo, TrainYolo)}
+    run_one_of(networks, str(__doc__))
 
 
 if __name__ == "__main__":

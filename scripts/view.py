@@ -8,7 +8,6 @@ from typing import Annotated
 import tyro
 
 from pipeline.errors import InputError
-from pipeline.recording.viewer import Viewer, has_display
 from sarsim.scripts.cli import run
 
 RECORDING = "episode.rrd"
@@ -26,9 +25,11 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
         web: in the browser even if there is a display.
     """
     recording = find_recording(path)
-    # A page is to end with this process, however and however early that is told to.
+    # The page ends with this process, even if the signal arrives while the viewer starts.
     for ending in (signal.SIGINT, signal.SIGTERM):
         signal.signal(ending, lambda *_: sys.exit())
+    from pipeline.recording.viewer import Viewer, has_display
+
     viewer = Viewer("web" if web or not has_display() else "spawn", recording)
     viewer.wait()
 

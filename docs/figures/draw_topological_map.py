@@ -88,7 +88,7 @@ def farthest_plan(topology: TopologicalMap, surface: Traversability) -> NDArray[
 def main() -> None:
     """Explore and draw."""
     explorer, step = explored()
-    topology = explorer.topological_map
+    topology = explorer.mapper.topological_map
     tree, roadmap = Picture(step.surface), Picture(step.surface)
     tree.edges(topology, topology.tree)
     roadmap.line(farthest_plan(topology, step.surface), PLAN, 9)

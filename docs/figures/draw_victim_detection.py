@@ -14,8 +14,8 @@ from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.detector import DetectorConfig, VictimDetector
 from pipeline.victims.observation import Observation, ObservationConfig, observe
 from sarsim.dataset.render import World, find_scene
+from sarsim.episode import DETECTOR
 from sarsim.scripts.benchmarks.victims_frames import recipe, with_lighting
-from sarsim.scripts.run_episode import DETECTOR
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 

@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.exploration.next_best_view import Exploration, Viewpoint
+from pipeline.exploration.next_best_view import Exploration
+from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.transforms import wrap_angle
-from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import Traversability
 
 ROBOT_SIZE = 0.25
 """m² of unseen ground, about a robot's footprint, that make a frontier worth visiting before smaller ones."""
@@ -35,19 +34,21 @@ class RandomWalk(Exploration):
         """``stride``: the way to the next place is no longer than this, m; ``steps``: after so many it ends."""
         super().__init__()
         self._rng = np.random.default_rng(seed)
-        self._farthest, self._looks_left = stride, steps
+        self._farthest, self._keyframes_left, self._draw = stride, steps, np.zeros(2)
 
-    def next_viewpoint(
-        self,
-        traversability: Traversability,
-        measured: NDArray[np.float32],
-        paths: ShortestPaths,
-        T_map_base: NDArray[np.float64],
-    ) -> Viewpoint | None:
-        """A view drawn by chance; None at the end, and where the robot can drive nowhere."""
-        cells = np.argwhere(traversability.turnable & (paths.cost <= self._farthest))
-        if not len(cells) or not self._looks_left:
+    def observe(self, context: Context) -> None:
+        """Draw where to go next."""
+        self._keyframes_left -= 1
+        self._draw = self._rng.random(2)
+
+    def next_viewpoint(self, context: Context) -> Viewpoint | None:
+        """The viewpoint that was drawn; None at the end, and where the robot can drive nowhere."""
+        near = context.traversability.turnable & (context.paths.cost <= self._farthest)
+        cells = np.argwhere(near)
+        if not len(cells) or self._keyframes_left < 0:
             return None
-        self._looks_left -= 1
-        place = traversability.grid.centre_of(cells[self._rng.integers(len(cells))])
-        return Viewpoint(place, wrap_angle(self._rng.uniform(0, 2 * np.pi)), True, 0.0)
+        place = context.traversability.grid.centre_of(cells[int(self._draw[0] * len(cells))])
+        return Viewpoint(place, wrap_angle(2 * np.pi * self._draw[1]), True, 0.0)
+
+    def commit(self, viewpoint: Viewpoint, context: Context) -> None:
+        """Nothing to remember."""

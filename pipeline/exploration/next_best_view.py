@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.view_areas import ViewAreas
+from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.transforms import wrap_angle, wrap_angles, yaw_of
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability
@@ -71,27 +72,6 @@ class ExplorationConfig:
     look_time: float = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class Viewpoint:
-    """A place to look from.
-
-    Attributes:
-        position: (2,) m in ``map``.
-        heading: rad.
-        turn: whether the robot turns to the heading when it is there; on a ramp it looks along its way.
-        gain: m² of ground expected to be seen for the first time, and what else the look counts for.
-        backwards: whether the robot backs up to the place, and so looks back along its way; None if that is the same.
-        via: (2,) m, where it turns before it drives to the place straight on; None if any way will do.
-    """
-
-    position: NDArray[np.float64]
-    heading: float
-    turn: bool
-    gain: float
-    backwards: bool | None = None
-    via: NDArray[np.float64] | None = None
-
-
 class ViewpointRewards(Protocol):
     """What else than unseen ground is worth a look."""
 
@@ -101,7 +81,11 @@ class ViewpointRewards(Protocol):
         ...
 
     def gains(self, places: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, M) m² that looks from (N, 3) places on the ground along (M,) bearings (rad) count for."""
+        """(N, M) m² that viewpoints at (N, 3) places on the ground along (M,) bearings (rad) count for."""
+        ...
+
+    def aim(self, place: NDArray[np.float64], heading: float) -> None:
+        """Remember that the next keyframe is to be taken from a place (3,) on the ground along a heading (rad)."""
         ...
 
 
@@ -114,47 +98,50 @@ class _Miss:
 
 
 class Exploration:
-    """Chooses views by what would be seen per second of driving.
+    """Chooses viewpoints by what would be seen per second of driving.
 
     Attributes:
-        frontiers: (N, 3) centres of the frontiers left, m in ``map``.
         rewards: what else is worth a look.
     """
 
     def __init__(self, config: ExplorationConfig | None = None):
         self.config = config or ExplorationConfig()
-        self.frontiers = np.zeros((0, 3))
         self.rewards: ViewpointRewards | None = None
         self._misses: dict[tuple[float, float], _Miss] = {}
         self._expected: NDArray[np.float64] = np.zeros((0, 2))
         self._areas: ViewAreas | None = None
 
-    def next_viewpoint(
-        self,
-        traversability: Traversability,
-        measured: NDArray[np.float32],
-        paths: ShortestPaths,
-        T_map_base: NDArray[np.float64],
-    ) -> Viewpoint | None:
-        """The view that shows most per second, or None when nothing is left that is worth a look.
+    def observe(self, context: Context) -> None:
+        """Remember which cells the last keyframe should have shown and did not."""
+        grid, position = context.traversability.grid, context.T_map_base[:2, 3]
+        for cell in self._expected[np.isnan(grid.at(context.measured, self._expected))]:
+            key = (round(cell[0], 3), round(cell[1], 3))
+            count = self._misses[key].count + 1 if key in self._misses else 1
+            self._misses[key] = _Miss(count, position)
+        self._expected = np.zeros((0, 2))
 
-        Args:
-            traversability: what the robot may drive on.
-            measured: (nx, ny) height of the ground that returns have shown, NaN elsewhere.
-            paths: shortest paths from where the robot is.
-            T_map_base: pose of the robot.
-        """
-        self._count_misses(traversability, measured, T_map_base[:2, 3])
-        ground = self._ground(traversability, measured)
-        self.frontiers = _frontiers(traversability, paths, ground.target)
+    def next_viewpoint(self, context: Context) -> Viewpoint | None:
+        """The viewpoint that shows most per second; None when nothing is left that is worth a keyframe."""
+        traversability, paths = context.traversability, context.paths
+        ground = self._ground(traversability, context.measured)
         if paths.start is None or not (ground.target.any() or (self.rewards and self.rewards.wanted)):
             return None
-        viewpoint = self._best_view(traversability, paths, ground, T_map_base) or self._straight_view(
-            traversability, paths, ground
-        )
-        if viewpoint is not None:
-            self._expected = traversability.grid.centre_of(np.argwhere(self._in_view(viewpoint, ground)))
-        return viewpoint
+        best = self._best_view(traversability, paths, ground, context.T_map_base)
+        return best or self._straight_view(traversability, paths, ground)
+
+    def commit(self, viewpoint: Viewpoint, context: Context) -> None:
+        """Remember what a keyframe from this viewpoint should show."""
+        traversability = context.traversability
+        ground = self._ground(traversability, context.measured)
+        in_view = self._in_view(viewpoint, ground)
+        self._expected = traversability.grid.centre_of(np.argwhere(in_view))
+        if self.rewards is not None:
+            self.rewards.aim(traversability.on_ground(viewpoint.position[None])[0], viewpoint.heading)
+
+    def find_frontiers(self, context: Context) -> NDArray[np.float64]:
+        """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
+        target = self._ground(context.traversability, context.measured).target
+        return _frontiers(context.traversability, context.paths, target)
 
     def _best_view(
         self,
@@ -239,16 +226,6 @@ class Exploration:
             seconds: (N, rays) s until the look is taken.
         """
         return np.where(gains >= self.config.min_gain, gains / seconds, 0.0)
-
-    def _count_misses(
-        self, traversability: Traversability, measured: NDArray[np.float32], position: NDArray[np.float64]
-    ) -> None:
-        """Remember which cells the last look should have shown and did not."""
-        for cell in self._expected[np.isnan(traversability.grid.at(measured, self._expected))]:
-            key = (round(cell[0], 3), round(cell[1], 3))
-            count = self._misses[key].count + 1 if key in self._misses else 1
-            self._misses[key] = _Miss(count, position)
-        self._expected = np.zeros((0, 2))
 
     def _ground(self, traversability: Traversability, measured: NDArray[np.float32]) -> kernels.Ground:
         """What is known of the ground; what nobody has seen and may be drivable is worth a look until given up."""

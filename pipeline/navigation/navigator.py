@@ -8,80 +8,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.navigation.attitude import Attitude
+from pipeline.navigation.progress import Progress, Turn
 from pipeline.robot import Motion, Robot, Velocity
 from pipeline.transforms import wrap_angle, yaw_of
 
-
-@dataclass(frozen=True)
-class NavigationConfig:
-    """How the robot drives.
-
-    Attributes:
-        speed: on level ground, m/s (the thesis's 0.2).
-        ramp_speed: climbing and descending, m/s.
-        ramp_tilt: a robot that leans further is on a ramp, rad.
-        crest: and so is one that did no farther from here, m.
-        turn_gain: turn rate over heading error, 1/s: the wider the angle, the faster the turn.
-        max_turn_rate: rad/s.
-        min_turn_rate: below this the skidding wheels would not break loose, rad/s.
-        heading_tolerance: a turn on the spot ends so near to its goal, rad.
-        position_tolerance: a way point counts as reached so near to it, m.
-        cross_track_gain: heading correction over the distance from the line, rad/m.
-        max_tilt: beyond this the robot stops and backs out, rad.
-        tilt_lead: it does so when it will lean that far in so many seconds.
-        turn_limit: on a ramp the robot turns on the spot only if it would drive further than this off its heading, or
-            off its tail, rad.
-        back_limit: there it backs to a way point that is further off its heading, rad: the less it turns, the less it
-            slides.
-        ramp_turn_rate: of such turns, rad/s.
-        ramp_slide: m that the robot slides down in such a turn, for each radian and times the sine of the tilt: 0.18
-            in a quarter turn on 16°, measured.
-        hold_gain: 1/s, speed at which it makes up for that over the metres that it is off its place or will be.
-        hold_speed: of that at most, m/s.
-        short: to a way point no farther that lies right behind it the robot backs also on level ground, m.
-        right_behind: angle off its tail, rad.
-        acceleration, turn_acceleration: that the drive allows itself, m/s² and rad/s²; commands come true so late.
-        blocked_time: s over which speeds are averaged to notice that something holds the robot.
-        blocked_share: of the commanded speed; a slower robot is held, unless it is on a ramp.
-        stuck_time: s without progress after which the robot gives the leg up.
-        stuck_distance: m that count as progress.
-        overdue: it also gives up a turn that has taken so many seconds, or a leg that has taken so many more than
-            four times what it takes at ``ramp_speed``: who slides back and forth is not still, and gets nowhere.
-        jump: m; a robot that is elsewhere by this from one control period to the next was lifted.
-        back_out: m that the robot backs out after it gave up.
-        back_turn: rad that it turns back.
-    """
-
-    speed: float = 0.2
-    ramp_speed: float = 0.15
-    ramp_tilt: float = np.deg2rad(6)
-    crest: float = 0.1
-    turn_gain: float = 1.5
-    max_turn_rate: float = 0.8
-    min_turn_rate: float = 0.06
-    heading_tolerance: float = np.deg2rad(2)
-    position_tolerance: float = 0.04
-    cross_track_gain: float = 1.5
-    max_tilt: float = np.deg2rad(25)
-    tilt_lead: float = 0.1
-    turn_limit: float = np.deg2rad(35)
-    back_limit: float = np.deg2rad(90)
-    ramp_turn_rate: float = 0.4
-    ramp_slide: float = 0.42
-    hold_gain: float = 1.0
-    hold_speed: float = 0.1
-    short: float = 0.8
-    right_behind: float = np.deg2rad(10)
-    acceleration: float = 0.3
-    turn_acceleration: float = np.deg2rad(100)
-    blocked_time: float = 0.5
-    blocked_share: float = 0.35
-    stuck_time: float = 4.0
-    stuck_distance: float = 0.02
-    overdue: float = 60.0
-    jump: float = 0.15
-    back_out: float = 0.3
-    back_turn: float = np.deg2rad(20)
+RAMP_TILT = np.deg2rad(6)
+"""A robot that leans further is on a ramp."""
+CREST = 0.1
+"""m; so is one that did no farther from here."""
+TURN_GAIN = 1.5
+"""1/s, turn rate over heading error: the wider the angle, the faster the turn (thesis 4.5)."""
+HEADING_TOLERANCE = np.deg2rad(2)
+"""A turn on the spot ends so near to its goal."""
+POSITION_TOLERANCE = 0.04
+"""m; a way point counts as reached so near to it."""
+CROSS_TRACK_GAIN = 1.5
+"""rad/m, heading correction over the distance from the line."""
+TILT_LEAD = 0.1
+"""s; the robot backs out when it will lean too far in so much time."""
+TURN_LIMIT = np.deg2rad(35)
+"""On a ramp the robot turns on the spot only if it would drive further than this off its heading, or off its tail."""
+BACK_LIMIT = np.deg2rad(90)
+"""On a ramp it backs to a way point that is further off its heading: the less it turns, the less it slides."""
+HOLD_SPEED = 0.1
+"""m/s; with no more a turn on a ramp makes up for sliding."""
+SHORT, RIGHT_BEHIND = 0.8, np.deg2rad(10)
+"""m, rad; also on level ground the robot backs to a way point no farther that lies within this angle off its tail."""
+JUMP = 0.15
+"""m; a robot that is elsewhere by this from one control period to the next was kidnapped."""
+BACK_OUT, BACK_TURN = 0.3, np.deg2rad(20)
+"""m and rad that the robot undoes after it was held."""
 
 
 class Outcome(Enum):
@@ -93,12 +49,7 @@ class Outcome(Enum):
     BLOCKED = "blocked"
     """Something stands in the way that the map does not show."""
     MOVED = "moved"
-    """The robot was lifted and set down elsewhere."""
-
-
-@dataclass(frozen=True)
-class Turn(Velocity):
-    """A command to turn in place; ``v`` only makes up for sliding down a ramp meanwhile."""
+    """The robot was carried elsewhere."""
 
 
 @dataclass
@@ -132,48 +83,8 @@ class Halt:
 
     @property
     def touches(self) -> bool:
-        """Whether what stopped the robot stands right before the end that went ahead; of turns nobody knows."""
+        """Whether what stopped the robot stands right before the end that went ahead; of turns that is unknown."""
         return self.freed and not isinstance(self.command, Turn)
-
-
-class _Progress:
-    """Notices when the robot is held, and when nothing moves any more, neither the position nor the heading."""
-
-    def __init__(self, config: NavigationConfig, T: NDArray[np.float64], time: float, length: float = 0.0):
-        """``length``: of the leg, m."""
-        self._config = config
-        self._deadline = time + config.overdue + 4 * length / config.ramp_speed
-        self._anchor, self._since = T, time
-        self._last, self._time = T, time
-        # Speeds forward and of turning: as commanded and so far come true, and the averages of what is and should be.
-        self._due, self._wanted, self._felt = np.zeros(2), np.zeros(2), np.zeros(2)
-
-    def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity, on_ramp: bool = False) -> bool:
-        """Whether the newest pose shows that the command cannot be followed; on ramps the wheels skid for a while."""
-        held = self._is_held(T, time - self._time, command) and not on_ramp
-        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > self._config.stuck_distance
-        turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > np.deg2rad(3)
-        if moved or turned:
-            self._anchor, self._since = T, time
-        self._last, self._time = T, time
-        return held or time - self._since > self._config.stuck_time or time > self._deadline
-
-    def _is_held(self, T: NDArray[np.float64], dt: float, command: Velocity) -> bool:
-        config = self._config
-        if dt <= 0:
-            return False
-        limit = np.array([config.acceleration, config.turn_acceleration]) * dt
-        # What a turn makes up for sliding is no way to be made.
-        v = 0.0 if isinstance(command, Turn) else command.v
-        self._due += np.clip([v, command.omega] - self._due, -limit, limit)
-        forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
-        speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
-        share = min(1.0, dt / config.blocked_time)
-        self._wanted += share * (np.abs(self._due) - self._wanted)
-        self._felt += share * (speeds * np.sign(self._due) - self._felt)
-        counts = self._wanted > (0.04, 0.15)
-        counts[1] &= v == 0
-        return bool((counts & (self._felt < config.blocked_share * self._wanted)).any())
 
 
 IsClear = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
@@ -186,6 +97,7 @@ class Navigator:
 
     Attributes:
         robot: the body.
+        hold_gain: 1/s, speed over the metres that a turn on a ramp strays, or will; 0 for wheels that do not slide.
         T_map_odom: 4×4, where the localisation believes the odometry's origin.
         legs: every leg driven so far.
         halts: what stopped the robot on the last way that it followed.
@@ -196,7 +108,7 @@ class Navigator:
     """
 
     robot: Robot
-    config: NavigationConfig = field(default_factory=NavigationConfig)
+    hold_gain: float = 1.0
     T_map_odom: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     legs: list[Leg] = field(default_factory=list)
     halts: list[Halt] = field(default_factory=list)
@@ -218,14 +130,14 @@ class Navigator:
 
         Args:
             way_points: (N, 2 or 3) m in ``map``, at least one.
-            heading: rad, in which the robot looks at the end.
+            heading: rad, that the robot has at the end.
             back_up: whether to drive to the last way point backwards; None if either will do.
-            start: (2,) m, where the way begins. A robot that stands elsewhere was lifted and does not follow it.
+            start: (2,) m, where the way begins. A robot that stands elsewhere was kidnapped and does not follow it.
             is_clear: asked while the robot drives forward, not in turns; it stops where the answer is no.
         """
         self.halts, self.track = [], []
         here = self._drive(Velocity())[:2, 3]
-        if start is not None and np.linalg.norm(here - start) > self.config.jump:
+        if start is not None and np.linalg.norm(here - start) > JUMP:
             self.legs.append(Leg(way_points[0][:2], Outcome.MOVED, 0.0))
             return False
         for n, target in enumerate(way_points, start=1):
@@ -233,9 +145,9 @@ class Navigator:
                 np.asarray(target)[:2], back_up if n == len(way_points) else None, is_clear
             ):
                 return False
-        return heading is None or self._look_along(heading)
+        return heading is None or self._turn_to_viewpoint(heading)
 
-    def _look_along(self, heading: float) -> bool:
+    def _turn_to_viewpoint(self, heading: float) -> bool:
         """Turn to the heading at the last way point; a turn that fails is a leg that failed."""
         outcome = self._finish(self._turn_to(heading))
         if outcome is not Outcome.REACHED and self.legs:
@@ -247,7 +159,7 @@ class Navigator:
         T, started = self.T_map_base, self._time
         outcome = Outcome.REACHED
         length = float(np.linalg.norm(target - T[:2, 3]))
-        if length > self.config.position_tolerance:
+        if length > POSITION_TOLERANCE:
             commands = self._approach(T, target, back_up)
             outcome = self._finish(commands, lambda here: is_clear(here, target), length)
         self.legs.append(Leg(target, outcome, self._time - started))
@@ -261,33 +173,39 @@ class Navigator:
         backwards = self._should_back(T, target, on_ramp) if back_up is None else back_up
         # Not from where it slides to in the turn: the bearing of a way point that is near would turn as well.
         heading = _bearing(T[:2, 3], target) + np.pi * backwards
-        if not on_ramp or abs(wrap_angle(heading - yaw_of(T))) > self.config.turn_limit:
+        if not on_ramp or abs(wrap_angle(heading - yaw_of(T))) > TURN_LIMIT:
             yield from self._turn_to(heading)
         yield from self._straight_to(self.T_map_base[:2, 3].copy(), target, backwards)
 
     def _should_back(self, T: NDArray[np.float64], target: NDArray[np.float64], on_ramp: bool) -> bool:
         """Whether to back to a way point that may be met either way."""
-        config, error = self.config, abs(wrap_angle(_bearing(T[:2, 3], target) - yaw_of(T)))
-        is_short = bool(np.linalg.norm(target - T[:2, 3]) <= config.short)
-        return error > config.back_limit if on_ramp else is_short and error > np.pi - config.right_behind
+        error = abs(wrap_angle(_bearing(T[:2, 3], target) - yaw_of(T)))
+        is_short = bool(np.linalg.norm(target - T[:2, 3]) <= SHORT)
+        return error > BACK_LIMIT if on_ramp else is_short and error > np.pi - RIGHT_BEHIND
 
     @property
     def _on_ramp(self) -> bool:
         """Whether the robot leans, or did right before: on the crest of a ridge it stands level."""
         return self._leaned_at is not None and bool(
-            np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < self.config.crest
+            np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < CREST
         )
+
+    @property
+    def _limits(self) -> tuple[float, float]:
+        """Greatest speed (m/s) and turn rate (rad/s) on the ground under the robot."""
+        model = self.robot.model
+        return (model.ramp_speed, model.ramp_turn_rate) if self._on_ramp else (model.speed, model.turn_rate)
 
     def _turn_to(self, heading: float) -> Iterator[Velocity]:
         """Commands that turn on the spot, the shorter way, to a heading."""
-        config, place = self.config, self.T_map_base[:2, 3].copy()
+        place = self.T_map_base[:2, 3].copy()
         while True:
             T = self.T_map_base
             error = wrap_angle(heading - yaw_of(T))
-            if abs(error) < config.heading_tolerance:
+            if abs(error) < HEADING_TOLERANCE:
                 return
-            fastest = config.ramp_turn_rate if self._on_ramp else config.max_turn_rate
-            rate = np.clip(config.turn_gain * abs(error), config.min_turn_rate, fastest)
+            _, fastest = self._limits
+            rate = np.clip(TURN_GAIN * abs(error), self.robot.model.min_turn_rate, fastest)
             yield Turn(self._hold(T, place, error) if self._on_ramp else 0.0, float(np.sign(error) * rate))
 
     def _hold(self, T: NDArray[np.float64], place: NDArray[np.float64], left: float) -> float:
@@ -296,30 +214,30 @@ class Navigator:
         It can only make up for what it slides along its heading, so it does so ahead of time as well. In a quarter
         turn on 16° it strays by 0.13 m at most instead of 0.21, measured.
         """
-        config, ahead = self.config, T[:2, 0] / np.linalg.norm(T[:2, 0])
-        slide = config.ramp_slide * abs(left) * T[:2, 2]
-        speed = config.hold_gain * (place - T[:2, 3] - slide) @ ahead
-        return float(np.clip(speed, -config.hold_speed, config.hold_speed))
+        ahead = T[:2, 0] / np.linalg.norm(T[:2, 0])
+        slide = self.robot.model.slide_per_radian * abs(left) * T[:2, 2]
+        speed = self.hold_gain * (place - T[:2, 3] - slide) @ ahead
+        return float(np.clip(speed, -HOLD_SPEED, HOLD_SPEED))
 
     def _straight_to(
         self, start: NDArray[np.float64], target: NDArray[np.float64], backwards: bool
     ) -> Iterator[Velocity]:
         """Commands that follow the line from ``start`` until the robot is abreast of the target."""
-        config = self.config
         length = max(float(np.linalg.norm(target - start)), 1e-6)
         along = (target - start) / length
         left = np.array([-along[1], along[0]])
         bearing = np.arctan2(along[1], along[0]) + (np.pi if backwards else 0.0)
+        fastest = self.robot.model.turn_rate
         while True:
             T = self.T_map_base
             remaining = float(length - (T[:2, 3] - start) @ along)
-            if remaining < config.position_tolerance:
+            if remaining < POSITION_TOLERANCE:
                 return
-            offset = float(np.clip(config.cross_track_gain * ((T[:2, 3] - start) @ left), -0.5, 0.5))
+            offset = float(np.clip(CROSS_TRACK_GAIN * ((T[:2, 3] - start) @ left), -0.5, 0.5))
             error = wrap_angle(bearing - offset - yaw_of(T))
             # Slowing down before the way point keeps the wheels from skidding past it.
-            speed = min(config.ramp_speed if self._on_ramp else config.speed, max(0.05, remaining))
-            rate = float(np.clip(config.turn_gain * error, -config.max_turn_rate, config.max_turn_rate))
+            speed = min(self._limits[0], max(0.05, remaining))
+            rate = float(np.clip(TURN_GAIN * error, -fastest, fastest))
             yield Velocity(-speed if backwards else speed, rate)
 
     def _finish(
@@ -329,16 +247,16 @@ class Navigator:
         length: float = 0.0,
     ) -> Outcome:
         """Give commands until they end or something stands ahead; a robot that leans too far or is held backs out."""
-        progress = _Progress(self.config, self.T_map_base, self._time, length)
+        progress = Progress(self.robot.model, self.T_map_base, self._time, length)
         for command in commands:
             if command.v > 0 and not isinstance(command, Turn) and not is_clear(self.T_map_base[:2, 3]):
                 self._drive(Velocity())
                 return Outcome.BLOCKED
             before, T = self.T_map_base, self._drive(command)
-            if np.linalg.norm(T[:3, 3] - before[:3, 3]) > self.config.jump:
+            if np.linalg.norm(T[:3, 3] - before[:3, 3]) > JUMP:
                 self._drive(Velocity())
                 return Outcome.MOVED
-            leans = self.attitude.tilt_in(self.config.tilt_lead) > self.config.max_tilt
+            leans = self.attitude.tilt_in(TILT_LEAD) > self.robot.model.tipping_tilt
             if leans or progress.is_stuck(T, self._time, command, self._on_ramp):
                 self._back_out(command)
                 self.halts.append(Halt(T, command, self._came_away(T, command)))
@@ -349,17 +267,14 @@ class Navigator:
 
     def _back_out(self, command: Velocity) -> None:
         """Undo the last of the motion: that way was free."""
-        config = self.config
+        model = self.robot.model
         if isinstance(command, Turn):
-            undo, seconds = Velocity(0.0, -np.sign(command.omega) * config.ramp_turn_rate), config.back_turn
-            seconds /= config.ramp_turn_rate
+            rate = model.ramp_turn_rate
+            undo, seconds = Velocity(0.0, -np.sign(command.omega) * rate), BACK_TURN / rate
         else:
-            undo, seconds = (
-                Velocity(-np.sign(command.v) * config.ramp_speed),
-                config.back_out / config.ramp_speed,
-            )
+            undo, seconds = Velocity(-np.sign(command.v) * model.ramp_speed), BACK_OUT / model.ramp_speed
         T = self._drive(Velocity())
-        progress = _Progress(config, T, self._time)
+        progress = Progress(model, T, self._time)
         for _ in range(round(seconds / self.robot.control_period)):
             if progress.is_stuck(self._drive(undo), self._time, undo, self._on_ramp):
                 break
@@ -368,13 +283,13 @@ class Navigator:
     def _came_away(self, T: NDArray[np.float64], command: Velocity) -> bool:
         """Whether the robot has undone most of what it should have from the pose where it was held."""
         if isinstance(command, Turn):
-            return bool(abs(wrap_angle(yaw_of(self.T_map_base) - yaw_of(T))) > self.config.back_turn / 2)
-        return bool(np.linalg.norm(self.T_map_base[:3, 3] - T[:3, 3]) > self.config.back_out / 2)
+            return bool(abs(wrap_angle(yaw_of(self.T_map_base) - yaw_of(T))) > BACK_TURN / 2)
+        return bool(np.linalg.norm(self.T_map_base[:3, 3] - T[:3, 3]) > BACK_OUT / 2)
 
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)
         self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
-        if self.attitude.tilt_in(0.0) > self.config.ramp_tilt:
+        if self.attitude.tilt_in(0.0) > RAMP_TILT:
             self._leaned_at = self.T_map_base[:3, 3]
         self.track.append(self.T_map_base[:2, 3])
         return self.T_map_base

@@ -1,73 +1,63 @@
-"""The lookout: glances on the way, while the map is as old as the last look.
+"""The obstacle check: does something stand in the robot's way that the map does not show?
 
-A plan leads over ground that the map shows free. Until the next look the robot would follow it blindly; a glance at
-the depth image tells whether something stands there by now.
+A plan leads over ground that the map shows free, and the map is as old as the last keyframe. So the robot
+checks the depth image while it drives.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.robot import RobotModel
 from pipeline.traversability.traversability import Traversability
 
-
-@dataclass(frozen=True)
-class ObstacleCheckConfig:
-    """What stands in the way.
-
-    Attributes:
-        stride: m of driving straight on between two glances.
-        near: the camera sees nothing nearer to the robot's middle, m.
-        far: what is further away does not count yet, m.
-        beyond: nor what is further than this behind the way point, m: the robot's front comes to stand there.
-        half_width: of the corridor, m.
-        low, high: m above the ground that the map knows; what rises between them holds the robot.
-        min_points: returns in a cell; noise leaves none there and the thickest dust at most 17, measured.
-    """
-
-    stride: float = 0.4
-    near: float = 0.9
-    far: float = 2.0
-    beyond: float = 0.35
-    half_width: float = 0.27
-    low: float = 0.15
-    high: float = 0.6
-    min_points: int = 50
+STRIDE = 0.4
+"""m of driving straight on between two checks."""
+NEAR = 0.9
+"""m from the robot's middle; its camera sees nothing nearer."""
+FAR = 2.0
+"""m from the robot's middle; what is farther away does not count yet."""
+BEYOND = 0.35
+"""m behind the way point; the robot's front comes to stand there, what is farther does not count."""
+SIDE_MARGIN = 0.0215
+"""m beside the footprint."""
+LOW, HIGH = 0.15, 0.6
+"""m above the ground that the map knows; what rises between them holds the robot."""
+MIN_RETURNS = 50
+"""Returns in a cell; noise leaves none there and the thickest dust at most 17, measured."""
 
 
 class ObstacleCheck:
     """Watches the way of one drive.
 
     Attributes:
-        obstacles: (N, 3) what stands in the way that the surface does not know, m in ``map``.
+        obstacles: (N, 3) what stands in the way that the map does not show, m in ``map``.
     """
 
     def __init__(
-        self,
-        glance: Callable[[], NDArray[np.float32]],
-        traversability: Traversability,
-        config: ObstacleCheckConfig | None = None,
+        self, returns: Callable[[], NDArray[np.float32]], traversability: Traversability, robot: RobotModel
     ):
-        """``glance``: gives (N, 3) the returns that the camera has now, m in ``map``."""
-        self.config = config or ObstacleCheckConfig()
+        """``returns``: gives (N, 3) the returns that the camera has now, m in ``map``."""
         self.obstacles = np.zeros((0, 3), np.float32)
-        self._glance, self._surface = glance, traversability
+        self._returns, self._traversability, self._robot = returns, traversability, robot
         self._target: NDArray[np.float64] | None = None
         self._last = np.zeros(2)
 
     def is_clear(self, position: NDArray[np.float64], target: NDArray[np.float64]) -> bool:
         """Whether nothing stands between the robot and a way point (2,) that it drives straight to.
 
-        It glances when the way point is new, and every ``stride``; not when the way point is nearer than it can see.
+        It takes an image when the way point is new, and every ``STRIDE``; not when the way point is nearer than it
+        can see.
         """
-        config, is_new = self.config, target is not self._target
-        if np.linalg.norm(target - position) + config.beyond < config.near:
+        is_new = target is not self._target
+        if np.linalg.norm(target - position) + BEYOND < NEAR:
             return True
-        if is_new or np.linalg.norm(position - self._last) >= config.stride:
+        if is_new or np.linalg.norm(position - self._last) >= STRIDE:
             self._target, self._last = target, position
-            self.obstacles = obstacles_between(position, target, self._glance(), self._surface, config)
+            self.obstacles = obstacles_between(
+                position, target, self._returns(), self._traversability, self._robot
+            )
         return not len(self.obstacles)
 
 
@@ -76,24 +66,16 @@ def obstacles_between(
     target: NDArray[np.float64],
     points: NDArray[np.float32],
     traversability: Traversability,
-    config: ObstacleCheckConfig,
+    robot: RobotModel,
 ) -> NDArray[np.float32]:
-    """(M, 3) those of the points (N, 3) that stand between two places (2,) on ground known as drivable."""
-    length = max(float(np.linalg.norm(target - start)), 1e-6)
+    """(M, 3) those of the points (N, 3) that stand between two places (2,) on traversable ground."""
+    grid, length = traversability.grid, max(float(np.linalg.norm(target - start)), 1e-6)
     ahead = (target - start) / length
     along = (points[:, :2] - start) @ ahead
     across = (points[:, :2] - start) @ np.array([-ahead[1], ahead[0]])
-    on_way = (
-        (along > 0) & (along < min(length + config.beyond, config.far)) & (abs(across) < config.half_width)
-    )
-    near = points[on_way]
-    height = near[:, 2] - traversability.grid.at(traversability.elevation, near, outside=np.nan)
-    near = near[
-        traversability.grid.at(traversability.traversable, near)
-        & (height > config.low)
-        & (height < config.high)
-    ]
-    _, cell, count = np.unique(
-        traversability.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True
-    )
-    return near[count[cell.ravel()] >= config.min_points]
+    on_way = (along > 0) & (along < min(length + BEYOND, FAR))
+    near = points[on_way & (abs(across) < robot.half_width + SIDE_MARGIN)]
+    height = near[:, 2] - grid.at(traversability.elevation, near, outside=np.nan)
+    near = near[grid.at(traversability.traversable, near) & (height > LOW) & (height < HIGH)]
+    _, cell, count = np.unique(grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
+    return near[count[cell.ravel()] >= MIN_RETURNS]

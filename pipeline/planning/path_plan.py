@@ -16,7 +16,7 @@ from pipeline.traversability.traversability import Traversability
 
 _START, _GOAL = "start", "goal"
 THICKEST = 0.3
-"""m; ground that nobody has seen may be the inside of a wall if something so near cannot be driven on."""
+"""m; unseen ground may be the inside of a wall if a hazard is so near."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class PathPlan:
     length: float
 
     def after(self, places: NDArray[np.float64], here: NDArray[np.float64]) -> "PathPlan":
-        """The same plan, if the robot first drives from here (3,) over places (N, 3) m, from whose last it begins."""
+        """The same plan after a drive from here (3,) over places (N, 3) m, at whose last it begins."""
         legs = np.diff(np.vstack([here, places])[:, :2], axis=0)
         length = self.length + float(np.linalg.norm(legs, axis=1).sum())
         return replace(self, way_points=np.vstack([places, self.way_points]), length=length)
@@ -86,8 +86,8 @@ def obstacle_to(traversability: Traversability, paths: ShortestPaths, goal: Arra
         return f"{name} cannot be driven to: the robot stands where it cannot drive"
     if np.isnan(grid.at(traversability.elevation, goal, outside=np.nan)):
         if grid.at(traversability.to_hazard, goal, outside=np.inf) < THICKEST:
-            return f"{name} is in a wall or right behind one: nobody has seen the ground there"
-        return f"{name} is off the map: nobody has seen the ground there"
+            return f"{name} is in a wall or right behind one: the ground there was not seen"
+        return f"{name} is off the map: the ground there was not seen"
     if grid.at(traversability.hazard, goal):
         return f"{name} is in a wall, on a step or on ground too steep"
     if not grid.at(traversability.traversable, goal):
@@ -98,12 +98,12 @@ def obstacle_to(traversability: Traversability, paths: ShortestPaths, goal: Arra
 
 
 def goal_name(goal: NDArray[np.float64]) -> str:
-    """What a goal (2,) is called in the log."""
+    """The name of a goal (2,) in the log."""
     return f"the goal {place_name(goal)}"
 
 
 def place_name(xy: NDArray[np.float64]) -> str:
-    """What a place (2,) is called in the log."""
+    """The name of a place (2,) in the log."""
     x, y = np.round(xy, 2) + 0.0  # which makes 0 of -0
     return f"({x:.2f}, {y:.2f}) m"
 

@@ -1,4 +1,4 @@
-"""How the viewer opens a recording: the map, the camera, the metrics and the log in place."""
+"""The layout with which the viewer opens a recording: the map, the camera, the metrics and the log."""
 
 import numpy as np
 import rerun as rr
@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 BACKGROUND = (38, 40, 44)
 
-VIEW = (1.45, 0.8)
-"""Width and depth of the ground, in m, that the viewer's eye takes in from a metre away."""
+SEEN_PER_METRE = (1.45, 0.8)
+"""Width and depth of the ground that the viewer's eye sees, in m for each m that it is away."""
 
 _SCENE = (
     "+ $origin/**",
@@ -55,10 +55,10 @@ def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb
 
 
 def _eye(low: NDArray[np.float64], high: NDArray[np.float64]) -> rrb.EyeControls3D:
-    """So far back that the box fills the view, looking down so steeply that its walls hide little."""
+    """The eye at the distance from which the box fills the window, and so steep that its walls hide little."""
     middle = (low + high) / 2
     width, depth = (high - low)[:2]
-    away = np.array([0.0, -0.45, 0.9]) * max(width / VIEW[0], depth / VIEW[1])
+    away = np.array([0.0, -0.45, 0.9]) * max(width / SEEN_PER_METRE[0], depth / SEEN_PER_METRE[1])
     return rrb.EyeControls3D(position=middle + away, look_target=middle)
 
 

@@ -9,11 +9,10 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.exploration.next_best_view import Viewpoint
+from pipeline.explorer import Step
 from pipeline.frame import Frame
 from pipeline.labels import COLOURS, Label
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.planning.path_plan import PathPlan
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.topological_map.topological_map import TopologicalMap
@@ -23,8 +22,10 @@ PLAN_COLOUR = (0, 220, 255)
 FRONTIER_COLOUR = (220, 0, 220)
 TRAJECTORY_COLOUR = (255, 255, 255)
 
-_LIFT = np.array([0, 0, 0.06])
-"""m; what lies on the ground is drawn a little above it, where points and voxels do not hide it."""
+ABOVE_GROUND = np.array([0, 0, 0.06])
+"""m; what lies on the ground is drawn above it, where points and voxels do not hide it."""
+JPEG_QUALITY = 80
+"""Of the colour images, up to 100."""
 
 
 def annotations() -> rr.AnnotationContext:
@@ -40,7 +41,7 @@ def transform(T: NDArray[np.float64]) -> rr.Transform3D:
 
 
 def pinhole(frame: Frame) -> rr.Pinhole:
-    """The camera, with x right, y down, z forward."""
+    """The camera of a frame, with x right, y down, z forward."""
     k = frame.intrinsics
     return rr.Pinhole(
         resolution=[k.width, k.height],
@@ -51,23 +52,20 @@ def pinhole(frame: Frame) -> rr.Pinhole:
     )
 
 
-def colour_image(rgb: NDArray[np.uint8], quality: int) -> rr.EncodedImage:
-    """(H, W, 3) uint8 as JPEG of a ``quality`` up to 100."""
-    _, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+def colour_image(rgb: NDArray[np.uint8]) -> rr.EncodedImage:
+    """(H, W, 3) uint8 RGB as JPEG."""
+    _, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
 
 
 def depth_image(depth: NDArray[np.float32], max_depth: float) -> rr.EncodedDepthImage:
-    """(H, W) float32 m as a PNG of whole millimetres, 0 = no return; the colours end at ``max_depth`` m."""
+    """(H, W) float32 m as a PNG of whole millimetres, 0 = no return; the colour scale ends at ``max_depth`` m."""
     millimetres = np.round(np.nan_to_num(depth, posinf=0, neginf=0) * 1000).clip(0, 65535).astype(np.uint16)
     # Higher levels take five times as long for a tenth of the size.
     _, data = cv2.imencode(".png", millimetres, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    scale = 0, 1000 * max_depth
     return rr.EncodedDepthImage(
-        data.tobytes(),
-        media_type="image/png",
-        meter=0.001,
-        colormap="turbo",
-        depth_range=(0, 1000 * max_depth),
+        data.tobytes(), media_type="image/png", meter=0.001, colormap="turbo", depth_range=scale
     )
 
 
@@ -84,17 +82,17 @@ def occupied_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.V
 
 
 def free_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.VoxelGridMap:
-    """Voxels of the map, given by their (N, 3) centres, as a mist."""
+    """Voxels of the map, given by their (N, 3) centres, nearly transparent."""
     return _voxels(metric_map, centres, colors=[(150, 200, 255)] * len(centres), opacity=0.03)
 
 
-def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **steps: Any) -> rr.VoxelGridMap:
+def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **style: Any) -> rr.VoxelGridMap:
     size = metric_map.config.voxel_size
     return rr.VoxelGridMap(
         metric_map.voxel_index(centres).astype(np.int32),
         voxel_size=np.full(3, size),
         translation=metric_map.voxel_centre(np.zeros((1, 3), np.int64))[0] - size / 2,
-        **steps,
+        **style,
     )
 
 
@@ -123,10 +121,10 @@ def segment_boxes(segments: Segments) -> rr.Boxes3D:
 
 
 def nodes(topology: TopologicalMap) -> rr.Points3D:
-    """The nodes, with their ids, in the colours of the segments they stand on."""
+    """The nodes, with their ids, in the colours of the segments that they stand on."""
     places = np.array([node.position for node in topology.nodes.values()]).reshape(-1, 3)
     return rr.Points3D(
-        places + 1.5 * _LIFT,
+        places + 1.5 * ABOVE_GROUND,
         class_ids=[int(node.label) for node in topology.nodes.values()],
         labels=[str(n) for n in topology.nodes],
         show_labels=False,
@@ -135,27 +133,28 @@ def nodes(topology: TopologicalMap) -> rr.Points3D:
 
 
 def edges(topology: TopologicalMap) -> rr.LineStrips3D:
-    """The edges that plans are made on."""
+    """The edges along which paths are planned."""
     ways = [topology.way(a, b) for a, b in topology.graph.edges]
-    return rr.LineStrips3D([way + _LIFT for way in ways], colors=EDGE_COLOUR, radii=0.015)
+    return rr.LineStrips3D([way + ABOVE_GROUND for way in ways], colors=EDGE_COLOUR, radii=0.015)
 
 
-def path(T_map_base: NDArray[np.float64], plan: PathPlan | None, view: Viewpoint | None) -> rr.LineStrips3D:
-    """The way from where the robot is, with a short line at its end along the view; nothing without a plan."""
+def path(step: Step) -> rr.LineStrips3D:
+    """The path from the robot to the next viewpoint, with a short line along its heading; none without a plan."""
     strips = []
-    if plan is not None:
-        strips.append(np.vstack([T_map_base[:3, 3], plan.way_points]))
-    if plan is not None and view is not None:
-        heading = 0.3 * np.array([np.cos(view.heading), np.sin(view.heading), 0])
-        strips.append(plan.way_points[-1] + np.array([np.zeros(3), heading]))
-    return rr.LineStrips3D([strip + 1.5 * _LIFT for strip in strips], colors=PLAN_COLOUR, radii=0.025)
+    if step.plan is not None:
+        strips.append(np.vstack([step.keyframe.T_map_base[:3, 3], step.plan.way_points]))
+    if step.plan is not None and step.viewpoint is not None:
+        yaw = step.viewpoint.heading
+        heading = 0.3 * np.array([np.cos(yaw), np.sin(yaw), 0])
+        strips.append(step.plan.way_points[-1] + np.array([np.zeros(3), heading]))
+    return rr.LineStrips3D([strip + 1.5 * ABOVE_GROUND for strip in strips], colors=PLAN_COLOUR, radii=0.025)
 
 
 def frontier_points(frontiers: NDArray[np.float64]) -> rr.Points3D:
-    """(N, 3) middles of the frontiers."""
-    return rr.Points3D(frontiers + _LIFT, colors=FRONTIER_COLOUR, radii=0.06)
+    """(N, 3) m, the middles of the frontiers."""
+    return rr.Points3D(frontiers + ABOVE_GROUND, colors=FRONTIER_COLOUR, radii=0.06)
 
 
 def trajectory(positions: Sequence[ArrayLike], colour: tuple[int, int, int]) -> rr.LineStrips3D:
-    """Positions (3,) as one line."""
-    return rr.LineStrips3D([np.array(positions) + _LIFT], colors=colour, radii=0.008)
+    """Positions, (3,) m each, as one line."""
+    return rr.LineStrips3D([np.array(positions) + ABOVE_GROUND], colors=colour, radii=0.008)

@@ -1,11 +1,8 @@
 """What the robot's software knows, logged to Rerun step by step."""
 
-import subprocess
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
 from pathlib import Path
-from subprocess import DEVNULL
 from typing import Literal
 
 import numpy as np
@@ -17,35 +14,23 @@ from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
 from pipeline.recording import drawings, victim_drawings
 from pipeline.recording.blueprint import blueprint
-from pipeline.recording.viewer import Viewer, executable
+from pipeline.recording.viewer import Viewer, start_rerun
 from pipeline.transforms import tilt_of
 from pipeline.victims.victim_map import Victims
 
 Level = Literal["INFO", "WARN", "ERROR"]
 
+# The numbers that keep a recording small.
+POINT_SPACING = 0.04
+"""m; the semantic map is thinned to a point per cube of this side."""
+GROWTH = 0.05
+"""Share by which a cloud has to grow to be logged again; all are logged at the end."""
+MOTION_PERIOD = 0.2
+"""s between two logged poses of the moving robot."""
+TRACK_SPACING = 0.05
+"""m between two points of a trajectory."""
 FLUSH_TIME = 30.0
-"""s, that a sink may take for what is still on its way at the end."""
-
-
-@dataclass(frozen=True)
-class RecordingConfig:
-    """How a recording is kept small.
-
-    Attributes:
-        jpeg_quality: of the colour images, up to 100.
-        max_depth: m, where the colours of the depth images end.
-        point_spacing: m; the semantic map is thinned to a point per cube of this side.
-        growth: clouds are logged again when they have grown by this share, and at the end.
-        motion_period: s, between two logged poses of the moving robot.
-        track_spacing: m, between two points of the trajectory.
-    """
-
-    jpeg_quality: int = 80
-    max_depth: float = 3.5
-    point_spacing: float = 0.04
-    growth: float = 0.05
-    motion_period: float = 0.2
-    track_spacing: float = 0.05
+"""s that a sink may take at the end for what it has not got yet."""
 
 
 class Track:
@@ -53,11 +38,10 @@ class Track:
 
     Attributes:
         distance: m.
-        positions: (3,) m each, no two neighbours nearer than ``spacing``.
+        positions: (3,) m each, neighbours at least ``TRACK_SPACING`` apart.
     """
 
-    def __init__(self, spacing: float):
-        self.spacing = spacing
+    def __init__(self) -> None:
         self.distance = 0.0
         self.positions: list[NDArray[np.float64]] = []
         self._last: NDArray[np.float64] | None = None
@@ -67,7 +51,7 @@ class Track:
         if self._last is not None:
             self.distance += float(np.linalg.norm(position - self._last))
         self._last = position.copy()
-        if not self.positions or np.linalg.norm(position - self.positions[-1]) >= self.spacing:
+        if not self.positions or np.linalg.norm(position - self.positions[-1]) >= TRACK_SPACING:
             self.positions.append(self._last)
 
 
@@ -75,69 +59,67 @@ class Recorder:
     """Logs what the robot's software knows to a file, and to a viewer if there is one.
 
     Attributes:
-        stream: for whoever knows more, such as a simulator; its timelines are ``step`` and ``sim_time``.
+        stream: takes what others, such as a simulator, log; its timelines are ``step`` and ``sim_time``.
+        viewer: shows the recording meanwhile; None if there is none.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        viewer: Viewer | None = None,
-        layout: rrb.Blueprint | None = None,
-        config: RecordingConfig | None = None,
-    ):
+    def __init__(self, path: Path, viewer: Viewer | None = None, layout: rrb.Blueprint | None = None):
         """Begin a recording that bears its folder's name.
 
         Args:
             path: of the file, which is written as the recording grows and can be read at any time.
             viewer: shows it meanwhile.
-            layout: that a viewer opens it with.
-            config: how it is kept small.
+            layout: with which a viewer opens it.
 
         Raises:
             InputError: the file cannot be written.
         """
-        self.config = config or RecordingConfig()
-        self._path, self._viewer = path, viewer
+        self._path, self.viewer = path, viewer
         self.stream = _new_stream(path, viewer)
         self._step = 0
         self._time = 0.0
-        self._track = Track(self.config.track_spacing)
+        self._track = Track()
         self._moved: tuple[float, float] | None = None
         self._logged_size: dict[str, int] = {}
         self._explorer: Explorer | None = None
         self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
 
-    def log_step(self, number: int, explorer: Explorer, step: Step) -> None:
-        """Log what a look brought and what has become of the maps."""
-        self._step, self._explorer = number, explorer
-        self._track.add(step.T_map_base[:3, 3])
-        self._set_time(step.frame.time)
-        self._log_pose(step.T_map_base)
-        self._log_camera(step)
-        self._log_maps(explorer)
+    def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
+        """Log a step of the explorer, the ``index``-th from 0 on, and the maps after it."""
+        self._step, self._explorer = index, explorer
+        self._track.add(step.keyframe.T_map_base[:3, 3])
+        self._set_time(step.keyframe.frame.time)
+        self._log_moved(step.keyframe.T_map_base)
+        self._log_camera(step, explorer.robot.model.camera_range[1])
         self._log_clouds(explorer)
-        if explorer.detector is not None:
-            self._log_victims(explorer.victims, step)
+        if explorer.mapper.detector is not None:
+            self._log_victims(explorer.mapper.victims, step)
         log = self.stream.log
-        log("world/path_plan", drawings.path(step.T_map_base, step.plan, step.viewpoint))
-        log("world/frontiers", drawings.frontier_points(explorer.exploration.frontiers))
+        log("world/segments", drawings.segment_boxes(explorer.mapper.segments))
+        log("world/topological_map/nodes", drawings.nodes(explorer.mapper.topological_map))
+        log("world/topological_map/edges", drawings.edges(explorer.mapper.topological_map))
+        log("world/path_plan", drawings.path(step))
+        log("world/frontiers", drawings.frontier_points(step.frontiers))
         log("world/trajectory", drawings.trajectory(self._track.positions, drawings.TRAJECTORY_COLOUR))
-        self._log_metrics(explorer)
+        self._log_progress(explorer, step)
 
-    def log_motion(self, time: float, T_map_base: NDArray[np.float64]) -> bool:
-        """Log where the robot is between looks, thinned to a few poses a second; whether this one was logged."""
+    def log_pose(self, time: float, T_map_base: NDArray[np.float64]) -> bool:
+        """Log the robot's 4×4 pose between steps, thinned to 5 a second; whether this one was logged."""
         self._track.add(T_map_base[:3, 3])
         # Half a millisecond, for times that are sums of many control periods.
-        if self._moved is not None and time - self._moved[0] < self.config.motion_period - 5e-4:
+        if self._moved is not None and time - self._moved[0] < MOTION_PERIOD - 5e-4:
             return False
         self._set_time(time, on_a_step=False)
-        self._log_pose(T_map_base)
-        self._log_speed(time)
+        self._log_moved(T_map_base)
+        if self._moved is not None:
+            before, distance = self._moved
+            self._log_metrics(speed_m_s=(self._track.distance - distance) / (time - before))
+        self._moved = (time, self._track.distance)
         return True
 
     def log_message(self, level: Level, text: str) -> None:
-        """Log a line for people to read."""
+        """Log a line of text."""
         self._set_time(self._time)
         self.stream.log("log", rr.TextLog(text, level=level))
 
@@ -147,19 +129,19 @@ class Recorder:
         self.stream.log("world/victims/ways", victim_drawings.ways(ways))
 
     def close(self) -> None:
-        """Log the maps as they are at the end, and write what is still on its way to the sinks."""
+        """Log the maps as they are at the end, and write all that the sinks have not got yet."""
         if self._explorer is not None:
             self._set_time(self._time)
             self._logged_size.clear()
             self._log_clouds(self._explorer)
-        # A window that was closed meanwhile takes nothing more; the file is whole all the same.
-        with suppress(RuntimeError) if self._viewer else nullcontext():
+        # A window that was closed meanwhile takes no data any more; the file is whole all the same.
+        with suppress(RuntimeError) if self.viewer else nullcontext():
             self.stream.flush(timeout_sec=FLUSH_TIME)
         self.stream.disconnect()
         _compact(self._path)
 
     def _set_time(self, time: float, *, on_a_step: bool = True) -> None:
-        """Between two looks there is no step: on that timeline the robot stands where it looked from."""
+        """Between two steps there is no ``step``: on that timeline the robot stands where it took its keyframe."""
         self._time = time
         self.stream.set_time("sim_time", duration=time)
         if on_a_step:
@@ -167,56 +149,44 @@ class Recorder:
         else:
             self.stream.disable_timeline("step")
 
-    def _log_pose(self, T_map_base: NDArray[np.float64]) -> None:
+    def _log_moved(self, T_map_base: NDArray[np.float64]) -> None:
         self.stream.log("world/robot", drawings.transform(T_map_base))
         roll, pitch = np.rad2deg(tilt_of(T_map_base))
-        self._log_metric("roll_deg", roll)
-        self._log_metric("pitch_deg", pitch)
-        self._log_metric("distance_m", self._track.distance)
+        self._log_metrics(roll_deg=roll, pitch_deg=pitch, distance_m=self._track.distance)
 
-    def _log_speed(self, time: float) -> None:
-        if self._moved is not None:
-            before, distance = self._moved
-            self._log_metric("speed_m_s", (self._track.distance - distance) / (time - before))
-        self._moved = (time, self._track.distance)
-
-    def _log_camera(self, step: Step) -> None:
-        frame, camera = step.frame, "world/robot/camera"
+    def _log_camera(self, step: Step, max_depth: float) -> None:
+        frame, camera = step.keyframe.frame, "world/robot/camera"
         log = self.stream.log
         log(camera, drawings.transform(frame.T_base_camera), drawings.pinhole(frame))
-        log(f"{camera}/rgb", drawings.colour_image(frame.rgb, self.config.jpeg_quality))
-        log(f"{camera}/depth", drawings.depth_image(frame.depth, self.config.max_depth))
-        log(f"{camera}/labels", drawings.label_image(frame, step.labels))
+        log(f"{camera}/rgb", drawings.colour_image(frame.rgb))
+        log(f"{camera}/depth", drawings.depth_image(frame.depth, max_depth))
+        log(f"{camera}/labels", drawings.label_image(frame, step.keyframe.labels))
 
     def _log_victims(self, victims: Victims, step: Step) -> None:
         log = self.stream.log
-        log("world/robot/camera/victims", victim_drawings.detections(step.detections, victims.refusals))
+        log(
+            "world/robot/camera/victims",
+            victim_drawings.detections(step.keyframe.detections, victims.refusals),
+        )
         log("world/victims", victim_drawings.boxes(victims))
         log("world/victims/certainty", victim_drawings.certainty(victims))
-        log("world/victims/photos", victim_drawings.photo_sheet(victims, self.config.jpeg_quality))
-        self._log_metric("victims/confirmed", len(victims.confirmed))
-        self._log_metric("victims/unconfirmed", len(victims.unconfirmed))
-
-    def _log_maps(self, explorer: Explorer) -> None:
-        log, topology = self.stream.log, explorer.topological_map
-        log("world/segments", drawings.segment_boxes(explorer.segments))
-        log("world/topological_map/nodes", drawings.nodes(topology))
-        log("world/topological_map/edges", drawings.edges(topology))
+        log("world/victims/photos", victim_drawings.photo_sheet(victims))
+        confirmed, unconfirmed = len(victims.confirmed), len(victims.unconfirmed)
+        self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)
 
     def _log_clouds(self, explorer: Explorer) -> None:
         """Log the maps that grow, if they have changed enough."""
-        metric_map, semantic_map = explorer.metric_map, explorer.semantic_map
+        metric_map, semantic_map = explorer.mapper.metric_map, explorer.mapper.semantic_map
         occupied, free = metric_map.occupied_centres(), metric_map.free_centres()
-        growth, spacing = self.config.growth, self.config.point_spacing
         if self._has_changed("occupied", len(occupied), 0.0):
             self.stream.log("world/metric_map/occupied", drawings.occupied_voxels(metric_map, occupied))
-        if self._has_changed("free", len(free), growth):
+        if self._has_changed("free", len(free), GROWTH):
             self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map, free))
-        if self._has_changed("semantic", len(semantic_map), growth):
-            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, spacing))
-        self._log_metric("map/occupied_voxels", len(occupied))
-        self._log_metric("map/free_voxels", len(free))
-        self._log_metric("map/semantic_points", len(semantic_map))
+        if self._has_changed("semantic", len(semantic_map), GROWTH):
+            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, POINT_SPACING))
+        self._log_metrics(
+            "map/", occupied_voxels=len(occupied), free_voxels=len(free), semantic_points=len(semantic_map)
+        )
 
     def _has_changed(self, cloud: str, size: int, growth: float) -> bool:
         """Whether the size differs by more than a share of what was logged last; then it counts as logged."""
@@ -226,27 +196,25 @@ class Recorder:
         self._logged_size[cloud] = size
         return True
 
-    def _log_metrics(self, explorer: Explorer) -> None:
-        traversability = explorer.elevation_map
-        seen = np.count_nonzero(~np.isnan(traversability.measured))
-        self._log_metric("explored_area_m2", seen * traversability.config.cell**2)
-        self._log_metric("map/segments", len(explorer.segments))
-        self._log_metric("map/nodes", len(explorer.topological_map.nodes))
-        self._log_metric("map/frontiers", len(explorer.exploration.frontiers))
-        for stage, seconds in explorer.stopwatch.seconds.items():
-            self._log_metric(f"time_ms/{stage}", 1000 * seconds[-1])
+    def _log_progress(self, explorer: Explorer, step: Step) -> None:
+        seen = np.count_nonzero(~np.isnan(explorer.mapper.elevation_map.measured))
+        self._log_metrics(explored_area_m2=seen * explorer.mapper.elevation_map.grid.cell**2)
+        nodes, frontiers = explorer.mapper.topological_map.nodes, step.frontiers
+        self._log_metrics(
+            "map/", segments=len(explorer.mapper.segments), nodes=len(nodes), frontiers=len(frontiers)
+        )
+        times = {stage: 1000 * seconds[-1] for stage, seconds in explorer.mapper.stopwatch.seconds.items()}
+        self._log_metrics("time_ms/", **times)
 
-    def _log_metric(self, name: str, value: float) -> None:
-        self.stream.log(f"metrics/{name}", rr.Scalars(float(value)))
+    def _log_metrics(self, group: str = "", /, **values: float) -> None:
+        for name, value in values.items():
+            self.stream.log(f"metrics/{group}{name}", rr.Scalars(float(value)))
 
 
 def _compact(path: Path) -> None:
-    """Join the many small chunks that a recording is written in: a browser loads it ten times as fast."""
+    """Join the many small chunks of a recording: a browser loads it ten times as fast."""
     compacted = path.with_name(path.name + ".partial")
-    command: list[str | Path] = [executable(), "rrd", "optimize", path, "-o", compacted]
-    # Out of reach of Ctrl-C, which may be what ended the recording.
-    done = subprocess.run(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
-    if done.returncode == 0:
+    if start_rerun("rrd", "optimize", path, "-o", compacted).wait() == 0:
         compacted.replace(path)
     else:
         compacted.unlink(missing_ok=True)

@@ -20,82 +20,78 @@ CERTAIN = np.sqrt(7.815)
 """Standard deviations along each axis of the ellipsoid that holds 95 %: χ² of three degrees of freedom."""
 PHOTO, COLUMNS = (220, 240), 3
 """Width and height in pixels of a photo on the sheet, and how many stand beside each other."""
-_BAND = 28
-"""Pixels of the line below a photo."""
-
-
-def marks(victims: Victims) -> list[tuple[str, Victim]]:
-    """Everyone with what they are called, the confirmed ones first."""
-    return confirmed_ids(victims) + unconfirmed_ids(victims)
+CAPTION_HEIGHT = 28
+"""Pixels below a photo."""
+BACKGROUND = 38
+"""Grey level behind the photos."""
 
 
 def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Boxes2D:
-    """The boxes of one look, and why some of them are no people."""
+    """The boxes of one keyframe, and why some of them were refused."""
     reasons = {id(refusal.detection): refusal.reason for refusal in refusals}
     refused = [reasons.get(id(detection)) for detection in found]
+    labels = [f"{d.confidence:.0%}{f': {why}' if why else ''}" for d, why in zip(found, refused, strict=True)]
     return rr.Boxes2D(
         array=np.array([detection.box for detection in found]).reshape(-1, 4),
         array_format=rr.Box2DFormat.XYXY,
-        labels=[
-            f"{d.confidence:.0%}{f': {why}' if why else ''}" for d, why in zip(found, refused, strict=True)
-        ],
+        labels=labels,
         colors=[REFUSED if why else CONFIRMED for why in refused],
     )
 
 
 def boxes(victims: Victims) -> rr.Boxes3D:
-    """A box around what was seen of everyone."""
-    everyone = marks(victims)
+    """A box around what was seen of each victim."""
+    everyone = _displayed(victims)
     corners = np.array([[v.points.min(axis=0), v.points.max(axis=0)] for _, v in everyone]).reshape(-1, 2, 3)
     return rr.Boxes3D(
         mins=corners[:, 0],
         sizes=corners[:, 1] - corners[:, 0],
-        labels=[f"{_name(mark)}, {victim.confidence:.0%}" for mark, victim in everyone],
-        colors=[_colour(mark) for mark, _ in everyone],
+        labels=[f"{_name(id)}, {victim.confidence:.0%}" for id, victim in everyone],
+        colors=[_colour(id) for id, _ in everyone],
         radii=0.012,
         show_labels=True,
     )
 
 
 def certainty(victims: Victims) -> rr.Ellipsoids3D:
-    """Where everyone is with 95 % certainty."""
-    everyone = marks(victims)
+    """The ellipsoid that holds each victim with 95 %."""
+    everyone = _displayed(victims)
     values, vectors = np.linalg.eigh(np.array([v.covariance for _, v in everyone]).reshape(-1, 3, 3))
-    # A mirrored frame is no rotation.
+    # Eigenvectors may form a left-handed frame, which is no rotation.
     vectors[..., 0] *= np.sign(np.linalg.det(vectors))[:, None]
     return rr.Ellipsoids3D(
         centers=np.array([v.position for _, v in everyone]).reshape(-1, 3),
         half_sizes=CERTAIN * np.sqrt(values),
         quaternions=Rotation.from_matrix(vectors).as_quat() if everyone else np.zeros((0, 4)),
-        colors=[(*_colour(mark), 60) for mark, _ in everyone],
+        colors=[(*_colour(id), 60) for id, _ in everyone],
         fill_mode="majorwireframe",
     )
 
 
 def ways(strips: Sequence[NDArray[np.float64]]) -> rr.LineStrips3D:
-    """(N, 3) points each, from the entrance to someone."""
+    """Ways of (N, 3) points each, m, from the entrance to the victims."""
     return rr.LineStrips3D([strip + np.array([0, 0, 0.1]) for strip in strips], colors=CONFIRMED, radii=0.02)
 
 
-def photo_sheet(victims: Victims, quality: int) -> rr.EncodedImage:
-    """Everyone's photo with their mark, row by row."""
+def photo_sheet(victims: Victims) -> rr.EncodedImage:
+    """The victims' photos with their display ids, row by row."""
     cells = [
-        _photo(f"{_name(mark)}  {v.confidence:.0%}", v.photo, _colour(mark)) for mark, v in marks(victims)
+        _photo(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)
     ]
     rows = -(-len(cells) // COLUMNS) or 1
     columns = min(len(cells), COLUMNS) or 1
-    width, height = PHOTO[0], PHOTO[1] + _BAND
-    sheet = np.full((rows * height, columns * width, 3), 38, np.uint8)
+    width, height = PHOTO[0], PHOTO[1] + CAPTION_HEIGHT
+    sheet = np.full((rows * height, columns * width, 3), BACKGROUND, np.uint8)
     for k, cell in enumerate(cells):
         i, j = divmod(k, COLUMNS)
         sheet[i * height : (i + 1) * height, j * width : (j + 1) * width] = cell
-    return colour_image(sheet, quality)
+    return colour_image(sheet)
 
 
 def _photo(text: str, photo: NDArray[np.uint8], colour: tuple[int, int, int]) -> NDArray[np.uint8]:
-    """A photo, as large as it fits, above its line."""
+    """A photo, as large as it fits, above its caption."""
     width, height = PHOTO
-    cell = np.full((height + _BAND, width, 3), 38, np.uint8)
+    cell = np.full((height + CAPTION_HEIGHT, width, 3), BACKGROUND, np.uint8)
     scale = min((width - 8) / photo.shape[1], (height - 8) / photo.shape[0])
     size = [max(1, int(side * scale)) for side in photo.shape[1::-1]]
     left, top = (width - size[0]) // 2, (height - size[1]) // 2
@@ -104,9 +100,14 @@ def _photo(text: str, photo: NDArray[np.uint8], colour: tuple[int, int, int]) ->
     return cell
 
 
-def _name(mark: str) -> str:
-    return f"person {mark}" if mark.isdigit() else f"sighting {mark}"
+def _displayed(victims: Victims) -> list[tuple[str, Victim]]:
+    """The victims with their display ids, the confirmed ones first."""
+    return confirmed_ids(victims) + unconfirmed_ids(victims)
 
 
-def _colour(mark: str) -> tuple[int, int, int]:
-    return CONFIRMED if mark.isdigit() else UNCONFIRMED
+def _name(display_id: str) -> str:
+    return f"person {display_id}" if display_id.isdigit() else f"sighting {display_id}"
+
+
+def _colour(display_id: str) -> tuple[int, int, int]:
+    return CONFIRMED if display_id.isdigit() else UNCONFIRMED

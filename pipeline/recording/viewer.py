@@ -3,10 +3,10 @@
 import atexit
 import os
 import socket
-import subprocess
 import time
 from importlib.resources import files
 from pathlib import Path
+from subprocess import DEVNULL, Popen
 from typing import Literal
 from urllib.parse import quote
 
@@ -40,6 +40,7 @@ class Viewer:
                 "there is no display for the viewer's window (neither DISPLAY nor WAYLAND_DISPLAY is set)"
             )
         self._port = _free_port()
+        self._address = f"rerun+http://{HOST}:{self._port}/proxy"
         self.page: str | None = None
         self._process = self._start(kind, recordings)
         self._await_port()
@@ -52,7 +53,7 @@ class Viewer:
         return rr.GrpcSink(self._address)
 
     def wait(self) -> None:
-        """Until the viewer ends: its window is closed, or Ctrl-C is pressed where a page is served."""
+        """Block until the window is closed or, where a page is served, Ctrl-C is pressed."""
         try:
             self._process.wait()
         except KeyboardInterrupt:
@@ -63,11 +64,7 @@ class Viewer:
         self._process.terminate()
         self._process.wait()
 
-    @property
-    def _address(self) -> str:
-        return f"rerun+http://{HOST}:{self._port}/proxy"
-
-    def _start(self, kind: ViewerKind, recordings: tuple[Path, ...]) -> subprocess.Popen[bytes]:
+    def _start(self, kind: ViewerKind, recordings: tuple[Path, ...]) -> Popen[bytes]:
         flags = ["--bind", HOST, "--port", str(self._port)]
         if kind == "web":
             page_port = _free_port()
@@ -75,14 +72,7 @@ class Viewer:
             flags += ["--serve-web", "--web-viewer-port", str(page_port)]
         else:
             flags += ["--hide-welcome-screen"]
-        # In a session of its own, Ctrl-C in the terminal does not reach it.
-        process = subprocess.Popen(
-            [executable(), *flags, *recordings],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+        process = start_rerun(*flags, *recordings)
         if kind == "web":
             atexit.register(process.terminate)
         return process
@@ -104,9 +94,10 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def executable() -> Path:
-    """The viewer that came with the Python package, of the same version."""
-    return Path(str(files("rerun_cli") / "rerun"))
+def start_rerun(*arguments: str | Path) -> Popen[bytes]:
+    """Start Rerun's program of the Python package's version; Ctrl-C in the terminal does not reach it."""
+    command = [str(files("rerun_cli") / "rerun"), *arguments]
+    return Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
 
 
 def _free_port() -> int:

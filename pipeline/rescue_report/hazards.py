@@ -11,9 +11,9 @@ from pipeline.rescue_report.places import Place, places
 from pipeline.traversability.traversability import Traversability
 
 SLOPE = np.deg2rad(8)
-"""Ground that is steeper counts as a slope, rad."""
+"""rad; steeper ground counts as a slope."""
 DROP = 0.1
-"""m that the ground falls at a drop, at least: what a Pioneer 3-AT climbs."""
+"""m that the ground falls at a drop, at least: a robot that takes stairs climbs lower steps back up."""
 EDGE = 0.06
 """m by which the edge of a drop may differ from the ground before it; a kerb differs by more."""
 EDGE_LENGTH = 0.2
@@ -23,28 +23,25 @@ BESIDE = 0.5
 ACROSS = 0.1
 """m that an edge may be wide."""
 FALL = 0.6
-"""m beyond the edge within which the ground below is looked for: the nearest of it is often not seen."""
+"""m beyond the edge within which the ground below is searched: the camera often misses the nearest of it."""
 SLIT = 0.1
-"""m; what is no wider takes no wheel, as the gap between a ramp and the wall beside it."""
+"""m; a narrower gap takes no wheel, as the one between a ramp and the wall beside it."""
 BEARINGS = 48
-"""Directions in which it is looked for."""
+"""Directions in which the ground below is searched."""
 LOW = 2.0
 """m of headroom, below which a person stoops."""
-OVERHEAD = 0.65
-"""m above the ground; what is lower is an obstacle and not a ceiling."""
 APART = 0.3
-"""m between two places of danger that are told apart."""
+"""m; hazards that are nearer to each other are one place."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hazards:
-    """Dangers of the ground that the robot can reach; layers are (nx, ny) on the surface's grid.
+    """Dangers of the ground that the robot can reach; layers are (nx, ny) on the grid of the traversability.
 
     Attributes:
         slope: rad, how steep the ground is.
         is_steep: bool, on a slope.
         drop: m that the ground falls from here; 0 elsewhere.
-        headroom: m of air above the ground; infinite where nothing is known to hang.
         slopes: steepest first, in rad.
         drops: deepest first, in m.
         ceilings: lowest first, in m of headroom.
@@ -53,43 +50,49 @@ class Hazards:
     slope: NDArray[np.float64]
     is_steep: NDArray[np.bool_]
     drop: NDArray[np.float64]
-    headroom: NDArray[np.float64]
     slopes: list[Place]
     drops: list[Place]
     ceilings: list[Place]
 
 
 def find_hazards(
-    traversability: Traversability, reachable: NDArray[np.bool_], points: NDArray[np.float32]
+    traversability: Traversability,
+    reachable: NDArray[np.bool_],
+    points: NDArray[np.float32],
+    robot_headroom: float,
 ) -> Hazards:
-    """The dangers of ``reachable`` (nx, ny) ground below the ``points`` (N, 3) of the semantic map."""
+    """The dangers of the ground that the robot can reach.
+
+    Args:
+        traversability: of the robot's map.
+        reachable: (nx, ny) where the robot can go.
+        points: (N, 3) m, the semantic map.
+        robot_headroom: m that the robot needs above the ground; lower points are obstacles and no ceilings.
+    """
     slope = np.arctan(np.linalg.norm(traversability.gradient.astype(np.float64), axis=-1))
     # Opening drops single noisy cells.
     is_steep = ndimage.binary_opening((slope > SLOPE) & ~traversability.hazard, np.ones((3, 3))) & reachable
     drop = _drops(traversability, reachable)
-    headroom = _headroom(traversability, points)
+    headroom = _headroom(traversability, points, robot_headroom)
     low = reachable & (headroom < LOW)
-    ceilings = [
-        Place(p.position, p.area, -p.value) for p in places(traversability.grid, low, -headroom, APART)
-    ]
+    lowest_first = places(traversability.grid, low, -headroom, APART)
     return Hazards(
         slope=slope,
         is_steep=is_steep,
         drop=drop,
-        headroom=headroom,
         slopes=places(traversability.grid, is_steep, slope, 0),
         drops=places(traversability.grid, drop > 0, drop, APART),
-        ceilings=ceilings,
+        ceilings=[Place(place.position, place.area, -place.value) for place in lowest_first],
     )
 
 
 def _drops(traversability: Traversability, reachable: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(nx, ny) m that the ground falls at those edges up to which the reachable ground goes on."""
+    """(nx, ny) m that the ground falls at those edges up to which the reachable ground extends."""
     elevation, cell = traversability.elevation.astype(np.float64), traversability.grid.cell
     # Steps are hazards, so ground of two heights is not in one piece.
     pieces, _ = ndimage.label(~traversability.hazard & ~np.isnan(elevation))
-    going_on = np.isin(pieces, np.unique(pieces[reachable]))
-    highest = ndimage.maximum_filter(np.where(going_on, elevation, -np.inf), 1 + 2 * round(ACROSS / cell))
+    connected = np.isin(pieces, np.unique(pieces[reachable]))
+    highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), 1 + 2 * round(ACROSS / cell))
     is_edge = traversability.hazard & (np.abs(elevation - highest) <= EDGE)
     is_edge &= traversability.grid.distance_to(reachable) <= BESIDE
     drop = np.zeros(traversability.grid.shape)
@@ -102,8 +105,8 @@ def _lowest_beyond(
 ) -> NDArray[np.float64]:
     """(E,) m, the lowest ground beyond cells (E, 2).
 
-    What is no lower than the edge ends the search in its direction: more of the same ground, or a wall, behind which
-    there may be ground on which nobody falls.
+    The search in a direction ends where the map is no lower than the edge: at more of the same ground, or at a wall,
+    behind which no robot falls.
     """
     height, middles = elevation[tuple(edges.T)][:, None], grid.centre_of(edges)[:, None]
     ground = _without_slits(elevation, 1 + 2 * round(SLIT / 2 / grid.cell))
@@ -120,24 +123,26 @@ def _lowest_beyond(
 
 
 def _without_slits(elevation: NDArray[np.float64], cells: int) -> NDArray[np.float64]:
-    """(nx, ny) m, raised where what is low is narrower than so many cells: a grey closing that knows of NaN."""
+    """(nx, ny) m, raised where low ground is narrower than so many cells: a grey closing that leaves out NaN."""
     raised = ndimage.maximum_filter(np.nan_to_num(elevation, nan=-np.inf), cells)
     closed = ndimage.minimum_filter(np.where(np.isneginf(raised), np.inf, raised), cells)
     return np.where(np.isnan(elevation), np.nan, closed)
 
 
 def _long(edges: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:
-    """Those of the edges (nx, ny) that have so many cells at least."""
+    """The edges (nx, ny) of at least so many cells."""
     pieces, _ = ndimage.label(edges, np.ones((3, 3)))
     sizes = np.bincount(pieces.ravel())
     return edges & (sizes[pieces] >= cells)
 
 
-def _headroom(traversability: Traversability, points: NDArray[np.float32]) -> NDArray[np.float64]:
-    """(nx, ny) m from the ground to the lowest point that hangs above it."""
+def _headroom(
+    traversability: Traversability, points: NDArray[np.float32], at_least: float
+) -> NDArray[np.float64]:
+    """(nx, ny) m from the ground to the lowest point ``at_least`` so far above it."""
     headroom = np.full(traversability.grid.shape, np.inf)
     above = points[:, 2] - traversability.grid.at(traversability.elevation, points, outside=np.nan)
-    hangs = above >= OVERHEAD
+    hangs = above >= at_least
     i, j = traversability.grid.cell_of(points[hangs]).T
     np.minimum.at(headroom, (i, j), above[hangs])
     return headroom

@@ -1,7 +1,5 @@
 """Where things lie on a drawing from above: x to the right, y up."""
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -10,23 +8,24 @@ from pipeline.grid_map import Grid
 LONGER, SHORTER = 1000.0, 800.0
 """Units that the drawing's width and height take at most; signs are some 30 units wide."""
 LEAST, LONGEST = 30.0, 1.6
-"""Units per m that a large arena has at least, if it becomes no larger by more than this: its signs get smaller."""
+"""Units per m that a large arena gets at least, unless the drawing grew by more than this factor."""
 MARGIN = 0.4
 """m around what is known."""
 
 
 class Paper:
-    """From m in ``map`` to units of the drawing, over a window of the surface's grid.
+    """From m in ``map`` to units of the drawing, over a window of a grid.
 
     Attributes:
         window: rows and columns of the grid.
         low: (2,) m, its lower left corner.
         scale: units per m.
         width, height: units.
+        cell: units along a cell of the grid.
     """
 
     def __init__(self, grid: Grid, known: NDArray[np.bool_]):
-        """With room for the cells that are ``known`` (nx, ny), or for all where none is."""
+        """With room for the cells that are ``known`` (nx, ny), or for all cells if none is."""
         cells = np.argwhere(known) if known.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
         margin = round(MARGIN / grid.cell)
         low = np.maximum(cells.min(axis=0) - margin, 0)
@@ -43,18 +42,3 @@ class Paper:
         """(..., 2) units of points (..., 2 or 3)."""
         x, y = np.moveaxis((np.asarray(xy, np.float64)[..., :2] - self.low) * self.scale, -1, 0)
         return np.stack([x, self.height - y], axis=-1).round(1)
-
-
-def line(points: NDArray[np.float64]) -> str:
-    """The path through (N, 2) units."""
-    return "M" + "L".join(map(at, points))
-
-
-def dots(points: NDArray[np.float64]) -> str:
-    """A path of round dots at (N, 2) units."""
-    return "".join(f"M{at(point)}h0" for point in points)
-
-
-def at(point: Iterable[float]) -> str:
-    """Coordinates of a point in units."""
-    return " ".join(f"{value:.1f}" for value in point)

@@ -1,4 +1,4 @@
-"""Cells of the surface gathered to places that can be named and drawn."""
+"""Cells of a grid gathered to places that can be named and drawn."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ class Place:
     Attributes:
         position: (2,) m in ``map``, centre of the cell nearest to the middle of them all.
         area: m².
-        value: greatest of the cells' values; what it means is up to who asked.
+        value: greatest of the cells' values.
     """
 
     position: NDArray[np.float64]
@@ -25,12 +25,12 @@ class Place:
 
 
 def places(grid: Grid, mask: NDArray[np.bool_], values: NDArray, apart: float) -> list[Place]:
-    """The places that the cells of a mask (nx, ny) make, those of the greatest values first.
+    """The places that the cells of a mask make, those of the greatest values first.
 
     Args:
         grid: where the cells lie.
-        mask: the cells.
-        values: (nx, ny) of every cell.
+        mask: (nx, ny) the cells.
+        values: (nx, ny) a number for every cell.
         apart: m; cells nearer to each other belong to one place, neighbours always.
     """
     reach = 1 + 2 * round(apart / grid.cell / 2)

@@ -1,4 +1,4 @@
-"""How large someone is and, as far as the size tells, how they lie."""
+"""How large a person is and, as far as the size tells, how the person lies."""
 
 from dataclasses import dataclass
 
@@ -7,20 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 LYING_LENGTH, LYING_HEIGHT = 1.0, 0.5
-"""m; who is at least so long and no higher lies."""
+"""m; a person who is at least so long and no higher lies."""
 UPRIGHT_HEIGHT, UPRIGHT_LENGTH = 0.6, 1.4
-"""m; who is at least so high and no longer sits, kneels or leans."""
+"""m; a person who is at least so high and no longer sits, kneels or leans."""
 OUTLIERS = 1.0
-"""Percent of the points at either end of a side that are not measured."""
+"""Percent of the points at either end of a side that are left out."""
 
 
 @dataclass(frozen=True)
 class Posture:
-    """Someone's size.
+    """A person's size.
 
     Attributes:
-        length, width: m of the smallest upright box around what was seen, seen from above, the longer side first.
-        height: m of that box.
+        length, width: of the smallest upright box around what was seen, the longer side first, m.
+        height: of that box, m.
     """
 
     length: float
@@ -38,7 +38,7 @@ class Posture:
 
 
 def posture_of(points: NDArray[np.float32]) -> Posture:
-    """The size of someone of whom (N, 3) points were seen, m."""
+    """The size of a person of whom (N, 3) points were seen, m."""
     _, _, angle = cv2.minAreaRect(np.ascontiguousarray(points[:, :2], np.float32))
     c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
     sides = np.column_stack([points[:, :2] @ np.array([[c, -s], [s, c]]), points[:, 2]])

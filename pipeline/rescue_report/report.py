@@ -14,24 +14,26 @@ from pipeline.rescue_report.situation import Situation, situation_of
 
 
 class RescueReport:
-    """What a rescue team needs to know, gathered look by look."""
+    """What a rescue team needs to know, gathered keyframe by keyframe."""
 
     def __init__(self, explorer: Explorer):
         """Of what an explorer learns."""
         self._explorer = explorer
         self._poses: list[NDArray[np.float64]] = []
+        self._camera_height = 0.0
         self._finished = False
 
     def add(self, step: Step) -> None:
-        """Take the newest look into account."""
-        self._poses.append(step.T_map_base)
-        if self._explorer.goals is None:  # on the way to a goal there may be nothing else to look at
+        """Take the newest step into account."""
+        self._poses.append(step.keyframe.T_map_base)
+        self._camera_height = float(step.keyframe.frame.T_base_camera[2, 3])
+        if self._explorer.mission.goals is None:  # on the way to a goal there may be nothing else to look at
             self._finished = step.viewpoint is None and step.can_drive
 
     @property
     def situation(self) -> Situation:
-        """What the explorer knows now; at least one look must have been added."""
-        return situation_of(self._explorer, self._poses, self._finished)
+        """What the explorer knows now; at least one step must have been added."""
+        return situation_of(self._explorer, self._poses, self._camera_height, self._finished)
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:

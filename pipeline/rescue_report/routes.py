@@ -1,4 +1,4 @@
-"""The robot's way from the entrance to someone, and what lies along it."""
+"""The robot's way from the entrance to a person, and what lies along it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.path_plan import plan_path
-from pipeline.rescue_report.hazards import APART, Hazards
+from pipeline.rescue_report.hazards import APART, SLOPE, Hazards
 from pipeline.rescue_report.places import Place, places
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle, wrap_angles
@@ -18,19 +18,17 @@ from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability
 
 BESIDE = 1.0
-"""m from the robot's middle to what was seen of someone, within which it stands beside them."""
-EYE = 0.6
-"""m above the ground, from where someone must be in sight."""
-SPARED = 0.15
-"""m around what was seen of someone in which what is occupied is taken for them."""
+"""m from the robot's middle to what was seen of a person, within which it stands beside the person."""
+BODY_MARGIN = 0.15
+"""m around what was seen of a person within which occupied voxels are taken for the person."""
 NEAREST, THINNED = 200, 9
-"""Cells from which someone is looked for, the nearest first; then as many more, of which so many are passed over."""
+"""Cells whose line of sight to a person is checked, the nearest first; then as many more, every ninth of the rest."""
 ALIKE = 0.1
-"""m by which one place may be nearer to someone than another that is preferred for the way to it."""
+"""m; of cells whose distances to a person differ by no more, the one with the cheapest way is preferred."""
 DROP_BESIDE = 0.6
-"""m from the way to a drop that is told."""
+"""m from the way to a drop that counts as beside it."""
 STRAIGHT = np.deg2rad(20)
-"""A bend that is no wider is not told, rad."""
+"""rad; a bend that is no wider does not part two legs."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +45,15 @@ class Leg:
     length: float
     steepest: float
 
+    @property
+    def is_steep(self) -> bool:
+        """Whether it leads over a slope."""
+        return self.steepest > SLOPE
+
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A way to the place nearest to someone.
+    """A way to the place nearest to a person.
 
     Attributes:
         way: (N, 3) m in ``map``, its bends from the entrance to where the robot can go no nearer.
@@ -59,7 +62,7 @@ class Route:
         steepest: rad, of the ground under it.
         drop: m, of the deepest drop beside it; 0 if there is none.
         drops: places of drops beside it.
-        gap: m on the level from its end to what was seen of the person.
+        gap: horizontal m from its end to what was seen of the person.
         in_sight: whether the robot's map has nothing between its end and the person.
         legs: parts of it, for directions.
     """
@@ -73,6 +76,11 @@ class Route:
     gap: float
     in_sight: bool
     legs: list[Leg]
+
+    @property
+    def end(self) -> NDArray[np.float64]:
+        """(2,) m in ``map``, where it ends."""
+        return self.way[-1, :2]
 
     @property
     def arrives(self) -> bool:
@@ -91,36 +99,39 @@ class Router:
         metric_map: MetricMap,
         hazards: Hazards,
         heading: float,
+        camera_height: float,
     ):
-        """Ways begin where ``paths`` do, at a ``heading`` in rad."""
-        self._surface, self._paths, self._topology = traversability, paths, topology
-        self._metric_map, self._hazards, self._heading = metric_map, hazards, heading
+        """Ways begin where ``paths`` do, at a ``heading`` in rad; a person is seen from ``camera_height`` m."""
+        self._traversability, self._paths, self._topology = traversability, paths, topology
+        self._metric_map, self._hazards = metric_map, hazards
+        self._heading, self._camera_height = heading, camera_height
         self._cells = np.argwhere(paths.reachable)
 
     def to(self, points: NDArray[np.float32]) -> Route | None:
-        """The way to whom (N, 3) points show; None if the robot cannot leave the entrance."""
+        """The way to the person of whom (N, 3) points were seen, m; None if the robot cannot leave the entrance."""
         if not len(self._cells):
             return None
-        centres = self._surface.grid.centre_of(self._cells)
+        centres = self._traversability.grid.centre_of(self._cells)
         gaps, _ = KDTree(points[:, :2]).query(centres)
         person = KDTree(points)
         order = np.lexsort((self._paths.cost[tuple(self._cells.T)], np.ceil(gaps / ALIKE)))
         nearest = np.append(order[:NEAREST], order[NEAREST::THINNED][:NEAREST])
         seeing = next((k for k in nearest if self._sees(centres[k], person)), None)
         end = nearest[0] if seeing is None else seeing
-        plan = plan_path(self._topology, self._surface, self._paths, centres[end])
+        plan = plan_path(self._topology, self._traversability, self._paths, centres[end])
         assert plan is not None and self._paths.start is not None
-        start = self._surface.on_ground(self._paths.start[None])
+        start = self._traversability.on_ground(self._paths.start[None])
         return self._route(np.vstack([start, plan.way_points]), float(gaps[end]), seeing is not None)
 
     def _sees(self, place: NDArray[np.float64], person: KDTree) -> bool:
-        """Whether the metric map lets someone at a place (2,) see the middle of a person's points."""
-        eye = np.append(place, float(self._surface.grid.at(self._surface.elevation, place)) + EYE)
+        """Whether the metric map has nothing between the camera at a place (2,) and the middle of a person."""
+        ground = float(self._traversability.grid.at(self._traversability.elevation, place))
+        eye = np.append(place, ground + self._camera_height)
         middle = person.data.mean(axis=0)
         steps = int(np.ceil(2 * np.linalg.norm(middle - eye) / self._metric_map.config.voxel_size)) + 1
         line = np.linspace(eye, middle, steps)
         apart, _ = person.query(line)
-        return bool((self._metric_map.state_at(line[apart > SPARED]) > 0).all())
+        return bool((self._metric_map.state_at(line[apart > BODY_MARGIN]) > 0).all())
 
     def _route(self, way: NDArray[np.float64], gap: float, in_sight: bool) -> Route:
         legs = list(self._legs(way))
@@ -148,27 +159,25 @@ class Router:
 
     def _measure(self, points: NDArray[np.float64]) -> tuple[float, float]:
         """m along the ground, and rad at its steepest, of a way over (N, 2) points."""
-        traversability, length, steepest = self._surface, 0.0, 0.0
+        grid, gradient, length, steepest = self._traversability.grid, self._traversability.gradient, 0.0, 0.0
         for a, b in pairwise(points):
             level = float(np.linalg.norm(b - a))
-            steps = max(1, int(np.ceil(2 * level / traversability.grid.cell)))
+            steps = max(1, int(np.ceil(2 * level / grid.cell)))
             middles = a + (np.arange(steps)[:, None] + 0.5) / steps * (b - a)
-            rise = traversability.grid.at(traversability.gradient[..., 0], middles) * (b - a)[0]
-            rise = rise + traversability.grid.at(traversability.gradient[..., 1], middles) * (b - a)[1]
+            rise = grid.at(gradient[..., 0], middles) * (b - a)[0]
+            rise = rise + grid.at(gradient[..., 1], middles) * (b - a)[1]
             length += float(np.hypot(level, rise).mean())
-            steepest = max(steepest, float(traversability.grid.at(self._hazards.slope, middles).max()))
+            steepest = max(steepest, float(grid.at(self._hazards.slope, middles).max()))
         return length, steepest
 
     def _trace(self, way: NDArray[np.float64]) -> NDArray[np.float64]:
         """(M, 3) points of the ground under a way (N, 2), at most a cell apart."""
-        steps = [
-            (a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / self._surface.grid.cell)))
-            for a, b in pairwise(way)
-        ]
-        return self._surface.on_ground(np.vstack([np.linspace(*step) for step in steps]))
+        cell = self._traversability.grid.cell
+        parts = [np.linspace(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / cell))) for a, b in pairwise(way)]
+        return self._traversability.on_ground(np.vstack(parts))
 
     def _drops_beside(self, trace: NDArray[np.float64]) -> list[Place]:
-        drop, grid = self._hazards.drop, self._surface.grid
+        drop, grid = self._hazards.drop, self._traversability.grid
         edges = np.argwhere(drop > 0)
         if not len(edges):
             return []
@@ -179,7 +188,7 @@ class Router:
 
 
 def straight_parts(way: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """The parts (M, 2) of a way (N, 2) between its bends that are wide enough to be told."""
+    """The parts (M, 2) of a way (N, 2) between its wider bends."""
     steps = np.diff(way, axis=0)
     way = way[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
     bearings = np.arctan2(*np.diff(way, axis=0).T[::-1])

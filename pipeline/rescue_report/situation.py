@@ -11,28 +11,44 @@ from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.rescue_report.posture import Posture, posture_of
 from pipeline.rescue_report.routes import Route, Router
 from pipeline.rescue_report.unseen import Unseen, find_unseen
+from pipeline.robot import RobotModel
 from pipeline.transforms import yaw_of
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.victim_map import Victim
 
+CHI2_95 = 5.991
+"""χ² of two degrees of freedom that holds 95 %."""
+
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """Someone whom the robot has seen.
+    """A person whom the robot has seen.
 
     Attributes:
-        mark: by which the page calls them: numbers for confirmed ones, letters for others.
-        victim: what the robot knows of them.
-        posture: their size.
-        route: the way to them; None if the robot cannot leave the entrance.
+        display_id: a number if the person is confirmed, letters otherwise.
+        victim: what the robot knows of the person.
+        posture: the person's size.
+        route: the way to the person; None if the robot cannot leave the entrance.
     """
 
-    mark: str
+    display_id: str
     victim: Victim
     posture: Posture
     route: Route | None
+
+    @property
+    def deviations(self) -> list[float]:
+        """Standard deviations of the position along x, y and z, m."""
+        return np.sqrt(np.diag(self.victim.covariance)).tolist()
+
+    @property
+    def ellipse(self) -> tuple[float, float, float]:
+        """Half axes in m of the ellipse that holds the person with 95 %, the longer one first, and its yaw in rad."""
+        values, vectors = np.linalg.eigh(self.victim.covariance[:2, :2])
+        shorter, longer = np.sqrt(CHI2_95 * values).tolist()
+        return longer, shorter, float(np.arctan2(vectors[1, 1], vectors[0, 1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,21 +56,23 @@ class Situation:
     """All that the page tells, but for figures against a ground truth.
 
     Attributes:
+        robot: size and abilities of the robot that the ways are for.
         T_map_entrance: 4×4 pose in which the robot was set down.
-        steps: (N, 2) m in ``map``, where it looked from.
-        traversability: the ground.
-        points: (N, 3) float32 of the semantic map.
+        positions: (N, 2) m in ``map``, where it took its keyframes.
+        traversability: of the ground.
+        points: (N, 3) float32 m, the semantic map.
         labels: (N,) uint8 of these.
         hazards: of the ground that it can reach.
         unseen: ground that was not seen.
         people: confirmed.
-        sightings: not confirmed.
-        searched: whether anyone was looked for at all.
-        finished: whether nothing was left that was worth a look.
+        sightings: people who are not confirmed.
+        searched: whether a detector looked for people.
+        finished: whether no viewpoint was left that was worth a keyframe.
     """
 
+    robot: RobotModel
     T_map_entrance: NDArray[np.float64]
-    steps: NDArray[np.float64]
+    positions: NDArray[np.float64]
     traversability: Traversability
     points: NDArray[np.float32]
     labels: NDArray[np.uint8]
@@ -70,36 +88,54 @@ class Situation:
         """Confirmed or not."""
         return [*self.people, *self.sightings]
 
+    @property
+    def entrance(self) -> NDArray[np.float64]:
+        """(2,) m in ``map``, where the robot was set down."""
+        return self.T_map_entrance[:2, 3]
 
-def situation_of(explorer: Explorer, poses: Sequence[NDArray[np.float64]], finished: bool) -> Situation:
+    @property
+    def entrance_yaw(self) -> float:
+        """Rad, how the robot was set down."""
+        return yaw_of(self.T_map_entrance)
+
+    def from_entrance(self, position: NDArray[np.float64]) -> tuple[float, float]:
+        """Distance in m and bearing in rad, as the robot was set down, of a position (2 or 3,) in ``map``."""
+        x, y = position[:2] - self.entrance
+        return float(np.hypot(x, y)), float(np.arctan2(y, x)) - self.entrance_yaw
+
+
+def situation_of(
+    explorer: Explorer, poses: Sequence[NDArray[np.float64]], camera_height: float, finished: bool
+) -> Situation:
     """What an explorer knows.
 
     Args:
-        explorer: with its maps and with whom it found; without a detector nobody was looked for.
-        poses: 4×4 ones from which it looked, the entrance first.
-        finished: whether nothing was left that was worth a look.
+        explorer: with its maps and the people it found; without a detector no person was looked for.
+        poses: 4×4 ones in ``map`` of its keyframes, the entrance first.
+        camera_height: m above the ground that the robot stands on.
+        finished: whether no viewpoint was left that was worth a keyframe.
     """
-    traversability = explorer.traversability_layer.update(explorer.elevation_map)
-    paths = ShortestPaths(traversability, poses[0][:2, 3])
-    points = explorer.semantic_map.points()
-    hazards = find_hazards(traversability, paths.reachable, points)
-    router = Router(
-        traversability, paths, explorer.topological_map, explorer.metric_map, hazards, yaw_of(poses[0])
-    )
+    traversability = explorer.mapper.traversability_layer.update(explorer.mapper.elevation_map)
+    paths, robot = ShortestPaths(traversability, poses[0][:2, 3]), explorer.robot.model
+    points = explorer.mapper.semantic_map.points()
+    hazards = find_hazards(traversability, paths.reachable, points, robot.headroom)
+    maps = traversability, paths, explorer.mapper.topological_map, explorer.mapper.metric_map
+    router = Router(*maps, hazards, yaw_of(poses[0]), camera_height)
     return Situation(
+        robot=robot,
         T_map_entrance=poses[0],
-        steps=np.array([T[:2, 3] for T in poses]),
+        positions=np.array([T[:2, 3] for T in poses]),
         traversability=traversability,
         points=points,
-        labels=explorer.semantic_map.labels(),
+        labels=explorer.mapper.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(traversability, explorer.elevation_map.measured, paths.reachable),
-        people=[_person(mark, victim, router) for mark, victim in confirmed_ids(explorer.victims)],
-        sightings=[_person(mark, victim, router) for mark, victim in unconfirmed_ids(explorer.victims)],
-        searched=explorer.detector is not None,
+        unseen=find_unseen(traversability, explorer.mapper.elevation_map.measured, paths.reachable),
+        people=[_person(*found, router) for found in confirmed_ids(explorer.mapper.victims)],
+        sightings=[_person(*found, router) for found in unconfirmed_ids(explorer.mapper.victims)],
+        searched=explorer.mapper.detector is not None,
         finished=finished,
     )
 
 
-def _person(mark: str, victim: Victim, router: Router) -> Person:
-    return Person(mark, victim, posture_of(victim.points), router.to(victim.points))
+def _person(display_id: str, victim: Victim, router: Router) -> Person:
+    return Person(display_id, victim, posture_of(victim.points), router.to(victim.points))

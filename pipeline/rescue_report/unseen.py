@@ -10,13 +10,13 @@ from pipeline.rescue_report.places import Place, places
 from pipeline.traversability.traversability import Traversability
 
 FROM_WALL = 0.15
-"""m from a wall or a step; no ground is expected nearer."""
+"""m from a wall or a step; nearer to them no ground is expected."""
 AHEAD = 1.0
-"""m beyond where the robot can go, in which ground is expected if no wall or step is between."""
+"""m beyond where the robot can go within which ground is expected if no wall or step is between."""
 ROOM = 0.2
-"""m² in which someone has room, at least."""
+"""m² that a person takes, at least."""
 SIDE = 0.4
-"""m beside where the robot's middle can be, that belong to the ground that it could see from there."""
+"""m beside where the robot's middle can be; ground within counts as seen if a return has shown it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Unseen:
     """Ground that was not seen.
 
     Attributes:
-        places: of such ground, large enough for someone to be in, the largest first.
+        places: of such ground, large enough for a person, the largest first.
         rest: m² of smaller patches.
         seen: m² of ground that was seen.
     """
@@ -35,22 +35,20 @@ class Unseen:
 
     @property
     def area(self) -> float:
-        """m² that were not seen, as far as the map tells."""
+        """Of the ground that the map tells of, the part that was not seen, m²."""
         return self.rest + sum(place.area for place in self.places)
 
     @property
     def share(self) -> float:
-        """Of the ground that the map tells of, the part that was seen."""
+        """Of the ground that the map tells of, the share that was seen."""
         known = self.seen + self.area
         return self.seen / known if known else 0.0
 
 
 def find_unseen(
-    traversability: Traversability,
-    measured: NDArray[np.float32],
-    reachable: NDArray[np.bool_],
+    traversability: Traversability, measured: NDArray[np.float32], reachable: NDArray[np.bool_]
 ) -> Unseen:
-    """What was not seen: inside the map's outline, and ahead of where the robot can go.
+    """The ground that was not seen: inside the map's outline, and ahead of where the robot can go.
 
     Args:
         traversability: of the robot's map.
@@ -60,7 +58,7 @@ def find_unseen(
     grid, unknown = traversability.grid, np.isnan(measured)
     outline = ndimage.binary_fill_holes(~np.isnan(traversability.elevation))
     is_clear = traversability.to_hazard >= FROM_WALL
-    # A wall that was seen in part has gaps; ground goes on through wide ones alone.
+    # A wall that was seen in part has gaps; ground extends through wide ones alone.
     ahead = ndimage.binary_dilation(reachable, iterations=round(AHEAD / grid.cell), mask=is_clear)
     cells = unknown & (outline | ahead) & is_clear
     found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)

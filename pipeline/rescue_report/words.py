@@ -1,4 +1,4 @@
-"""Numbers as people read them."""
+"""Numbers as people read them: each function is a filter of the templates too."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -6,9 +6,11 @@ from numpy.typing import ArrayLike
 from pipeline.transforms import wrap_angle
 
 AHEAD = np.deg2rad(20)
-"""What is no further to a side is straight ahead, rad."""
+"""rad; a direction that is no further to a side is straight ahead."""
 BACK = np.deg2rad(150)
-"""What is further is behind, rad."""
+"""rad; a direction that is further to a side is behind."""
+FLAT = np.deg2rad(3)
+"""rad; a way that is nowhere steeper is level."""
 
 
 def number(value: float, digits: int = 1) -> str:
@@ -18,12 +20,12 @@ def number(value: float, digits: int = 1) -> str:
 
 
 def metres(value: float, digits: int = 1) -> str:
-    """A length."""
+    """A length in m."""
     return f"{number(value, digits)} m"
 
 
 def centimetres(value: float) -> str:
-    """A height."""
+    """A height in m, told in cm."""
     return f"{number(100 * value, 0)} cm"
 
 
@@ -53,6 +55,11 @@ def counted(count: int, one: str, many: str = "") -> str:
     return f"{count or 'no'} {one if count == 1 else many or one + 's'}"
 
 
+def slope(angle: float) -> str:
+    """How steep a way is at its steepest, rad."""
+    return f"steepest ground {degrees(angle)}" if angle >= FLAT else "level ground"
+
+
 def side(angle: float) -> str:
     """Where something lies that is ``angle`` rad to the left of ahead."""
     angle = wrap_angle(angle)
@@ -72,3 +79,8 @@ def turn(angle: float) -> str:
         return "turn around"
     how = "turn" if abs(angle) >= np.pi / 4 else "bear"
     return f"{how} {'left' if angle > 0 else 'right'} by {5 * round(np.degrees(abs(angle)) / 5)}°"
+
+
+def rotate(angle: float) -> str:
+    """SVG's transform that turns a sign which points right by ``angle`` rad to the left."""
+    return f"rotate({-np.degrees(angle):.0f})"

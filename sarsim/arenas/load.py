@@ -12,7 +12,8 @@ from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.raf import build_raf
-from sarsim.arenas.random_arena import RandomArenaConfig, build_random
+from sarsim.arenas.random_arena import build_random
+from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.arenas.start import find_start, start_at
 from sarsim.arenas.untrusted_xml import check_mjcf
 from sarsim.assets import asset
@@ -21,9 +22,6 @@ BUILT_IN = ("nist_6x4", "esogu_52x15")
 RANDOM = "random:"
 MAX_DIGITS = 18
 """of a seed."""
-
-StartPose = tuple[float, float, float]
-"""x and y in m, yaw in degrees."""
 
 
 def load_arena(

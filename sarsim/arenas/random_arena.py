@@ -19,6 +19,7 @@ from sarsim.arenas.random_furniture import OTHER_WALLS, hang_on_walls, place_bul
 from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, make_maze, wall_items
 from sarsim.arenas.random_paint import paint
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
+from sarsim.arenas.settings import RandomArenaConfig
 
 CEILING = 2.4
 """m, its height; all walls reach up to it."""
@@ -36,41 +37,6 @@ _BOUNDS = {
     "victims": (0, 100),
     "difficulty": (0, 3),
 }
-
-
-@dataclass(frozen=True)
-class RandomArenaConfig:
-    """What a random arena is like.
-
-    Attributes:
-        columns: tiles of 1.2 m along x, 3 to 20.
-        rows: tiles along y, 3 to 20.
-        wall_density: share of the inner walls of a perfect maze that stand; 0 is a hall.
-        ramps: share of the tiles that are ramps and decks, from difficulty 1 on.
-        clutter: share of the tiles that something takes: a diagonal wall, from difficulty 2 on a barrel or
-            crossing ramps, from 3 on a step field. From 2 on as many tiles have a block or a pipe beside a wall.
-        furniture: share of the tiles that furniture takes, or rescue elements that nobody drives over; as many tiles
-            have something hanging on a wall, and some inner walls are thick or veils.
-        bulky: share of the tiles with what hides much: raised floors to drive under, steep boards, cupboards.
-        victims: number of them.
-        difficulty: 0 flat; 1 with decks and ridges of ramps; 2 with crossing ramps, clutter, holes in walls and
-            victims half hidden; 3 with continuous ramp fields and step fields. If not given, the remainder of
-            the seed on division by 4.
-        ceiling: 2.4 m high, all walls up to it.
-        painted: floor, walls, ramps and boards have colours and patterns of their own.
-    """
-
-    columns: int = 7
-    rows: int = 6
-    wall_density: float = 0.5
-    ramps: float = 0.25
-    clutter: float = 0.15
-    victims: int = 3
-    difficulty: int | None = None
-    ceiling: bool = False
-    furniture: float = 0.0
-    bulky: float = 0.0
-    painted: bool = False
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:

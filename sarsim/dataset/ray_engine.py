@@ -41,7 +41,7 @@ class RayEngine:
                 **(own if address is None else {}),
             )
         except ConnectionError as error:
-            raise InputError(f"--ray-address {address}: no Ray cluster there") from error
+            raise InputError(f"RAY_ADDRESS {address}: no Ray cluster there") from error
 
     def render(
         self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock

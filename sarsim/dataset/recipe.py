@@ -7,7 +7,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pipeline.errors import InputError
-from sarsim.arenas.random_arena import RandomArenaConfig
+from sarsim.arenas.settings import RandomArenaConfig
+from sarsim.dataset.arena_range import ArenaRange, check_order, check_share
 from sarsim.dataset.drive import DriveConfig
 from sarsim.sensors.air import Air
 from sarsim.sensors.conditions import Conditions
@@ -23,67 +24,6 @@ MAX_LATERAL_SIGMA = 10
 """pixels."""
 Purpose = Literal["conditions", "arena", "drive", "noise"]
 """Of random numbers."""
-
-
-@dataclass(frozen=True)
-class ArenaRange:
-    """Random arenas are drawn evenly between these values, ends included.
-
-    Attributes:
-        tiles: along x and y; a tile is 1.2 m.
-        wall_density: share of a maze's inner walls that stand.
-        ramps: share of the tiles that are ramps and decks.
-        clutter: share of the tiles that something takes.
-        furniture: share of the tiles that furniture and such takes.
-        bulky: share of the tiles with what hides much.
-        victims: number.
-        difficulty: 0 flat, to 3 with ramp fields and step fields.
-        ceilings: share of the arenas that have one.
-        painted: share of the arenas with colours and patterns of their own.
-    """
-
-    tiles: tuple[int, int] = (4, 8)
-    wall_density: tuple[float, float] = (0.2, 0.7)
-    ramps: tuple[float, float] = (0.2, 0.5)
-    clutter: tuple[float, float] = (0.05, 0.2)
-    victims: tuple[int, int] = (1, 4)
-    difficulty: tuple[int, int] = (0, 3)
-    ceilings: float = 0.2
-    furniture: tuple[float, float] = (0.0, 0.0)
-    bulky: tuple[float, float] = (0.0, 0.0)
-    painted: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in (
-            "tiles",
-            "wall_density",
-            "ramps",
-            "clutter",
-            "furniture",
-            "bulky",
-            "victims",
-            "difficulty",
-        ):
-            _check_order(f"random.{name}", getattr(self, name))
-        _check_share("random.ceilings", self.ceilings)
-        _check_share("random.painted", self.painted)
-
-    def draw(self, rng: np.random.Generator) -> RandomArenaConfig:
-        """One of these arenas."""
-        return RandomArenaConfig(
-            columns=int(rng.integers(*self.tiles, endpoint=True)),
-            rows=int(rng.integers(*self.tiles, endpoint=True)),
-            wall_density=round(rng.uniform(*self.wall_density), 3),
-            ramps=round(rng.uniform(*self.ramps), 3),
-            clutter=round(rng.uniform(*self.clutter), 3),
-            victims=int(rng.integers(*self.victims, endpoint=True)),
-            difficulty=int(rng.integers(*self.difficulty, endpoint=True)),
-            ceiling=bool(rng.random() < self.ceilings),
-            # No number is drawn for nothing: datasets without furniture or paint stay as they are.
-            furniture=round(rng.uniform(*self.furniture), 3) if self.furniture[1] else 0.0,
-            bulky=round(rng.uniform(*self.bulky), 3) if self.bulky[1] else 0.0,
-            painted=bool(self.painted and rng.random() < self.painted),
-        )
 
 
 @dataclass(frozen=True)
@@ -120,13 +60,13 @@ class SensorRange:
     dropout: tuple[float, float] = (0.0, 0.02)
 
     def __post_init__(self) -> None:
-        _check_share("sensor.ideal", self.ideal)
-        _check_order("sensor.lateral-sigma", self.lateral_sigma)
-        _check_order("sensor.dropout", self.dropout)
+        check_share("sensor.ideal", self.ideal)
+        check_order("sensor.lateral-sigma", self.lateral_sigma)
+        check_order("sensor.dropout", self.dropout)
         if not (self.lateral_sigma[0] >= 0 and self.lateral_sigma[1] <= MAX_LATERAL_SIGMA):
             raise InputError(f"--sensor.lateral-sigma: from 0 to {MAX_LATERAL_SIGMA} pixels")
         for share in self.dropout:
-            _check_share("sensor.dropout", share)
+            check_share("sensor.dropout", share)
 
     def draw(self, rng: np.random.Generator) -> Xtion:
         """One of these sensors."""
@@ -150,8 +90,8 @@ class DustRange:
     dust: tuple[float, float] = (0.02, 0.4)
 
     def __post_init__(self) -> None:
-        _check_share("air.clear", self.clear)
-        _check_order("air.dust", self.dust)
+        check_share("air.clear", self.clear)
+        check_order("air.dust", self.dust)
         for dust in self.dust:
             Air(dust=dust)
 
@@ -250,13 +190,3 @@ class Recipe:
         for _ in range(count):
             config = self.random.draw(rng)
             yield SceneRecipe(index, f"{PREFIX}{rng.integers(1 << 31)}", config, conditions)
-
-
-def _check_order(flag: str, bounds: tuple[float, float]) -> None:
-    if not bounds[0] <= bounds[1]:
-        raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: the lower value comes first")
-
-
-def _check_share(flag: str, share: float) -> None:
-    if not 0 <= share <= 1:
-        raise InputError(f"--{flag} {share}: a share is from 0 to 1")

@@ -1,9 +1,7 @@
 """``index.html``: a dataset at a glance, in one file that needs no other."""
 
-import base64
 from collections import Counter
 from collections.abc import Iterator
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -13,24 +11,18 @@ from numpy.typing import NDArray
 
 from pipeline.files import whole_file
 from pipeline.labels import COLOURS, Label
+from pipeline.rescue_report.rendering import environment, jpeg
 from sarsim.dataset.folder import Dataset
-from sarsim.dataset.manifest import SPLITS, SceneEntry
+from sarsim.dataset.manifest import SPLITS
 from sarsim.dataset.scene_file import Scene
 
 FILE = "index.html"
-PICTURED = 12
-"""Scenes of which there is a picture at most."""
+MAX_PICTURED = 12
+"""Scenes of which the page shows a frame."""
 SIZE = (320, 240)
+"""Width and height of the pictures in pixels."""
 FAR = 3.5
 """m, the end of the depth pictures' colours."""
-
-STYLE = """
-body { font: 15px/1.5 sans-serif; max-width: 1060px; margin: 2em auto; padding: 0 1em; color: #222; }
-table { border-collapse: collapse; } td, th { padding: .15em .9em .15em 0; text-align: left; vertical-align: top; }
-td.number { text-align: right; font-variant-numeric: tabular-nums; }
-figure { margin: 0 0 1em; } figcaption { color: #555; } img { width: 32.8%; }
-i { padding: 0 .5em; margin-right: .5em; }
-"""
 
 
 def write_summary(folder: Path) -> None:
@@ -40,97 +32,63 @@ def write_summary(folder: Path) -> None:
         InputError: the dataset cannot be read, or the page cannot be written.
     """
     dataset = Dataset(folder)
-    parts = [
-        f"<!doctype html><html lang='en'><meta charset='utf-8'><title>{escape(folder.name)}</title>",
-        f"<style>{STYLE}</style><h1>{escape(folder.name)}</h1>",
-        _contents(dataset),
-        "<h2>Class balance</h2>",
-        _balance(dataset),
-        "<h2>Frames</h2>",
-        "<p>Colour with the victims' boxes, depth (blue is near, dark red 3.5 m, black no return) and label.</p>",
-        *_pictures(dataset),
-        f"<h2>Recipe</h2><table>{''.join(_settings(dataset.recipe))}</table></html>\n",
-    ]
+    html = (
+        environment("sarsim.dataset")
+        .get_template("index.html")
+        .render(
+            name=folder.name,
+            splits=list(_splits(dataset)),
+            balance=list(_balance(dataset)),
+            figures=list(_figures(dataset)),
+            recipe=dataset.recipe,
+            far=FAR,
+        )
+    )
     with whole_file(folder / FILE) as partial:
-        partial.write_text("\n".join(parts))
+        partial.write_text(html)
 
 
-def _contents(dataset: Dataset) -> str:
-    """How much there is, by split and lighting."""
-    rows = []
+def _splits(dataset: Dataset) -> Iterator[dict[str, Any]]:
+    """How much each split holds, and by which light."""
     for split in SPLITS:
         entries = [entry for entry in dataset.entries if entry.split == split]
         lights = Counter(entry.lighting for entry in entries)
-        told = ", ".join(f"{count} {light}" for light, count in sorted(lights.items()))
-        rows.append(_row(split, len(entries), sum(entry.frames for entry in entries), told))
-    return "<table><tr><th>split<th>scenes<th>frames<th>lighting</tr>" + "".join(rows) + "</table>"
+        lighting = ", ".join(f"{count} {light}" for light, count in sorted(lights.items()))
+        frames = sum(entry.frames for entry in entries)
+        yield {"name": split, "scenes": len(entries), "frames": frames, "lighting": lighting}
 
 
-def _balance(dataset: Dataset) -> str:
-    """A bar and a row for each label."""
+def _balance(dataset: Dataset) -> Iterator[dict[str, Any]]:
+    """The points of each label, their share, and the share of the labels before it."""
     points = Counter[str]()
     for entry in dataset.entries:
         points.update(entry.points)
-    total = max(sum(points.values()), 1)
-    counts = [points[label.name.lower()] for label in Label]
-    rows = [
-        _row(label.name.lower(), f"{count:,}", f"{count / total:.2%}", colour=_colour(label))
-        for label, count in zip(Label, counts, strict=True)
-    ]
-    table = "<table><tr><th>label<th>points<th>share</tr>" + "".join(rows) + "</table>"
-    return _bar([count / total for count in counts]) + table
+    total, before = max(sum(points.values()), 1), 0.0
+    for label in Label:
+        name, colour = label.name.lower(), "#" + bytes(COLOURS[label].tolist()).hex()
+        share = points[name] / total
+        yield {"name": name, "colour": colour, "points": points[name], "share": share, "before": before}
+        before += share
 
 
-def _bar(shares: list[float], width: int = 1000, height: int = 36) -> str:
-    """All labels side by side, as wide as their shares."""
-    boxes, x = [], 0.0
-    for label, share in zip(Label, shares, strict=True):
-        title = f"<title>{label.name.lower()} {share:.1%}</title>"
-        boxes.append(
-            f"<rect x='{x:.1f}' width='{share * width:.1f}' height='{height}' fill='{_colour(label)}'>{title}</rect>"
-        )
-        x += share * width
-    return f"<svg viewBox='0 0 {width} {height}' width='100%' role='img'>{''.join(boxes)}</svg>"
-
-
-def _colour(label: Label) -> str:
-    return "#" + bytes(COLOURS[label].tolist()).hex()
-
-
-def _row(name: str, *values: object, colour: str = "") -> str:
-    patch = f"<i style='background:{colour}'></i>" if colour else ""
-    cells = (f"<td{'' if index > 1 else ' class=number'}>{value}" for index, value in enumerate(values))
-    return f"<tr><td>{patch}{escape(name)}{''.join(cells)}</tr>"
-
-
-def _settings(values: dict[str, Any], prefix: str = "") -> Iterator[str]:
-    """A row for each setting of a recipe, as the command's flags name it."""
-    for key, value in values.items():
-        name = f"{prefix}{key.replace('_', '-')}"
-        if isinstance(value, dict):
-            yield from _settings(value, f"{name}.")
-        else:
-            words = " ".join(map(str, value if isinstance(value, list) else [value]))
-            yield f"<tr><td>--{escape(name)}<td>{escape(words)}</tr>"
-
-
-def _pictures(dataset: Dataset) -> list[str]:
-    """The frame of some scenes that shows most labels."""
-    step = -(-len(dataset) // PICTURED)
-    figures = []
+def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
+    """Of some scenes, the frame that shows most labels."""
+    step = -(-len(dataset) // MAX_PICTURED)
     for entry in dataset.entries[:: max(step, 1)]:
         with Scene(dataset.folder / entry.file) as scene:
-            figures.append(_figure(entry, scene))
-    return figures
-
-
-def _figure(entry: SceneEntry, scene: Scene) -> str:
-    index = max(range(len(scene)), key=lambda i: (len(np.unique(scene.label(i))), -i))
-    frame = scene.frame(index)
-    boxes = scene.victim_pixels[index][scene.victim_area[index] > 0]
-    pictures = (with_boxes(frame.rgb, boxes), depth_picture(frame.depth), COLOURS[scene.label(index)])
-    caption = f"{entry.file}, look {index}: {entry.arena}, {entry.lighting}, dust {scene.settings['dust']:g}"
-    return f"<figure>{''.join(map(_image, pictures))}<figcaption>{escape(caption)}</figcaption></figure>"
+            index = max(range(len(scene)), key=lambda i: (len(np.unique(scene.label(i))), -i))
+            frame, labels = scene.frame(index), COLOURS[scene.label(index)]
+            boxes = scene.victim_pixels[index][scene.victim_area[index] > 0]
+            place = f"{entry.arena}, {entry.lighting}, dust {scene.settings['dust']:g}"
+        images = {
+            "colour": with_boxes(frame.rgb, boxes),
+            "depth": depth_picture(frame.depth),
+            "label": labels,
+        }
+        yield {
+            "caption": f"{entry.file}, frame {index}: {place}",
+            "pictures": {name: _thumbnail(image) for name, image in images.items()},
+        }
 
 
 def with_boxes(rgb: NDArray[np.uint8], boxes: NDArray[np.int32]) -> NDArray[np.uint8]:
@@ -142,12 +100,10 @@ def with_boxes(rgb: NDArray[np.uint8], boxes: NDArray[np.int32]) -> NDArray[np.u
 
 
 def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB; near is blue, far red, no return black."""
+    """(H, W, 3) uint8 RGB of depths (H, W) in m; near is blue, far red, no return black."""
     bgr = cv2.applyColorMap((depth / FAR * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
     return np.where((depth > 0)[..., None], bgr[..., ::-1], 0).astype(np.uint8)
 
 
-def _image(rgb: NDArray[np.uint8]) -> str:
-    small = cv2.resize(rgb[..., ::-1], SIZE, interpolation=cv2.INTER_AREA)
-    _, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])
-    return f"<img src='data:image/jpeg;base64,{base64.b64encode(data.tobytes()).decode()}' alt=''> "
+def _thumbnail(rgb: NDArray[np.uint8]) -> str:
+    return jpeg(cv2.resize(rgb, SIZE, interpolation=cv2.INTER_AREA).astype(np.uint8))

@@ -13,7 +13,7 @@ from sarsim.assets import asset
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
-MODEL = RobotModel(
+PIONEER_3AT = RobotModel(
     length=0.508,  # data sheet: 508 × 497 mm, wheels included
     width=0.497,
     body_height=0.3,  # top plate at 0.274 m
@@ -22,6 +22,10 @@ MODEL = RobotModel(
     max_gap=0.15,  # data sheet
     max_tilt=np.deg2rad(20),  # climbs 35 %, 19°, by its data sheet
     tipping_tilt=np.deg2rad(25),
+    speed=0.2,  # the thesis's
+    ramp_speed=0.15,
+    turn_rate=0.8,
+    ramp_turn_rate=0.4,
     acceleration=0.3,  # of its firmware
     turn_acceleration=np.deg2rad(100),
     ramp_slide=0.15,  # measured on 16°: 0.13 in a quarter turn, although it makes up for sliding

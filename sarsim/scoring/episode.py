@@ -41,13 +41,14 @@ class EpisodeScore:
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
         self.surface = true_surface(model, data, robot.base_body, robot.trajectory[-1].T_world_base[:3, 3])
         self._faces = true_faces(model, data)
-        self._voxels = VoxelScore(explorer.metric_map)
-        self._semantics = SemanticScore(explorer.semantic_map.config)
+        self._voxels = VoxelScore(explorer.mapper.metric_map)
+        self._semantics = SemanticScore(explorer.mapper.semantic_map.config)
         self.victims = VictimScore(model, data)
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
         self._lifts = 0
+        self._frontiers_left = 0
         self.progress: list[tuple[float, float]] = []
 
     def add(self, step: Step) -> None:
@@ -55,13 +56,14 @@ class EpisodeScore:
         truth = self._robot.true_look
         assert truth is not None
         self._lifts += step.was_kidnapped
+        self._frontiers_left = len(step.frontiers)
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
         self._see(points)
         self.victims.add(truth.image)
         self.progress.append((self._robot.time - self._start_time, self.explored_fraction))
-        if step.frame.label is not None:
-            self._semantics.add(step.points, step.frame.label[step.frame.returns])
+        if step.keyframe.frame.label is not None:
+            self._semantics.add(step.keyframe.points, step.keyframe.frame.label[step.keyframe.frame.returns])
         if step.plan is not None and step.plan.length > 0.1:
             self._cost_ratios.append(
                 step.plan.length / self._optimum(truth.T_world_base[:2, 3], step.plan.way_points[-1, :2])
@@ -77,14 +79,14 @@ class EpisodeScore:
         explorer, trajectory = self._explorer, self._robot.trajectory
         stages = {
             "metric_map": self._voxels.report(),
-            "semantic_map": self._semantics.report(explorer.semantic_map),
-            "segments": score_segments(explorer.segments, self._faces),
-            "topological_map": score_topology(explorer.topological_map, self.surface),
+            "semantic_map": self._semantics.report(explorer.mapper.semantic_map),
+            "segments": score_segments(explorer.mapper.segments, self._faces),
+            "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),
             "navigation": self._navigation(),
             "exploration": self._exploration(),
             "localisation": score_localisation(trajectory),
-            **({"victims": self.victims.report(self._confirmed)} if explorer.detector else {}),
+            **({"victims": self.victims.report(self._confirmed)} if explorer.mapper.detector else {}),
         }
         return {name: stage for name, stage in stages.items() if stage}
 
@@ -97,7 +99,9 @@ class EpisodeScore:
     @property
     def _confirmed(self) -> NDArray[np.float64]:
         """(N, 3) where the robot reports victims."""
-        return np.array([victim.position for victim in self._explorer.victims.confirmed]).reshape(-1, 3)
+        return np.array([victim.position for victim in self._explorer.mapper.victims.confirmed]).reshape(
+            -1, 3
+        )
 
     def _see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells that a noise-free return fell in."""
@@ -124,7 +128,7 @@ class EpisodeScore:
         times = [time for time, share in self.progress if share >= MOST]
         return {
             "explored_fraction": self.explored_fraction,
-            "frontiers_left": len(self._explorer.exploration.frontiers),
+            "frontiers_left": self._frontiers_left,
             **({"seen90_s": times[0]} if times else {}),
         }
 

@@ -1,27 +1,24 @@
 """A labelled RGB-D frame against the three passes of ``mujoco.Renderer``.
 
 Every contender draws in a process of its own, because two OpenGL contexts in one process get in each other's way. The
-processes take turns frame by frame, so one draws while the others wait, and whatever else the machine does falls on
-all alike.
+processes take turns frame by frame, so other load on the machine slows all alike.
 """
 
 import multiprocessing
 import signal
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from multiprocessing.connection import Connection
+from typing import ClassVar
 
 import mujoco
 import numpy as np
 from rich.progress import track
 
-from pipeline.errors import InputError
 from sarsim.assets import asset
-from sarsim.scripts.benchmarks.subject import Result, Subject
+from sarsim.scripts.benchmarks.common import RENDERERS, Result, ThreePasses, at_least, seconds
 from sarsim.sensors.camera import RgbdCamera
-from sarsim.sensors.rendering import COLOUR_QUALITY, Renderer
+from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.xtion import Xtion
 
 POSES = [
@@ -37,45 +34,42 @@ HEIGHT = 0.75  # m; above the decks as high as the robot's mast
 WARM_UP = 2  # rounds that are not counted
 
 
-@dataclass(frozen=True)
-class Camera(Subject):
-    """A labelled RGB-D frame against mujoco.Renderer's colour, depth and segmentation."""
+class WithoutMultisampling(ThreePasses):
+    """Each pixel drawn once."""
 
-    frames: int = 60
-    """How many frames each contender draws."""
-    width: int = 640
-    """pixels."""
-    height: int = 480
-    """pixels."""
+    QUALITY: ClassVar[dict[str, int]] = {"offsamples": 0}
 
-    def measure(self) -> Result:
-        """Medians over all frames, and how many times faster than mujoco.Renderer a frame is.
 
-        Raises:
-            InputError: there is nothing to draw.
-        """
-        if min(self.frames, self.width, self.height) < 1:
-            raise InputError("--frames, --width and --height: give at least 1")
-        times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
-        workers = {name: _start(name, self.width, self.height) for name in CONTENDERS}
-        for i in track(range(WARM_UP + self.frames), "camera", transient=True):
-            for name, connection in workers.items():
-                connection.send(POSES[i % len(POSES)])
-                times[name].append(connection.recv())
-        for connection in workers.values():
-            connection.send(None)
-        return Result(_figures({name: rows[WARM_UP:] for name, rows in times.items()}))
+CONTENDERS = {**RENDERERS, "renderer_without_multisampling": WithoutMultisampling}
 
 
 @dataclass
 class Times:
-    """Milliseconds of one frame, and of its parts each by itself."""
+    """Milliseconds of one frame, and of each of its parts alone."""
 
     frame: float
     parts: dict[str, float]
 
 
-def _figures(times: dict[str, list[Times]]) -> dict[str, float]:
+def measure(frames: int = 60, width: int = 640, height: int = 480) -> Result:
+    """Medians over so many frames, and how many times faster than mujoco.Renderer a frame is.
+
+    Raises:
+        InputError: there is nothing to draw.
+    """
+    at_least(1, frames=frames, width=width, height=height)
+    times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
+    workers = {name: _start(name, width, height) for name in CONTENDERS}
+    for i in track(range(WARM_UP + frames), "camera", transient=True):
+        for name, connection in workers.items():
+            connection.send(POSES[i % len(POSES)])
+            times[name].append(connection.recv())
+    for connection in workers.values():
+        connection.send(None)
+    return Result(summary({name: rows[WARM_UP:] for name, rows in times.items()}))
+
+
+def summary(times: dict[str, list[Times]]) -> dict[str, float]:
     """Medians: of the ratio between two frames of a round, and of frames and parts in milliseconds."""
     frame = {name: np.array([row.frame for row in rows]) for name, rows in times.items()}
     figures = {
@@ -106,7 +100,8 @@ def _serve(name: str, connection: Connection, width: int, height: int) -> None:
     """What a contender's process does."""
     model = _model(width, height)
     data = mujoco.MjData(model)
-    frame = CONTENDERS[name](model, data, width, height)
+    renderer = CONTENDERS[name](model, width, height)
+    frame = _theirs(renderer, data) if isinstance(renderer, ThreePasses) else _ours(renderer, data)
     while (pose := connection.recv()) is not None:
         x, y, yaw = pose
         data.mocap_pos[0] = x, y, HEIGHT
@@ -126,15 +121,8 @@ def _model(width: int, height: int) -> mujoco.MjModel:
     return spec.compile()
 
 
-def _milliseconds(action: Callable[[], object]) -> float:
-    start = time.perf_counter()
-    action()
-    return 1e3 * (time.perf_counter() - start)
-
-
-def _ours(model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int) -> Callable[[], Times]:
+def _ours(renderer: Renderer, data: mujoco.MjData) -> Callable[[], Times]:
     """Colour, depth, label and instance of every pixel, by the ideal sensor."""
-    renderer = Renderer(model, width, height)
     camera = RgbdCamera(renderer, "camera")
     rng = np.random.default_rng(0)
     image = camera.capture(data)
@@ -146,40 +134,18 @@ def _ours(model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int) -
     }
 
     def frame() -> Times:
-        whole = _milliseconds(lambda: Xtion.ideal().apply(camera.capture(data), rng))
-        return Times(whole, {name: _milliseconds(part) for name, part in parts.items()})
+        whole = 1e3 * seconds(lambda: Xtion.ideal().apply(camera.capture(data), rng))
+        return Times(whole, {name: 1e3 * seconds(part) for name, part in parts.items()})
 
     return frame
 
 
-def _renderer(
-    model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, **quality: int
-) -> Callable[[], Times]:
-    """``mujoco.Renderer`` at MuJoCo's default quality, but for ``quality``: colour, depth and ids in three passes."""
-    default = mujoco.MjSpec().visual.quality
-    for name in ("offsamples", "shadowsize", "numslices", "numstacks", "numquads"):
-        setattr(model.vis.quality, name, quality.get(name, getattr(default, name)))
-    renderer = mujoco.Renderer(model, height, width)
-
-    def draw() -> None:
-        renderer.update_scene(data, "camera")
-        renderer.render()
+def _theirs(renderer: ThreePasses, data: mujoco.MjData) -> Callable[[], Times]:
+    """Colour, depth and ids in three passes."""
+    passes = {"colour": renderer.colour, "depth": renderer.depth, "segmentation": renderer.segmentation}
 
     def frame() -> Times:
-        parts = {"colour": _milliseconds(draw)}
-        renderer.enable_depth_rendering()
-        parts["depth"] = _milliseconds(draw)
-        renderer.enable_segmentation_rendering()
-        parts["segmentation"] = _milliseconds(draw)
-        renderer.disable_segmentation_rendering()
+        parts = {name: 1e3 * seconds(draw, data, "camera") for name, draw in passes.items()}
         return Times(sum(parts.values()), parts)
 
     return frame
-
-
-CONTENDERS: dict[str, Callable[..., Callable[[], Times]]] = {
-    "ours": _ours,
-    "renderer": _renderer,
-    "renderer_without_multisampling": partial(_renderer, offsamples=0),
-    "renderer_at_our_quality": partial(_renderer, **COLOUR_QUALITY),
-}

@@ -15,13 +15,12 @@ import numpy as np
 import tyro
 
 from pipeline.errors import InputError
-from pipeline.explorer import ExplorerConfig
+from sarsim.episode import WEIGHTS, EpisodeConfig, Labels, make_classifier
 from sarsim.scripts.benchmarks.exploration_episode import Job, Strategy
 from sarsim.scripts.benchmarks.exploration_figures import group_figures, seen90_ratio
 from sarsim.scripts.benchmarks.exploration_processes import cores, run_jobs
 from sarsim.scripts.benchmarks.exploration_table import GROUPS, RATIO, rich_table
 from sarsim.scripts.benchmarks.subject import Result, Subject
-from sarsim.scripts.run_episode import WEIGHTS, EpisodeConfig, Labels, make_classifier
 from sarsim.simulated_robot import SimulationConfig
 
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
@@ -57,7 +56,6 @@ class ExplorationBenchmark(Subject):
     """Of victims, whom only the robot itself looks for; None to look for nobody."""
     simulation: Annotated[SimulationConfig, tyro.conf.arg(name="")] = field(default_factory=SimulationConfig)
     """Of the robot's body."""
-    pipeline: ExplorerConfig = field(default_factory=ExplorerConfig)
     """Settings of every stage."""
     workers: int | None = None
     """Episodes at a time; if not given, as many as there are cores."""
@@ -104,7 +102,6 @@ class ExplorationBenchmark(Subject):
                 weights=self.weights,
                 detector=self.detector if strategy == "ours" else None,
                 simulation=self.simulation,
-                pipeline=self.pipeline,
             )
             yield Job(group, strategy, config)
 

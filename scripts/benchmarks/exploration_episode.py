@@ -17,9 +17,9 @@ from pipeline.errors import InputError
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.files import whole_file
 from pipeline.navigation.navigator import Outcome
+from sarsim.episode import Episode, EpisodeConfig
 from sarsim.scoring.episode import MOST
 from sarsim.scripts.benchmarks.top_view import top_view
-from sarsim.scripts.run_episode import Episode, EpisodeConfig
 from sarsim.simulated_robot import Pose
 
 Strategy = Literal["ours", "nearest_frontier", "random_walk"]
@@ -79,9 +79,9 @@ class BenchmarkEpisode(Episode):
     def __init__(self, job: Job, out: Path):
         super().__init__(replace(job.config, out=out))
         if job.strategy == "nearest_frontier":
-            self.explorer.exploration = NearestFrontier(self.explorer.config.exploration)
+            self.explorer.mission.exploration = NearestFrontier()
         elif job.strategy == "random_walk":
-            self.explorer.exploration = RandomWalk(job.config.seed)
+            self.explorer.mission.exploration = RandomWalk(job.config.seed)
         self._aimless = job.strategy == "random_walk"
         self.contacts: list[NDArray[np.float64]] = []
         self._collisions = self.robot.collisions.collisions

@@ -60,7 +60,7 @@ def record(arena: str, seed: int, frames: int) -> Recording:
             step = explorer.step()
     robot.close()
     ideal, xtion, poses = (np.array(column) for column in zip(*album.chosen(), strict=True))
-    return Recording(step.frame.intrinsics, ideal, xtion, poses)
+    return Recording(step.keyframe.frame.intrinsics, ideal, xtion, poses)
 
 
 class _Album:

@@ -12,9 +12,9 @@ from rich.progress import track
 from rich.table import Table
 
 from pipeline.errors import InputError
-from pipeline.explorer import ExplorerConfig
 from pipeline.victims.detection.detector import DetectorConfig, VictimDetector
 from pipeline.victims.detection.weights import load_network
+from sarsim.episode import DETECTOR, WEIGHTS, EpisodeConfig, Labels, make_classifier
 from sarsim.scripts.benchmarks.exploration_episode import Job
 from sarsim.scripts.benchmarks.exploration_figures import group_figures
 from sarsim.scripts.benchmarks.exploration_processes import cores, run_jobs
@@ -29,7 +29,6 @@ from sarsim.scripts.benchmarks.victims_frames import (
     scene_frames,
 )
 from sarsim.scripts.benchmarks.victims_speed import speed, tiny
-from sarsim.scripts.run_episode import DETECTOR, WEIGHTS, EpisodeConfig, Labels, make_classifier
 from sarsim.sensors.lighting import Lighting
 from sarsim.simulated_robot import SimulationConfig
 
@@ -67,7 +66,6 @@ class VictimsBenchmark(Subject):
     """Of that network."""
     simulation: Annotated[SimulationConfig, tyro.conf.arg(name="")] = field(default_factory=SimulationConfig)
     """Of the robot's body."""
-    pipeline: ExplorerConfig = field(default_factory=ExplorerConfig)
     """Settings of every stage."""
     workers: int | None = None
     """Episodes at a time; if not given, as many as there are cores."""
@@ -144,7 +142,6 @@ class VictimsBenchmark(Subject):
                 labels=self.labels,
                 weights=self.weights,
                 simulation=self.simulation,
-                pipeline=self.pipeline,
                 detector=self.detector,
             )
             yield Job(group, "ours", config)

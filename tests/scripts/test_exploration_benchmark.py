@@ -9,6 +9,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.grid_map import Grid
+from sarsim.episode import EpisodeConfig
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scripts.benchmarks import exploration_processes
 from sarsim.scripts.benchmarks.exploration import ExplorationBenchmark
@@ -16,7 +17,6 @@ from sarsim.scripts.benchmarks.exploration_episode import Job, run_job
 from sarsim.scripts.benchmarks.exploration_figures import flat, group_figures, seen90_ratio
 from sarsim.scripts.benchmarks.exploration_table import GROUPS, RATIO, markdown_table
 from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
-from sarsim.scripts.run_episode import EpisodeConfig
 
 
 def report(explored=1.0, seen90=None, time=100.0, tipped=0, collisions=0):

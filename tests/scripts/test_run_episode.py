@@ -14,8 +14,8 @@ import pytest
 
 from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.victims.detection.weights import write_weights
+from sarsim.episode import WEIGHTS, Episode, EpisodeConfig
 from sarsim.scripts import run_episode
-from sarsim.scripts.run_episode import WEIGHTS, Episode, EpisodeConfig
 from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 

@@ -3,15 +3,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.navigation.navigator import NavigationConfig, Navigator, Outcome
+from pipeline.navigation.navigator import BACK_OUT, RAMP_TILT, Navigator, Outcome
+from pipeline.navigation.progress import OVERDUE
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
 from tests.pipeline.kinematic_robot import KinematicRobot
+from tests.pipeline.robot_model import PIONEER
 
 coordinates = st.floats(-3, 3)
-
-NO_SLIDE = NavigationConfig(hold_gain=0.0)
-"""For the kinematic robot, whose wheels do not slide."""
 
 
 @settings(max_examples=30, deadline=None)
@@ -35,7 +34,7 @@ def test_the_wider_the_angle_the_faster_the_turn():
     robot = KinematicRobot()
     Navigator(robot).follow(np.array([(-1, 0.001)]))
     turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
-    assert turning[0] == NavigationConfig().max_turn_rate
+    assert turning[0] == PIONEER.turn_rate
     assert np.all(np.diff(turning) <= 0)
     assert turning[-1] < 0.2
 
@@ -86,7 +85,7 @@ def test_stuck_is_noticed_and_the_robot_backs_out():
     (halt,) = navigator.halts
     assert halt.command.v > 0
     assert halt.freed
-    assert robot.T[0, 3] == pytest.approx(halt.T_map_base[0, 3] - NavigationConfig().back_out, abs=0.04)
+    assert robot.T[0, 3] == pytest.approx(halt.T_map_base[0, 3] - BACK_OUT, abs=0.04)
 
 
 def test_it_pushes_for_less_than_a_second():
@@ -175,7 +174,7 @@ def test_on_a_crest_it_stands_level_and_backs_all_the_same():
     robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(16) * np.clip((x - 1) / 0.12, -1, 1))
     navigator = Navigator(robot)
     assert navigator.follow(np.array([(1.0, 0.0)]))
-    assert max(np.abs(navigator.attitude.tilt)) < NavigationConfig().ramp_tilt
+    assert max(np.abs(navigator.attitude.tilt)) < RAMP_TILT
     assert navigator.follow(np.array([(0.2, 0.1)]))
     assert abs(yaw_of(robot.T)) < np.deg2rad(15)
 
@@ -193,10 +192,10 @@ def test_on_a_ramp_it_turns_by_no_more_than_it_must(bearing):
 
 def test_on_a_ramp_it_turns_slowly_where_the_way_leads_across():
     robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16))
-    navigator = Navigator(robot, NO_SLIDE)
+    navigator = Navigator(robot, hold_gain=0.0)
     assert navigator.follow(np.array([(0.5, 0.0), (0.5, 0.5)]))
     turning = [c.omega for c in robot.commands if c.v == 0 and c.omega != 0]
-    assert max(turning) == NavigationConfig().ramp_turn_rate
+    assert max(turning) == PIONEER.ramp_turn_rate
     np.testing.assert_allclose(robot.T[:2, 3], (0.5, 0.5), atol=0.06)
 
 
@@ -228,11 +227,13 @@ def test_it_backs_to_what_lies_right_behind_it_and_near(target, backs):
 @pytest.mark.parametrize("back_up", [True, False])
 def test_it_looks_back_or_ahead_at_the_end_as_told_even_if_the_other_were_nearer(back_up, pitch):
     robot = KinematicRobot(pitch=lambda x, y: pitch)
-    assert Navigator(robot, NO_SLIDE).follow(np.array([(0.5 if back_up else -0.5, 0.0)]), back_up=back_up)
+    assert Navigator(robot, hold_gain=0.0).follow(
+        np.array([(0.5 if back_up else -0.5, 0.0)]), back_up=back_up
+    )
     assert abs(wrap_angle(yaw_of(robot.T) - np.pi)) < np.deg2rad(3)
 
 
-def test_a_robot_that_was_lifted_since_the_look_does_not_follow_the_old_plan():
+def test_a_robot_that_was_kidnapped_since_the_step_does_not_follow_the_old_plan():
     robot = KinematicRobot()
     navigator = Navigator(robot)
     assert not navigator.follow(np.array([(2, 0)]), start=np.array([5.0, 5.0]))
@@ -265,7 +266,7 @@ def test_it_does_not_glance_ahead_while_it_turns():
 
 def test_a_turn_ends_although_the_robot_slides_around_its_way_point():
     robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(-16))
-    navigator, drive = Navigator(robot, NO_SLIDE), robot.drive
+    navigator, drive = Navigator(robot, hold_gain=0.0), robot.drive
 
     def slide(command):
         motion = drive(command)
@@ -282,7 +283,7 @@ def test_a_turn_ends_although_the_robot_slides_around_its_way_point():
 
 def test_a_leg_on_which_the_robot_slides_back_again_and_again_is_given_up():
     robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(-16))
-    navigator, drive = Navigator(robot, NO_SLIDE), robot.drive
+    navigator, drive = Navigator(robot, hold_gain=0.0), robot.drive
 
     def slide(command):
         if robot.T[0, 3] > 0.1:
@@ -292,7 +293,7 @@ def test_a_leg_on_which_the_robot_slides_back_again_and_again_is_given_up():
     robot.drive = slide
     assert not navigator.follow(np.array([(0.6, 0.0)]))
     assert navigator.legs[-1].outcome is Outcome.STUCK
-    limit = navigator.config.overdue + 4 * 0.6 / navigator.config.ramp_speed
+    limit = OVERDUE + 4 * 0.6 / PIONEER.ramp_speed
     assert limit < navigator.motion.time < limit + 10
 
 

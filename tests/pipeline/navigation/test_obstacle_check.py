@@ -1,20 +1,21 @@
-"""What a glance on the way tells of it."""
+"""What the obstacle check finds."""
 
 import numpy as np
 import pytest
 
-from pipeline.navigation.obstacle_check import ObstacleCheck, ObstacleCheckConfig
+from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.traversability.traversability import assess_map
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ridge, surface_of, wall_points
 
 START, TARGET = np.array([0.0, 0.0]), np.array([2.0, 0.0])
 FLOOR = assess_map(surface_of(ground_points(flat, (-1, 4), (-1, 1))))
 
 
-def obstacle_check(*seen, traversability=FLOOR, config=None):
-    """A lookout that always sees the same."""
+def obstacle_check(*seen, traversability=FLOOR):
+    """A check that always sees the same."""
     cloud = np.vstack(seen).astype(np.float32)
-    return ObstacleCheck(lambda: cloud, traversability, config)
+    return ObstacleCheck(lambda: cloud, traversability, PIONEER)
 
 
 def box(x, y, height=0.4):
@@ -60,15 +61,13 @@ def test_what_stands_behind_the_way_point_does_not_matter():
     assert not obstacle_check(box(1.4, 0.0)).is_clear(START, np.array([1.1, 0.0]))
 
 
-def test_it_glances_at_each_new_way_point_and_every_stride():
-    glances = []
-    watch = ObstacleCheck(
-        lambda: glances.append(1) or np.zeros((0, 3), np.float32), FLOOR, ObstacleCheckConfig(stride=0.4)
-    )
+def test_it_checks_at_each_new_way_point_and_every_stride():
+    checks = []
+    watch = ObstacleCheck(lambda: checks.append(1) or np.zeros((0, 3), np.float32), FLOOR, PIONEER)
     for x in np.arange(0, 1.0, 0.01):
         assert watch.is_clear(np.array([x, 0.0]), TARGET)
-    assert len(glances) == 3
+    assert len(checks) == 3
     assert watch.is_clear(np.array([1.0, 0.0]), np.array([1.0, 2.0]))
-    assert len(glances) == 4
+    assert len(checks) == 4
     assert watch.is_clear(np.array([1.0, 1.9]), np.array([1.2, 1.9]))  # nearer than the camera sees
-    assert len(glances) == 4
+    assert len(checks) == 4

@@ -20,25 +20,25 @@ from tests.recordings import read
 
 rr.set_strict_mode(True)  # otherwise a call with wrong arguments is a warning alone
 
-LOOKS = 3
-LOOKED_FROM = {"world/robot/camera", "world/robot/camera/rgb", "world/robot/camera/depth"}
+STEPS = 3
+EACH_STEP = {"world/robot/camera", "world/robot/camera/rgb", "world/robot/camera/depth"}
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """(explorer, looks, the file's rows) of a robot that looks three times and moves after the first look."""
+    """(explorer, steps, the file's rows) of a robot that takes three keyframes and moves after the first."""
     path = tmp_path_factory.mktemp("wall-0") / "episode.rrd"
     robot = StillRobot()
     explorer = Explorer(robot, TruthClassifier())
     steps = []
     recorder = Recorder(path)
-    for step in range(LOOKS):
+    for index in range(STEPS):
         steps.append(explorer.step())
-        recorder.log_step(step, explorer, steps[-1])
-        if step == 0:
+        recorder.log_step(index, explorer, steps[-1])
+        if index == 0:
             for k in range(1, 51):
                 robot.time = 0.04 * k
-                recorder.log_motion(robot.time, from_yaw(0.008 * k, 0, 0, 0.01 * k))
+                recorder.log_pose(robot.time, from_yaw(0.008 * k, 0, 0, 0.01 * k))
     recorder.log_message("WARN", "nothing more to see")
     recorder.close()
     return explorer, steps, read(path)
@@ -58,7 +58,7 @@ def test_the_timelines_are_step_and_sim_time(recording):
 def test_every_entity_is_there(recording):
     _, _, rows = recording
     expected = {
-        "world", "world/robot", *LOOKED_FROM, "world/robot/camera/labels", "world/metric_map/occupied",
+        "world", "world/robot", *EACH_STEP, "world/robot/camera/labels", "world/metric_map/occupied",
         "world/metric_map/free", "world/semantic_map", "world/segments", "world/topological_map/nodes",
         "world/topological_map/edges", "world/path_plan", "world/frontiers", "world/trajectory", "log",
         "metrics/explored_area_m2", "metrics/distance_m", "metrics/speed_m_s", "metrics/roll_deg",
@@ -67,12 +67,14 @@ def test_every_entity_is_there(recording):
     assert {f"/{entity}" for entity in expected} <= rows.keys()
 
 
-def test_each_look_is_a_step(recording):
+def test_each_keyframe_is_a_step(recording):
     _, steps, rows = recording
-    for entity in LOOKED_FROM:
+    for entity in EACH_STEP:
         found = rows[f"/{entity}"]
-        assert [row["step"] for row in found] == list(range(LOOKS))
-        assert [row["sim_time"] for row in found] == pytest.approx([step.frame.time for step in steps])
+        assert [row["step"] for row in found] == list(range(STEPS))
+        assert [row["sim_time"] for row in found] == pytest.approx(
+            [step.keyframe.frame.time for step in steps]
+        )
 
 
 def test_z_is_up_and_labels_have_their_names_and_colours(recording):
@@ -88,20 +90,22 @@ def test_z_is_up_and_labels_have_their_names_and_colours(recording):
 def test_pictures_come_back_as_they_were(recording):
     _, steps, rows = recording
     camera = "/world/robot/camera"
-    for number, step in enumerate(steps):
-        depth = components(rows[f"{camera}/depth"], "EncodedDepthImage:blob")[number]
+    for index, step in enumerate(steps):
+        depth = components(rows[f"{camera}/depth"], "EncodedDepthImage:blob")[index]
         millimetres = cv2.imdecode(depth.astype(np.uint8).ravel(), cv2.IMREAD_UNCHANGED)
-        np.testing.assert_allclose(millimetres / 1000, step.frame.depth, atol=0.5001e-3)
-        rgb = components(rows[f"{camera}/rgb"], "EncodedImage:blob")[number]
+        np.testing.assert_allclose(millimetres / 1000, step.keyframe.frame.depth, atol=0.5001e-3)
+        rgb = components(rows[f"{camera}/rgb"], "EncodedImage:blob")[index]
         picture = cv2.imdecode(rgb.astype(np.uint8).ravel(), cv2.IMREAD_COLOR)[..., ::-1]
-        assert np.abs(picture.astype(int) - step.frame.rgb).mean() < 3
-        labels = components(rows[f"{camera}/labels"], "SegmentationImage:buffer")[number]
-        np.testing.assert_array_equal(labels.reshape(step.frame.depth.shape), step.frame.label)
+        assert np.abs(picture.astype(int) - step.keyframe.frame.rgb).mean() < 3
+        labels = components(rows[f"{camera}/labels"], "SegmentationImage:buffer")[index]
+        np.testing.assert_array_equal(
+            labels.reshape(step.keyframe.frame.depth.shape), step.keyframe.frame.label
+        )
 
 
 def test_the_camera_projects_as_its_intrinsics_say(recording):
     _, steps, rows = recording
-    frame, row = steps[0].frame, rows["/world/robot/camera"][0]
+    frame, row = steps[0].keyframe.frame, rows["/world/robot/camera"][0]
     k = frame.intrinsics
     columns = [[k.fx, 0, 0], [0, k.fy, 0], [k.cx, k.cy, 1]]
     np.testing.assert_allclose(np.reshape(row["Pinhole:image_from_camera"], (3, 3)), columns)
@@ -110,7 +114,7 @@ def test_the_camera_projects_as_its_intrinsics_say(recording):
     np.testing.assert_allclose(matrix, frame.T_base_camera[:3, :3], atol=1e-6)
 
 
-def test_between_looks_the_robot_moves_in_sim_time_alone(recording):
+def test_between_steps_the_robot_moves_in_sim_time_alone(recording):
     _, _, rows = recording
     moving = [row for row in rows["/world/robot"] if row.get("step") is None]
     # 25 poses a second for 2 s, thinned to five a second.
@@ -122,7 +126,7 @@ def test_between_looks_the_robot_moves_in_sim_time_alone(recording):
 def test_distance_and_speed_are_those_driven(recording):
     _, _, rows = recording
     distance = np.array(components(rows["/metrics/distance_m"], "Scalars:scalars")).ravel()
-    # 0.4 m in steps of 8 mm; the next look, from where the robot really stands, takes it back.
+    # 0.4 m in steps of 8 mm; the next step, from where the robot really stands, takes it back.
     assert distance.max() == pytest.approx(0.8)
     speed = np.array(components(rows["/metrics/speed_m_s"], "Scalars:scalars")).ravel()
     np.testing.assert_allclose(speed, 0.2)
@@ -134,9 +138,9 @@ def test_voxels_lie_where_the_map_has_them(recording):
     index, corner = np.array(last["VoxelGridMap:voxel_indices"]), np.array(last["VoxelGridMap:translation"])
     size = np.array(last["VoxelGridMap:voxel_size"])
     centres = (index + 0.5) * size + corner
-    np.testing.assert_allclose(centres, explorer.metric_map.occupied_centres(), atol=1e-5)
+    np.testing.assert_allclose(centres, explorer.mapper.metric_map.occupied_centres(), atol=1e-5)
     assert len(rows["/world/metric_map/free"][-1]["VoxelGridMap:voxel_indices"]) == len(
-        explorer.metric_map.free_centres()
+        explorer.mapper.metric_map.free_centres()
     )
 
 
@@ -144,8 +148,8 @@ def test_the_semantic_map_is_thinned_and_labelled(recording):
     explorer, _, rows = recording
     last = rows["/world/semantic_map"][-1]
     points, labels = np.array(last["Points3D:positions"]), np.array(last["Points3D:class_ids"])
-    cubes = np.floor(explorer.semantic_map.points() / 0.04).astype(int)
-    assert len(points) == len(np.unique(cubes, axis=0)) < len(explorer.semantic_map)
+    cubes = np.floor(explorer.mapper.semantic_map.points() / 0.04).astype(int)
+    assert len(points) == len(np.unique(cubes, axis=0)) < len(explorer.mapper.semantic_map)
     assert set(labels) == {Label.WALL, Label.TERRAIN}
     np.testing.assert_allclose(points[labels == Label.WALL][:, 0], WALL, atol=1e-3)
     np.testing.assert_allclose(points[labels == Label.TERRAIN][:, 2], 0, atol=1e-3)
@@ -153,27 +157,27 @@ def test_the_semantic_map_is_thinned_and_labelled(recording):
 
 def test_clouds_are_logged_when_they_have_grown_and_at_the_end(recording):
     _, _, rows = recording
-    # The second and third looks show nothing new.
-    assert [row["step"] for row in rows["/world/semantic_map"]] == [0, LOOKS - 1]
-    assert [row["step"] for row in rows["/world/metric_map/free"]] == [0, LOOKS - 1]
+    # The second and third keyframes show nothing new.
+    assert [row["step"] for row in rows["/world/semantic_map"]] == [0, STEPS - 1]
+    assert [row["step"] for row in rows["/world/metric_map/free"]] == [0, STEPS - 1]
 
 
 def test_segments_are_boxes_of_their_label(recording):
     explorer, _, rows = recording
     last = rows["/world/segments"][-1]
-    assert last["Boxes3D:class_ids"] == [int(segment.label) for segment in explorer.segments]
+    assert last["Boxes3D:class_ids"] == [int(segment.label) for segment in explorer.mapper.segments]
     wall = last["Boxes3D:class_ids"].index(Label.WALL)
     assert last["Boxes3D:centers"][wall][0] == pytest.approx(WALL, abs=0.02)
     assert sorted(last["Boxes3D:half_sizes"][wall])[0] < 0.05
 
 
-def test_the_plan_begins_at_the_robot_and_ends_at_the_view(recording):
+def test_the_plan_begins_at_the_robot_and_ends_at_the_viewpoint(recording):
     _, steps, rows = recording
     planned = [(step, row) for step, row in zip(steps, rows["/world/path_plan"], strict=True) if step.plan]
     assert planned
     for step, row in planned:
         way, heading = (np.array(strip) for strip in row["LineStrips3D:strips"])
-        np.testing.assert_allclose(way[0, :2], step.T_map_base[:2, 3], atol=1e-6)
+        np.testing.assert_allclose(way[0, :2], step.keyframe.T_map_base[:2, 3], atol=1e-6)
         np.testing.assert_allclose(way[-1, :2], step.viewpoint.position, atol=1e-6)
         ahead = np.arctan2(*(heading[1] - heading[0])[[1, 0]])
         assert ahead == pytest.approx(step.viewpoint.heading, abs=1e-5)
@@ -224,7 +228,7 @@ def test_recording_needs_no_simulator():
 
 
 def test_a_track_keeps_the_whole_distance_and_few_points():
-    track = Track(spacing=0.05)
+    track = Track()
     for k in range(101):
         track.add(np.array([0.01 * k, 0, 0]))
     assert track.distance == pytest.approx(1.0)

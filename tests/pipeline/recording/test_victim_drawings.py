@@ -30,11 +30,11 @@ class Mistaken:
 
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory):
-    """The rows of a recording of one look, in which two people are known."""
+    """The rows of a recording of one step, in which two people are known."""
     path = tmp_path_factory.mktemp("wall-0") / "episode.rrd"
     explorer = Explorer(StillRobot(), TruthClassifier(), detector=Mistaken())
     step = explorer.step()
-    explorer.victims.all = [BOB, ALICE]
+    explorer.mapper.victims.all = [BOB, ALICE]
     recorder = Recorder(path)
     recorder.log_step(0, explorer, step)
     recorder.log_ways([WAY])
@@ -50,7 +50,7 @@ def test_a_refused_box_says_why(rows):
     assert label.startswith("75%: flat")
 
 
-def test_a_box_is_around_everyone(rows):
+def test_a_box_is_around_each_victim(rows):
     row = rows["/world/victims"][-1]
     assert row["Boxes3D:labels"] == ["person 1, 90%", "sighting A, 90%"]
     np.testing.assert_allclose(row["Boxes3D:centers"], [[1.6, 0.3, 0.2], [0.5, 1.0, 0.2]], atol=1e-5)
@@ -92,7 +92,7 @@ def test_ways_are_drawn_over_the_ground(rows):
     np.testing.assert_allclose(np.array(strip)[:, :2], WAY[:, :2], atol=1e-6)
 
 
-def test_nobody_can_be_drawn():
+def test_no_victims_can_be_drawn():
     assert len(victim_drawings.boxes(victims()).centers) == 0
     assert len(victim_drawings.certainty(victims()).centers) == 0
-    victim_drawings.photo_sheet(victims(), 80)
+    victim_drawings.photo_sheet(victims())

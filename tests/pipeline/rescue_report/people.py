@@ -8,11 +8,11 @@ from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.victim_map import Victim, Victims
-from tests.pipeline.still_robot import StillRobot
+from tests.pipeline.still_robot import HEIGHT, StillRobot
 
 
-class Nobody:
-    """A detector that finds nobody: whom the robot knows is set by hand."""
+class BlindDetector:
+    """A detector that finds no person: the people whom the robot knows are set by hand."""
 
     def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
         """Nothing."""
@@ -30,27 +30,27 @@ def block(
 
 
 def victim(points: NDArray[np.float32], cameras: int = 2) -> Victim:
-    """Someone seen from so many places, one metre apart, with a deviation of 0.1 m."""
+    """A person seen from so many places, one metre apart, with a deviation of 0.1 m."""
     photo = np.full((40, 30, 3), (200, 30, 30), np.uint8)
     places = [np.array([0.0, float(k), 0.6]) for k in range(cameras)]
     return Victim(points, np.eye(3) * 100, places, [0.9] * cameras, photo)
 
 
 def victims(*everyone: Victim) -> Victims:
-    """These, and nobody else."""
+    """These, and no others."""
     result = Victims()
     result.all = list(everyone)
     return result
 
 
 def before_a_wall(found: Victims | None, *, finished: bool = True) -> Situation:
-    """The robot has looked once, from the origin along x, at a floor and a wall 2.5 m away.
+    """The robot has taken one keyframe, from the origin along x, of a floor and a wall 2.5 m away.
 
     Args:
-        found: whom it knows; None if it has no detector.
-        finished: whether there is nothing left to look at.
+        found: the people it knows; None if it has no detector.
+        finished: whether no viewpoint is left.
     """
-    explorer = Explorer(StillRobot(), TruthClassifier(), detector=None if found is None else Nobody())
+    explorer = Explorer(StillRobot(), TruthClassifier(), detector=None if found is None else BlindDetector())
     step = explorer.step()
-    explorer.victims = found or Victims()
-    return situation_of(explorer, [step.T_map_base], finished)
+    explorer.mapper.victims = found or Victims()
+    return situation_of(explorer, [step.keyframe.T_map_base], HEIGHT, finished)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ridge, surface_of, wall_points
 
 AREA = (-1.5, 1.5), (-1.0, 1.0)
@@ -17,9 +18,8 @@ def hazards_of(
     *clouds: NDArray[np.float32], start=(-1.0, 0.0), above: NDArray[np.float32] = NO_POINTS
 ) -> Hazards:
     traversability = assess_map(surface_of(*clouds))
-    return find_hazards(
-        traversability, ShortestPaths(traversability, start).reachable, np.vstack([*clouds, above])
-    )
+    reachable = ShortestPaths(traversability, start).reachable
+    return find_hazards(traversability, reachable, np.vstack([*clouds, above]), PIONEER.headroom)
 
 
 def terrace(x: NDArray, y: NDArray) -> NDArray:

@@ -80,7 +80,7 @@ def test_the_highest_class_of_a_cell_is_drawn() -> None:
         assert (f"#{red:02x}{green:02x}{blue:02x}", opaque) == (pale(label), 255)
 
 
-def test_someone_stands_where_they_are() -> None:
+def test_a_person_is_drawn_where_the_map_has_them() -> None:
     person = victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4)))
     situation = before_a_wall(victims(person))
     root = read(draw_map(situation))

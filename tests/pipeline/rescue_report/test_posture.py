@@ -1,4 +1,4 @@
-"""Sizes of boxes, and what they say of how someone lies."""
+"""Sizes of boxes, and what they say of how a person lies."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tests.pipeline.rescue_report.people import block
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(-np.pi, np.pi), st.floats(-20, 20))
-def test_the_size_does_not_depend_on_where_someone_lies(yaw: float, x: float) -> None:
+def test_the_size_does_not_depend_on_where_a_person_lies(yaw: float, x: float) -> None:
     posture = posture_of(block((x, 3, 0.5), (1.7, 0.5, 0.3), yaw))
     assert (posture.length, posture.width, posture.height) == pytest.approx((1.7, 0.5, 0.3), abs=0.05)
     assert posture.name == "lying"

@@ -15,7 +15,7 @@ from tests.pipeline.rescue_report.people import before_a_wall
 from tests.pipeline.still_robot import StillRobot
 
 
-def test_the_last_look_tells_whether_anything_is_left() -> None:
+def test_the_last_step_tells_whether_a_viewpoint_is_left() -> None:
     explorer = Explorer(StillRobot(), TruthClassifier())
     report, step = RescueReport(explorer), explorer.step()
     report.add(step)
@@ -27,7 +27,7 @@ def test_the_last_look_tells_whether_anything_is_left() -> None:
     situation = report.situation
     assert situation.finished
     np.testing.assert_array_equal(situation.T_map_entrance, np.eye(4))
-    assert situation.steps.shape == (3, 2)
+    assert situation.positions.shape == (3, 2)
     assert not situation.searched
 
 

@@ -11,6 +11,8 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.rescue_report.people import block
+from tests.pipeline.robot_model import PIONEER
+from tests.pipeline.still_robot import HEIGHT
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ridge, surface_of, wall_points
 
 HALL = (-2.0, 2.0), (-1.0, 1.0)
@@ -24,8 +26,9 @@ def route(
 ) -> Route | None:
     traversability = assess_map(surface_of(*clouds))
     paths = ShortestPaths(traversability, start)
-    hazards = find_hazards(traversability, paths.reachable, np.vstack(clouds))
-    router = Router(traversability, paths, TopologicalMap(), metric_map or MetricMap(), hazards, heading=0.0)
+    hazards = find_hazards(traversability, paths.reachable, np.vstack(clouds), PIONEER.headroom)
+    metric_map = metric_map or MetricMap()
+    router = Router(traversability, paths, TopologicalMap(), metric_map, hazards, 0.0, HEIGHT)
     return router.to(person)
 
 
@@ -58,7 +61,7 @@ def test_over_a_ridge_the_ground_counts() -> None:
     assert way.steepest == pytest.approx(np.arctan(RISE / RUN), abs=0.01)
 
 
-def test_nobody_is_reached_behind_a_wall() -> None:
+def test_no_person_is_reached_behind_a_wall() -> None:
     person = block((1.5, 0, 0.2), (0.4, 0.4, 0.4))
     wall = wall_points((0.5, -1), (0.5, 1))
     way = route(person, ground_points(flat, *HALL), wall)
@@ -103,12 +106,12 @@ def test_drops_beside_the_way_are_told() -> None:
     assert way.drop == pytest.approx(0.3, abs=0.001)
 
 
-def test_who_cannot_leave_has_no_way() -> None:
+def test_a_robot_that_cannot_leave_has_no_way() -> None:
     ground = ground_points(flat, *HALL)
     assert route(block((1, 0, 0.2), (0.1, 0.1, 0.4)), ground, start=(9.0, 9.0)) is None
 
 
-def test_who_stands_there_already_has_no_legs() -> None:
+def test_a_robot_that_stands_there_already_has_no_legs() -> None:
     way = route(block((-1.5, 0, 0.2), (0.2, 0.2, 0.4)), ground_points(flat, *HALL))
     assert way is not None
     assert way.length == pytest.approx(0, abs=0.11)

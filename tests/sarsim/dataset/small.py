@@ -102,6 +102,6 @@ def toys(folder: Path, scenes: int = TOYS, recipe: Recipe = RECIPE) -> list[int]
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """Contents by path."""
-    found = (path for path in folder.rglob("*") if path.is_file())
+    """Contents by path, without the settings that the command leaves."""
+    found = (path for path in folder.rglob("*") if path.is_file() and path.name != "config.yaml")
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(found)}

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.goals import ARRIVED, PATIENCE, Goals
+from pipeline.exploration.viewpoint import Context
+from pipeline.mission import ARRIVED, PATIENCE, Goals
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw
 from pipeline.traversability.shortest_paths import ShortestPaths
+from tests.pipeline.still_robot import StillRobot
 from tests.pipeline.topological_map.grounds import U_TURN, room, topology_of
 
 START = (-2.4, -1.5)
@@ -18,16 +20,25 @@ def world():
     return traversability, topology_of(traversability, segments, START)
 
 
+def context_at(world, here):
+    """What the robot knows at a place (2,)."""
+    traversability, _ = world
+    T_map_base, paths = from_yaw(*here, 0, 0), ShortestPaths(traversability, here)
+    return Context(StillRobot().sense(), T_map_base, traversability, traversability.elevation, paths)
+
+
 def drive(world, goals, share=1.0, here=START, most=100):
     """Follow the views, each a ``share`` of the way; the places that the robot was sent to."""
-    traversability, _ = world
     sent, here = [], np.array(here)
-    while viewpoint := goals.next_viewpoint(
-        traversability, None, ShortestPaths(traversability, here), from_yaw(*here, 0, 0)
-    ):
+    while len(sent) < most:
+        context = context_at(world, here)
+        goals.observe(context)
+        if (viewpoint := goals.next_viewpoint(context)) is None:
+            break
+        goals.commit(viewpoint, context)
         sent.append(tuple(viewpoint.position.round(3)))
         here = here + share * (viewpoint.position - here)
-        assert len(sent) < most
+    assert len(sent) < most
     goals.refuse()
     return sent
 
@@ -71,7 +82,7 @@ def test_home_may_be_beside_where_the_robot_can_drive(world):
     assert snapped.visits[0].obstacle is None
 
 
-def test_who_is_there_already_does_not_drive(world):
+def test_a_goal_where_the_robot_stands_is_reached_without_a_drive(world):
     goals = Goals(world[1], [(START[0] + ARRIVED / 2, START[1])])
     assert drive(world, goals) == []
     assert goals.visits[0].obstacle is None
@@ -79,15 +90,15 @@ def test_who_is_there_already_does_not_drive(world):
 
 def test_what_cannot_be_reached_yet_is_not_refused_before_all_is_over(world):
     goals = Goals(world[1], [(9.0, 9.0)])
-    assert (
-        goals.next_viewpoint(world[0], None, ShortestPaths(world[0], START), from_yaw(*START, 0, 0)) is None
-    )
+    context = context_at(world, START)
+    goals.observe(context)
+    assert goals.next_viewpoint(context) is None
     assert len(goals.left) == 1
     goals.refuse()
     assert "off the map" in str(goals.visits[0].obstacle)
 
 
-def test_a_goal_that_nobody_looked_for_was_not_reached():
+def test_a_goal_is_refused_when_the_episode_ends_before_any_step():
     goals = Goals(TopologicalMap(), [(1.0, 2.0)])
     goals.refuse()
     assert goals.visits[0].obstacle == "the goal (1.00, 2.00) m was not reached: the episode ended"

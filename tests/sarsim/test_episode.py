@@ -7,8 +7,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from pipeline.explorer import ExplorerConfig, Step
-from sarsim.scripts.run_episode import Episode, EpisodeConfig
+from pipeline.explorer import PATIENCE, Step
+from sarsim.episode import Episode, EpisodeConfig
 
 WALL, TERRAIN, DECK = 1, 2, 4
 Interval = tuple[float, float]
@@ -88,8 +88,8 @@ def put_in_the_way(episode: Episode, step: Step) -> None:
     """Once, 1.2 m ahead of a robot that is about to drive further than that."""
     data = episode.robot.physics.data
     if step.plan and data.mocap_pos[0, 0] > 8 and np.linalg.norm(step.plan.way_points[0, :2]) > 1.5:
-        ahead = step.plan.way_points[0, :2] - step.T_map_base[:2, 3]
-        data.mocap_pos[0, :2] = step.T_map_base[:2, 3] + 1.2 * ahead / np.linalg.norm(ahead)
+        ahead = step.plan.way_points[0, :2] - step.keyframe.T_map_base[:2, 3]
+        data.mocap_pos[0, :2] = step.keyframe.T_map_base[:2, 3] + 1.2 * ahead / np.linalg.norm(ahead)
 
 
 def test_the_robot_stops_before_what_was_put_in_its_way_and_drives_around(tmp_path):
@@ -115,7 +115,7 @@ def test_a_robot_that_was_lifted_drives_no_old_plan_and_says_so(tmp_path):
     arena = room((-1.3, 2.5), (-1.3, 1.3), *other)
     diary = Diary(arena, tmp_path, lift, steps=3, home=True)
     assert diary.said("ended: moved")
-    assert diary.said("WARN the robot was lifted and set down at (8.00, 0.00) m")
+    assert diary.said("WARN the robot was kidnapped and set down at (8.00, 0.00) m")
     assert diary.said("WARN the goal (0.00, 0.00) m cannot be reached from")
     assert diary.report["navigation"]["lifted"] == 1
     assert diary.report["navigation"]["collisions"] == 0
@@ -128,6 +128,6 @@ def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):
     assert diary.said("WARN 0% explored; the robot stands where it cannot drive")
     assert diary.said("WARN the goal (2.00, 0.00) m was not reached: the robot is held where it stands")
     navigation = diary.report["navigation"]
-    assert navigation["legs"] - navigation["reached"] == ExplorerConfig().patience
+    assert navigation["legs"] - navigation["reached"] == PATIENCE
     assert "metric_map" not in diary.report
     assert diary.report["goals"]["reached"] == 0

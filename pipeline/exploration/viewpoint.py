@@ -1,0 +1,67 @@
+"""A place to look from, and what the robot knows when it chooses one."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import Traversability
+
+
+@dataclass(frozen=True, eq=False)
+class Viewpoint:
+    """A place to look from.
+
+    Attributes:
+        position: (2,) m in ``map``.
+        heading: rad.
+        turn: whether the robot turns to the heading when it is there; on a ramp it looks along its way.
+        gain: m² of ground expected to be seen for the first time, and the rewards of the viewpoint.
+        backwards: whether the robot backs up to the place, and so looks back along its way; None if that is the same.
+        via: (2,) m, where it turns before it drives to the place straight on; None if any way will do.
+    """
+
+    position: NDArray[np.float64]
+    heading: float
+    turn: bool
+    gain: float
+    backwards: bool | None = None
+    via: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """What the robot knows when it decides where to go.
+
+    Attributes:
+        frame: the newest.
+        T_map_base: 4×4 pose of the robot.
+        traversability: where it may drive.
+        measured: (nx, ny) float32 height of the ground that returns have shown, m; NaN elsewhere.
+        paths: shortest paths from where its next plan begins.
+    """
+
+    frame: Frame
+    T_map_base: NDArray[np.float64]
+    traversability: Traversability
+    measured: NDArray[np.float32]
+    paths: ShortestPaths
+
+
+class Strategy(Protocol):
+    """One way to decide where to go."""
+
+    def observe(self, context: Context) -> None:
+        """Take into account what the newest keyframe shows; called once a step, before anything is asked."""
+        ...
+
+    def next_viewpoint(self, context: Context) -> Viewpoint | None:
+        """Where to go next; None if this strategy has nothing to go for. Asking changes nothing."""
+        ...
+
+    def commit(self, viewpoint: Viewpoint, context: Context) -> None:
+        """Remember that the robot sets out for a viewpoint that this strategy has named."""
+        ...

@@ -1,0 +1,64 @@
+"""Does the robot still get anywhere? From the commands that it was given and the poses that followed."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.robot import RobotModel, Velocity
+from pipeline.transforms import wrap_angle, yaw_of
+
+BLOCKED_TIME = 0.5
+"""s over which speeds are averaged to notice that something holds the robot."""
+BLOCKED_SHARE = 0.35
+"""Of the commanded speed; a slower robot is held, unless it is on a ramp."""
+STUCK_TIME = 4.0
+"""s without progress after which the robot is stuck."""
+STUCK_DISTANCE, STUCK_ANGLE = 0.02, np.deg2rad(3)
+"""m and rad that count as progress."""
+OVERDUE = 60.0
+"""s that a turn may take, and that a leg may take beyond four times what it takes on a ramp: a robot that
+slides back and forth is not still, and gets nowhere."""
+LEAST = np.array([0.04, 0.15])
+"""m/s and rad/s; slower commands tell nothing."""
+
+
+class Turn(Velocity):
+    """A command to turn in place; ``v`` only makes up for sliding down a ramp meanwhile."""
+
+
+class Progress:
+    """Notices when the robot is held, and when nothing moves any more, neither the position nor the heading."""
+
+    def __init__(self, robot: RobotModel, T: NDArray[np.float64], time: float, length: float = 0.0):
+        """Begin at a pose (4×4) and a time in s; ``length`` of the leg in m."""
+        self._limits = np.array([robot.acceleration, robot.turn_acceleration])
+        self._deadline = time + OVERDUE + 4 * length / robot.ramp_speed
+        self._anchor, self._since = T, time
+        self._last, self._time = T, time
+        # Speeds forward and of turning: as commanded and so far come true, and the averages of what is and should be.
+        self._due, self._wanted, self._felt = np.zeros(2), np.zeros(2), np.zeros(2)
+
+    def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity, on_ramp: bool = False) -> bool:
+        """Whether the newest pose shows that the command cannot be followed; on ramps the wheels skid for a while."""
+        held = self._is_held(T, time - self._time, command) and not on_ramp
+        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STUCK_DISTANCE
+        turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STUCK_ANGLE
+        if moved or turned:
+            self._anchor, self._since = T, time
+        self._last, self._time = T, time
+        return held or time - self._since > STUCK_TIME or time > self._deadline
+
+    def _is_held(self, T: NDArray[np.float64], dt: float, command: Velocity) -> bool:
+        if dt <= 0:
+            return False
+        limit = self._limits * dt
+        # What a turn makes up for sliding is no way to be made.
+        v = 0.0 if isinstance(command, Turn) else command.v
+        self._due += np.clip([v, command.omega] - self._due, -limit, limit)
+        forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
+        speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
+        share = min(1.0, dt / BLOCKED_TIME)
+        self._wanted += share * (np.abs(self._due) - self._wanted)
+        self._felt += share * (speeds * np.sign(self._due) - self._felt)
+        counts = self._wanted > LEAST
+        counts[1] &= v == 0
+        return bool((counts & (self._felt < BLOCKED_SHARE * self._wanted)).any())

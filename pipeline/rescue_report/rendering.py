@@ -1,0 +1,45 @@
+"""HTML and SVG from jinja2 templates, in which everything from outside is escaped."""
+
+from base64 import b64encode
+
+import cv2
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from numpy.typing import NDArray
+
+from pipeline.rescue_report import words
+
+
+def environment(package: str) -> Environment:
+    """The templates in the folder ``templates`` of a package; a variable that is not given is an error."""
+    return Environment(
+        loader=PackageLoader(package),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def png(rgba: NDArray[np.uint8]) -> str:
+    """(H, W, 4) uint8 RGBA as a data URI without loss."""
+    return _data_uri("png", rgba[..., [2, 1, 0, 3]], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+
+
+def jpeg(rgb: NDArray[np.uint8]) -> str:
+    """(H, W, 3) uint8 RGB as a data URI."""
+    return _data_uri("jpeg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+
+
+def _data_uri(kind: str, image: NDArray[np.uint8], settings: list[int]) -> str:
+    _, data = cv2.imencode(f".{kind}", image, settings)
+    return f"data:image/{kind};base64,{b64encode(data.tobytes()).decode()}"
+
+
+TEMPLATES = environment("pipeline.rescue_report")
+"""The rescue report's templates."""
+for _filter in (
+    png, jpeg, words.centimetres, words.counted, words.degrees, words.metres, words.minutes, words.number,
+    words.percent, words.place, words.rotate, words.side, words.slope, words.turn,
+):  # fmt: skip
+    TEMPLATES.filters[_filter.__name__] = _filter

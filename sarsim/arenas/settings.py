@@ -1,0 +1,42 @@
+"""What a user may ask of an arena; apart from what builds arenas, for ``--help`` needs no more than this."""
+
+from dataclasses import dataclass
+
+from tyro.conf import Fixed
+
+StartPose = tuple[float, float, float]
+"""x and y in m, yaw in degrees."""
+
+
+@dataclass(frozen=True)
+class RandomArenaConfig:
+    """What a random arena is like.
+
+    Attributes:
+        columns: tiles of 1.2 m along x, 3 to 20.
+        rows: tiles along y, 3 to 20.
+        wall_density: share of the inner walls of a perfect maze that stand; 0 is a hall.
+        ramps: share of the tiles that are ramps and decks, from difficulty 1 on.
+        clutter: share of the tiles with a diagonal wall, from difficulty 2 on a barrel or crossing ramps, from 3 on a
+            step field; from 2 on as many tiles have a block or a pipe beside a wall.
+        furniture: share of the tiles with furniture or rescue elements that cannot be driven over; as many tiles have
+            something hanging on a wall, and some inner walls are thick or veils.
+        bulky: share of the tiles with what hides much: raised floors to drive under, steep boards, cupboards.
+        victims: number of victims, 0 to 100.
+        difficulty: 0 flat; 1 decks and ridges of ramps; 2 crossing ramps, clutter, holes in walls and half-hidden
+            victims; 3 continuous ramp fields and step fields; by default the arena's seed modulo 4.
+        ceiling: close the arena at 2.4 m, with all walls up to there.
+        painted: floor, walls, ramps and boards have colours and patterns of their own.
+    """
+
+    columns: int = 7
+    rows: int = 6
+    wall_density: Fixed[float] = 0.5
+    ramps: float = 0.25
+    clutter: float = 0.15
+    victims: int = 3
+    difficulty: int | None = None
+    ceiling: bool = False
+    furniture: float = 0.0
+    bulky: Fixed[float] = 0.0
+    painted: Fixed[bool] = False

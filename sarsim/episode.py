@@ -1,0 +1,226 @@
+"""An episode: the robot explores an arena, builds its maps and leaves a recording and a report."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.errors import InputError
+from pipeline.explorer import Explorer, Step
+from pipeline.files import whole_file
+from pipeline.metric_map.io.npz import save_metric_map
+from pipeline.mission import HOME_SNAP, Goals
+from pipeline.planning.path_plan import place_name
+from pipeline.rescue_report.report import RescueReport, write_page
+from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
+from pipeline.semantic_map.networks.classifier import DgcnnClassifier
+from pipeline.victims.detection.detector import VictimDetector
+from sarsim.arenas.load import load_arena
+from sarsim.recording import EpisodeRecorder
+from sarsim.scoring.episode import EpisodeScore
+from sarsim.scoring.trajectory import write_tum
+from sarsim.settings import EpisodeConfig, Labels
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+
+class Episode:
+    """A robot, its explorer, and those who watch: the score and the recorder."""
+
+    def __init__(self, config: EpisodeConfig):
+        """Raises InputError where the arena, the output folder or the viewer cannot be had."""
+        self.config = config
+        if config.steps < 1 or config.seed < 0:
+            raise InputError(
+                f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed"
+            )
+        if not np.isfinite(config.goals).all():
+            raise InputError(
+                f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there"
+            )
+        classifier = make_classifier(config.labels, config.weights)
+        detector = VictimDetector.load(*config.detector) if config.detector else None
+        arena = load_arena(config.arena, config.start, config.random)
+        self.out = config.folder
+        make_folder(self.out)
+        simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust)
+        self.robot = SimulatedRobot(arena, simulation, config.seed)
+        self.robot.model = replace(self.robot.model, speed=config.speed)
+        self.explorer = Explorer(
+            self.robot,
+            classifier,
+            detector,
+            voxel_size=config.voxel_size,
+            graph=config.graph,
+            seed=config.seed,
+        )
+        self.mission = self.explorer.mission
+        self.score = EpisodeScore(self.robot, self.explorer)
+        self.rescue_report = RescueReport(self.explorer)
+        self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
+        self.robot.on_motion = self.recorder.log_motion
+        self._wall_start, self._sim_start = perf_counter(), self.robot.time
+
+    def run(
+        self,
+        interrupted: Callable[[], bool] = lambda: False,
+        on_step: Callable[[str], object] = lambda description: None,
+    ) -> bool:
+        """Explore, drive to the goals and home, and write the results.
+
+        Args:
+            interrupted: asked before each step; the episode ends where the answer is yes.
+            on_step: called after each step with a line on the task and how much is explored.
+
+        Returns:
+            Whether the episode came to its own end.
+        """
+        try:
+            for task in self._tasks():
+                while self._may_step() and not interrupted() and self.step():
+                    on_step(f"{self.config.arena}: {task}, {self.score.explored_fraction:.0%} explored")
+            self._log_news()
+        finally:
+            self._finish()
+        return not interrupted()
+
+    def _tasks(self) -> Iterator[str]:
+        """The name of each task, when the robot has been sent for it."""
+        yield "exploring"
+        if self.config.goals:
+            yield from self._visit("goals", list(self.config.goals))
+        if self.config.home and self.explorer.mapper.T_map_start is not None:
+            yield from self._visit("home", [self.explorer.mapper.T_map_start[:2, 3]], HOME_SNAP)
+
+    def _visit(self, name: str, places: Sequence[ArrayLike], snap: float = 0.0) -> Iterator[str]:
+        goals = Goals(self.explorer.mapper.topological_map, places, snap)
+        self.mission.visit(name, goals)
+        yield name
+        goals.refuse("the robot is held where it stands" if self.explorer.is_held else None)
+
+    def _may_step(self) -> bool:
+        """Whether the task goes on; the way to goals ends by itself, exploring after so many steps."""
+        self.mission.may_explore = self.explorer.steps < self.config.steps
+        return self.mission.may_explore or self.mission.goals is not None
+
+    def _log_news(self) -> None:
+        for line, is_good in self.mission.news():
+            self.recorder.log_message("INFO" if is_good else "WARN", line)
+
+    def step(self) -> bool:
+        """One step of the robot: sense, map, plan, drive; False when there is nowhere to drive to."""
+        step = self.explorer.step()
+        self.score.add(step)
+        self.rescue_report.add(step)
+        self.recorder.log_step(self.explorer.steps - 1, self.explorer, step)
+        self._log_news()
+        if step.was_kidnapped:
+            self.recorder.log_message(
+                "WARN",
+                f"the robot was kidnapped and set down at {place_name(step.keyframe.T_map_base[:2, 3])}",
+            )
+        self.recorder.log_message("INFO" if step.can_drive else "WARN", self._tell(step))
+        if step.plan is None:
+            return False
+        if not self.explorer.drive(step):
+            leg = self.explorer.navigator.legs[-1]
+            self.recorder.log_message("WARN", f"leg to {place_name(leg.target)} ended: {leg.outcome.value}")
+        return True
+
+    def _tell(self, step: Step) -> str:
+        """What came of a step, for the log."""
+        explored = f"{self.score.explored_fraction:.0%} explored"
+        if not step.can_drive:
+            return f"{explored}; the robot stands where it cannot drive"
+        if step.viewpoint is None or step.plan is None:
+            nothing = "that is worth a keyframe" if self.mission.goals is None else "to drive to"
+            return f"{explored}; nothing is left {nothing}"
+        place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
+        way = f"{step.plan.length:.1f} m {f'over nodes {nodes}' if nodes else 'straight'}"
+        if not step.viewpoint.gain:
+            return f"{explored}; next to {place}, {way}"
+        heading = np.degrees(step.viewpoint.heading)
+        return (
+            f"{explored}; next from {place} towards {heading:.0f}°, {way}, for {step.viewpoint.gain:.2f} m²"
+        )
+
+    def _finish(self) -> None:
+        wall_time, sim_time = perf_counter() - self._wall_start, self.robot.time - self._sim_start
+        if self.explorer.steps:
+            self.situation = self.rescue_report.situation
+            self.recorder.log_ways([p.route.trace for p in self.situation.everyone if p.route])
+        self.recorder.close()
+        if self.explorer.steps:
+            self.report = self._report(wall_time, sim_time)
+            self._write()
+        self.robot.close()
+
+    def _report(self, wall_time: float, sim_time: float) -> dict[str, Any]:
+        seconds = self.explorer.mapper.stopwatch.seconds
+        detector = self.config.detector and [str(path) for path in self.config.detector]
+        paths = {"out": str(self.out), "weights": str(self.config.weights), "detector": detector}
+        return {
+            "arena": self.config.arena,
+            "seed": self.config.seed,
+            "steps": self.explorer.steps,
+            "version": version("sarsim"),
+            "config": asdict(self.config) | paths,
+            "sim_time_s": sim_time,
+            "wall_time_s": wall_time,
+            "real_time_factor": sim_time / wall_time,
+            "timing_ms": {stage: percentiles(times) for stage, times in seconds.items()},
+            **self.score.report(),
+            **self.mission.report(),
+        }
+
+    def _write(self) -> None:
+        with whole_file(self.out / "report.json") as path:
+            path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
+        save_metric_map(self.explorer.mapper.metric_map, self.out / "metric_map.npz")
+        self.explorer.mapper.semantic_map.save(self.out / "semantic_map.ply")
+        self.explorer.mapper.topological_map.save(self.out / "topology.json")
+        poses = self.robot.trajectory
+        times = [p.time for p in poses]
+        write_tum(self.out / "trajectory_true.tum", times, [p.T_world_base for p in poses])
+        write_tum(self.out / "trajectory_estimated.tum", times, [p.T_odom_base for p in poses])
+        write_page(self.out / "report.html", self.situation, self.report)
+
+
+def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
+    """Who says what a point belongs to.
+
+    Raises:
+        InputError: the network's weights are missing, or not for this.
+    """
+    if labels == "truth":
+        return TruthClassifier()
+    if not weights.exists():
+        raise InputError(
+            f"--weights {weights}: no such file; train.py dgcnn makes one, --labels truth needs none"
+        )
+    return DgcnnClassifier(weights)
+
+
+def percentiles(seconds: list[float]) -> dict[str, float]:
+    """Median and 95th percentile, in ms."""
+    return {"median": 1e3 * float(np.median(seconds)), "p95": 1e3 * float(np.percentile(seconds, 95))}
+
+
+def make_folder(path: Path) -> None:
+    """Make sure that files can be written into a folder.
+
+    Raises:
+        InputError: they cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with whole_file(path / ".probe") as probe:
+            probe.touch()
+        (path / ".probe").unlink()
+    except OSError as error:
+        raise InputError(f"--out {path}: {error.strerror or error}") from error

@@ -1,0 +1,111 @@
+"""What the subjects of the benchmark share."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from pipeline.errors import InputError
+from sarsim.sensors.rendering import COLOUR_QUALITY, Renderer
+
+Camera = int | str | mujoco.MjvCamera
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a subject measured.
+
+    Attributes:
+        figures: by name; a ratio says how many times faster than the other in this run.
+        details: what else belongs into the file, under its own keys.
+        table: to print, where all figures would be too many.
+        pictures: files to be copied beside the file of the figures.
+    """
+
+    figures: dict[str, float]
+    details: dict[str, Any] = field(default_factory=dict)
+    table: Table | None = None
+    pictures: tuple[Path, ...] = ()
+
+
+def at_least(least: int, **flags: int | None) -> None:
+    """Raises InputError if the value of a flag is smaller; None is no value."""
+    for name, value in flags.items():
+        if value is not None and value < least:
+            raise InputError(f"--{name.replace('_', '-')} {value}: give at least {least}")
+
+
+def seconds(action: Callable[..., object], *args: object) -> float:
+    """Wall time of a call."""
+    start = time.perf_counter()
+    action(*args)
+    return time.perf_counter() - start
+
+
+class ThreePasses(Renderer):
+    """``mujoco.Renderer``: colour, depth and segmentation one after the other.
+
+    Its pictures are of MuJoCo's default quality but for ``QUALITY``, and stay valid until the next one.
+    """
+
+    QUALITY: ClassVar[Mapping[str, int]] = {}
+
+    def __init__(self, model: mujoco.MjModel, width: int, height: int):
+        self.model, self.width, self.height = model, width, height
+        default = mujoco.MjSpec().visual.quality
+        for name in ("offsamples", "shadowsize", "numslices", "numstacks", "numquads"):
+            setattr(model.vis.quality, name, self.QUALITY.get(name, getattr(default, name)))
+        # A larger framebuffer, as arenas have for the viewer, would only cost it time.
+        model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+        self._renderer = mujoco.Renderer(model, height, width)
+
+    def colour(self, data: mujoco.MjData, camera: Camera) -> NDArray[np.uint8]:
+        """(H, W, 3) uint8 RGB."""
+        self._renderer.disable_segmentation_rendering()
+        return self._picture(data, camera)
+
+    def depth(self, data: mujoco.MjData, camera: Camera) -> NDArray[np.float32]:
+        """(H, W) float32 m."""
+        self._renderer.enable_depth_rendering()
+        return self._picture(data, camera)
+
+    def segmentation(self, data: mujoco.MjData, camera: Camera) -> NDArray[np.int32]:
+        """(H, W, 2) int32 ids and types of objects."""
+        self._renderer.enable_segmentation_rendering()
+        return self._picture(data, camera)
+
+    def segmentation_and_depth(
+        self, data: mujoco.MjData, camera: Camera
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """(H, W) int32 geom ids, -1 where there is none, and (H, W) float32 m."""
+        depth = self.depth(data, camera).copy()
+        ids = self.segmentation(data, camera)
+        return np.where(ids[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), ids[..., 0], -1), depth
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self._renderer.close()
+
+    def _picture(self, data: mujoco.MjData, camera: Camera) -> NDArray:
+        self._renderer.update_scene(data, camera)
+        return self._renderer.render()
+
+
+class ThreePassesAtOurQuality(ThreePasses):
+    """With the quality of our own colour picture."""
+
+    QUALITY = COLOUR_QUALITY
+
+
+RENDERERS: dict[str, type[Renderer]] = {
+    "ours": Renderer,
+    "renderer": ThreePasses,
+    "renderer_at_our_quality": ThreePassesAtOurQuality,
+}
+"""Contenders of the subjects ``camera`` and ``dataset``."""

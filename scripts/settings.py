@@ -1,0 +1,163 @@
+"""Settings as dataclasses: a field is a flag, and a key of the YAML that ``--config`` reads and every run writes."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, field, fields, is_dataclass, make_dataclass
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_type_hints
+
+import tyro
+import yaml
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from sarsim.scripts.cli import guarded, parse
+
+CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
+OUTPUTS = ("out", "json", "workers")
+"""Left out of a run's own file: where results go, so that repeating a run overwrites nothing, and how fast."""
+
+Settings = TypeVar("Settings")
+
+
+def run_with_settings(
+    command: Callable[[Settings], object],
+    kind: type[Settings],
+    args: Sequence[str] | None = None,
+    prog: str | None = None,
+    repeated: Callable[[Settings], Settings] = lambda settings: settings,
+) -> None:
+    """As :func:`run`, for a command of one parameter: a dataclass, whose fields become flags beside ``--config``.
+
+    ``repeated`` may change settings that come from such a file before the command gets them.
+    """
+    words = sys.argv[1:] if args is None else list(args)
+
+    def run() -> None:
+        settings = settings_from(kind, words, command.__doc__, prog)
+        command(repeated(settings) if config_file(words) else settings)
+
+    guarded(run)
+
+
+def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
+    """As :func:`run_with_settings`, for the command and its settings that the command line's first word names."""
+    name, *words = sys.argv[1:] or [""]
+    if name in commands:
+        run_with_settings(*commands[name], words, f"{Path(sys.argv[0]).name} {name}")
+        return
+    kinds = {name: kind for name, (_, kind) in commands.items()}
+    guarded(lambda: parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, description=description)))
+
+
+def settings_from(
+    kind: type[Settings], args: Sequence[str], description: str | None = None, prog: str | None = None
+) -> Settings:
+    """The settings that ``args`` give; their defaults are the values in the file that ``--config`` names.
+
+    Raises:
+        InputError: a flag or the file is wrong.
+    """
+    file = config_file(args)
+    default: dict[str, Any] = {"default": load_settings(kind, file)} if file else {}
+    flags = make_dataclass(
+        "Flags",
+        [
+            ("settings", Annotated[kind, tyro.conf.arg(name="")], field(**default)),
+            ("config", Annotated[Path | None, tyro.conf.arg(help=CONFIG_HELP)], field(default=None)),
+        ],
+    )
+    return parse(
+        lambda: tyro.cli(
+            flags, prog=prog, description=description, args=args, config=(tyro.conf.SuppressFixed,)
+        )
+    ).settings
+
+
+def config_file(args: Sequence[str]) -> Path | None:
+    """The file that ``--config`` names among the words of a command line."""
+    finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    finder.add_argument("--config", nargs="?", type=Path)
+    return finder.parse_known_args(args)[0].config
+
+
+def load_settings(kind: type[Settings], path: Path) -> Settings:
+    """Settings from a YAML file; ``tyro.MISSING`` where neither the file nor ``kind`` gives a value.
+
+    Raises:
+        InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
+    """
+    try:
+        content = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise InputError(f"--config {path}: {error.strerror or error}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"--config {path}: not readable YAML: {error}") from error
+    return _settings(kind, content, f"--config {path}")
+
+
+def save_settings(settings: Any, path: Path) -> None:
+    """Write settings as YAML for ``--config``, without :data:`OUTPUTS` and paths that were left at their default.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with whole_file(path) as file:
+        file.write_text(yaml.safe_dump(_plain(settings), sort_keys=False, default_flow_style=None))
+
+
+def _settings(kind: Any, content: Any, where: str) -> Any:
+    """An instance of a dataclass from a mapping; ``where`` begins the messages."""
+    if not isinstance(content, dict):
+        raise InputError(f"{where}: must hold names of settings with their values, as in 'steps: 20'")
+    given = {str(key).replace("-", "_"): value for key, value in content.items()}
+    hints = get_type_hints(kind)
+    if unknown := [key for key in given if key not in hints]:
+        raise InputError(f"{where}: unknown setting {', '.join(unknown)}")
+    values = {
+        name: _value(hints[name], value, f"{where}: {name.replace('_', '-')}")
+        for name, value in given.items()
+    }
+    required = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
+    return kind(**dict.fromkeys(required, tyro.MISSING) | values)
+
+
+def _value(hint: Any, value: Any, where: str) -> Any:
+    """A value of a YAML file as the type that its setting has."""
+    if is_dataclass(hint):
+        return _settings(hint, value, where)
+    if isinstance(value, dict):
+        raise InputError(f"{where}: has no settings of its own")
+    one = make_dataclass("One", [("value", hint)])
+    try:
+        return parse(lambda: tyro.cli(one, args=["--value", *_words(value)])).value
+    except InputError:
+        raise InputError(f"{where}: {value!r} does not fit; --help says what does") from None
+
+
+def _words(value: Any) -> Iterator[str]:
+    """A YAML value as the words of a command line."""
+    if isinstance(value, list):
+        for item in value:
+            yield from _words(item)
+    else:
+        yield str(value)
+
+
+def _plain(settings: Any) -> dict[str, Any]:
+    """A dataclass as YAML knows it."""
+    told = {}
+    for f in fields(settings):
+        value = getattr(settings, f.name)
+        if is_dataclass(value):
+            told[f.name] = _plain(value)
+        elif f.name not in OUTPUTS and not ("Path" in str(f.type) and value == f.default):
+            told[f.name] = _plain_value(value)
+    return told
+
+
+def _plain_value(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain_value(item) for item in value]
+    return str(value) if isinstance(value, Path) else value

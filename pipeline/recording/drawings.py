@@ -77,12 +77,12 @@ def label_image(frame: Frame, labels: NDArray[np.uint8]) -> rr.SegmentationImage
 
 
 def occupied_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.VoxelGridMap:
-    """Voxels of the map, given by their (N, 3) centres, coloured by height."""
+    """Voxels of the map, given by their (N, 3) centres in m, coloured by height."""
     return _voxels(metric_map, centres, values=centres[:, 2], value_range=(-0.3, 1.5), colormap="viridis")
 
 
 def free_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.VoxelGridMap:
-    """Voxels of the map, given by their (N, 3) centres, nearly transparent."""
+    """Voxels of the map, given by their (N, 3) centres in m, nearly transparent."""
     return _voxels(metric_map, centres, colors=[(150, 200, 255)] * len(centres), opacity=0.03)
 
 

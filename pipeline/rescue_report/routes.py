@@ -188,7 +188,7 @@ class Router:
 
 
 def straight_parts(way: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """The parts (M, 2) of a way (N, 2) between its wider bends."""
+    """The parts (M, 2) of a way (N, 2), m, between its wider bends."""
     steps = np.diff(way, axis=0)
     way = way[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
     bearings = np.arctan2(*np.diff(way, axis=0).T[::-1])

@@ -99,7 +99,7 @@ class Explorer:
         T_map_base = self.mapper.localise(frame)
         was_kidnapped = self._is_kidnapped(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base)
-        self.reobservation.count()
+        self.reobservation.count(frame)
         with self.mapper.stopwatch("exploration"):
             viewpoint, context, approach = self.decide(keyframe)
             frontiers = self.mission.exploration.find_frontiers(context)

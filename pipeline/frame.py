@@ -28,6 +28,22 @@ class Intrinsics:
         x, y = np.meshgrid(u, v)
         return np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float32)
 
+    def project(self, points: NDArray[np.floating]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Pixels that points fall in.
+
+        Args:
+            points: (N, 3) m in ``camera_optical``.
+
+        Returns:
+            (N, 2) int64 row and column, and (N,) bool, whether that pixel shows the point: whether the point lies
+            before the camera and within the image. The pixels of other points mean nothing.
+        """
+        depth = np.maximum(points[:, 2], 1e-6)
+        column = np.floor(points[:, 0] / depth * self.fx + self.cx).astype(np.int64)
+        row = np.floor(points[:, 1] / depth * self.fy + self.cy).astype(np.int64)
+        inside = (points[:, 2] > 0) & (column >= 0) & (row >= 0) & (column < self.width) & (row < self.height)
+        return np.stack([row, column], axis=1), inside
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:

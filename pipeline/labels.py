@@ -19,6 +19,8 @@ class Label(IntEnum):
 
 
 THESIS_FOUR = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)
+PLANAR = (*THESIS_FOUR, Label.CEILING)
+"""Classes made of planes."""
 
 COLOURS = np.array(
     [

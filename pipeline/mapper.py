@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.odometry import OdometryLocalisation
-from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
+from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
@@ -104,7 +104,7 @@ class Mapper:
         """
         self.classifier, self.detector = classifier, detector
         self.localisation = OdometryLocalisation()
-        self.metric_map = MetricMap(MetricMapConfig(voxel_size=voxel_size))
+        self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap()
         self.traversability_layer = TraversabilityLayer()
         self.semantic_map = SemanticMap()

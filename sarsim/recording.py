@@ -73,13 +73,12 @@ class EpisodeRecorder(Recorder):
         """The meshes of the arena as it is now, by label."""
         labels = geom_labels(self._model)
         geoms = self._geoms[~self._is_robot[self._model.geom_bodyid[self._geoms]]]
-        by_label = {label: geoms[labels[geoms] == label] for label in Label}
-        matrices, positions = self._data.geom_xmat, self._data.geom_xpos
-        return {
-            label: joined_mesh(self._model, chosen, [_pose(matrices[k], positions[k]) for k in chosen])
-            for label, chosen in by_label.items()
-            if len(chosen)
-        }
+        meshes = {}
+        for label in map(Label, np.unique(labels[geoms])):
+            chosen = geoms[labels[geoms] == label]
+            poses = [_pose(self._data.geom_xmat[geom], self._data.geom_xpos[geom]) for geom in chosen]
+            meshes[label] = joined_mesh(self._model, chosen, poses)
+        return meshes
 
     def _log_robot(self) -> None:
         """A mesh per body, in the body's frame."""

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.metric_map.io.exports import save_map_server, save_ply
 from pipeline.metric_map.io.npz import load_metric_map
-from pipeline.metric_map.io.octomap import write_bt, write_ot
-from pipeline.metric_map.io.octree import Octree, voxel_labels
+from pipeline.metric_map.io.octomap import voxel_labels, write_bt, write_ot
 from pipeline.metric_map.metric_map import MetricMap
 from sarsim.scripts.cli import run
 
@@ -30,15 +29,16 @@ def export_map(path: Annotated[Path, tyro.conf.Positional], out: Path) -> None:
         raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply or .pgm")
     path = path / "metric_map.npz" if path.is_dir() else path
     metric_map = load_metric_map(path)
-    if out.suffix == ".pgm":
-        save_map_server(out, metric_map)
-        return
-    labels = _labels(metric_map, path.with_name("semantic_map.ply"))
-    if out.suffix == ".ply":
-        save_ply(out, metric_map, labels)
-        return
-    write = {".bt": write_bt, ".ot": write_ot}[out.suffix]
-    write(out, Octree.from_metric_map(metric_map, labels))
+    semantic_map = path.with_name("semantic_map.ply")
+    match out.suffix:
+        case ".pgm":
+            save_map_server(out, metric_map)
+        case ".bt":
+            write_bt(out, metric_map)
+        case ".ot":
+            write_ot(out, metric_map, _labels(metric_map, semantic_map))
+        case ".ply":
+            save_ply(out, metric_map, _labels(metric_map, semantic_map))
 
 
 def _labels(metric_map: MetricMap, path: Path) -> NDArray[np.uint8] | None:

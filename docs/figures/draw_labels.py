@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import COLOURS
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier, DgcnnConfig
+from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from sarsim.assets import asset
 from sarsim.dataset.drive import DriveConfig
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
@@ -36,7 +36,7 @@ def column(seen: TrueFrame, networks: list[DgcnnClassifier]) -> NDArray[np.uint8
 def main() -> None:
     """Drive, look, draw."""
     weights = asset("weights", "dgcnn.safetensors")
-    networks = [DgcnnClassifier(weights, DgcnnConfig(planes=None)), DgcnnClassifier(weights)]
+    networks = [DgcnnClassifier(weights, vote=False), DgcnnClassifier(weights)]
     columns = [
         column(seen, networks)
         for arena, wanted in FRAMES.items()

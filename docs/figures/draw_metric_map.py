@@ -1,4 +1,4 @@
-"""Draw docs/images/metric-map.jpg: the map as an octree coloured by class, after 40, 80, 120 and 160 frames."""
+"""Draw docs/images/metric-map.jpg: the occupied voxels coloured by class, after 40, 80, 120 and 160 frames."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer
 from pipeline.labels import COLOURS
-from pipeline.metric_map.io.octree import Octree, voxel_labels
+from pipeline.metric_map.io.octomap import voxel_labels
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
@@ -48,8 +48,7 @@ class Mapper:
 
     def _panel(self) -> NDArray[np.uint8]:
         points, labels = self._semantic_map.points(), self._semantic_map.labels()
-        octree = Octree.from_metric_map(self._metric_map, voxel_labels(self._metric_map, points, labels))
-        picture = draw(octree)
+        picture = draw(self._metric_map, voxel_labels(self._metric_map, points, labels))
         text = f"step {self._frames}"
         cv2.putText(
             picture, text, (20, SIZE[1] - 20), cv2.FONT_HERSHEY_SIMPLEX, 1.0, (60, 60, 60), 2, cv2.LINE_AA
@@ -57,17 +56,16 @@ class Mapper:
         return picture
 
 
-def draw(octree: Octree) -> NDArray[np.uint8]:
-    """The occupied leaves as cubes, the nearest last."""
+def draw(metric_map: MetricMap, labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The occupied voxels as cubes in the colours of their (N,) labels, the nearest last."""
     picture = np.full((SIZE[1], SIZE[0], 3), 255, np.uint8)
-    occupied = octree.log_odds > 0
-    centres, sides = octree.centres[occupied], octree.sides[occupied]
-    colours = COLOURS[octree.label[occupied]][:, ::-1]
+    centres, side = metric_map.occupied_centres(), metric_map.voxel_size
+    colours = COLOURS[labels][:, ::-1]
     toward = np.array(
         [np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)]
     )
     for n in np.argsort(centres @ toward):
-        draw_cube(picture, centres[n], sides[n], colours[n], np.sign(toward))
+        draw_cube(picture, centres[n], side, colours[n], np.sign(toward))
     return picture
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from pipeline.recording.blueprint import blueprint
-from pipeline.recording.viewer import Viewer
+from pipeline.recording.viewer import HOST, Viewer
 
 IMAGES = Path(__file__).parents[1] / "images"
 SIZE = (1400, 900)
@@ -26,10 +26,11 @@ BROWSER_FLAGS = [
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox"
 ]  # fmt: skip
 LOADING_TIME = 60
-"""s that the page gets; it loads slowly where the processor draws."""
+"""s until the picture is taken; a page that the processor draws loads slowly."""
 
 
 def main() -> None:
+    """Draw all pictures of the recording that the command names."""
     recording = Path(sys.argv[1])
     semantic, metric, segments = (in_window(recording, tab) for tab in range(3))
     save("recording-native.jpg", semantic)
@@ -39,30 +40,20 @@ def main() -> None:
 
 
 def in_window(recording: Path, tab: int) -> NDArray[np.uint8]:
-    """The native viewer with one of the map's tabs in front."""
+    """(H, W, 3) uint8 BGR, the native viewer with one of the map's tabs in front."""
     with tempfile.TemporaryDirectory() as folder:
         layout, picture = Path(folder, "tab.rbl"), Path(folder, "picture.png")
         blueprint(*arena_bounds(recording), tab=tab).save("sarsim", layout)
-        # On a screen so large the pointer, in its middle, hovers over nothing.
+        # On so large a screen the pointer, in its middle, is outside the window.
         screen = ["xvfb-run", "-a", "-s", "-screen 0 6000x4000x24"]
-        viewer = [
-            sys.executable,
-            "-m",
-            "rerun_cli",
-            recording,
-            layout,
-            "--bind",
-            "127.0.0.1",
-            "--port",
-            "auto",
-        ]
+        viewer = [sys.executable, "-m", "rerun_cli", recording, layout, "--bind", HOST, "--port", "auto"]
         size = "x".join(map(str, SIZE))
         subprocess.run([*screen, *viewer, "--screenshot-to", picture, "--window-size", size], check=True)
         return cv2.resize(cv2.imread(str(picture)), SIZE, interpolation=cv2.INTER_AREA)
 
 
 def in_browser(recording: Path) -> NDArray[np.uint8]:
-    """The page for the browser."""
+    """(H, W, 3) uint8 BGR, the page for the browser."""
     from playwright.sync_api import sync_playwright
 
     viewer = Viewer("web", recording)
@@ -77,7 +68,7 @@ def in_browser(recording: Path) -> NDArray[np.uint8]:
 
 
 def arena_bounds(recording: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The corners (3,) of the box around the recorded arena."""
+    """The corners (3,) of the box around the recorded arena, m."""
     vertices = []
     for chunk in RrdReader(recording).stream():
         if chunk.entity_path.startswith("/world/arena/"):
@@ -87,6 +78,7 @@ def arena_bounds(recording: Path) -> tuple[NDArray[np.float32], NDArray[np.float
 
 
 def save(name: str, picture: NDArray[np.uint8]) -> None:
+    """Write a picture, (H, W, 3) uint8 BGR, into the folder of images."""
     cv2.imwrite(str(IMAGES / name), picture, [cv2.IMWRITE_JPEG_QUALITY, 82])
 
 

@@ -18,6 +18,7 @@ HEIGHT = 1500
 
 
 def main() -> None:
+    """Draw the page that the command names."""
     page = Path(sys.argv[1]).absolute()
     wide, narrow = in_browser(page, 1180, HEIGHT), in_browser(page, 500, HEIGHT)
     gap = np.full((HEIGHT, 24, 3), 150, np.uint8)
@@ -26,7 +27,7 @@ def main() -> None:
 
 
 def in_browser(page: Path, width: int, height: int) -> NDArray[np.uint8]:
-    """What a window of so many pixels shows of the page."""
+    """(height, width, 3) uint8 BGR, what a window of so many pixels shows of the page."""
     with tempfile.TemporaryDirectory() as folder:
         picture = Path(folder, "picture.png")
         flags = ["--headless", "--no-sandbox", "--hide-scrollbars", f"--user-data-dir={folder}/profile"]

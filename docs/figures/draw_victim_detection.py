@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.transforms import inverse, transform_points
-from pipeline.victims.detection.detector import DetectorConfig, VictimDetector
-from pipeline.victims.observation import Observation, ObservationConfig, observe
+from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.observation import Observation, observe
 from sarsim.dataset.render import World, find_scene
 from sarsim.episode import DETECTOR
 from sarsim.scripts.benchmarks.victims_frames import recipe, with_lighting
@@ -29,7 +29,7 @@ FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
 def main() -> None:
     """Draw what a detector, the shipped one if none is given, finds in each light."""
     cfg, weights = (Path(name) for name in sys.argv[1:3] or DETECTOR)
-    detector = VictimDetector.load(cfg, weights, DetectorConfig(confidence=0.5))
+    detector = VictimDetector.load(cfg, weights, confidence=0.5)
     rows = [np.hstack([picture(frame, detector) for frame in frames(light)]) for light in Lighting]
     cv2.imwrite(str(IMAGE), cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])
 
@@ -40,9 +40,9 @@ def frames(light: Lighting) -> Iterator[Frame]:
     for index in count():
         scene, arena = find_scene(arenas, index)
         with World(arena, scene, Renderer, arenas.width, arenas.height) as world:
-            poses = world.drive(arenas, arenas.rng(index, "drive")).steps(LOOKS)
+            poses = world.drive(arenas, arenas.rng(index, "drive")).poses(LOOKS)
             intrinsics, noise = world.content().intrinsics, arenas.rng(index, "noise")
-            steps = [world.step(pose, noise) for pose in poses]
+            steps = [world.capture(pose, noise) for pose in poses]
         best = max(steps, key=lambda step: step.victim_area.sum())
         if best.victim_area.sum() < LEAST:
             continue
@@ -56,7 +56,7 @@ def picture(frame: Frame, detector: VictimDetector) -> NDArray[np.uint8]:
     """(H, W, 3) the image with what was detected, and whether its depth says that it is a person."""
     result = frame.rgb.copy()
     for detection in detector.detect(frame.rgb):
-        seen = observe(frame, detection, frame.T_base_camera, ObservationConfig())
+        seen = observe(frame, detection, frame.T_base_camera)
         if isinstance(seen, Observation):
             tint(result, frame, seen.points)
         colour = FOUND if isinstance(seen, Observation) else REFUSED
@@ -71,9 +71,8 @@ def picture(frame: Frame, detector: VictimDetector) -> NDArray[np.uint8]:
 
 def tint(image: NDArray[np.uint8], frame: Frame, points: NDArray[np.float32]) -> None:
     """Colour the pixels of (N, 3) points in the base's frame."""
-    k = frame.intrinsics
-    x, y, z = transform_points(inverse(frame.T_base_camera), points).T
-    u, v = (np.floor(k.fx * x / z + k.cx).astype(int), np.floor(k.fy * y / z + k.cy).astype(int))
+    pixels, inside = frame.intrinsics.project(transform_points(inverse(frame.T_base_camera), points))
+    v, u = pixels[inside].T
     image[v, u] = (0.6 * image[v, u] + 0.4 * np.array(FOUND)).astype(np.uint8)
 
 

@@ -1,1 +1,1 @@
-"""Metric map (thesis 3.1): a 3D occupancy grid and the surface that a robot can drive on."""
+"""Metric map (thesis 3.1): a 3D occupancy grid."""

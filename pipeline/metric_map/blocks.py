@@ -1,4 +1,4 @@
-"""An endless 3D array of int8, kept as cubic blocks that come into being where something is written."""
+"""An unbounded 3D array of int8, kept as cubic blocks that are made where values are written."""
 
 from collections.abc import Iterable, Iterator
 from itertools import product
@@ -18,8 +18,8 @@ Box = tuple[slice, slice, slice]
 class BlockArray:
     """A 3D array without bounds: zero wherever nothing was written.
 
-    It grows by whole blocks of SIDE³ voxels, and what is there already stays where it is. Finding a block is one look
-    into a table, however many there are.
+    It grows by whole blocks of SIDE³ voxels, and what is there already stays where it is. Finding a
+    block takes one access to a table, however many there are.
     """
 
     def __init__(self, max_bytes: int):
@@ -32,18 +32,18 @@ class BlockArray:
         return len(self._blocks) * SIDE**3
 
     def __contains__(self, key: Key) -> bool:
-        """Is this block there?"""
+        """Whether this block exists."""
         return key in self._blocks
 
     def __getitem__(self, key: Key) -> NDArray[np.int8]:
-        """(SIDE, SIDE, SIDE) int8, a block itself."""
+        """(SIDE, SIDE, SIDE) int8, the block itself, not a copy."""
         return self._blocks[key]
 
     def reserve(self, keys: Iterable[Key]) -> None:
-        """Make sure that these blocks are there.
+        """Make the blocks that do not exist yet.
 
         Raises:
-            InputError: if they would exceed the bound on memory; then none of them comes into being.
+            InputError: if they would exceed the bound on memory; then none of them is made.
         """
         missing = [key for key in keys if key not in self._blocks]
         if missing and self.nbytes + len(missing) * SIDE**3 > self._max_bytes:
@@ -52,7 +52,7 @@ class BlockArray:
             self._blocks[key] = np.zeros((SIDE, SIDE, SIDE), np.int8)
 
     def items(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int8]]]:
-        """The blocks in the order of their places: (3,) int64 index of the first voxel, and the block itself."""
+        """The blocks in order of their index: (3,) int64 index of the first voxel, and the block itself."""
         for key in sorted(self._blocks):
             yield np.array(key, np.int64) * SIDE, self._blocks[key]
 
@@ -67,7 +67,7 @@ class BlockArray:
         return result
 
     def read(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray[np.int8]:
-        """A copy of a box, int8."""
+        """A copy of a box, int8, given by its first index (3,) and its shape."""
         result = np.zeros(shape, np.int8)
         for key, in_box, in_block in parts(lower, shape):
             if key in self._blocks:
@@ -75,7 +75,7 @@ class BlockArray:
         return result
 
     def write(self, lower: NDArray[np.int64], values: NDArray[np.int8]) -> None:
-        """Overwrite a box.
+        """Overwrite the box that begins at a (3,) index with (nx, ny, nz) int8 values.
 
         Raises:
             InputError: if the box would exceed the bound on memory; then nothing is written.

@@ -1,15 +1,15 @@
-"""What a scan needs apart from its rays: a proper pose, a box, and to be weighed against the map."""
+"""Checks poses, puts boxes around points, and adds scans to log-odds."""
 
 import numpy as np
 from numba import njit
 
 WORD = 8
-"""Marks along z that are looked at together."""
+"""Marks along z that are read together."""
 
 
 @njit(cache=True)
 def is_rigid(T):
-    """Is a (4, 4) float64 matrix a rotation, orthonormal to 1e-4, and a translation, all of it finite?"""
+    """Whether a (4, 4) float64 matrix is finite and a rotation, orthonormal to 1e-4, with a translation."""
     for i in range(4):
         for j in range(4):
             if not np.isfinite(T[i, j]):
@@ -41,7 +41,7 @@ def box_around(points, block):
 
 @njit(cache=True)
 def any_mark(words):
-    """Is there a mark in a part of a scan? ``words``: (nx, ny, nz / WORD) uint64."""
+    """Whether a part of a scan, (nx, ny, nz / WORD) uint64, holds a mark."""
     for i in range(words.shape[0]):
         for j in range(words.shape[1]):
             for k in range(words.shape[2]):

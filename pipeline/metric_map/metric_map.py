@@ -1,19 +1,14 @@
 """The robot's 3D occupancy grid (thesis 3.1): a 3D array that says of every voxel whether it is free."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.metric_map.blocks import BlockArray, parts
 from pipeline.metric_map.grid_kernels import WORD, any_mark, fold, is_rigid
-from pipeline.metric_map.projective_update import project
-from pipeline.metric_map.ray_traversal import trace
-from pipeline.metric_map.scan import Scan, Scratch
+from pipeline.metric_map.updates import Scan, Updater
 
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0
 """The thesis's three values of a voxel."""
@@ -21,77 +16,73 @@ OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0
 LOG_ODDS = 0.1
 """Log-odds per unit of the map's int8 values."""
 
+HIT, MISS = 10, 1
+"""What an end point adds to a voxel's value and what a crossing takes. One return proves a surface, while rays cross
+a voxel with a surface in a corner of it again and again."""
+
+LEAST, GREATEST = -9, 40
+"""Clamps of a voxel's value: one hit outweighs LEAST; what has gone vanishes after GREATEST / MISS frames."""
+
+OFFSET = (-0.25, -0.25, -0.4)
+"""(x, y, z) of a voxel's corner in ``map``, in voxels. Built surfaces tend to lie at round figures; noise makes one
+that lies on a face between two voxel layers fill both. So z = 0 is put inside a layer, and so are the multiples of
+half a voxel along every axis."""
+
 FARTHEST = 1e5
 """m; a pose farther from the map's origin than this is taken for an error."""
-
-
-@dataclass(frozen=True)
-class MetricMapConfig:
-    """How the metric map is laid out and how it weighs what the camera sees.
-
-    Attributes:
-        voxel_size: m.
-        max_range: m; returns from farther free space up to here and end nowhere. Along the optical axis for depth
-            images, from the origin for points.
-        offset: (x, y, z) of a voxel's corner in ``map``, in voxels. Built surfaces tend to lie at round figures;
-            noise makes one that lies on a face between two voxel layers fill both. So z = 0 is put inside a
-            layer, and so are the multiples of half a voxel along every axis.
-        hit: what an end point adds to a voxel's log-odds, in tenths. Far more than a crossing takes: one return
-            proves a surface, while rays cross a voxel with a surface in a corner of it again and again.
-        miss: what a crossing takes, in tenths.
-        least: the lower clamp, in tenths. One hit must outweigh it.
-        greatest: the upper clamp, in tenths: what has gone vanishes after greatest / miss looks.
-        margin: m before its end up to which a ray frees space, so that noise does not free what holds the surface.
-        max_bytes: the most memory that the voxels may take.
-    """
-
-    voxel_size: float = 0.1
-    max_range: float = 3.5
-    offset: tuple[float, float, float] = (-0.25, -0.25, -0.4)
-    hit: int = 10
-    miss: int = 1
-    least: int = -9
-    greatest: int = 40
-    margin: float = 0.03
-    max_bytes: int = 2**31
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot work.
-
-        Raises:
-            InputError: saying which value is wrong.
-        """
-        for name in ("voxel_size", "max_range", "hit", "miss", "max_bytes"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise InputError(f"metric map: {name} must be positive, got {getattr(self, name)}")
-        for name in ("hit", "miss", "least", "greatest", "max_bytes"):
-            if not isinstance(getattr(self, name), int):
-                raise InputError(f"metric map: {name} must be a whole number, got {getattr(self, name)}")
-        if self.voxel_size < 1e-3 or self.max_range > FARTHEST:
-            raise InputError(
-                f"metric map: voxel_size must be 1 mm or more, max_range {FARTHEST:.0f} m or less"
-            )
-        if not 0 <= self.margin < np.inf:
-            raise InputError(f"metric map: margin must not be negative, got {self.margin}")
-        if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
-            raise InputError(f"metric map: offset must be three numbers, got {self.offset}")
-        if not -128 <= self.least < 0 < self.least + self.hit <= self.greatest <= 127:
-            raise InputError("metric map: -128 <= least < 0 < least + hit <= greatest <= 127 must hold")
 
 
 class MetricMap:
     """Which voxels of the ``map`` frame are free, occupied or unknown.
 
     Inside, a voxel is an int8 log-odds value (0 = not known). Seen from outside it is one of the thesis's three
-    values. A look changes the voxels in view only, so its time does not depend on the size of the environment.
+    values. A frame changes the voxels in view only, so its time does not depend on the size of the environment.
+
+    Attributes:
+        voxel_size, max_range, margin, offset, max_bytes: see the constructor.
+        corner: (3,) float64 m in ``map``, where voxel (0, 0, 0) begins.
     """
 
-    def __init__(self, config: MetricMapConfig | None = None):
-        self.config = config or MetricMapConfig()
-        self.corner: NDArray[np.float64] = np.array(self.config.offset) * self.config.voxel_size
-        """(3,) m in ``map``, where voxel (0, 0, 0) begins."""
-        self._log_odds = BlockArray(self.config.max_bytes)
-        self._scratch = Scratch(self.config.max_bytes)
+    def __init__(
+        self,
+        voxel_size: float = 0.1,
+        max_range: float = 3.5,
+        margin: float = 0.03,
+        offset: tuple[float, float, float] = OFFSET,
+        max_bytes: int = 2**31,
+    ) -> None:
+        """An empty map.
+
+        Args:
+            voxel_size: m.
+            max_range: m; returns from farther free space up to here and end nowhere. Along the optical axis for
+                depth images, from the origin for points.
+            margin: m before its end up to which a ray frees space, so that noise does not free what holds the
+                surface.
+            offset: (x, y, z) of a voxel's corner in ``map``, in voxels; see OFFSET.
+            max_bytes: the most memory that the voxels may take.
+
+        Raises:
+            InputError: a value that cannot work, by its name.
+        """
+        self.voxel_size, self.max_range, self.margin = voxel_size, max_range, margin
+        self.offset, self.max_bytes = offset, max_bytes
+        self._check_settings()
+        self.corner: NDArray[np.float64] = np.array(offset) * voxel_size
+        self._log_odds = BlockArray(max_bytes)
+        self._updater = Updater(voxel_size, max_range, margin, max_bytes)
+
+    def _check_settings(self) -> None:
+        if not 1e-3 <= self.voxel_size < np.inf:
+            raise InputError(f"metric map: voxel_size must be 1 mm or more, got {self.voxel_size}")
+        if not 0 < self.max_range <= FARTHEST:
+            raise InputError(f"metric map: max_range must be at most {FARTHEST:.0f} m, got {self.max_range}")
+        if not 0 <= self.margin < np.inf:
+            raise InputError(f"metric map: margin must not be negative, got {self.margin}")
+        if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
+            raise InputError(f"metric map: offset must be three numbers, got {self.offset}")
+        if not isinstance(self.max_bytes, int) or self.max_bytes <= 0:
+            raise InputError(f"metric map: max_bytes must be a positive whole number, got {self.max_bytes}")
 
     @property
     def nbytes(self) -> int:
@@ -115,9 +106,7 @@ class MetricMap:
         _check_image(depth, intrinsics)
         T_grid_camera = _rigid(T_map_camera)
         T_grid_camera[:3, 3] -= self.corner
-        depth, config = np.ascontiguousarray(depth, np.float32), self.config
-        size, reach, margin = config.voxel_size, config.max_range, config.margin
-        self._fold(project(depth, intrinsics, T_grid_camera, size, reach, margin, self._scratch))
+        self._fold(self._updater.project(np.ascontiguousarray(depth, np.float32), intrinsics, T_grid_camera))
 
     def integrate_points(self, points: ArrayLike, origin: ArrayLike) -> None:
         """Add a point cloud with the place that it was seen from.
@@ -136,16 +125,15 @@ class MetricMap:
             raise InputError(f"the origin of a point cloud must be three numbers of at most {FARTHEST:.0f} m")
         cloud = cloud[(np.abs(cloud) <= FARTHEST).all(axis=1)] - self.corner
         if len(cloud):
-            size, reach, margin = self.config.voxel_size, self.config.max_range, self.config.margin
-            self._fold(trace(cloud, start - self.corner, size, reach, margin, self._scratch))
+            self._fold(self._updater.trace(cloud, start - self.corner))
 
     def voxel_index(self, points: ArrayLike) -> NDArray[np.int64]:
         """(N, 3) int64 indices of the voxels that (N, 3) points, m in ``map``, fall in."""
-        return np.floor((_points(points) - self.corner) / self.config.voxel_size).astype(np.int64)
+        return np.floor((_points(points) - self.corner) / self.voxel_size).astype(np.int64)
 
     def voxel_centre(self, index: NDArray[np.int64]) -> NDArray[np.float32]:
         """(N, 3) float32 centres, m in ``map``, of the voxels with (N, 3) indices."""
-        return ((index + 0.5) * self.config.voxel_size + self.corner).astype(np.float32)
+        return ((index + 0.5) * self.voxel_size + self.corner).astype(np.float32)
 
     def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(3,) first index and (3,) one past the last index of the box around all voxels known so far."""
@@ -169,21 +157,38 @@ class MetricMap:
         Raises:
             InputError: if the map is full.
         """
-        self._log_odds.write(lower, np.clip(values, self.config.least, self.config.greatest))
+        self._log_odds.write(lower, np.clip(values, LEAST, GREATEST))
 
     def state_at(self, points: ArrayLike) -> NDArray[np.float32]:
         """(N,) float32 in {0 occupied, 0.5 unknown, 1 free} at (N, 3) points, m in ``map``."""
-        return states(self.log_odds_at(self.voxel_index(points)))
+        return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[
+            np.sign(self.log_odds_at(self.voxel_index(points)))
+        ]
 
-    def array(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """The thesis's 3D array of all that is known so far.
+    def is_free_along(
+        self,
+        start: NDArray[np.float64],
+        end: NDArray[np.float64],
+        target: cKDTree,
+        margin: float,
+        skip: float = 0.0,
+        may_be_unknown: bool = False,
+    ) -> bool:
+        """Whether the line of sight from a point towards another is free as far as the target.
 
-        Returns:
-            (nx, ny, nz) float32 in {0 occupied, 0.5 unknown, 1 free}, and (3,) the corner of its first voxel, m in
-            ``map``.
+        Args:
+            start, end: (3,) m in ``map``.
+            target: points (N, 3) m in ``map`` of what is to be seen.
+            margin: m from the nearest of these points, at which the line of sight ends.
+            skip: m from ``start`` that count as free.
+            may_be_unknown: whether unknown space counts as free.
         """
-        lower, upper = self.bounds()
-        return states(self.log_odds(lower, upper)), lower * self.config.voxel_size + self.corner
+        length = np.linalg.norm(end - start)
+        count = int(np.ceil(2 * length / self.voxel_size)) + 1
+        line = np.linspace(start, end, count)[np.linspace(0, length, count) >= skip]
+        to_target, _ = target.query(line)
+        line = line[np.logical_and.accumulate(to_target > margin)]
+        return bool((self.state_at(line) >= (UNKNOWN if may_be_unknown else FREE)).all())
 
     def occupied_centres(self) -> NDArray[np.float32]:
         """(N, 3) float32 centres of the occupied voxels, m in ``map``."""
@@ -193,19 +198,11 @@ class MetricMap:
         """(N, 3) float32 centres of the free voxels, m in ``map``."""
         return self._centres([np.argwhere(block < 0) + first for first, block in self._log_odds.items()])
 
-    def frontier_centres(self) -> NDArray[np.float32]:
-        """(N, 3) float32 centres of the free voxels that share a face with an unknown one, m in ``map``."""
-        found = []
-        for first, block in self._log_odds.items():
-            around = self._log_odds.read(first - 1, tuple(side + 2 for side in block.shape))
-            found.append(np.argwhere((block < 0) & _beside(around == 0)) + first)
-        return self._centres(found)
-
     def _centres(self, indices: list[NDArray[np.int64]]) -> NDArray[np.float32]:
         return self.voxel_centre(np.concatenate([np.zeros((0, 3), np.int64), *indices]))
 
     def _fold(self, scan: Scan) -> None:
-        config, words = self.config, scan.words
+        words = scan.words
         marked = []
         for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
             part = words[i, j, k.start // WORD : k.stop // WORD]
@@ -213,20 +210,7 @@ class MetricMap:
                 marked.append((key, part, in_block))
         self._log_odds.reserve(key for key, _, _ in marked)
         for key, part, in_block in marked:
-            fold(part, self._log_odds[key][in_block], config.hit, config.miss, config.least, config.greatest)
-
-
-def states(log_odds: NDArray[np.int8]) -> NDArray[np.float32]:
-    """The thesis's values, float32 in {0 occupied, 0.5 unknown, 1 free}, of int8 log-odds."""
-    return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[np.sign(log_odds)]
-
-
-def _beside(padded: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(nx, ny, nz) bool: is one of the six neighbours set in an array that has one more voxel all around?"""
-    inner = slice(1, -1)
-    result = padded[:-2, inner, inner] | padded[2:, inner, inner]
-    result |= padded[inner, :-2, inner] | padded[inner, 2:, inner]
-    return result | padded[inner, inner, :-2] | padded[inner, inner, 2:]
+            fold(part, self._log_odds[key][in_block], HIT, MISS, LEAST, GREATEST)
 
 
 def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
@@ -242,7 +226,7 @@ def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
 
 
 def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A copy of a pose, float64, after making sure that it is one."""
+    """A float64 copy of a pose. InputError if it is none."""
     T = np.array(T, np.float64)
     if T.shape != (4, 4) or not is_rigid(T):
         raise InputError(

@@ -1,4 +1,4 @@
-"""The projective update: which voxels do the rays of a depth image end in, and which do they cross?
+"""The projective update: finds the voxels that the rays of a depth image end in and those that they cross.
 
 The marks of a scan are a box of whole blocks of voxels. A point in the box is measured from its corner, in voxels.
 """
@@ -32,7 +32,7 @@ NARROW_ROWS, NARROW_COLUMNS = 7, 9
 """Rays, spread over the picture, that are followed up to there."""
 
 
-class Viewpoint(NamedTuple):
+class DepthCamera(NamedTuple):
     """A depth image's geometry."""
 
     fx: float
@@ -59,7 +59,7 @@ def observe(depth, pinhole, pose, size, far, margin, marks, flat, high):
         depth: (H, W) float32, m; what is not a positive finite number is no return.
         pinhole: (4,) float64 fx, fy, cx, cy in pixels.
         pose: (3, 4) float64: rotation, camera axes to map axes, and the optical centre in the box, in voxels.
-        size, far, margin: see View.
+        size, far, margin: see DepthCamera.
         marks: (nx, ny, nz) uint8 zeros that hold all that the camera can see; whole blocks.
         flat: the same, with one more mark at the end that stands for "nowhere".
         high: (levels, ⌈H / TILE⌉, ⌈W / TILE⌉) float32, to be filled.
@@ -67,22 +67,22 @@ def observe(depth, pinhole, pose, size, far, margin, marks, flat, high):
     axes = np.ascontiguousarray(pose[:, :3].T) / size
     origin = pose[:, 3].copy()
     fx, fy, cx, cy = pinhole
-    view = Viewpoint(fx, fy, cx, cy, far, margin, origin, axes, size)
-    _mark_returns(depth, view, marks.shape, flat, high[0])
+    camera = DepthCamera(fx, fy, cx, cy, far, margin, origin, axes, size)
+    _mark_returns(depth, camera, marks.shape, flat, high[0])
     _build_pyramid(high)
-    _mark_narrow(depth, view, marks)
-    _mark_free(depth, view, marks, high)
+    _mark_narrow(depth, camera, marks)
+    _mark_free(depth, camera, marks, high)
 
 
 @njit(cache=True)
-def _mark_returns(depth, view, shape, flat, high):
+def _mark_returns(depth, camera, shape, flat, high):
     """Mark the voxel of each return as HIT and bound how deep the rays of every tile reach (0 = no return)."""
     height, width = depth.shape
     nowhere = np.int32(flat.size - 1)
-    far = np.float32(view.far)
+    far = np.float32(camera.far)
     ny, nz = np.int32(shape[1]), np.int32(shape[2])
-    origin, step = view.origin.astype(np.float32), (view.axes[0] / view.fx).astype(np.float32)
-    first = _first_of_rows(height, view)
+    origin, step = camera.origin.astype(np.float32), (camera.axes[0] / camera.fx).astype(np.float32)
+    first = _first_of_rows(height, camera)
     index = np.empty(width, np.int32)
     deepest = np.zeros(high.shape[1] * TILE, np.float32)
     for top in range(0, height, TILE):
@@ -97,14 +97,14 @@ def _mark_returns(depth, view, shape, flat, high):
 
 
 @njit(cache=True)
-def _first_of_rows(height, view):
+def _first_of_rows(height, camera):
     """(H, 3) float32, voxels from the camera to the point 1 m deep in the first pixel of each image row."""
     first = np.empty((height, 3), np.float32)
-    x = (0.5 - view.cx) / view.fx
+    x = (0.5 - camera.cx) / camera.fx
     for v in range(height):
-        y = (v + 0.5 - view.cy) / view.fy
+        y = (v + 0.5 - camera.cy) / camera.fy
         for axis in range(3):
-            first[v, axis] = view.axes[0, axis] * x + view.axes[1, axis] * y + view.axes[2, axis]
+            first[v, axis] = camera.axes[0, axis] * x + camera.axes[1, axis] * y + camera.axes[2, axis]
     return first
 
 
@@ -159,23 +159,23 @@ def _build_pyramid(high):
 
 
 @njit(cache=True)
-def _mark_narrow(depth, view, marks):
+def _mark_narrow(depth, camera, marks):
     """Follow a few rays where the field of view is narrow: right before the camera, and in its four corners."""
     height, width = depth.shape
-    x, y, z = view.origin
-    ax = view.axes
+    x, y, z = camera.origin
+    ax = camera.axes
     for i in range(NARROW_ROWS):
         v = i * (height - 1) // (NARROW_ROWS - 1)
-        b = (v + 0.5 - view.cy) / view.fy
+        b = (v + 0.5 - camera.cy) / camera.fy
         for j in range(NARROW_COLUMNS):
             u = j * (width - 1) // (NARROW_COLUMNS - 1)
-            a = (u + 0.5 - view.cx) / view.fx
+            a = (u + 0.5 - camera.cx) / camera.fx
             d = depth[v, u]
             if not 0 < d < np.inf:
                 continue
-            reach = min(d, view.far) - view.margin
+            reach = min(d, camera.far) - camera.margin
             if i % (NARROW_ROWS - 1) != 0 or j % (NARROW_COLUMNS - 1) != 0:
-                reach = min(reach, NARROW * view.size)
+                reach = min(reach, NARROW * camera.size)
             if reach > 0:
                 x_stop = x + reach * (ax[0, 0] * a + ax[1, 0] * b + ax[2, 0])
                 y_stop = y + reach * (ax[0, 1] * a + ax[1, 1] * b + ax[2, 1])
@@ -184,7 +184,7 @@ def _mark_narrow(depth, view, marks):
 
 
 @njit(cache=True)
-def _mark_free(depth, view, marks, high):
+def _mark_free(depth, camera, marks, high):
     """Mark as FREE every voxel that is not a HIT, of which the camera sees a corner, and that no crest shades.
 
     Where free space ends at a plane (a surface, the edge of the picture or of a shadow), it takes up a part of a
@@ -192,7 +192,7 @@ def _mark_free(depth, view, marks, high):
     as all the rays through a voxel would. A crest shades a voxel with an upright edge of which the top is seen and
     the foot hidden: rays pass over something into the voxel, but its lower part may hold what slopes down behind.
     """
-    metric = view.axes * (view.size * view.size)  # m per voxel along each camera axis
+    metric = camera.axes * (camera.size * camera.size)  # m per voxel along each camera axis
     offsets = _corner_offsets(metric)
     spread = np.abs(metric).sum(axis=1) * (0.5 * BLOCK)
     middle = metric.sum(axis=1) * (0.5 * BLOCK)
@@ -202,13 +202,15 @@ def _mark_free(depth, view, marks, high):
     for i in range(0, marks.shape[0], BLOCK):
         for j in range(0, marks.shape[1], BLOCK):
             for k in range(0, marks.shape[2], BLOCK):
-                x, y, z = i - view.origin[0], j - view.origin[1], k - view.origin[2]
+                x, y, z = i - camera.origin[0], j - camera.origin[1], k - camera.origin[2]
                 r = metric[0, 0] * x + metric[0, 1] * y + metric[0, 2] * z
                 d = metric[1, 0] * x + metric[1, 1] * y + metric[1, 2] * z
                 w = metric[2, 0] * x + metric[2, 1] * y + metric[2, 2] * z
-                if _may_be_seen(r + middle[0], d + middle[1], w + middle[2], spread, depth.shape, view, high):
-                    _project_corners(r, d, w, offsets, depth.shape, view, pixel, deep)
-                    _see_corners(depth.reshape(-1), view, pixel, deep, reach, seen)
+                if _may_be_seen(
+                    r + middle[0], d + middle[1], w + middle[2], spread, depth.shape, camera, high
+                ):
+                    _project_corners(r, d, w, offsets, depth.shape, camera, pixel, deep)
+                    _see_corners(depth.reshape(-1), camera, pixel, deep, reach, seen)
                     _join_corners(seen)
                     _mark_block(seen, marks[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK])
 
@@ -228,15 +230,15 @@ def _corner_offsets(metric):
 
 
 @njit(cache=True)
-def _may_be_seen(r, d, w, spread, shape, view, high):
+def _may_be_seen(r, d, w, spread, shape, camera, high):
     """False if the cuboid (r, d, w) ± spread, m in camera axes, lies out of the picture or behind all returns."""
     near, deep = w - spread[2], w + spread[2]
-    if deep <= 0 or near >= view.far:
+    if deep <= 0 or near >= camera.far:
         return False
     if near < TOO_NEAR:
         return True
-    u0, u1 = _interval(r, spread[0], near, deep, view.fx, view.cx)
-    v0, v1 = _interval(d, spread[1], near, deep, view.fy, view.cy)
+    u0, u1 = _interval(r, spread[0], near, deep, camera.fx, camera.cx)
+    v0, v1 = _interval(d, spread[1], near, deep, camera.fy, camera.cy)
     if u0 >= shape[1] or v0 >= shape[0] or u1 < 0 or v1 < 0:
         return False
     return _deepest(high, max(u0, 0), min(u1, shape[1] - 1), max(v0, 0), min(v1, shape[0] - 1)) > near
@@ -265,9 +267,14 @@ def _deepest(high, u0, u1, v0, v1):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _project_corners(r0, d0, w0, offsets, shape, view, pixel, deep):
+def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
     """Fill the flat pixel and the depth of a block's corners; out of the picture the depth is NaN."""
-    fx, fy, cx, cy = np.float32(view.fx), np.float32(view.fy), np.float32(view.cx), np.float32(view.cy)
+    fx, fy, cx, cy = (
+        np.float32(camera.fx),
+        np.float32(camera.fy),
+        np.float32(camera.cx),
+        np.float32(camera.cy),
+    )
     r0, d0, w0 = np.float32(r0), np.float32(d0), np.float32(w0)
     zero, one, nowhere = np.float32(0), np.float32(1), np.float32(np.nan)
     right, bottom, row = np.float32(shape[1]), np.float32(shape[0]), np.int32(shape[1])
@@ -285,13 +292,13 @@ def _project_corners(r0, d0, w0, offsets, shape, view, pixel, deep):
 
 
 @njit(cache=True)
-def _see_corners(depth, view, pixel, deep, reach, seen):
+def _see_corners(depth, camera, pixel, deep, reach, seen):
     """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to SHADE before it."""
     # Fetching the depths apart from comparing them lets the comparison run in vectors.
     for n in range(CORNERS):
         reach[n] = depth[np.uint32(pixel[n])]
-    far, margin = np.float32(view.far), np.float32(view.margin)
-    size, shade = np.float32(view.size), np.float32(SHADE)
+    far, margin = np.float32(camera.far), np.float32(camera.margin)
+    size, shade = np.float32(camera.size), np.float32(SHADE)
     zero, infinity = np.float32(0), np.float32(np.inf)
     for n in range(CORNERS):
         d = reach[n]

@@ -30,10 +30,12 @@ def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: in
         _scene("Arena", low, high, hidden=["metric_map", "semantic_map", "segments"]),
         active_tab=tab,
     )
+    columns = rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["loglevel", "body"])
+    log = rrb.TextLogView(origin="log", name="Log", columns=columns)
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(maps, _camera(), column_shares=[3.4, 1]),
-            rrb.Horizontal(*_plots(), _log(), column_shares=[1, 1, 1, 1.3]),
+            rrb.Horizontal(*_plots(), log, column_shares=[1, 1, 1, 1.3]),
             row_shares=[3.2, 1],
         ),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
@@ -93,8 +95,3 @@ def _plot(name: str, *contents: str) -> rrb.TimeSeriesView:
         axis_x=rrb.TimeAxis(view_range=whole),
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
     )
-
-
-def _log() -> rrb.TextLogView:
-    columns = rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["loglevel", "body"])
-    return rrb.TextLogView(origin="log", name="Log", columns=columns)

@@ -24,6 +24,8 @@ TRAJECTORY_COLOUR = (255, 255, 255)
 
 ABOVE_GROUND = np.array([0, 0, 0.06])
 """m; what lies on the ground is drawn above it, where points and voxels do not hide it."""
+POINT_SPACING = 0.04
+"""m between the points of the semantic map that are drawn: all of them would make a large file."""
 JPEG_QUALITY = 80
 """Of the colour images, up to 100."""
 
@@ -36,7 +38,7 @@ def annotations() -> rr.AnnotationContext:
 
 
 def transform(T: NDArray[np.float64]) -> rr.Transform3D:
-    """A 4×4 pose."""
+    """A 4×4 pose, in m."""
     return rr.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3])
 
 
@@ -87,7 +89,7 @@ def free_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.Voxel
 
 
 def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **style: Any) -> rr.VoxelGridMap:
-    size = metric_map.config.voxel_size
+    size = metric_map.voxel_size
     return rr.VoxelGridMap(
         metric_map.voxel_index(centres).astype(np.int32),
         voxel_size=np.full(3, size),
@@ -96,12 +98,12 @@ def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **style: Any) -
     )
 
 
-def labelled_points(semantic_map: SemanticMap, spacing: float) -> rr.Points3D:
-    """The semantic map, thinned to its oldest point in every cube of side ``spacing``."""
+def labelled_points(semantic_map: SemanticMap) -> rr.Points3D:
+    """The semantic map, thinned to its oldest point in every cube of side ``POINT_SPACING``."""
     points = semantic_map.points()
-    x, y, z = np.floor(points / spacing).astype(np.int64).T
+    x, y, z = np.floor(points / POINT_SPACING).astype(np.int64).T
     _, oldest = np.unique((x << 42) + (y << 21) + z, return_index=True)
-    return rr.Points3D(points[oldest], class_ids=semantic_map.labels()[oldest], radii=spacing * 0.75)
+    return rr.Points3D(points[oldest], class_ids=semantic_map.labels()[oldest], radii=0.75 * POINT_SPACING)
 
 
 def segment_boxes(segments: Segments) -> rr.Boxes3D:

@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
+from pipeline.mapper import Keyframe, Mapper
 from pipeline.recording import drawings, victim_drawings
 from pipeline.recording.blueprint import blueprint
 from pipeline.recording.viewer import Viewer, start_rerun
 from pipeline.transforms import tilt_of
+from pipeline.victims.detection.detection import Detection
 from pipeline.victims.victim_map import Victims
 
 Level = Literal["INFO", "WARN", "ERROR"]
 
-# The numbers that keep a recording small.
-POINT_SPACING = 0.04
-"""m; the semantic map is thinned to a point per cube of this side."""
 GROWTH = 0.05
 """Share by which a cloud has to grow to be logged again; all are logged at the end."""
 MOTION_PERIOD = 0.2
@@ -81,28 +80,29 @@ class Recorder:
         self._track = Track()
         self._moved: tuple[float, float] | None = None
         self._logged_size: dict[str, int] = {}
-        self._explorer: Explorer | None = None
+        self._mapper: Mapper | None = None
         self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
 
     def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
         """Log a step of the explorer, the ``index``-th from 0 on, and the maps after it."""
-        self._step, self._explorer = index, explorer
-        self._track.add(step.keyframe.T_map_base[:3, 3])
-        self._set_time(step.keyframe.frame.time)
-        self._log_moved(step.keyframe.T_map_base)
-        self._log_camera(step, explorer.robot.model.camera_range[1])
-        self._log_clouds(explorer)
-        if explorer.mapper.detector is not None:
-            self._log_victims(explorer.mapper.victims, step)
+        mapper, keyframe = explorer.mapper, step.keyframe
+        self._step, self._mapper = index, mapper
+        self._track.add(keyframe.T_map_base[:3, 3])
+        self._set_time(keyframe.frame.time)
+        self._log_moved(keyframe.T_map_base)
+        self._log_camera(keyframe, explorer.robot.model.camera_range[1])
+        self._log_clouds(mapper)
+        if mapper.detector is not None:
+            self._log_victims(mapper.victims, keyframe.detections)
         log = self.stream.log
-        log("world/segments", drawings.segment_boxes(explorer.mapper.segments))
-        log("world/topological_map/nodes", drawings.nodes(explorer.mapper.topological_map))
-        log("world/topological_map/edges", drawings.edges(explorer.mapper.topological_map))
+        log("world/segments", drawings.segment_boxes(mapper.segments))
+        log("world/topological_map/nodes", drawings.nodes(mapper.topological_map))
+        log("world/topological_map/edges", drawings.edges(mapper.topological_map))
         log("world/path_plan", drawings.path(step))
         log("world/frontiers", drawings.frontier_points(step.frontiers))
         log("world/trajectory", drawings.trajectory(self._track.positions, drawings.TRAJECTORY_COLOUR))
-        self._log_progress(explorer, step)
+        self._log_progress(mapper, len(step.frontiers))
 
     def log_pose(self, time: float, T_map_base: NDArray[np.float64]) -> bool:
         """Log the robot's 4×4 pose between steps, thinned to 5 a second; whether this one was logged."""
@@ -130,10 +130,10 @@ class Recorder:
 
     def close(self) -> None:
         """Log the maps as they are at the end, and write all that the sinks have not got yet."""
-        if self._explorer is not None:
+        if self._mapper is not None:
             self._set_time(self._time)
             self._logged_size.clear()
-            self._log_clouds(self._explorer)
+            self._log_clouds(self._mapper)
         # A window that was closed meanwhile takes no data any more; the file is whole all the same.
         with suppress(RuntimeError) if self.viewer else nullcontext():
             self.stream.flush(timeout_sec=FLUSH_TIME)
@@ -154,36 +154,33 @@ class Recorder:
         roll, pitch = np.rad2deg(tilt_of(T_map_base))
         self._log_metrics(roll_deg=roll, pitch_deg=pitch, distance_m=self._track.distance)
 
-    def _log_camera(self, step: Step, max_depth: float) -> None:
-        frame, camera = step.keyframe.frame, "world/robot/camera"
+    def _log_camera(self, keyframe: Keyframe, max_depth: float) -> None:
+        frame, camera = keyframe.frame, "world/robot/camera"
         log = self.stream.log
         log(camera, drawings.transform(frame.T_base_camera), drawings.pinhole(frame))
         log(f"{camera}/rgb", drawings.colour_image(frame.rgb))
         log(f"{camera}/depth", drawings.depth_image(frame.depth, max_depth))
-        log(f"{camera}/labels", drawings.label_image(frame, step.keyframe.labels))
+        log(f"{camera}/labels", drawings.label_image(frame, keyframe.labels))
 
-    def _log_victims(self, victims: Victims, step: Step) -> None:
+    def _log_victims(self, victims: Victims, found: Sequence[Detection]) -> None:
         log = self.stream.log
-        log(
-            "world/robot/camera/victims",
-            victim_drawings.detections(step.keyframe.detections, victims.refusals),
-        )
+        log("world/robot/camera/victims", victim_drawings.detections(found, victims.refusals))
         log("world/victims", victim_drawings.boxes(victims))
         log("world/victims/certainty", victim_drawings.certainty(victims))
         log("world/victims/photos", victim_drawings.photo_sheet(victims))
         confirmed, unconfirmed = len(victims.confirmed), len(victims.unconfirmed)
         self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)
 
-    def _log_clouds(self, explorer: Explorer) -> None:
+    def _log_clouds(self, mapper: Mapper) -> None:
         """Log the maps that grow, if they have changed enough."""
-        metric_map, semantic_map = explorer.mapper.metric_map, explorer.mapper.semantic_map
+        metric_map, semantic_map = mapper.metric_map, mapper.semantic_map
         occupied, free = metric_map.occupied_centres(), metric_map.free_centres()
         if self._has_changed("occupied", len(occupied), 0.0):
             self.stream.log("world/metric_map/occupied", drawings.occupied_voxels(metric_map, occupied))
         if self._has_changed("free", len(free), GROWTH):
             self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map, free))
         if self._has_changed("semantic", len(semantic_map), GROWTH):
-            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, POINT_SPACING))
+            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map))
         self._log_metrics(
             "map/", occupied_voxels=len(occupied), free_voxels=len(free), semantic_points=len(semantic_map)
         )
@@ -196,14 +193,12 @@ class Recorder:
         self._logged_size[cloud] = size
         return True
 
-    def _log_progress(self, explorer: Explorer, step: Step) -> None:
-        seen = np.count_nonzero(~np.isnan(explorer.mapper.elevation_map.measured))
-        self._log_metrics(explored_area_m2=seen * explorer.mapper.elevation_map.grid.cell**2)
-        nodes, frontiers = explorer.mapper.topological_map.nodes, step.frontiers
-        self._log_metrics(
-            "map/", segments=len(explorer.mapper.segments), nodes=len(nodes), frontiers=len(frontiers)
-        )
-        times = {stage: 1000 * seconds[-1] for stage, seconds in explorer.mapper.stopwatch.seconds.items()}
+    def _log_progress(self, mapper: Mapper, frontiers: int) -> None:
+        seen = np.count_nonzero(~np.isnan(mapper.elevation_map.measured))
+        self._log_metrics(explored_area_m2=seen * mapper.elevation_map.grid.cell**2)
+        nodes = len(mapper.topological_map.nodes)
+        self._log_metrics("map/", segments=len(mapper.segments), nodes=nodes, frontiers=frontiers)
+        times = {stage: 1000 * seconds[-1] for stage, seconds in mapper.stopwatch.seconds.items()}
         self._log_metrics("time_ms/", **times)
 
     def _log_metrics(self, group: str = "", /, **values: float) -> None:

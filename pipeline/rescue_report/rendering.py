@@ -12,12 +12,9 @@ from pipeline.rescue_report import words
 
 def environment(package: str) -> Environment:
     """The templates in the folder ``templates`` of a package; a variable that is not given is an error."""
+    loader = PackageLoader(package)
     return Environment(
-        loader=PackageLoader(package),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
 
 

@@ -27,13 +27,16 @@ class RescueReport:
         """Take the newest step into account."""
         self._poses.append(step.keyframe.T_map_base)
         self._camera_height = float(step.keyframe.frame.T_base_camera[2, 3])
-        if self._explorer.mission.goals is None:  # on the way to a goal there may be nothing else to look at
+        if self._explorer.mission.goals is None:  # on the way to a goal there may be no other viewpoint
             self._finished = step.viewpoint is None and step.can_drive
 
     @property
     def situation(self) -> Situation:
         """What the explorer knows now; at least one step must have been added."""
-        return situation_of(self._explorer, self._poses, self._camera_height, self._finished)
+        explorer = self._explorer
+        return situation_of(
+            explorer.mapper, explorer.robot.model, self._poses, self._camera_height, self._finished
+        )
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:

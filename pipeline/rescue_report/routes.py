@@ -60,8 +60,7 @@ class Route:
         trace: (M, 3) m, the same with the ground in between.
         length: m along the ground.
         steepest: rad, of the ground under it.
-        drop: m, of the deepest drop beside it; 0 if there is none.
-        drops: places of drops beside it.
+        drops: beside it, the deepest first, in m.
         gap: horizontal m from its end to what was seen of the person.
         in_sight: whether the robot's map has nothing between its end and the person.
         legs: parts of it, for directions.
@@ -71,8 +70,7 @@ class Route:
     trace: NDArray[np.float64]
     length: float
     steepest: float
-    drop: float
-    drops: int
+    drops: list[Place]
     gap: float
     in_sight: bool
     legs: list[Leg]
@@ -128,22 +126,17 @@ class Router:
         ground = float(self._traversability.grid.at(self._traversability.elevation, place))
         eye = np.append(place, ground + self._camera_height)
         middle = person.data.mean(axis=0)
-        steps = int(np.ceil(2 * np.linalg.norm(middle - eye) / self._metric_map.config.voxel_size)) + 1
-        line = np.linspace(eye, middle, steps)
-        apart, _ = person.query(line)
-        return bool((self._metric_map.state_at(line[apart > BODY_MARGIN]) > 0).all())
+        return self._metric_map.is_free_along(eye, middle, person, SPARED, may_be_unknown=True)
 
     def _route(self, way: NDArray[np.float64], gap: float, in_sight: bool) -> Route:
         legs = list(self._legs(way))
         trace = self._trace(way[:, :2])
-        drops = self._drops_beside(trace)
         return Route(
             way=way,
             trace=trace,
             length=sum(leg.length for leg in legs),
             steepest=max((leg.steepest for leg in legs), default=0.0),
-            drop=max((place.value for place in drops), default=0.0),
-            drops=len(drops),
+            drops=self._drops_beside(trace),
             gap=gap,
             in_sight=in_sight,
             legs=legs,
@@ -188,7 +181,7 @@ class Router:
 
 
 def straight_parts(way: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """The parts (M, 2) of a way (N, 2), m, between its wider bends."""
+    """The parts (M, 2) of a way (N, 2) in m between its wider bends."""
     steps = np.diff(way, axis=0)
     way = way[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
     bearings = np.arctan2(*np.diff(way, axis=0).T[::-1])

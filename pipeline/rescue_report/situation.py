@@ -1,12 +1,11 @@
 """What the robot knows when an episode ends, as a rescue team asks for it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer
+from pipeline.mapper import Mapper
 from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.rescue_report.posture import Posture, posture_of
 from pipeline.rescue_report.routes import Route, Router
@@ -105,21 +104,21 @@ class Situation:
 
 
 def situation_of(
-    explorer: Explorer, poses: Sequence[NDArray[np.float64]], camera_height: float, finished: bool
+    mapper: Mapper, robot: RobotModel, poses: list[NDArray[np.float64]], camera_height: float, finished: bool
 ) -> Situation:
-    """What an explorer knows.
+    """What the maps tell.
 
     Args:
-        explorer: with its maps and the people it found; without a detector no person was looked for.
+        mapper: with the maps and the victims; without a detector no person was searched for.
+        robot: that drives.
         poses: 4×4 ones in ``map`` of its keyframes, the entrance first.
         camera_height: m above the ground that the robot stands on.
         finished: whether no viewpoint was left that was worth a keyframe.
     """
-    traversability = explorer.mapper.traversability_layer.update(explorer.mapper.elevation_map)
-    paths, robot = ShortestPaths(traversability, poses[0][:2, 3]), explorer.robot.model
-    points = explorer.mapper.semantic_map.points()
+    traversability = mapper.traversability_layer.update(mapper.elevation_map)
+    paths, points = ShortestPaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
     hazards = find_hazards(traversability, paths.reachable, points, robot.headroom)
-    maps = traversability, paths, explorer.mapper.topological_map, explorer.mapper.metric_map
+    maps = traversability, paths, mapper.topological_map, mapper.metric_map
     router = Router(*maps, hazards, yaw_of(poses[0]), camera_height)
     return Situation(
         robot=robot,
@@ -127,12 +126,12 @@ def situation_of(
         positions=np.array([T[:2, 3] for T in poses]),
         traversability=traversability,
         points=points,
-        labels=explorer.mapper.semantic_map.labels(),
+        labels=mapper.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(traversability, explorer.mapper.elevation_map.measured, paths.reachable),
-        people=[_person(*found, router) for found in confirmed_ids(explorer.mapper.victims)],
-        sightings=[_person(*found, router) for found in unconfirmed_ids(explorer.mapper.victims)],
-        searched=explorer.mapper.detector is not None,
+        unseen=find_unseen(traversability, mapper.elevation_map.measured, paths.reachable),
+        people=[_person(*found, router) for found in confirmed_ids(mapper.victims)],
+        sightings=[_person(*found, router) for found in unconfirmed_ids(mapper.victims)],
+        searched=mapper.detector is not None,
         finished=finished,
     )
 

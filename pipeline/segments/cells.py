@@ -1,7 +1,7 @@
 """Sets of 5 cm cells of the map: where a surface really is inside its bounding box.
 
 A set is a (K, 3) int32 array of distinct indices, sorted. The cells are the map's, not the surface's, so sets of
-different looks unite exactly and in any order.
+different frames unite exactly and in any order.
 """
 
 import numpy as np
@@ -27,15 +27,17 @@ NONE = -1
 
 Cells = NDArray[np.int32]
 
-_BITS = 21
-_HALF = 1 << (_BITS - 1)
+BITS = 21
+"""Of a key for each of a cell's three indices."""
+HALF = 1 << (BITS - 1)
+"""Cells from the origin to where keys end, along every axis."""
 
 
 def cells_of(points: NDArray) -> tuple[Cells, NDArray[np.intp]]:
     """The (K, 3) cells that hold (N, 3) points in m, and the (N,) row of each point's cell."""
     indices = np.floor((points + np.float32(SHIFT)) * np.float32(1 / CELL)).astype(np.int64)
-    keys, row = np.unique(_keys(indices), return_inverse=True)
-    return _from_keys(keys), row
+    packed, row = np.unique(keys(indices), return_inverse=True)
+    return _from_keys(packed), row
 
 
 def centres(cells: Cells) -> NDArray[np.float64]:
@@ -45,7 +47,7 @@ def centres(cells: Cells) -> NDArray[np.float64]:
 
 def unite(a: Cells, b: Cells) -> Cells:
     """The cells of both sets."""
-    return _from_keys(np.union1d(_keys(a), _keys(b)))
+    return _from_keys(np.union1d(keys(a), keys(b)))
 
 
 def in_contact(a: Cells, b: Cells) -> bool:
@@ -99,11 +101,14 @@ def _near_box_of(a: Cells, b: Cells) -> Cells:
     return a[((a >= b.min(axis=0) - REACH) & (a <= b.max(axis=0) + REACH)).all(axis=1)]
 
 
-def _keys(cells: NDArray) -> NDArray[np.int64]:
-    i, j, k = (cells.astype(np.int64) + _HALF).T
-    return ((i << _BITS) | j) << _BITS | k
+def keys(cells: NDArray) -> NDArray[np.int64]:
+    """(K,) int64, a number for each of (K, 3) cells of indices below ``HALF``; they sort as the indices do."""
+    i, j, k = (cells.astype(np.int64) + HALF).T
+    return ((i << BITS) | j) << BITS | k
 
 
-def _from_keys(keys: NDArray[np.int64]) -> Cells:
-    mask = (1 << _BITS) - 1
-    return (np.stack([keys >> 2 * _BITS, keys >> _BITS & mask, keys & mask], axis=1) - _HALF).astype(np.int32)
+def _from_keys(packed: NDArray[np.int64]) -> Cells:
+    mask = (1 << BITS) - 1
+    return (np.stack([packed >> 2 * BITS, packed >> BITS & mask, packed & mask], axis=1) - HALF).astype(
+        np.int32
+    )

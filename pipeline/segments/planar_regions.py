@@ -1,4 +1,4 @@
-"""Planar regions of one look: pieces of nearly one normal, and the planes through them.
+"""Planar regions of one frame: pieces of nearly one normal, and the planes through them.
 
 The thesis lets RANSAC find the planes of a whole class and parts those of one equation by region growing. Here
 regions of one normal are grown first: given many parallel ramps at once, RANSAC prefers a level cut through all
@@ -7,63 +7,69 @@ of them to any of their slopes. Each region then gets its planes by RANSAC.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.segments.plane import Moments
-from pipeline.segments.ransac import plane_inliers
-from pipeline.segments.regions_kernels import NONE, claim_nearest, grow_regions, normals
-from pipeline.segments.surfels_kernels import make_surfels, neighbours
+from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals
+from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
 
-
-@dataclass(frozen=True)
-class RegionsConfig:
-    """Settings of the search for planar regions."""
-
-    block: int = 8
-    """pixels, the edge of the image blocks that are averaged to one surfel each."""
-    min_pixels: int = 16
-    """Of a surfel."""
-    min_step: float = 0.01
-    """1/m of inverse depth, between surfaces one before the other; a step of a structured-light camera is 0.003."""
-    reach: int = 2
-    """blocks, how far apart neighbouring surfels are."""
-    max_step: float = 0.12
-    """m per m of depth, between neighbouring surfels one block apart."""
-    max_angle: float = np.deg2rad(20)
-    """rad, between a surfel's normal and its region's."""
-    max_distance: float = 0.025
-    """m, of a surfel from its plane."""
-    min_surfels: int = 10
-    """Of a plane."""
-    iterations: int = 50
-    """RANSAC samples per plane."""
-    max_shift: float = 0.01
-    """m along the optical axis from a pixel of the plane to where its ray meets the plane."""
-    noise: float = 0.006
-    """m per m² of depth that ``max_shift`` grows: 3σ of a structured-light camera (Nguyen et al. 2012)."""
+BLOCK = 8
+"""pixels, the edge of the image blocks that are averaged to one surfel each."""
+MIN_PIXELS = 16
+"""Of a surfel."""
+MIN_DEPTH_STEP = 0.01
+"""1/m of inverse depth, between surfaces one before the other; a step of a structured-light camera is 0.003."""
+REACH = 2
+"""blocks, how far apart neighbouring surfels are."""
+MAX_GAP = 0.12
+"""m per m of depth, between neighbouring surfels one block apart."""
+MAX_DISTANCE = 0.025
+"""m, of a surfel from its plane."""
+MIN_SURFELS = 10
+"""Of a plane."""
+SAMPLES = 50
+"""Of RANSAC per plane."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surfels:
-    """A thinned look, in the camera's frame: see ``make_surfels`` and ``neighbours``."""
+    """A thinned frame, in ``camera_optical``: see ``make_surfels`` and ``neighbours``.
+
+    Attributes:
+        points: (N, 3) float32 mean points, m.
+        labels: (N,) uint8.
+        near: (N, K) int32 neighbours of every surfel, ending with NONE.
+        of_pixel: (H, W) int32 surfel of every pixel, or NONE.
+    """
 
     points: NDArray[np.float32]
     labels: NDArray[np.uint8]
     near: NDArray[np.int32]
     of_pixel: NDArray[np.int32]
 
+    @classmethod
+    def of(cls, frame: Frame, labels: NDArray[np.uint8]) -> Self:
+        """Average away the noise and most of the points; the boundaries between (H, W) labels are kept."""
+        points, surfel_labels, blocks, of_pixel = make_surfels(
+            frame.depth, labels, frame.intrinsics.rays, BLOCK, MIN_PIXELS, MIN_DEPTH_STEP
+        )
+        columns = frame.intrinsics.width // BLOCK + 1
+        near = neighbours(blocks, columns, surfel_labels, points, REACH, MAX_GAP)
+        return cls(points, surfel_labels, near, of_pixel)
+
 
 @dataclass(frozen=True, eq=False)
 class PlanarRegions:
-    """The planes of a look and what belongs to them.
+    """The planes of a frame and what belongs to them.
 
     Attributes:
-        surfels: the look, thinned.
+        surfels: the thinned frame.
         region: (N,) int32 plane of every surfel, NONE for those on none.
-        planes: (P, 4) float64 rows [n, d] with n · x = d, in the camera's frame.
+        planes: (P, 4) float64 rows [n, d] in ``camera_optical``: see :mod:`pipeline.segments.plane`.
     """
 
     surfels: Surfels
@@ -71,42 +77,29 @@ class PlanarRegions:
     planes: NDArray[np.float64]
 
 
-def planar_regions(
-    frame: Frame, labels: NDArray[np.uint8], seed: int, config: RegionsConfig
-) -> PlanarRegions:
+def planar_regions(frame: Frame, labels: NDArray[np.uint8], seed: int, max_angle: float) -> PlanarRegions:
     """Grow regions and put planes through them.
 
     Args:
-        frame: the look.
+        frame: one frame.
         labels: (H, W) uint8; no region has more than one label, and pixels of label 0 are left out.
-        seed: of RANSAC; the same seed and look give the same planes, bit for bit.
-        config: settings.
+        seed: of RANSAC; the same seed and frame give the same planes, bit for bit.
+        max_angle: rad, between a surfel's normal and its region's.
     """
-    surfels = _thin(frame, labels, config)
-    region, planes = _ransac_regions(surfels, _grow(surfels, config), seed, config)
-    return PlanarRegions(surfels, *_settle(surfels, region, planes, config))
+    surfels = Surfels.of(frame, labels)
+    region, planes = _ransac_regions(surfels, _grow(surfels, max_angle), seed)
+    return PlanarRegions(surfels, *_settle(surfels, region, planes))
 
 
-def _thin(frame: Frame, labels: NDArray[np.uint8], config: RegionsConfig) -> Surfels:
-    """Average away the noise and most of the points; the boundaries between labels are kept."""
-    points, surfel_labels, blocks, of_pixel = make_surfels(
-        frame.depth, labels, frame.intrinsics.rays, config.block, config.min_pixels, config.min_step
-    )
-    columns = frame.intrinsics.width // config.block + 1
-    near = neighbours(blocks, columns, surfel_labels, points, config.reach, config.max_step)
-    return Surfels(points, surfel_labels, near, of_pixel)
-
-
-def _grow(surfels: Surfels, config: RegionsConfig) -> NDArray[np.int32]:
+def _grow(surfels: Surfels, max_angle: float) -> NDArray[np.int32]:
     """(N,) region of every surfel, grown from the flattest places first."""
     normal, variation = normals(surfels.points, surfels.near)
     order = np.argsort(variation, kind="stable")
-    min_cosine = np.cos(config.max_angle)
-    return grow_regions(surfels.points, surfels.near, normal, order, min_cosine, config.max_distance)
+    return grow_regions(surfels.points, surfels.near, normal, order, np.cos(max_angle), MAX_DISTANCE)
 
 
 def _ransac_regions(
-    surfels: Surfels, region: NDArray[np.int32], seed: int, config: RegionsConfig
+    surfels: Surfels, region: NDArray[np.int32], seed: int
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """(N,) plane of every surfel, NONE for outliers, and the (P, 4) planes [n, d] of all regions.
 
@@ -115,14 +108,14 @@ def _ransac_regions(
     """
     result = np.full(len(region), NONE, np.int32)
     planes = np.empty((0, 4))
-    regions = [members for _, members in groups(region) if len(members) >= config.min_surfels]
+    regions = [members for _, members in groups(region) if len(members) >= MIN_SURFELS]
     for members in sorted(regions, key=len, reverse=True):
-        claimed = claim_nearest(surfels.points, surfels.near, members, result, planes, config.max_distance)
+        claimed = claim_nearest(surfels.points, surfels.near, members, result, planes, MAX_DISTANCE)
         result[members] = claimed
         rest = members[claimed == NONE]
-        while len(rest) >= config.min_surfels:
-            inlier = plane_inliers(surfels.points[rest], config.max_distance, config.iterations, seed)
-            if np.count_nonzero(inlier) < config.min_surfels:
+        while len(rest) >= MIN_SURFELS:
+            inlier = plane_inliers(surfels.points[rest], MAX_DISTANCE, SAMPLES, seed)
+            if np.count_nonzero(inlier) < MIN_SURFELS:
                 break
             result[rest[inlier]] = len(planes)
             planes = np.vstack([planes, _fit(surfels.points[rest[inlier]])])
@@ -130,23 +123,49 @@ def _ransac_regions(
     return result, planes
 
 
+def plane_inliers(
+    points: NDArray[np.float32], max_distance: float, samples: int, seed: int
+) -> NDArray[np.bool_]:
+    """Which points lie near the plane that has most of them near it, by RANSAC (Fischler & Bolles 1981).
+
+    The same seed gives the same plane, bit for bit. For that Open3D must try all samples, hence the probability of 1. With less it stops
+    early, sooner or later by the timing of its threads, and the result varies with it.
+
+    Args:
+        points: (N, 3) float32, N ≥ 3.
+        max_distance: m, from the plane.
+        samples: number of random planes.
+        seed: of the samples; it seeds Open3D as a whole.
+
+    Returns:
+        (N,) bool.
+    """
+    import open3d as o3d  # it takes a second, which no command's --help should
+
+    o3d.utility.random.seed(seed)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.astype(np.float64)))
+    (*normal, minus_offset), _ = cloud.segment_plane(max_distance, 3, samples, probability=1.0)
+    return np.abs(points @ np.array(normal) + minus_offset) < max_distance
+
+
 def _settle(
-    surfels: Surfels, region: NDArray[np.int32], planes: NDArray[np.float64], config: RegionsConfig
+    surfels: Surfels, region: NDArray[np.int32], planes: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """Let every surfel choose the nearest plane around it, and fit again, so that edges fall where planes meet."""
-    everyone = np.arange(len(region))
+    everything = np.arange(len(region))
     for _ in range(2):
-        region = claim_nearest(surfels.points, surfels.near, everyone, region, planes, config.max_distance)
+        region = claim_nearest(surfels.points, surfels.near, everything, region, planes, MAX_DISTANCE)
         planes = planes.copy()
         for number, members in groups(region):
-            if len(members) >= config.min_surfels:
+            if len(members) >= MIN_SURFELS:
                 planes[number] = _fit(surfels.points[members])
     return region, planes
 
 
-def _fit(points: NDArray) -> NDArray[np.float64]:
-    """(4,) least-squares plane [n, d]."""
-    plane, _ = Moments.of(points).fit()
+def _fit(points: NDArray[np.float32]) -> NDArray[np.float64]:
+    """(4,) least-squares plane [n, d] of points in ``camera_optical``."""
+    moments = Moments.of(points)
+    plane, _ = moments.fit(-moments.centroid)
     return np.append(plane.normal, plane.offset)
 
 

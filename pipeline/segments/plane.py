@@ -1,4 +1,9 @@
-"""A plane, and the sums from which it is fitted by least squares."""
+"""A plane, and the sums from which it is fitted by least squares.
+
+One convention holds wherever a plane is described: the points x with n · x = d, n of length 1 and pointing to the
+side from which the surface was seen. Four numbers in an array are [n, d]. In ``camera_optical`` that side holds the
+origin, so d ≤ 0 there. What a library returns otherwise is turned where it is called.
+"""
 
 from dataclasses import dataclass
 from typing import Self
@@ -12,7 +17,7 @@ class Plane:
     """The points x with ``normal · x = offset``.
 
     Attributes:
-        normal: (3,) float64 of length 1; it points to the side from which the surface was seen.
+        normal: (3,) float64 of length 1, towards the camera that saw the surface.
         offset: m.
     """
 
@@ -20,12 +25,17 @@ class Plane:
     offset: float
 
     def distance(self, points: NDArray) -> NDArray[np.float64]:
-        """(N,) signed distance of (N, 3) points in m, positive on the viewer's side."""
+        """(N,) signed distance of (N, 3) points in m, positive on the camera's side."""
         return points @ self.normal - self.offset
 
     def facing(self, direction: NDArray[np.float64]) -> "Plane":
         """The same plane with its normal on the side of ``direction`` (3,)."""
         return self if self.normal @ direction >= 0 else Plane(-self.normal, -self.offset)
+
+
+def facing_camera(planes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(P, 4) planes [n, d] in ``camera_optical``, each normal turned towards the camera, so that d ≤ 0."""
+    return np.where(planes[:, 3:] > 0, -planes, planes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +67,14 @@ class Moments:
         """(3,) mean point."""
         return self.total / self.count
 
-    def fit(self) -> tuple[Plane, float]:
-        """The plane of least squared orthogonal distances, its normal's sign arbitrary, and the rms distance in m."""
+    def fit(self, towards: NDArray[np.float64]) -> tuple[Plane, float]:
+        """The plane of least squared orthogonal distances and the rms distance in m.
+
+        Args:
+            towards: (3,) a direction on the side to which the normal points.
+        """
         centroid = self.centroid
         covariance = self.squares / self.count - np.outer(centroid, centroid)
         variances, axes = np.linalg.eigh(covariance)
-        normal = axes[:, 0]
-        return Plane(normal, float(normal @ centroid)), float(np.sqrt(max(variances[0], 0.0)))
+        plane = Plane(axes[:, 0], float(axes[:, 0] @ centroid)).facing(towards)
+        return plane, float(np.sqrt(max(variances[0], 0.0)))

@@ -1,51 +1,42 @@
-"""Planes in one look: region growing and RANSAC (thesis 3.2, figures 4 and 5).
+"""Planes in one frame: region growing and RANSAC (thesis 3.2, figures 4 and 5).
 
 A plane whose surface has a gap is parted there by growing again, over the cells that it fills.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.labels import Label
+from pipeline.labels import PLANAR, Label
 from pipeline.segments.cells import Cells, cells_of, connected_pieces
-from pipeline.segments.planar_regions import RegionsConfig, groups, planar_regions
+from pipeline.segments.planar_regions import MIN_SURFELS, groups, planar_regions
 from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.surfels_kernels import project_pixels
 from pipeline.transforms import transform_points
 
-
-@dataclass(frozen=True)
-class PlanesConfig:
-    """Settings of the plane search."""
-
-    labels: tuple[Label, ...] = (
-        Label.WALL,
-        Label.TERRAIN,
-        Label.INCLINED_RAMP,
-        Label.STRAIGHT_RAMP,
-        Label.CEILING,
-    )
-    """Classes made of planes."""
-    regions: RegionsConfig = field(default_factory=RegionsConfig)
-    """How they are found."""
-    stride: int = 2
-    """Every how many pixels the plane's extent is looked up."""
-    min_cells: int = 8
-    """Of 5 cm, of a piece of plane."""
+MAX_ANGLE = np.deg2rad(20)
+"""rad, between a surfel's normal and its region's."""
+MAX_SHIFT = 0.01
+"""m along the optical axis from a pixel of the plane to where its ray meets the plane."""
+NOISE = 0.006
+"""m per m² of depth that ``MAX_SHIFT`` grows: 3σ of a structured-light camera (Nguyen et al. 2012)."""
+STRIDE = 2
+"""Every how many pixels the plane's extent is looked up."""
+MIN_CELLS = 8
+"""Of 5 cm, of a piece of plane."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlanePatch:
-    """A connected piece of plane in one look, in ``map``.
+    """A connected piece of plane in one frame, in ``map``.
 
     Attributes:
         label: its class.
-        plane: least-squares plane, normal towards the viewer.
+        plane: least-squares plane.
         moments: of the surfels in it.
         points: (N, 3) float32 on the plane: where the rays of its pixels meet it.
         cells: (K, 3) int32 cells of the map that hold these points.
@@ -59,30 +50,24 @@ class PlanePatch:
 
 
 def find_planes(
-    frame: Frame,
-    labels: NDArray[np.uint8],
-    T_map_camera: NDArray[np.float64],
-    seed: int,
-    config: PlanesConfig | None = None,
+    frame: Frame, labels: NDArray[np.uint8], T_map_camera: NDArray[np.float64], seed: int
 ) -> list[PlanePatch]:
-    """The planes of one look.
+    """The planes of one frame.
 
     Args:
-        frame: the look.
+        frame: one frame.
         labels: (N,) uint8 class of every return, row-major.
         T_map_camera: 4×4 pose of the camera.
-        seed: of RANSAC; the same seed and look give the same planes, bit for bit.
-        config: settings.
+        seed: of RANSAC; the same seed and frame give the same planes, bit for bit.
 
     Raises:
         InputError: if there is not one label for every return.
     """
-    config = config or PlanesConfig()
-    found = planar_regions(frame, _label_image(frame, labels, config), seed, config.regions)
+    found = planar_regions(frame, _label_image(frame, labels), seed, MAX_ANGLE)
     surfels, region = found.surfels, found.region
     points, plane_of_point, surfel = project_pixels(
         frame.depth, frame.intrinsics.rays, T_map_camera, surfels.of_pixel, surfels.near, region, found.planes,
-        config.stride, config.regions.max_shift, config.regions.noise,
+        STRIDE, MAX_SHIFT, NOISE,
     )  # fmt: skip
     centres = transform_points(T_map_camera, surfels.points)
     patches = []
@@ -91,20 +76,20 @@ def find_planes(
             # A pixel at an edge may lie on this plane though its surfel, a mean, was given to another one.
             own = np.unique(surfel[members[inside]])
             own = own[region[own] == number]
-            if len(own) >= config.regions.min_surfels and len(cells) >= config.min_cells:
+            if len(own) >= MIN_SURFELS and len(cells) >= MIN_CELLS:
+                moments = Moments.of(centres[own])
+                plane, _ = moments.fit(T_map_camera[:3, 3] - moments.centroid)
                 label = Label(surfels.labels[own[0]])
-                patches.append(
-                    _patch(label, centres[own], points[members[inside]], cells, T_map_camera[:3, 3])
-                )
+                patches.append(PlanePatch(label, plane, moments, points[members[inside]], cells))
     return patches
 
 
-def _label_image(frame: Frame, labels: NDArray[np.uint8], config: PlanesConfig) -> NDArray[np.uint8]:
+def _label_image(frame: Frame, labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """(H, W) uint8 labels of the pixels of classes made of planes, 0 elsewhere."""
     if labels.shape != (np.count_nonzero(frame.returns),):
         raise InputError(f"planes: {labels.shape} labels for {np.count_nonzero(frame.returns)} returns")
     image = np.zeros(frame.depth.shape, np.uint8)
-    image[frame.returns] = np.where(np.isin(labels, config.labels), labels, Label.UNLABELLED)
+    image[frame.returns] = np.where(np.isin(labels, PLANAR), labels, Label.UNLABELLED)
     return image
 
 
@@ -114,11 +99,3 @@ def _pieces(points: NDArray[np.float32]) -> Iterator[tuple[NDArray[np.intp], Cel
     piece = connected_pieces(cells, np.bincount(row))
     for number, inside in groups(piece[row]):
         yield inside, cells[piece == number]
-
-
-def _patch(
-    label: Label, surfels: NDArray, points: NDArray[np.float32], cells: Cells, viewpoint: NDArray[np.float64]
-) -> PlanePatch:
-    moments = Moments.of(surfels)
-    plane, _ = moments.fit()
-    return PlanePatch(label, plane.facing(viewpoint - moments.centroid), moments, points, cells)

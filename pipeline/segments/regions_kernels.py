@@ -3,8 +3,7 @@
 import numpy as np
 from numba import njit
 
-NONE = -1
-"""No neighbour, no region."""
+from pipeline.segments.surfels_kernels import NONE
 
 
 @njit(cache=True)

@@ -1,10 +1,12 @@
-"""The map of segments: pieces of plane that grow and merge from look to look (thesis 3.2, figures 5 and 6)."""
+"""The map of segments: pieces of plane that grow and merge from frame to frame (thesis 3.2, figures 5 and 6)."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from pipeline.labels import Label
@@ -13,20 +15,12 @@ from pipeline.segments.cells import Cells, centres, in_contact, unite
 from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.planes import PlanePatch
 
-
-@dataclass(frozen=True)
-class SegmentsConfig:
-    """When two pieces of plane are one.
-
-    Attributes:
-        max_angle: rad, between their normals.
-        max_offset: m, of the smaller one's corners from the larger one's plane.
-        min_thickness: m, of a box.
-    """
-
-    max_angle: float = np.deg2rad(12)
-    max_offset: float = 0.05
-    min_thickness: float = 0.02
+MAX_ANGLE = np.deg2rad(12)
+"""rad, between the normals of two pieces of one plane."""
+MAX_OFFSET = 0.05
+"""m, of the smaller piece's corners from the larger one's plane."""
+MIN_THICKNESS = 0.02
+"""m, of a box."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +30,8 @@ class Segment:
     Attributes:
         id: stays the same while it grows; of merged segments the oldest one's stays.
         label: its class.
-        plane: in ``map``; the normal points to the side from which it was seen, so upwards on what can be driven.
+        plane: in ``map``; its normal points upwards on what can be driven on.
         box: around all that was seen of it.
-        points: number of surfels that it was made of, over all looks.
         first_step: in which it was first seen.
         last_step: in which it was last seen.
         cells: (K, 3) int32, the 5 cm cells of the map that it was seen in: see :mod:`pipeline.segments.cells`.
@@ -50,12 +43,34 @@ class Segment:
     label: Label
     plane: Plane
     box: Box
-    points: int
     first_step: int
     last_step: int
     cells: Cells
     moments: Moments
     hull: Hull
+
+    @classmethod
+    def of(
+        cls,
+        id: int,
+        label: Label,
+        side: NDArray[np.float64],
+        steps: tuple[int, int],
+        cells: Cells,
+        moments: Moments,
+        hull: Hull,
+    ) -> Self:
+        """A segment from its sums; its normal is on the side of the direction ``side`` (3,)."""
+        plane, rms = moments.fit(side)
+        box = bounding_box(plane, moments.centroid, hull, max(MIN_THICKNESS, 4 * rms))
+        return cls(id, label, plane, box, *steps, cells, moments, hull)
+
+    def merged(self, other: "Segment") -> "Segment":
+        """One segment of both."""
+        steps = min(self.first_step, other.first_step), max(self.last_step, other.last_step)
+        cells, moments = unite(self.cells, other.cells), self.moments + other.moments
+        hull = self.hull.union(other.hull)
+        return Segment.of(min(self.id, other.id), self.label, self.plane.normal, steps, cells, moments, hull)
 
     @cached_property
     def tree(self) -> KDTree:
@@ -64,11 +79,10 @@ class Segment:
 
 
 class Segments:
-    """All segments, by id. No points are kept: a plane's sums, a hull and coarse cells say what later looks need."""
+    """All segments, by id. No points are kept: a plane's sums, a hull and coarse cells say what later frames need."""
 
-    def __init__(self, config: SegmentsConfig | None = None) -> None:
+    def __init__(self) -> None:
         """No segments yet."""
-        self.config = config or SegmentsConfig()
         self._segments: dict[int, Segment] = {}
         self._next_id = 0
 
@@ -89,62 +103,24 @@ class Segments:
         return [segment for segment in self if segment.label in labels]
 
     def update(self, patches: Iterable[PlanePatch], step: int) -> None:
-        """Add the planes of one look, each to all the segments that it continues."""
-        for patch in patches:
-            self._add(self._segment_of(patch, step))
+        """Add the planes of one frame, each to all the segments that it continues."""
+        for p in patches:
+            hull, steps = Hull.of(p.points), (step, step)
+            self._add(Segment.of(self._next_id, p.label, p.plane.normal, steps, p.cells, p.moments, hull))
 
     def _add(self, new: Segment) -> None:
         """A piece may join several segments, and what they have become may reach still more."""
-        while (partner := next((old for old in self if self._are_one(old, new)), None)) is not None:
+        while (partner := next((old for old in self if _are_one(old, new)), None)) is not None:
             del self._segments[partner.id]
-            new = self._merged(partner, new)
+            new = partner.merged(new)
         self._segments[new.id] = new
         self._next_id = max(self._next_id, new.id + 1)
 
-    def _are_one(self, a: Segment, b: Segment) -> bool:
-        if a.label != b.label or a.plane.normal @ b.plane.normal < np.cos(self.config.max_angle):
-            return False
-        small, large = (a, b) if a.box.area < b.box.area else (b, a)
-        offsets = np.abs(large.plane.distance(corners(small.box))) - small.box.extent[2] / 2
-        return bool(offsets.max() <= self.config.max_offset) and in_contact(a.cells, b.cells)
 
-    def _segment_of(self, patch: PlanePatch, step: int) -> Segment:
-        return self._segment(
-            self._next_id,
-            patch.label,
-            patch.plane,
-            patch.moments,
-            Hull.of(patch.points),
-            patch.cells,
-            step,
-            step,
-        )
-
-    def _merged(self, a: Segment, b: Segment) -> Segment:
-        return self._segment(
-            min(a.id, b.id),
-            a.label,
-            a.plane,
-            a.moments + b.moments,
-            a.hull.union(b.hull),
-            unite(a.cells, b.cells),
-            min(a.first_step, b.first_step),
-            max(a.last_step, b.last_step),
-        )
-
-    def _segment(
-        self,
-        id: int,
-        label: Label,
-        side: Plane,
-        moments: Moments,
-        hull: Hull,
-        cells: Cells,
-        first_step: int,
-        last_step: int,
-    ) -> Segment:
-        """A segment from its sums; ``side`` is any plane whose normal points to the side that was seen."""
-        plane, rms = moments.fit()
-        plane = plane.facing(side.normal)
-        box = bounding_box(plane, moments.centroid, hull, max(self.config.min_thickness, 4 * rms))
-        return Segment(id, label, plane, box, moments.count, first_step, last_step, cells, moments, hull)
+def _are_one(a: Segment, b: Segment) -> bool:
+    """Whether two segments continue each other."""
+    if a.label != b.label or a.plane.normal @ b.plane.normal < np.cos(MAX_ANGLE):
+        return False
+    small, large = (a, b) if a.box.area < b.box.area else (b, a)
+    offsets = np.abs(large.plane.distance(corners(small.box))) - small.box.extent[2] / 2
+    return bool(offsets.max() <= MAX_OFFSET) and in_contact(a.cells, b.cells)

@@ -1,10 +1,10 @@
-"""Loops over the pixels of a look: thinning it to surfels, and taking pixels onto planes."""
+"""Loops over the pixels of a frame: thinning it to surfels, and taking pixels onto planes."""
 
 import numpy as np
 from numba import njit
 
 NONE = -1
-"""No surfel, no region."""
+"""No surfel, neighbour, region or plane."""
 
 
 @njit(cache=True)
@@ -22,7 +22,7 @@ def make_surfels(depth, labels, rays, block, min_pixels, min_step):
         min_step: 1/m of inverse depth, between surfaces one before the other.
 
     Returns:
-        (N, 3) float32 points in the camera's frame, (N,) uint8 labels, (N, 2) int32 row and column of their
+        (N, 3) float32 points in ``camera_optical``, (N,) uint8 labels, (N, 2) int32 row and column of their
         blocks, in row-major order, and (H, W) int32, the surfel of every pixel or NONE.
     """
     height, width = depth.shape
@@ -112,10 +112,8 @@ def neighbours(blocks, columns, labels, points, reach, max_step):
     every block between them.
 
     Args:
-        blocks: (N, 2) int32, in row-major order.
+        blocks, labels, points: as ``make_surfels`` gives them.
         columns: more than any block's column.
-        labels: (N,) uint8.
-        points: (N, 3) float32 in the camera's frame.
         reach: blocks.
         max_step: m per m of depth.
     """
@@ -157,7 +155,7 @@ def project_pixels(depth, rays, T_target_camera, of_pixel, near, region, planes,
         of_pixel: (H, W) int32, the surfel of every pixel or NONE.
         near: (N, K) int32 neighbours of every surfel, ending with NONE.
         region: (N,) int32, the plane of every surfel or NONE.
-        planes: (P, 4) float64 rows [n, d] with n · x = d, in the camera's frame.
+        planes: (P, 4) float64 rows [n, d] in ``camera_optical``.
         stride: every how many pixels.
         max_shift, noise: pixels that would move by more than ``max_shift + noise · depth²`` m along the optical
             axis are left out.

@@ -29,7 +29,7 @@ class PointClassifier(Protocol):
         """Classify the returns of a frame.
 
         Args:
-            frame: the look that the points come from.
+            frame: that the points come from.
             points: (N, 3) float32 in ``map``, all returns row-major, as ``frame.points`` gives them.
             T_map_camera: 4×4, where the frame was taken.
 

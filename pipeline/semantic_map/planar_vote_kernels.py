@@ -1,28 +1,20 @@
-"""Loops over the pixels of a look: which plane each belongs to, and how they vote on its class."""
+"""Loops over the pixels of a frame: which plane each belongs to, and how they vote on its class."""
 
 import numpy as np
 from numba import njit
 
-from pipeline.segments.surfels_kernels import dot, regions_around
-
-NONE = -1
-"""No surfel, no plane."""
+from pipeline.segments.surfels_kernels import NONE, dot, regions_around
 
 
 @njit(cache=True)
 def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noise, window):
     """(H, W) int32 plane of every pixel, NONE for those on none.
 
-    Where a pixel alone could be on several planes, its neighbours in the image have their say: noise moves a pixel by
+    Where a pixel alone could be on several planes, its neighbours in the image decide with it: noise moves a pixel by
     more than two planes are apart where they meet.
 
     Args:
-        depth: (H, W) float32 m.
-        rays: (H, W, 3) float32, points at depth 1.
-        of_pixel: (H, W) int32, the surfel of every pixel or NONE.
-        near: (N, K) int32 neighbours of every surfel, ending with NONE.
-        region: (N,) int32, the plane of every surfel or NONE.
-        planes: (P, 4) float64 rows [n, d] with n · x = d, in the camera's frame.
+        depth, rays, of_pixel, near, region, planes: as for ``project_pixels``.
         max_shift, noise: a pixel is on no plane that its ray meets ``max_shift + noise · depth²`` m or more away.
         window: pixels, how far away such neighbours may be.
     """
@@ -108,10 +100,7 @@ def possible_logs(probabilities, plane, possible, clutter, floor):
 def mean_logs(logs, plane, planes):
     """(P, C) float64 mean of (N, C) float32 logarithms over the points of each plane, 0 where there are none.
 
-    Args:
-        logs: (N, C) float32.
-        plane: (N,) int32 of every point, or NONE.
-        planes: P, their number.
+    ``plane`` (N,) int32 is that of every point, or NONE; ``planes`` is P, their number.
     """
     sums, counts = np.zeros((planes, logs.shape[1])), np.zeros(planes, np.int64)
     for i in range(len(logs)):
@@ -129,8 +118,7 @@ def normalised_products(probabilities, logs, evidence, plane):
     """(N, C) float32: exp(``logs`` + ``evidence`` of the plane), divided by its sum; points on none keep theirs.
 
     Args:
-        probabilities: (N, C) float32.
-        logs: (N, C) float32, their logarithms.
+        probabilities, logs: (N, C) float32, and their logarithms.
         evidence: (P, C) float64, logarithms.
         plane: (N,) int32 of every point, or NONE.
     """

@@ -1,6 +1,4 @@
-"""The yardstick: classes by height and slope alone, without learning."""
-
-from dataclasses import dataclass
+"""The baseline: classes by height and slope alone, without learning."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,55 +8,46 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.voxels import VoxelCloud
 
-
-@dataclass(frozen=True)
-class RulesConfig:
-    """Settings of the rules."""
-
-    voxel_size: float = 0.03
-    """m; the cloud is thinned to one point a voxel."""
-    neighbours: int = 30
-    """Points that a normal is fitted to."""
-    wall_tilt: float = np.radians(60)
-    """rad; a surface at least as steep is a wall."""
-    ramp_tilt: float = np.radians(8)
-    """rad; a surface between this and a wall is an inclined ramp."""
-    roughness: float = 0.03
-    """m, standard deviation from the fitted plane; a surface that is rougher is clutter."""
-    deck_height: float = 0.08
-    """m; what is level and higher is no terrain but a straight ramp."""
-    ceiling_height: float = 2.0
-    """m; what is level and higher is a ceiling."""
+VOXEL = 0.03
+"""m; the cloud is thinned to one point a voxel."""
+NEIGHBOURS = 30
+"""Points that a normal is fitted to."""
+WALL_TILT = np.radians(60)
+"""rad; a surface at least as steep is a wall."""
+RAMP_TILT = np.radians(8)
+"""rad; a surface between this and a wall is an inclined ramp."""
+ROUGHNESS = 0.03
+"""m, standard deviation from the fitted plane; a surface that is rougher is clutter."""
+DECK_HEIGHT = 0.08
+"""m; what is level and higher is no terrain but a straight ramp."""
+CEILING_HEIGHT = 2.0
+"""m; what is level and higher is a ceiling."""
 
 
 class RuleClassifier:
     """Classifies points by height and normal, behind the same interface as the network."""
 
-    def __init__(self, config: RulesConfig | None = None) -> None:
-        self.config = config or RulesConfig()
-
     def classify(
         self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
     ) -> NDArray[np.float32]:
         """(N, 8) float32 one-hot; a point that is not finite is unlabelled."""
-        cloud = VoxelCloud.of(points, self.config.voxel_size)
-        labels = np.append(self._labels(cloud.points), Label.UNLABELLED)
+        cloud = VoxelCloud.of(points, VOXEL)
+        labels = np.append(_labels(cloud.points), Label.UNLABELLED)
         return np.eye(len(Label), dtype=np.float32)[labels[cloud.voxel_of_point]]
 
-    def _labels(self, points: NDArray[np.float32]) -> NDArray[np.int64]:
-        """(M,) labels of (M, 3) points."""
-        config, z = self.config, points[:, 2]
-        tilt, roughness = tilt_and_roughness(points, config.neighbours)
-        level = tilt < config.ramp_tilt
-        # The first rule that holds decides.
-        rules = [
-            (tilt > config.wall_tilt, Label.WALL),
-            (roughness > config.roughness, Label.CLUTTER),
-            (~level, Label.INCLINED_RAMP),
-            (z > config.ceiling_height, Label.CEILING),
-            (z > config.deck_height, Label.STRAIGHT_RAMP),
-        ]
-        return np.select([rule for rule, _ in rules], [label for _, label in rules], Label.TERRAIN)
+
+def _labels(points: NDArray[np.float32]) -> NDArray[np.int64]:
+    """(M,) labels of (M, 3) points."""
+    tilt, roughness = tilt_and_roughness(points, NEIGHBOURS)
+    # The first rule that holds decides.
+    rules = [
+        (tilt > WALL_TILT, Label.WALL),
+        (roughness > ROUGHNESS, Label.CLUTTER),
+        (tilt >= RAMP_TILT, Label.INCLINED_RAMP),
+        (points[:, 2] > CEILING_HEIGHT, Label.CEILING),
+        (points[:, 2] > DECK_HEIGHT, Label.STRAIGHT_RAMP),
+    ]
+    return np.select([rule for rule, _ in rules], [label for _, label in rules], Label.TERRAIN)
 
 
 def tilt_and_roughness(

@@ -1,7 +1,6 @@
 """The semantic map: a labelled point for every 2 cm voxel that was ever hit (thesis 3.2, figure 3)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,29 +12,21 @@ from pipeline.labels import COLOURS, Label
 from pipeline.semantic_map.ply import write_ply
 from pipeline.semantic_map.semantic_map_kernels import EMPTY, accumulate, insert_all
 
-
-@dataclass(frozen=True)
-class SemanticMapConfig:
-    """Settings of the semantic map."""
-
-    voxel_size: float = 0.02
-    """m, the edge of the voxels; each keeps one point whatever the number of looks."""
-    skin: float = 0.03
-    """m from what was seen of a person within which a point is of that person."""
+VOXEL = 0.02
+"""m, the edge of the voxels; each keeps one point whatever the number of frames."""
+SKIN = 0.03
+"""m from what was seen of a person within which a point is of that person."""
 
 
 class SemanticMap:
-    """Labelled points, fused over all looks.
+    """Labelled points, fused over all frames.
 
-    Memory grows with the surface seen, not with the number of looks. Voxels are kept in the order in which they were
-    first hit: the same looks in the same order give the same map.
+    Memory grows with the surface seen, not with the number of frames. Voxels are kept in the order in which they were
+    first hit: the same frames in the same order give the same map.
     """
 
-    def __init__(self, config: SemanticMapConfig | None = None) -> None:
-        """An empty map; InputError if its voxels have no size."""
-        self.config = config or SemanticMapConfig()
-        if not self.config.voxel_size > 0:
-            raise InputError(f"semantic map: voxel size {self.config.voxel_size} m is not positive")
+    def __init__(self) -> None:
+        """An empty map."""
         self._size = 0
         self._keys = np.empty(0, np.int64)
         self._means = np.empty((0, 3), np.float32)
@@ -49,7 +40,7 @@ class SemanticMap:
         return self._size
 
     def update(self, points: NDArray[np.float32], probabilities: NDArray[np.float32]) -> None:
-        """Add a look.
+        """Add the points of a frame.
 
         A voxel's class evidence is the sum of the probabilities of its points. They are not multiplied: pixels
         side by side err together, so a product would be far too sure.
@@ -68,7 +59,7 @@ class SemanticMap:
             )
         self._reserve(self._size + len(points))
         self._size = accumulate(
-            points, probabilities, 1 / self.config.voxel_size, self._slots, self._voxel_of_slot, self._shift,
+            points, probabilities, 1 / VOXEL, self._slots, self._voxel_of_slot, self._shift,
             self._size, self._keys, self._means, self._evidence, self._hits,
         )  # fmt: skip
 
@@ -109,10 +100,10 @@ class SemanticMap:
 
     def _points_of(self, person: NDArray[np.float32]) -> NDArray[np.intp]:
         """Indices of the map's points that lie at a person's (N, 3)."""
-        points, skin = self._means[: self._size], self.config.skin
-        low, high = person.min(axis=0) - skin, person.max(axis=0) + skin
+        points = self._means[: self._size]
+        low, high = person.min(axis=0) - SKIN, person.max(axis=0) + SKIN
         around = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-        distance, _ = KDTree(person).query(points[around], distance_upper_bound=skin)
+        distance, _ = KDTree(person).query(points[around], distance_upper_bound=SKIN)
         return around[np.isfinite(distance)]
 
     def probabilities(self) -> NDArray[np.float32]:

@@ -1,15 +1,15 @@
-"""Loops over the points of a look: a hash table of voxels with open addressing and linear probing.
+"""Loops over the points of a frame: a hash table of voxels with open addressing and linear probing.
 
-The key of voxel (i, j, k) is ``(i · 2²¹ + j) · 2²¹ + k``, its indices shifted to be positive. A table has 2ⁿ
+The key of a voxel is that of :func:`pipeline.segments.cells.keys`; keys end 21 km from the origin. A table has 2ⁿ
 slots; empty ones hold ``EMPTY``.
 """
 
 import numpy as np
 from numba import int64, njit, uint64
 
+from pipeline.segments.cells import BITS, HALF
+
 EMPTY = -1
-HALF = 1 << 20
-"""Voxels from the origin to where keys end, along every axis: 21 km at 2 cm."""
 FIBONACCI = 0x9E3779B97F4A7C15
 """2⁶⁴ over the golden ratio: multiplicative hashing, Knuth, The Art of Computer Programming 6.4."""
 
@@ -21,24 +21,21 @@ def accumulate(points, weights, per_metre, keys, indices, shift, voxels, voxel_k
     Points that are not finite, too far out for a key, or with weights that are not finite are left out.
 
     Args:
-        points: (N, 3) float32.
-        weights: (N, C) float32, evidence per class.
+        points, weights: (N, 3) and (N, C) float32, the latter evidence per class.
         per_metre: number of voxels per metre.
-        keys: (2ⁿ,) int64, the table's keys; more than half of them stay empty.
-        indices: (2ⁿ,) int32, their voxels.
+        keys, indices: (2ⁿ,) int64 and int32, the table's keys and their voxels; more than half stay empty.
         shift: 64 - n.
         voxels: number of voxels so far.
         voxel_keys: (M,) int64 key of every voxel, M ≥ voxels + N; it and the others are changed in place.
-        means: (M, 3) float32 mean of the points of every voxel.
-        evidence: (M, C) float32 sum of their weights.
-        hits: (M,) uint32 their number.
+        means, evidence, hits: (M, 3) float32 mean of the points of every voxel, (M, C) float32 sum of their
+            weights, (M,) uint32 their number.
     """
     last_key, voxel = int64(EMPTY), 0
     for n in range(len(points)):
         key = voxel_key(points[n], per_metre)
         if key == EMPTY or not np.isfinite(weights[n].sum()):
             continue
-        # Neighbouring pixels mostly share a voxel, so most points need no look into the table.
+        # Neighbouring pixels mostly share a voxel, so most points need no search in the table.
         if key != last_key:
             slot = find_slot(keys, shift, key)
             if keys[slot] == EMPTY:
@@ -68,7 +65,7 @@ def voxel_key(point, per_metre):
     i, j, k = np.floor(point[0] * per_metre), np.floor(point[1] * per_metre), np.floor(point[2] * per_metre)
     if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
         return int64(EMPTY)
-    return ((int64(i) + HALF) << 21 | (int64(j) + HALF)) << 21 | (int64(k) + HALF)
+    return ((int64(i) + HALF) << BITS | (int64(j) + HALF)) << BITS | (int64(k) + HALF)
 
 
 @njit(cache=True, inline="always")

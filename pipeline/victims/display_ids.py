@@ -1,15 +1,15 @@
-"""What victims are called, wherever they are drawn or told of."""
+"""Display ids of victims, the same in the report, the drawings and the log."""
 
 from pipeline.victims.victim_map import Victim, Victims
 
 
 def confirmed_ids(victims: Victims) -> list[tuple[str, Victim]]:
-    """Those who are confirmed, by numbers from 1 on."""
+    """The confirmed victims with their ids: "1", "2", …"""
     return [(str(k), victim) for k, victim in enumerate(victims.confirmed, start=1)]
 
 
 def unconfirmed_ids(victims: Victims) -> list[tuple[str, Victim]]:
-    """The others, by letters."""
+    """The victims that are to be observed again, with their ids: "A", "B", …"""
     return [(letters(k), victim) for k, victim in enumerate(victims.unconfirmed)]
 
 

@@ -1,76 +1,68 @@
-"""Second looks: from where someone who is not confirmed ought to be looked at again, and what that is worth."""
-
-from dataclasses import dataclass
+"""Re-observation: from which viewpoints to see unconfirmed victims again, and what that is worth."""
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pipeline.metric_map.metric_map import FREE, MetricMap
+from pipeline.frame import Frame
+from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import wrap_angles
-from pipeline.victims.victim_map import Victim, Victims
+from pipeline.victims.victim_map import APART, Victim, Victims
 
-_STEP, _HERE = 0.08, 0.3
-"""m between the places of a line of sight that must be free; from the camera where the robot itself will stand."""
-
-
-@dataclass(frozen=True)
-class ReobservationConfig:
-    """What a second look is worth, and from where.
-
-    Attributes:
-        worth: m² of unseen ground that a look at someone unconfirmed counts for.
-        angle: between looks, seen from the victim, from which on it counts in full, rad.
-        vain: angle at least from looks in vain, rad: who lies in a box is seen from its open side alone.
-        least: share of the worth that counts however small the angle is.
-        near, far: distances from the victim, m.
-        half_view: from the middle of the view within which the victim must be, rad.
-        camera_height: above the ground, m.
-        margin: m around what was seen of the victim; within that nothing hides it, but the victim itself.
-        tries: second looks at most at each.
-    """
-
-    worth: float = 1.0
-    angle: float = np.deg2rad(30)
-    vain: float = np.deg2rad(50)
-    least: float = 0.3
-    near: float = 1.3
-    far: float = 3.2
-    half_view: float = np.deg2rad(18)
-    camera_height: float = 0.6
-    margin: float = 0.35
-    tries: int = 4
+REWARD = 1.0
+"""m² of unseen ground that a viewpoint towards an unconfirmed victim counts for."""
+ANGLE = np.deg2rad(30)
+"""rad between two viewpoints, seen from the victim, from which on the second one counts in full."""
+LEAST = 0.3
+"""Share of the reward that counts however small the angle is."""
+IN_VAIN = np.deg2rad(50)
+"""rad at least from viewpoints that showed nothing: a person in a box is seen from its open side alone."""
+NEAR, FAR = 1.3, 3.2
+"""m from the victim."""
+HALF_VIEW = np.deg2rad(18)
+"""rad from the middle of the image within which the victim must be."""
+MARGIN = 0.35
+"""m around what was seen of the victim; within that nothing hides it, but the victim itself."""
+MAX_TRIES = 4
+"""Re-observations at most of each victim."""
+BESIDE_CAMERA = 0.3
+"""m of a line of sight that are free because the robot itself will stand there."""
 
 
 class Reobservation:
-    """Weighs views by whom they would confirm, and counts how often each was looked at again."""
+    """Rewards of viewpoints for the victims that they would confirm, and how often each was tried.
 
-    def __init__(self, victims: Victims, metric_map: MetricMap, config: ReobservationConfig | None = None):
+    Attributes:
+        camera_height: of the last frame's camera above the ground, m.
+    """
+
+    def __init__(self, victims: Victims, metric_map: MetricMap) -> None:
         """Of these victims, along lines of sight that are free in this map."""
-        self.config = config or ReobservationConfig()
+        self.camera_height = 0.0
         self._victims, self._map = victims, metric_map
         self._aimed: list[tuple[Victim, NDArray[np.float64]]] = []
 
     @property
     def wanted(self) -> list[Victim]:
-        """Those to be looked at again: not confirmed, and not given up."""
-        return [victim for victim in self._victims.unconfirmed if len(victim.tried) < self.config.tries]
+        """The victims to be observed again: not confirmed, and not given up."""
+        return [victim for victim in self._victims.unconfirmed if len(victim.tried) < MAX_TRIES]
 
     def gains(self, places: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, M) m² that looks from (N, 3) places on the ground along (M,) bearings (rad) count for."""
+        """(N, M) float64 m² that viewpoints at (N, 3) places on the ground along (M,) bearings, rad, count for."""
         total = np.zeros((len(places), len(bearings)))
         for victim in self.wanted:
             total += self._gains(victim, places, bearings)
         return total
 
     def aim(self, place: NDArray[np.float64], heading: float) -> None:
-        """Tell that the next look is to be from a place (3,) on the ground along a heading."""
+        """Note that the next frame is to be taken from a place (3,) on the ground along a heading, rad."""
         bearing = np.array([heading])
         aimed = [v for v in self.wanted if self._gains(v, place[None], bearing).any()]
         self._aimed = [(victim, place) for victim in aimed]
 
-    def count(self) -> None:
-        """Tell that this look has been taken."""
+    def count(self, frame: Frame) -> None:
+        """Note that this frame has been taken: a try for each victim that it was aimed at."""
+        self.camera_height = float(frame.T_base_camera[2, 3])
         for victim, place in self._aimed:
             victim.tried.append(place)
         self._aimed = []
@@ -78,39 +70,28 @@ class Reobservation:
     def _gains(
         self, victim: Victim, places: NDArray[np.float64], bearings: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N, M) m² for one of them."""
-        config, target = self.config, np.median(victim.points, axis=0).astype(np.float64)
+        """(N, M) m² for one victim."""
+        target = np.median(victim.points, axis=0).astype(np.float64)
         way = target[:2] - places[:, :2]
         distance = np.linalg.norm(way, axis=1)
-        worth = np.where((distance >= config.near) & (distance <= config.far), config.worth, 0.0)
-        worth *= self._newness(victim, places, target)
+        reward = np.where((distance >= NEAR) & (distance <= FAR), REWARD, 0.0)
+        reward *= _newness(victim, places, target)
         body = cKDTree(victim.points)
-        for n in np.flatnonzero(worth):
-            worth[n] *= self._is_open(places[n] + (0, 0, config.camera_height), target, body)
+        for n in np.flatnonzero(reward):
+            camera = places[n] + (0, 0, self.camera_height)
+            reward[n] *= self._map.is_free_along(camera, target, body, MARGIN, skip=BESIDE_CAMERA)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
-        in_view = np.abs(wrap_angles(off)) <= config.half_view
-        return worth[:, None] * in_view
+        return reward[:, None] * (np.abs(wrap_angles(off)) <= HALF_VIEW)
 
-    def _newness(
-        self, victim: Victim, places: NDArray[np.float64], target: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """(N,) share of the worth: none where it was looked at from, nor on the side of looks in vain."""
-        config, apart = self.config, self._victims.config.apart
-        found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (victim.cameras, victim.tried))
-        vain = tried[_distances(tried, found).min(axis=1) >= apart]
-        share = np.clip(_angles(places, found, target).min(axis=1) / config.angle, config.least, 1.0)
-        is_new = _distances(places, np.vstack([found, tried])).min(axis=1) >= apart
-        is_new &= _angles(places, vain, target).min(axis=1, initial=np.inf) >= config.vain
-        return np.where(is_new, share, 0.0)
 
-    def _is_open(self, camera: NDArray[np.float64], target: NDArray[np.float64], body: cKDTree) -> bool:
-        """Whether all between a camera (3,) and a victim is known to be free: up to its feet, if they come first."""
-        length = np.linalg.norm(target - camera)
-        along = np.arange(_HERE, length, _STEP) / length
-        line = camera + along[:, None] * (target - camera)
-        to_body, _ = body.query(line)
-        before = np.logical_and.accumulate(to_body > self.config.margin)
-        return bool((self._map.state_at(line[before]) == FREE).all())
+def _newness(victim: Victim, places: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) share of the reward: none where it was seen from, nor on the side of viewpoints in vain."""
+    found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (victim.cameras, victim.tried))
+    in_vain = tried[_distances(tried, found).min(axis=1) >= APART]
+    share = np.clip(_angles(places, found, target).min(axis=1) / ANGLE, LEAST, 1.0)
+    is_new = _distances(places, np.vstack([found, tried])).min(axis=1) >= APART
+    is_new &= _angles(places, in_vain, target).min(axis=1, initial=np.inf) >= IN_VAIN
+    return np.where(is_new, share, 0.0)
 
 
 def _distances(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

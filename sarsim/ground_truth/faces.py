@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from shapely import MultiPoint
 
-from pipeline.labels import Label
+from pipeline.labels import PLANAR, Label
 from pipeline.segments.boxes import corners
 from pipeline.segments.segments import Segment, Segments
 from sarsim.sensors.camera import geom_labels
 
-PLANAR = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.CEILING)
 MAX_ANGLE = np.deg2rad(20)
 MAX_DISTANCE = 0.15
 """m; a segment is compared with faces whose plane is no further from its middle."""
@@ -67,13 +66,13 @@ def _faces(label: Label, vertices: NDArray[np.float64]) -> list[Face]:
         normal = np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0])
         return [Face(label, normal / np.linalg.norm(normal), vertices)]
     hull = ConvexHull(vertices)
-    planes = np.unique(hull.equations.round(6), axis=0)
+    planes = np.unique(hull.equations.round(6), axis=0) * [1, 1, 1, -1]  # n · x = d, as everywhere
     return [Face(label, plane[:3], _outline(vertices, plane)) for plane in planes]
 
 
 def _outline(vertices: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
     """The vertices on a plane, in order around their middle."""
-    on_plane = vertices[np.abs(vertices @ plane[:3] + plane[3]) < 1e-4]
+    on_plane = vertices[np.abs(vertices @ plane[:3] - plane[3]) < 1e-4]
     x, y = _axes(plane[:3])
     offset = on_plane - on_plane.mean(axis=0)
     return on_plane[np.argsort(np.arctan2(offset @ y, offset @ x))]

@@ -42,7 +42,7 @@ class EpisodeScore:
         self.surface = true_surface(model, data, robot.base_body, robot.trajectory[-1].T_world_base[:3, 3])
         self._faces = true_faces(model, data)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
-        self._semantics = SemanticScore(explorer.mapper.semantic_map.config)
+        self._semantics = SemanticScore()
         self.victims = VictimScore(model, data)
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
         self._cost_ratios: list[float] = []

@@ -6,14 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import THESIS_FOUR, Label
-from pipeline.semantic_map.semantic_map import SemanticMap, SemanticMapConfig
+from pipeline.semantic_map.semantic_map import SemanticMap
 
 
 class SemanticScore:
     """Keeps the true label of every point in a second map of the same voxels, and compares."""
 
-    def __init__(self, config: SemanticMapConfig):
-        self._truth = SemanticMap(config)
+    def __init__(self) -> None:
+        """A score of no points."""
+        self._truth = SemanticMap()
 
     def add(self, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> None:
         """Add the (N, 3) points that the robot added to its map, with their (N,) true labels."""

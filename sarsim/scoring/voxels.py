@@ -13,7 +13,7 @@ class VoxelScore:
 
     def __init__(self, metric_map: MetricMap):
         self._map = metric_map
-        self._size = metric_map.config.voxel_size
+        self._size = metric_map.voxel_size
         self._corner = (
             metric_map.voxel_centre(np.zeros((1, 3), np.int64))[0].astype(np.float64) - self._size / 2
         )

@@ -10,11 +10,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pyoctomap
 from numpy.typing import NDArray
 from rich.progress import track
 
-from pipeline.errors import InputError
-from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
+from pipeline.metric_map.metric_map import MetricMap
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.scripts.benchmarks.recorded_frames import Recording, record
 from sarsim.scripts.benchmarks.subject import Result, Subject
@@ -192,7 +192,7 @@ class Projective(Contender):
     """The metric map from depth images."""
 
     def __init__(self, voxel_size: float):
-        self._map = MetricMap(MetricMapConfig(voxel_size=voxel_size))
+        self._map = MetricMap(voxel_size=voxel_size)
 
     def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
         """Hand over the depth image."""
@@ -213,7 +213,7 @@ class Rays(Projective):
 
     def __init__(self, voxel_size: float):
         # The range that the images are clipped to is a depth; the rays to it are longer.
-        self._map = MetricMap(MetricMapConfig(voxel_size=voxel_size, max_range=10))
+        self._map = MetricMap(voxel_size=voxel_size, max_range=10)
 
     def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
         """Hand over the points."""
@@ -225,13 +225,9 @@ class OctoMap(Contender):
     """OctoMap at its defaults, on a grid laid out like the metric map's."""
 
     def __init__(self, voxel_size: float, discretize: bool):
-        try:
-            import pyoctomap
-        except ImportError as error:
-            raise InputError("benchmark metric-map needs pyoctomap: pip install 'sarsim[dev]'") from error
         self._tree = pyoctomap.OcTree(voxel_size)
         self._discretize = discretize
-        self._like = MetricMap(MetricMapConfig(voxel_size=voxel_size))
+        self._like = MetricMap(voxel_size=voxel_size)
 
     def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
         """Hand over the points, which it takes as a contiguous array."""
@@ -241,7 +237,7 @@ class OctoMap(Contender):
 
     def metric_map(self) -> MetricMap:
         """Its leaves, each as large as it is."""
-        size = self._like.config.voxel_size
+        size = self._like.voxel_size
         for leaf in self._tree.begin_leafs():
             side = round(leaf.getSize() / size)
             lower = np.rint(np.array(leaf.getCoordinate()) / size - side / 2).astype(np.int64)

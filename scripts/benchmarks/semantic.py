@@ -8,8 +8,7 @@ from typing import Any
 from rich.progress import track
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier, DgcnnConfig
-from pipeline.semantic_map.planar_vote import PlanarVoteConfig
+from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from sarsim.assets import asset
 from sarsim.dataset.drive import DriveConfig
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
@@ -74,8 +73,8 @@ class Semantic(Subject):
 
     def _accuracy(self) -> dict[str, dict[str, dict[str, float]]]:
         """IoU by name of arena and lighting, contender and label."""
-        config = DgcnnConfig(planes=PlanarVoteConfig() if self.vote else None, threads=THREADS)
-        network = DgcnnClassifier(self.weights, config) if self.weights.exists() else None
+        weights = self.weights
+        network = DgcnnClassifier(weights, self.vote, THREADS) if weights.exists() else None
         named = [(arena, self.frames) for arena in self.arenas if self.frames]
         rafs = [(str(path), self.raf_frames) for path in sorted(self.raf.glob("*.raf")) if self.raf_frames]
         jobs = [(*job, suffix) for suffix in LIGHTINGS for job in named + rafs]

@@ -22,7 +22,7 @@ def accuracy(frames: Iterable[TrueFrame], network: PointClassifier | None) -> di
     """
     baseline = RuleClassifier()
     confusion = {name: np.zeros((len(Label), len(Label)), np.int64) for name in ("network", "baseline")}
-    fused, score = SemanticMap(), SemanticScore(SemanticMap().config)
+    fused, score = SemanticMap(), SemanticScore()
     for frame in frames:
         points, truth = frame.points, frame.labels
         given = baseline.classify(frame.frame, points, frame.T_map_camera)

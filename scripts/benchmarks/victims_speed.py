@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.victims.detection.architectures import COCO_TINY_ANCHORS, yolov3_tiny
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
-from pipeline.victims.detection.detector import VictimDetector, of_both_sizes
+from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.detection.inference import to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
 
@@ -33,8 +33,7 @@ class PlainNetwork:
 
 def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:
     """Median ms of a frame through the detector, and how many times as long plain PyTorch takes; they take turns."""
-    ours, plain = VictimDetector(network), VictimDetector(network)
-    plain._networks = [PlainNetwork(n) for n in of_both_sizes(network, plain.config.smaller)]
+    ours, plain = VictimDetector(network), VictimDetector(network, make_fast=PlainNetwork)
     image = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
     before = torch.get_num_threads()
     torch.set_num_threads(THREADS)

@@ -16,6 +16,20 @@ def test_rays_go_through_pixel_centres():
     np.testing.assert_allclose(INTRINSICS.rays[1, 3], (0.75, 0.25, 1))
 
 
+def test_points_fall_in_the_pixels_whose_rays_they_lie_on():
+    rays = INTRINSICS.rays.reshape(-1, 3)
+    pixels, inside = INTRINSICS.project(rays * np.linspace(0.5, 4, len(rays))[:, None])
+    assert pixels.tolist() == [list(pixel) for pixel in np.ndindex(2, 4)]
+    assert inside.all()
+
+
+def test_points_beside_the_image_or_behind_the_camera_are_not_inside():
+    points = np.array(
+        [[0, 0, 1], [-1.1, 0, 1], [1.1, 0, 1], [0, -0.6, 1], [0, 0.6, 1], [0, 0, -1], [0, 0, 0]]
+    )
+    assert INTRINSICS.project(points)[1].tolist() == [True] + 6 * [False]
+
+
 def test_what_is_no_positive_finite_depth_is_no_return():
     step = frame([[0, -1, np.nan, np.inf], [1, 0, 0, 2]])
     assert step.returns.tolist() == [[False] * 4, [True, False, False, True]]
@@ -27,5 +41,5 @@ def test_points_are_in_the_target_frame():
     np.testing.assert_allclose(step.points(from_yaw(10, 0, 0, 0)), [(9.25, 0.25, 1)])
 
 
-def test_an_empty_look_has_no_points():
+def test_an_empty_image_has_no_points():
     assert frame(np.zeros((2, 4))).points(np.eye(4)).shape == (0, 3)

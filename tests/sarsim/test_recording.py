@@ -26,7 +26,7 @@ SPEED = 0.2
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory) -> Path:
-    """The recording of two looks and a straight drive between them, by wheel odometry."""
+    """The recording of two steps and a straight drive between them, by wheel odometry."""
     path = tmp_path_factory.mktemp("nist_6x4-3") / "episode.rrd"
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="wheel"), seed=3)
     explorer = Explorer(robot, TruthClassifier(), seed=3)

@@ -7,11 +7,11 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.labels import COLOURS, Label
-from pipeline.metric_map.io.npz import save_metric_map
-from pipeline.metric_map.io.octomap import read_octomap
+from pipeline.metric_map.io.npz import load_metric_map, save_metric_map
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.semantic_map.ply import write_ply
 from sarsim.scripts.export_map import export_map
+from tests.pipeline.metric_map.io.octomap_files import colours, log_odds, read_bt, read_ot
 
 
 @pytest.fixture
@@ -27,17 +27,21 @@ def episode(tmp_path):
     return tmp_path
 
 
+BOX = np.array([-1, -1, 1]), (4, 4, 6)
+"""First index and shape of a box around the map."""
+
+
 def test_an_octree_has_the_classes_and_the_voxels(episode):
     export_map(episode, episode / "map.ot")
-    octree = read_octomap(episode / "map.ot")
-    assert set(octree.label[octree.log_odds > 0]) == {Label.WALL}
-    assert len(octree.to_metric_map().occupied_centres()) == 6
+    tree, metric_map = read_ot(episode / "map.ot"), load_metric_map(episode / "metric_map.npz")
+    np.testing.assert_array_equal(colours(tree, metric_map), [COLOURS[Label.WALL]] * 6)
+    assert (log_odds(tree, *BOX) > 0).sum() == 6
 
 
 def test_a_binary_octree_has_the_voxels(episode):
     export_map(episode / "metric_map.npz", episode / "map.bt")
-    again = read_octomap(episode / "map.bt").to_metric_map()
-    assert (len(again.occupied_centres()), len(again.free_centres())) == (6, 2)
+    known = log_odds(read_bt(episode / "map.bt"), *BOX)
+    assert ((known > 0).sum(), (known < 0).sum()) == (6, 2)
 
 
 def test_a_cloud_has_the_centres_in_the_colour_of_their_class(episode):
@@ -57,7 +61,8 @@ def test_a_flat_map_shows_what_is_as_high_as_the_robot(episode):
 def test_without_a_semantic_map_there_are_no_classes(episode):
     (episode / "semantic_map.ply").unlink()
     export_map(episode, episode / "map.ot")
-    assert not read_octomap(episode / "map.ot").label.any()
+    tree, metric_map = read_ot(episode / "map.ot"), load_metric_map(episode / "metric_map.npz")
+    np.testing.assert_array_equal(colours(tree, metric_map), [COLOURS[Label.UNLABELLED]] * 6)
 
 
 def test_what_cannot_be_done_is_refused(episode, tmp_path):

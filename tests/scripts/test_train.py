@@ -15,7 +15,6 @@ from sarsim.dataset.recipe import Recipe
 from sarsim.scripts import train
 from tests.sarsim.dataset.small import InProcess
 
-SMALL = ["--training.blocks.voxel-size", "0.1"]
 TRAIN = Path(train.__file__)
 
 
@@ -36,7 +35,7 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "w.safetensors"
-    call(monkeypatch, "dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--blocks.voxel-size", 0.1)
+    call(monkeypatch, "dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2)
     assert str(out) in capsys.readouterr().out
     assert DgcnnClassifier(out)
     with safe_open(out, "np") as file:
@@ -48,7 +47,7 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
 
 def test_two_processes_train_together(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "w.safetensors"
-    flags = ["dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--blocks.voxel-size", 0.1]
+    flags = ["dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2]
     command = [
         sys.executable,
         "-m",

@@ -1,4 +1,4 @@
-"""The metric map for other programs: what is occupied as PLY, and a 2D map for ROS."""
+"""The metric map for other programs: occupied voxels as PLY, and a 2D map for ROS."""
 
 from pathlib import Path
 
@@ -45,7 +45,7 @@ def save_map_server(path: Path, metric_map: MetricMap, lowest: float = 0.25, hig
         InputError: if a file cannot be written.
     """
     lower, upper = metric_map.bounds()
-    size = metric_map.config.voxel_size
+    size = metric_map.voxel_size
     layers = metric_map.voxel_index([(0, 0, lowest), (0, 0, highest)])[:, 2]
     lower[2], upper[2] = layers[0], layers[1] + 1
     log_odds = metric_map.log_odds(lower, upper)

@@ -2,7 +2,6 @@
 
 import zipfile
 import zlib
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,26 +10,42 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
-from pipeline.metric_map.metric_map import MetricMap, MetricMapConfig
+from pipeline.metric_map.metric_map import GREATEST, HIT, LEAST, MISS, MetricMap
 
 FORMAT = "sarsim metric map"
 VERSION = 1
+WEIGHTS = ("hit", "miss", "least", "greatest")
+"""Entries for other readers: this version's weights are constants."""
 
 
 def save_metric_map(metric_map: MetricMap, path: Path) -> None:
     """Write a map as a compressed ``.npz``, whole or not at all.
 
     Its entries: ``format`` (str) and ``version`` (int); ``lower`` (3,) int64, the index of the first voxel;
-    ``log_odds`` (nx, ny, nz) int8; and every field of the configuration under its own name.
+    ``log_odds`` (nx, ny, nz) int8; ``voxel_size``, ``max_range``, ``margin`` (float, m), ``offset`` (3,) voxels and
+    ``max_bytes`` (int) as the map's constructor has them; and ``hit``, ``miss``, ``least``, ``greatest`` (int).
 
     Raises:
         InputError: it cannot be written.
     """
     lower, upper = metric_map.bounds()
-    log_odds = metric_map.log_odds(lower, upper)
-    entries: dict[str, Any] = {"format": FORMAT, "version": VERSION, "lower": lower, "log_odds": log_odds}
+    entries: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "lower": lower,
+        "log_odds": metric_map.log_odds(lower, upper),
+        "voxel_size": metric_map.voxel_size,
+        "max_range": metric_map.max_range,
+        "offset": metric_map.offset,
+        "hit": HIT,
+        "miss": MISS,
+        "least": LEAST,
+        "greatest": GREATEST,
+        "margin": metric_map.margin,
+        "max_bytes": metric_map.max_bytes,
+    }
     with whole_file(path) as partial, partial.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **entries, **asdict(metric_map.config))
+        np.savez_compressed(file, allow_pickle=False, **entries)
 
 
 def load_metric_map(path: Path) -> MetricMap:
@@ -48,10 +63,12 @@ def load_metric_map(path: Path) -> MetricMap:
     if lower.shape != (3,) or lower.dtype != np.int64 or log_odds.ndim != 3 or log_odds.dtype != np.int8:
         raise InputError(f"{path}: lower or log_odds is missing or has the wrong shape or type")
     settings: dict[str, Any] = {
-        name: tuple(value.tolist()) if value.ndim else value.item() for name, value in entries.items()
+        name: tuple(value.tolist()) if value.ndim else value.item()
+        for name, value in entries.items()
+        if name not in WEIGHTS
     }
     try:
-        result = MetricMap(MetricMapConfig(**settings))
+        result = MetricMap(**settings)
     except TypeError as error:
         raise InputError(f"{path}: the settings of the metric map are incomplete or wrong") from error
     result.set_log_odds(lower, log_odds)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
 
+CHANNELS = 6
+"""Of a point: see :func:`channels`."""
 NO_CLASS = -1
 _CLASS_OF_LABEL = {label: number for number, label in enumerate(CLASSES)} | {
     Label.VICTIM: CLASSES.index(Label.CLUTTER),  # finding victims is another stage's task

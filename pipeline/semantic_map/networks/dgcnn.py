@@ -1,5 +1,8 @@
 """DGCNN for semantic segmentation, as published: one column of points in, the logits of every point out."""
 
+from collections.abc import Mapping
+from typing import Self, cast
+
 import torch
 from torch import Tensor, nn
 
@@ -45,6 +48,21 @@ class Dgcnn(nn.Module):
         self.head2 = _layer(nn.Conv1d, 512, 256)
         self.dropout = nn.Dropout(0.5)
         self.classifier = nn.Conv1d(256, classes, kernel_size=1, bias=False)
+
+    @classmethod
+    def for_weights(cls, tensors: Mapping[str, Tensor], k: int) -> Self:
+        """A network of the size of published weights; KeyError or IndexError if these are of another network."""
+        return cls(tensors["conv1.0.weight"].shape[1] // 2, tensors["conv9.weight"].shape[0], k)
+
+    def published(self) -> dict[str, Tensor]:
+        """All parameters and running statistics by their names in published files (antao97/dgcnn.pytorch)."""
+        layers = [cast(nn.Sequential, layer) for conv in self.edge_convs for layer in conv.layers]
+        tensors = {"conv9.weight": self.classifier.weight.data}
+        for number, layer in enumerate([*layers, self.embedding, self.head1, self.head2], start=1):
+            tensors[f"conv{number}.0.weight"] = cast(Tensor, layer[0].weight).data
+            statistics = layer[1].state_dict().items()
+            tensors |= {f"bn{number}.{name}": tensor.data for name, tensor in statistics}
+        return tensors
 
     @property
     def edge_convs(self) -> tuple[EdgeConv, EdgeConv, EdgeConv]:

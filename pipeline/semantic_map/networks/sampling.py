@@ -1,7 +1,7 @@
 """Random blocks to train with: each is a function of the seed and its number, so training resumes anywhere."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -12,31 +12,17 @@ from torch import Tensor
 from pipeline.semantic_map.networks.blocks import BlockConfig, channels
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 
-
-@dataclass(frozen=True)
-class AugmentationConfig:
-    """How a block is changed before the network sees it; all of it besides a random yaw and a reflection."""
-
-    jitter: float = 0.002
-    """m, standard deviation of the noise added to every coordinate."""
-    height: float = 0.005
-    """m, standard deviation of the height of the whole cloud."""
-    tilt: float = 0.003
-    """rad, standard deviation of the cloud's roll and pitch about the camera."""
-    fewest_kept: float = 0.6
-    """Density: the share of the points that is kept is drawn evenly between this and 1."""
-
-
-@dataclass(frozen=True)
-class SamplingConfig:
-    """What a batch is made of."""
-
-    blocks: int = 8
-    """Each from another frame."""
-    rare: float = 0.5
-    """Share of the blocks that are cut around a point of a class drawn evenly from those in the frame; the others are
-    cut around any point."""
-    augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
+RARE = 0.5
+"""Share of the blocks that are cut around a point of a class drawn evenly from those in the frame; the others are cut
+around any point."""
+JITTER = 0.002
+"""m, standard deviation of the noise added to every coordinate."""
+HEIGHT = 0.005
+"""m, standard deviation of the height of the whole cloud."""
+TILT = 0.003
+"""rad, standard deviation of the cloud's roll and pitch about the camera."""
+FEWEST_KEPT = 0.6
+"""Density: the share of the points that is kept is drawn evenly between this and 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,21 +44,16 @@ class BlockSampler:
     """Draws batches from clouds."""
 
     def __init__(
-        self,
-        clouds: Sequence[LabelledCloud],
-        blocks: BlockConfig,
-        config: SamplingConfig,
-        fewest: int,
-        seed: int,
+        self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, size: int, fewest: int, seed: int
     ) -> None:
-        """A block has at least ``fewest`` points."""
-        self._clouds, self._blocks, self._config = clouds, blocks, config
+        """A batch has ``size`` blocks, each from another cloud, and a block at least ``fewest`` points."""
+        self._clouds, self._blocks, self._size = clouds, blocks, size
         self._fewest, self._seed = fewest, seed
 
     def batch(self, number: int) -> Batch:
         """The batch of that number; every cloud's turn comes once before any comes again."""
-        first = number * self._config.blocks
-        drawn = [self._block(turn) for turn in range(first, first + self._config.blocks)]
+        first = number * self._size
+        drawn = [self._block(turn) for turn in range(first, first + self._size)]
         counts = np.concatenate([counts for _, counts in drawn]).astype(np.float32)
         shares = counts / counts.sum(axis=1, keepdims=True)
         points = np.concatenate([points for points, _ in drawn])
@@ -84,7 +65,7 @@ class BlockSampler:
         order = np.random.default_rng([self._seed, epoch]).permutation(len(self._clouds))
         cloud = self._clouds[order[place]]
         rng = np.random.default_rng([self._seed, epoch, place])
-        points, camera = augmented(cloud, self._config.augmentation, rng)
+        points, camera = augmented(cloud, rng)
         index, centre = self._crop(cloud, points, rng)
         return channels(points[index], centre, camera, self._blocks), cloud.counts[index]
 
@@ -93,24 +74,24 @@ class BlockSampler:
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The points of a column that holds a certain point, and the column's middle."""
         candidates = np.arange(len(points))
-        if rng.random() < self._config.rare:
+        if rng.random() < RARE:
             classes = cloud.classes
             candidates = np.flatnonzero(classes == rng.choice(np.unique(classes)))
         centre = points[rng.choice(candidates), :2] + rng.uniform(-0.5, 0.5, 2) * self._blocks.size
         index = np.flatnonzero((np.abs(points[:, :2] - centre) <= self._blocks.size / 2).all(axis=1))
-        share = rng.uniform(self._config.augmentation.fewest_kept, 1)
+        share = rng.uniform(FEWEST_KEPT, 1)
         most = min(max(round(share * len(index)), 1), self._blocks.points)
         index = rng.permutation(index)[:most]
         return np.append(index, rng.choice(index, max(self._fewest - most, 0))), centre
 
 
 def augmented(
-    cloud: LabelledCloud, config: AugmentationConfig, rng: np.random.Generator
+    cloud: LabelledCloud, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """(M, 3) points of the cloud seen from elsewhere, not quite in place, and (3,) where the camera is then."""
-    yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, config.tilt, 2)
+    yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, TILT, 2)
     turn = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
     turn[:, 1] *= rng.choice([-1, 1])
-    camera = cloud.camera * [0, 0, 1] + [0, 0, rng.normal(0, config.height)]
+    camera = cloud.camera * [0, 0, 1] + [0, 0, rng.normal(0, HEIGHT)]
     points = (cloud.points - cloud.camera) @ turn.T + camera
-    return (points + rng.normal(0, config.jitter, points.shape)).astype(np.float32), camera
+    return (points + rng.normal(0, JITTER, points.shape)).astype(np.float32), camera

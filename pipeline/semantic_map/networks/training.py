@@ -1,10 +1,11 @@
 """Training: random blocks of labelled clouds in, the weights that validate best out."""
 
+import csv
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,19 +13,28 @@ from torch import Tensor
 from torch.nn.functional import log_softmax
 
 from pipeline.errors import InputError
+from pipeline.files import resume, save_checkpoint, whole_file
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.networks.blocks import BlockConfig
+from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig
 from pipeline.semantic_map.networks.classifier import save_classifier, segment
 from pipeline.semantic_map.networks.clouds import LabelledCloud
-from pipeline.semantic_map.networks.curves import Curves
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.threads import single_threaded
 from pipeline.semantic_map.networks.parallel import Worker
-from pipeline.semantic_map.networks.sampling import BlockSampler, SamplingConfig
+from pipeline.semantic_map.networks.sampling import BlockSampler
+from pipeline.semantic_map.networks.schedule import schedule
 from pipeline.semantic_map.networks.scores import Confusion
-from pipeline.training import resume, save_checkpoint, schedule
+
+WEIGHT_DECAY = 1e-3
+"""Of AdamW."""
+DROPOUT = 0.0
+"""Before the last layer; 0.5 as published is for longer trainings."""
+BALANCE = 0.5
+"""A class weighs its share of the points to the power of minus this; 0 is none, 1 full balance."""
+COLUMNS = ("step", "loss", "miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
+"""Of the table."""
 
 
 @dataclass(frozen=True)
@@ -33,42 +43,36 @@ class TrainingConfig:
 
     Attributes:
         steps: batches.
+        batch: blocks of a batch, for each worker.
+        learning_rate: of AdamW at its highest.
         seed: of the first weights, the blocks and their augmentation.
-        blocks: how clouds are cut.
-        sampling: of each worker's batches.
-        optimizer: AdamW, or SGD with momentum 0.9 as published.
-        learning_rate: at its highest; 0.1 for SGD as published.
-        weight_decay: of the optimizer.
-        warm_up: share of the steps in which the learning rate rises; then it falls as a cosine.
-        dropout: before the last layer; 0.5 as published is for longer trainings.
-        balance: a class weighs its share of the points to the power of minus this; 0 is none, 1 full balance.
         validate_every: steps.
-        keep: the weights that validate best, or the last ones: where few clouds validate, the best are so by chance.
     """
 
     steps: int = 3000
-    seed: int = 0
-    blocks: BlockConfig = field(default_factory=BlockConfig)
-    sampling: SamplingConfig = field(default_factory=SamplingConfig)
-    optimizer: Literal["adamw", "sgd"] = "adamw"
+    batch: int = 8
     learning_rate: float = 2e-3
-    weight_decay: float = 1e-3
-    warm_up: float = 0.05
-    dropout: float = 0.0
-    balance: float = 0.5
+    seed: int = 0
     validate_every: int = 250
-    keep: Literal["best", "last"] = "best"
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done."""
-        if self.steps < 1 or self.validate_every < 1 or self.sampling.blocks < 1:
-            raise InputError("--steps, --validate-every, --sampling.blocks: at least 1")
-        if not 0 <= self.warm_up < 1:
-            raise InputError(f"--warm-up {self.warm_up}: at least 0 and less than 1")
+        if min(self.steps, self.batch, self.validate_every) < 1:
+            raise InputError("--steps, --batch, --validate-every: at least 1")
 
 
 class Trainer:
-    """A training that can be left at any step and taken up again; it leaves the same weights."""
+    """A training that can be left at any step and taken up again; it leaves the same weights.
+
+    Attributes:
+        config: settings.
+        out: file for the weights; a checkpoint and a table (.csv) get its name with other endings.
+        worker: this process.
+        network: as it learns.
+        step: batches so far.
+        best: highest mean IoU over the thesis's four classes so far.
+        rows: of the table, see ``COLUMNS``; one each time the network was validated. Losses are means since then.
+    """
 
     def __init__(
         self,
@@ -86,7 +90,7 @@ class Trainer:
             training: clouds to learn from.
             validation: clouds by which the best weights are chosen.
             config: settings.
-            out: file for the weights; checkpoint, table and picture get its name with other endings.
+            out: file for the weights.
             worker: this process.
             about: what else is written into the weights' file on how they came about.
             initial: a network to begin with, of six channels and :data:`CLASSES`; random weights if not given.
@@ -98,14 +102,16 @@ class Trainer:
         _check(training, validation)
         torch.manual_seed(config.seed)
         self.config, self.out, self.worker = config, out, worker
-        self._validation, self._about = validation, about
-        self.network = (initial or Dgcnn(channels=6, classes=len(CLASSES))).to(worker.device).train()
-        self.network.dropout.p = config.dropout
+        self._validation, self._about, self._blocks = validation, about, BlockConfig()
+        self.network = (initial or Dgcnn(CHANNELS, len(CLASSES))).to(worker.device).train()
+        self.network.dropout.p = DROPOUT
         self._parallel = worker.share(RaggedDgcnn(self.network))
-        self._optimizer = _optimizer(config, self.network)
-        self._sampler = BlockSampler(training, config.blocks, config.sampling, self.network.k, config.seed)
-        self._weights = class_weights(training, config.balance).to(worker.device)
-        self.step, self.best, self.curves, self._losses = 0, float("-inf"), Curves(), list[float]()
+        self._optimizer = torch.optim.AdamW(
+            self.network.parameters(), config.learning_rate, weight_decay=WEIGHT_DECAY
+        )
+        self._sampler = BlockSampler(training, self._blocks, config.batch, self.network.k, config.seed)
+        self._weights = class_weights(training, BALANCE).to(worker.device)
+        self.step, self.best, self.rows, self._losses = 0, float("-inf"), list[list[float]](), list[float]()
         if self._checkpoint.exists():
             resume(self._checkpoint, self._settings, worker.device, self._restore)
 
@@ -134,11 +140,8 @@ class Trainer:
 
     def _learn(self, number: int) -> float:
         """Take a step with the batch of that number; the loss."""
-        config, device, batch = self.config, self.worker.device, self._sampler.batch(number)
-        torch.manual_seed(
-            int(np.random.SeedSequence([config.seed, number]).generate_state(1)[0])
-        )  # of dropout
-        rate = config.learning_rate * schedule((self.step + 1) / config.steps, config.warm_up)
+        device, batch = self.worker.device, self._sampler.batch(number)
+        rate = self.config.learning_rate * schedule((self.step + 1) / self.config.steps)
         for group in self._optimizer.param_groups:
             group["lr"] = rate
         logits = self._parallel(batch.points.to(device), batch.sizes)
@@ -150,18 +153,15 @@ class Trainer:
 
     def _validate(self) -> None:
         if self.worker.leads:
-            confusion = validate(self.network, self._validation, self.config)
-            self.curves.add(self.step, float(np.mean(self._losses)), confusion)
-            self._losses = []
-            if confusion.miou_four > self.best or self.config.keep == "last":
-                self.best = max(self.best, confusion.miou_four)
-                training = self._about | {
-                    "step": self.step,
-                    "miou_four": confusion.miou_four,
-                    "config": asdict(self.config),
-                }
-                save_classifier(self.out, self.network, self.config.blocks, training)
-            self.curves.write(self.out.with_suffix(".csv"), self.out.with_suffix(".svg"))
+            confusion = validate(self.network, self._validation, self._blocks, self.config.seed)
+            loss, self._losses = float(np.mean(self._losses)), []
+            self.rows.append([self.step, loss, confusion.miou_four, *confusion.iou.tolist()])
+            if confusion.miou_four > self.best:
+                self.best = confusion.miou_four
+                about = {"step": self.step, "miou_four": self.best, "config": asdict(self.config)}
+                save_classifier(self.out, self.network, self._blocks, self._about | about)
+            with whole_file(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
+                csv.writer(stream).writerows([COLUMNS, *self.rows])
             self._save()
         self.worker.wait()
 
@@ -178,7 +178,7 @@ class Trainer:
             state = {
                 "step": self.step,
                 "best": self.best,
-                "rows": self.curves.rows,
+                "rows": self.rows,
                 "losses": self._losses,
                 "network": self.network.state_dict(),
                 "optimizer": self._optimizer.state_dict(),
@@ -188,17 +188,17 @@ class Trainer:
     def _restore(self, state: dict[str, Any]) -> None:
         self.network.load_state_dict(state["network"])
         self._optimizer.load_state_dict(state["optimizer"])
-        self.step, self.best, self._losses = state["step"], state["best"], state["losses"]
-        self.curves = Curves(state["rows"])
+        self.step, self.best = state["step"], state["best"]
+        self.rows, self._losses = state["rows"], state["losses"]
 
 
-def validate(network: Dgcnn, clouds: Sequence[LabelledCloud], config: TrainingConfig) -> Confusion:
-    """What the network makes of the clouds, as the robot would use it."""
+def validate(network: Dgcnn, clouds: Sequence[LabelledCloud], blocks: BlockConfig, seed: int) -> Confusion:
+    """What the network makes of the clouds, cut as ``blocks`` says by a ``seed``, as the robot would use it."""
     fast = FastDgcnn(network)
     result = Confusion(np.zeros((len(CLASSES), len(CLASSES)), np.int64))
     for number, cloud in enumerate(clouds):
-        rng = np.random.default_rng([config.seed, number])
-        probabilities = segment(fast, cloud.points, cloud.camera, config.blocks, 1, rng)
+        rng = np.random.default_rng([seed, number])
+        probabilities = segment(fast, cloud.points, cloud.camera, blocks, 1, rng)
         result += Confusion.of(cloud.counts, probabilities.argmax(axis=1))
     return result
 
@@ -214,13 +214,6 @@ def class_weights(clouds: Sequence[LabelledCloud], balance: float) -> Tensor:
     points = sum(np.bincount(cloud.classes, minlength=len(CLASSES)) for cloud in clouds)
     share = points / np.sum(points)
     return torch.from_numpy(np.where(share > 0, np.maximum(share, 1e-4) ** -balance, 1)).float()
-
-
-def _optimizer(config: TrainingConfig, network: Dgcnn) -> torch.optim.Optimizer:
-    parameters, rate, decay = network.parameters(), config.learning_rate, config.weight_decay
-    if config.optimizer == "sgd":
-        return torch.optim.SGD(parameters, rate, momentum=0.9, weight_decay=decay)
-    return torch.optim.AdamW(parameters, rate, weight_decay=decay)
 
 
 def _check(training: Sequence[LabelledCloud], validation: Sequence[LabelledCloud]) -> None:

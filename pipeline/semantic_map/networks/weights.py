@@ -1,17 +1,18 @@
-"""Weights as safetensors files, under the tensor names of the published checkpoints (antao97/dgcnn.pytorch)."""
+"""Weights as safetensors files, under the tensor names of the published checkpoints."""
 
 from pathlib import Path
-from typing import cast
 
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
-from torch import Tensor, nn
+from torch import Tensor
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 
-_NETWORK = "dgcnn"
+_NETWORKS = {"dgcnn": Dgcnn}
+"""By their names in files, which are :data:`DEFAULT` where others wrote them."""
+DEFAULT = "dgcnn"
 
 
 def load_weights(path: Path) -> tuple[Dgcnn, dict[str, str]]:
@@ -23,11 +24,11 @@ def load_weights(path: Path) -> tuple[Dgcnn, dict[str, str]]:
         InputError: no such file, not safetensors, weights of another network, or numbers that are not finite.
     """
     tensors, metadata = _read(path)
-    if metadata.get("network", _NETWORK) != _NETWORK:
-        raise InputError(f"{path}: weights of {metadata['network']}, not of {_NETWORK}")
+    name = metadata.get("network", DEFAULT)
+    if name not in _NETWORKS:
+        raise InputError(f"{path}: weights of {name}, not of {' or '.join(_NETWORKS)}")
     try:
-        channels, classes = tensors["conv1.0.weight"].shape[1] // 2, tensors["conv9.weight"].shape[0]
-        network = Dgcnn(channels, classes, int(metadata.get("k", 20)))
+        network = _NETWORKS[name].for_weights(tensors, int(metadata.get("k", 20)))
     except (KeyError, IndexError, ValueError) as error:
         raise InputError(
             f"{path}: not a DGCNN for segmentation: conv1.0.weight or conv9.weight is amiss"
@@ -38,25 +39,14 @@ def load_weights(path: Path) -> tuple[Dgcnn, dict[str, str]]:
 
 def save_weights(path: Path, network: Dgcnn, metadata: dict[str, str] | None = None) -> None:
     """Write the weights, with ``metadata`` about them. InputError if that is impossible."""
-    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in published_names(network).items()}
+    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in network.published().items()}
     with whole_file(path) as file:
-        save_file(tensors, file, {"network": _NETWORK, "k": str(network.k)} | (metadata or {}))
-
-
-def published_names(network: Dgcnn) -> dict[str, Tensor]:
-    """All parameters and running statistics, shared with the network, by their published names."""
-    layers = [cast(nn.Sequential, layer) for conv in network.edge_convs for layer in conv.layers]
-    layers += [network.embedding, network.head1, network.head2]
-    tensors = {"conv9.weight": network.classifier.weight.data}
-    for number, (linear, norm, _) in enumerate(layers, start=1):
-        tensors[f"conv{number}.0.weight"] = cast(Tensor, linear.weight).data
-        tensors |= {f"bn{number}.{name}": tensor.data for name, tensor in norm.state_dict().items()}
-    return tensors
+        save_file(tensors, file, {"network": DEFAULT, "k": str(network.k)} | (metadata or {}))
 
 
 def _fill(network: Dgcnn, tensors: dict[str, Tensor], path: Path) -> None:
     """Copy the tensors into the network; no more and no fewer than it needs."""
-    wanted = published_names(network)
+    wanted = network.published()
     # The published code registers its batch norms twice, as bn1 and as conv1.1.
     tensors = {name: t for name, t in tensors.items() if not (name[:4] == "conv" and name[5:8] == ".1.")}
     _refuse(sorted(wanted.keys() - tensors.keys()), "missing", path)

@@ -27,24 +27,24 @@ COCO_TINY_ANCHORS = ((10, 14), (23, 27), (37, 58), (81, 82), (135, 169), (344, 3
 
 
 class CfgWriter:
-    """Writes a ``.cfg``, section by section."""
+    """Writes the ``text`` of a ``.cfg``, section by section."""
 
     def __init__(self, width: int, height: int, classes: int, anchors: Anchors) -> None:
-        """A network for images of ``width`` × ``height`` pixels; the anchors go from small to large."""
+        """Of a network for images of ``width`` × ``height`` pixels; the anchors go from small to large."""
         self._classes, self._anchors = classes, anchors
-        self._text = ""
+        self.text = ""
         self._count = -1
         self.section("net", width=width, height=height, channels=3)
 
     def section(self, kind: str, **settings: object) -> int:
-        """Add one; the number of its layer."""
+        """Add a section; returns the number of its layer."""
         lines = [f"{'from' if key == 'source' else key}={value}\n" for key, value in settings.items()]
-        self._text += f"[{kind}]\n" + "".join(lines) + "\n"
+        self.text += f"[{kind}]\n" + "".join(lines) + "\n"
         self._count += 1
         return self._count - 1
 
     def conv(self, filters: int, size: int, stride: int = 1) -> int:
-        """Convolution, batch normalization and leaky ReLU."""
+        """Add a convolution with batch normalization and leaky ReLU; returns the number of its layer."""
         return self.section(
             "convolutional",
             batch_normalize=1,
@@ -56,13 +56,13 @@ class CfgWriter:
         )
 
     def residual(self, filters: int) -> int:
-        """Darknet-53's block."""
+        """Add a residual block of Darknet-53; returns the number of its last layer."""
         self.conv(filters // 2, 1)
         self.conv(filters, 3)
         return self.section("shortcut", source=-3, activation="linear")
 
     def head(self, mask: Sequence[int]) -> None:
-        """Boxes at this scale, of the anchors of these numbers."""
+        """Add a [yolo] for the anchors with the numbers of ``mask``, and the convolution before it."""
         filters = len(mask) * (5 + self._classes)
         self.section("convolutional", filters=filters, size=1, stride=1, pad=1, activation="linear")
         self.section(
@@ -74,20 +74,15 @@ class CfgWriter:
         )
 
     def upward(self, back: int, filters: int, skip: int) -> None:
-        """From the layer ``back`` before the head to the next finer scale, joined with layer ``skip``."""
+        """Go from the layer ``back`` before the head to the next finer scale, joined with layer ``skip``."""
         self.section("route", layers=-back)
         self.conv(filters, 1)
         self.section("upsample", stride=2)
         self.section("route", layers=f"-1,{skip}")
 
-    @property
-    def text(self) -> str:
-        """All sections."""
-        return self._text
-
 
 def yolov3(width: int, height: int, classes: int, anchors: Anchors) -> str:
-    """Darknet-53 with three scales, nine anchors."""
+    """The ``.cfg`` of YOLOv3: Darknet-53 with three scales and nine anchors."""
     cfg = CfgWriter(width, height, classes, anchors)
     cfg.conv(32, 3)
     stages = []
@@ -105,7 +100,7 @@ def yolov3(width: int, height: int, classes: int, anchors: Anchors) -> str:
 
 
 def yolov3_tiny(width: int, height: int, classes: int, anchors: Anchors) -> str:
-    """Seven convolutions with maxima between them and two scales, six anchors."""
+    """The ``.cfg`` of YOLOv3-tiny: convolutions with maxima between them, two scales and six anchors."""
     cfg = CfgWriter(width, height, classes, anchors)
     for filters in (16, 32, 64, 128):
         cfg.conv(filters, 3)
@@ -125,7 +120,7 @@ def yolov3_tiny(width: int, height: int, classes: int, anchors: Anchors) -> str:
 
 
 def yolov3_small(width: int, height: int, classes: int, anchors: Anchors) -> str:
-    """YOLOv3 with a quarter of its channels and one block a stage, nine anchors."""
+    """The ``.cfg`` of YOLOv3 with a quarter of its channels, one block a stage, nine anchors."""
     cfg = CfgWriter(width, height, classes, anchors)
     cfg.conv(16, 3, 2)
     cfg.conv(32, 3, 2)

@@ -1,67 +1,97 @@
-"""Images to train on: alone or four as a mosaic, at random scales and places, mirrored, in random colours."""
+"""Canvases to train on: frames alone or four as a mosaic, at random scales and places, mirrored, in random colours.
+
+Onto some of them people of one more frame are pasted (Ghiasi et al., arXiv:2012.07177).
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.victims.detection.boxes import areas
-from pipeline.victims.detection.labelled_image import LabelledImage
-from pipeline.victims.detection.letterbox import GREY
-from pipeline.victims.detection.pasting import pasted
+from pipeline.victims.detection.input_image import GREY, evenly_exposed, scaled
+from pipeline.victims.detection.labelled_image import LabelledImage, LabelledImages
 
-Region = tuple[int, int, int, int]  # x0, y0, x1, y1 of the canvas
+EMPTY = 0.3
+"""Share of the images drawn that show no people."""
+MOSAIC = 0.5
+"""Share of canvases that four images share (Bochkovskiy et al., YOLOv4, arXiv:2004.10934)."""
+PASTE = 0.4
+"""Share of canvases onto which people of one more image are pasted."""
+SCALE, MOSAIC_SCALE, PASTE_SCALE = (0.7, 1.5), (0.4, 1.0), (0.4, 1.2)
+"""Smallest and largest size of an image against the one that just fits the canvas: alone, in a mosaic, and of the
+image whose people are pasted."""
+HUE = 0.05
+"""Largest turn of the colours, as a share of the circle, as Darknet's ``hue``."""
+SATURATION, EXPOSURE = 1.5, 1.5
+"""Largest factors of saturation and brightness, and 1 over them the smallest, as Darknet's."""
+KEPT = 0.3
+"""Least share of a box that must be left at an edge for its person to count."""
+HIDDEN = 0.6
+"""Share of a box that is pasted over, above which its person is ignored."""
+Region = tuple[int, int, int, int]
+"""x0, y0, x1, y1 of the canvas, pixels."""
 
 
-@dataclass(frozen=True)
-class AugmentationConfig:
-    """Settings of the augmentation.
+class CanvasSampler:
+    """Draws canvases; a canvas depends on its number and the seed alone."""
 
-    Attributes:
-        mosaic: share of canvases that four images share (Bochkovskiy et al., YOLOv4, arXiv:2004.10934).
-        scale: smallest and largest size of an image against the one that just fits the network's input.
-        mosaic_scale: the same in a mosaic.
-        hue: largest turn of the colours, as a share of the circle, as Darknet's ``hue``.
-        saturation: largest factor, and 1 over it the smallest, as Darknet's.
-        exposure: the same of brightness.
-        paste: share of canvases onto which people of one more image are pasted.
-        paste_scale: as ``scale``, of these people.
-        kept: least share of a box that must be left at an edge for its person to count.
-    """
+    def __init__(self, images: LabelledImages, size: tuple[int, int], batch: int, seed: int) -> None:
+        """From images, as batches of so many canvases of ``size`` (width, height) pixels.
 
-    mosaic: float = 0.5
-    scale: tuple[float, float] = (0.7, 1.5)
-    mosaic_scale: tuple[float, float] = (0.4, 1.0)
-    hue: float = 0.05
-    saturation: float = 1.5
-    exposure: float = 1.5
-    paste: float = 0.4
-    paste_scale: tuple[float, float] = (0.4, 1.2)
-    kept: float = 0.3
+        Raises:
+            InputError: no image shows people.
+        """
+        self._images, self._size, self._batch, self._seed = images, size, batch, seed
+        shown = np.array([len(images.people(index)) > 0 for index in range(len(images))], bool)
+        self._shown, self._empty = np.flatnonzero(shown), np.flatnonzero(~shown)
+        if len(self._shown) == 0:
+            raise InputError("the images to train with show no people")
+
+    def batch(self, number: int) -> list[LabelledImage]:
+        """Batch ``number`` of the training."""
+        return [self._canvas(number * self._batch + i) for i in range(self._batch)]
+
+    def _canvas(self, number: int) -> LabelledImage:
+        rng = np.random.default_rng([self._seed, number])
+        count = 4 if rng.random() < MOSAIC else 1
+        images = [self._image(self._draw(rng)) for _ in range(count)]
+        pasted = [rng.choice(self._shown)] if rng.random() < PASTE else []
+        donors = [self._image(int(index)) for index in pasted]
+        return augmented(images, donors, self._size, rng)
+
+    def _image(self, index: int) -> LabelledImage:
+        """An image in even light, as the detector hands it to the network."""
+        image = self._images[index]
+        return replace(image, rgb=evenly_exposed(image.rgb))
+
+    def _draw(self, rng: np.random.Generator) -> int:
+        empty = len(self._empty) > 0 and rng.random() < EMPTY
+        return int(rng.choice(self._empty if empty else self._shown))
 
 
 def augmented(
     images: Sequence[LabelledImage],
     donors: Sequence[LabelledImage],
     size: tuple[int, int],
-    config: AugmentationConfig,
     rng: np.random.Generator,
 ) -> LabelledImage:
     """A canvas of ``size`` (width, height) with one image, or with four, and the donors' people pasted onto it."""
     canvas = np.full((size[1], size[0], 3), GREY, np.uint8)
     boxes, ignored = [np.zeros((0, 4), np.float32)], [np.zeros(0, bool)]
-    scale = config.scale if len(images) == 1 else config.mosaic_scale
+    scale = SCALE if len(images) == 1 else MOSAIC_SCALE
     for image, region in zip(images, regions(len(images), size, rng), strict=True):
         ratio = _ratio(image, size, scale, rng)
-        placed = place(recoloured(image, config, rng), canvas, region, ratio, config.kept, rng)
+        placed = place(recoloured(image, rng), canvas, region, ratio, rng)
         boxes.append(placed.boxes)
         ignored.append(placed.ignored)
     whole = LabelledImage(canvas, np.concatenate(boxes), np.concatenate(ignored))
     for donor in donors:
-        ratio = _ratio(donor, size, config.paste_scale, rng)
-        whole = pasted(whole, recoloured(donor, config, rng), ratio, rng)
+        ratio = _ratio(donor, size, PASTE_SCALE, rng)
+        whole = pasted(whole, recoloured(donor, rng), ratio, rng)
     return mirrored(whole) if rng.random() < 0.5 else whole
 
 
@@ -73,7 +103,7 @@ def _ratio(
 
 
 def regions(count: int, size: tuple[int, int], rng: np.random.Generator) -> list[Region]:
-    """All of the canvas, or four parts that meet near its middle."""
+    """The whole canvas for one image, or for four the parts that meet near its middle."""
     if count == 1:
         return [(0, 0, *size)]
     x, y = (int(extent * rng.uniform(0.3, 0.7)) for extent in size)
@@ -86,58 +116,88 @@ def place(
     canvas: NDArray[np.uint8],
     region: Region,
     ratio: float,
-    kept: float,
     rng: np.random.Generator,
 ) -> LabelledImage:
-    """Draw the image, ``ratio`` times as large, somewhere in a region of the canvas; its boxes there."""
+    """Draw an image, ``ratio`` times as large, somewhere in a region of the canvas; returns its boxes there."""
     x0, y0, x1, y1 = region
-    rows, columns = image.rgb.shape[:2]
-    extent = max(1, round(columns * ratio)), max(1, round(rows * ratio))
-    how = cv2.INTER_AREA if ratio < 0.5 else cv2.INTER_LINEAR  # as Letterbox.fit
-    drawn = cv2.resize(image.rgb, extent, interpolation=how)
+    drawn = scaled(image.rgb, ratio)
+    rows, columns = drawn.shape[:2]
     # Where the image is larger than its region a part of it is cut out; else it lies somewhere inside.
     left, top = (
         start + int(rng.integers(min(0, room), max(0, room) + 1))
-        for start, room in ((x0, x1 - x0 - extent[0]), (y0, y1 - y0 - extent[1]))
+        for start, room in ((x0, x1 - x0 - columns), (y0, y1 - y0 - rows))
     )
     u0, v0 = max(left, x0), max(top, y0)
-    u1, v1 = min(left + extent[0], x1), min(top + extent[1], y1)
+    u1, v1 = min(left + columns, x1), min(top + rows, y1)
     canvas[v0:v1, u0:u1] = drawn[v0 - top : v1 - top, u0 - left : u1 - left]
-    factors = np.tile(np.divide(extent, (columns, rows)), 2)
+    factors = np.tile(np.divide((columns, rows), image.rgb.shape[1::-1]), 2)
     moved = image.boxes * factors + np.tile([left, top], 2)
-    return cut(LabelledImage(canvas, moved.astype(np.float32), image.ignored), (u0, v0, u1, v1), kept)
+    return cut(LabelledImage(canvas, moved.astype(np.float32), image.ignored), (u0, v0, u1, v1))
 
 
-def cut(image: LabelledImage, region: Region, kept: float) -> LabelledImage:
-    """Boxes cut at a region's edges; ignored where less than the share ``kept`` is left, gone where nothing is."""
+def cut(image: LabelledImage, region: Region) -> LabelledImage:
+    """The image with its boxes cut at a region's edges; a box is ignored if less than KEPT of it is left."""
     low, high = np.tile(region[:2], 2), np.tile(region[2:], 2)
     boxes = np.clip(image.boxes, low, high).astype(np.float32)
     left = areas(boxes)
-    ignored = image.ignored | (left < kept * areas(image.boxes))
+    ignored = image.ignored | (left < KEPT * areas(image.boxes))
     return LabelledImage(image.rgb, boxes[left > 0], ignored[left > 0])
 
 
 def mirrored(image: LabelledImage) -> LabelledImage:
-    """Left and right exchanged."""
+    """The image with left and right exchanged."""
     width = image.rgb.shape[1]
     boxes = image.boxes.copy()
     boxes[:, [0, 2]] = width - boxes[:, [2, 0]]
     return LabelledImage(np.ascontiguousarray(image.rgb[:, ::-1]), boxes, image.ignored)
 
 
-def recoloured(image: LabelledImage, config: AugmentationConfig, rng: np.random.Generator) -> LabelledImage:
-    """Hue turned, saturation and brightness times random factors."""
-    hue = rng.uniform(-config.hue, config.hue) * 180  # half degrees, as OpenCV has hue
-    saturation, exposure = (
-        np.exp(rng.uniform(-1, 1) * np.log(most)) for most in (config.saturation, config.exposure)
-    )
+def recoloured(image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
+    """The image with its hue turned, its saturation and brightness times random factors."""
+    hue = rng.uniform(-HUE, HUE) * 180  # half degrees, as OpenCV has hue
+    saturation, exposure = (np.exp(rng.uniform(-1, 1) * np.log(most)) for most in (SATURATION, EXPOSURE))
     steps = np.arange(256)
-    tables = [
-        (steps + hue) % 180,
-        np.clip(steps * saturation, 0, 255),
-        np.clip(steps * exposure, 0, 255),
-    ]
+    tables = (steps + hue) % 180, np.clip(steps * saturation, 0, 255), np.clip(steps * exposure, 0, 255)
     table = np.stack(tables, axis=1).astype(np.uint8)[None]
     changed = cv2.LUT(cv2.cvtColor(image.rgb, cv2.COLOR_RGB2HSV), table)
     rgb = cv2.cvtColor(changed, cv2.COLOR_HSV2RGB).astype(np.uint8, copy=False)
     return replace(image, rgb=rgb)
+
+
+def pasted(
+    canvas: LabelledImage, donor: LabelledImage, ratio: float, rng: np.random.Generator
+) -> LabelledImage:
+    """The canvas and on it, somewhere, the donor's people, ``ratio`` times as large; without them if they do not fit.
+
+    Edges are hard, as the renderer's are.
+    """
+    if donor.shown is None or len(donor.boxes) == 0:
+        return canvas
+    x0, y0 = np.floor(donor.boxes[:, :2].min(axis=0)).astype(int)
+    x1, y1 = np.ceil(donor.boxes[:, 2:].max(axis=0)).astype(int)
+    width, height = max(1, round((x1 - x0) * ratio)), max(1, round((y1 - y0) * ratio))
+    rows, columns = canvas.rgb.shape[:2]
+    if width > columns or height > rows:
+        return canvas
+    left, top = int(rng.integers(columns - width + 1)), int(rng.integers(rows - height + 1))
+    shown = donor.shown[y0:y1, x0:x1].astype(np.uint8)
+    cut_out = cv2.resize(shown, (width, height), interpolation=cv2.INTER_NEAREST) > 0
+    people = cv2.resize(donor.rgb[y0:y1, x0:x1], (width, height))
+    rgb, over = canvas.rgb.copy(), np.zeros((rows, columns), np.bool_)
+    over[top : top + height, left : left + width] = cut_out
+    rgb[over] = people[cut_out]
+    factors = np.tile([width / (x1 - x0), height / (y1 - y0)], 2)
+    moved = (donor.boxes - np.tile([x0, y0], 2)) * factors + np.tile([left, top], 2)
+    hidden = np.array([_covered(over, box) > HIDDEN for box in canvas.boxes], np.bool_)
+    return LabelledImage(
+        rgb,
+        np.concatenate([canvas.boxes, moved]).astype(np.float32),
+        np.concatenate([canvas.ignored | hidden, donor.ignored]),
+    )
+
+
+def _covered(over: NDArray[np.bool_], box: NDArray[np.float32]) -> float:
+    """Share of a box's pixels that are covered."""
+    x0, y0, x1, y1 = box.round().astype(int)
+    inside = over[y0:y1, x0:x1]
+    return float(inside.mean()) if inside.size else 0.0

@@ -3,26 +3,23 @@
 Unlike there, precision is taken at every recall, not at 101 of them.
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.victims.detection.boxes import overlaps
 
+OVERLAP = 0.5
+"""Least intersection over union of a detection with what it has found."""
 
-@dataclass
+
 class AveragePrecision:
-    """Gathers detections image by image.
+    """Average precision at an overlap of OVERLAP, of detections that are added image by image."""
 
-    Attributes:
-        overlap: least intersection over union of a detection with what it has found.
-    """
-
-    overlap: float = 0.5
-    _scores: list[float] = field(default_factory=list)
-    _right: list[bool] = field(default_factory=list)
-    _present: int = 0
+    def __init__(self) -> None:
+        """Of no images yet."""
+        self._scores: list[float] = []
+        self._right: list[bool] = []
+        self._present = 0
 
     def add(
         self,
@@ -33,7 +30,7 @@ class AveragePrecision:
     ) -> None:
         """Add an image: (N, 4) detections with their (N,) scores and (M, 4) true boxes, some of them ignored."""
         order = np.argsort(-scores, kind="stable")
-        found = match(overlaps(boxes[order], truths), ignored, self.overlap)
+        found = match(overlaps(boxes[order], truths), ignored, OVERLAP)
         counts = (found < 0) | ~np.append(ignored, False)[found]
         self._scores += scores[order][counts].tolist()
         self._right += (found >= 0)[counts].tolist()
@@ -41,7 +38,7 @@ class AveragePrecision:
 
     @property
     def value(self) -> float:
-        """Area under precision over recall, precision made to fall; NaN where there was nothing to find."""
+        """Area under precision over recall, precision made to fall; NaN if there was nothing to find."""
         if self._present == 0:
             return float("nan")
         right = np.array(self._right, bool)[np.argsort(-np.array(self._scores), kind="stable")]
@@ -52,7 +49,7 @@ class AveragePrecision:
 
 
 def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], least: float) -> NDArray[np.intp]:
-    """What each detection has found.
+    """The truth that each detection has found.
 
     Each takes the truth that it overlaps most of those that no better detection has taken; one that is ignored only
     if there is none else, and that one may be taken again and again.

@@ -1,4 +1,4 @@
-"""The planes that a person lies on, leans against or is seen before."""
+"""The planes in the background of a person: what the person lies on, leans against or is seen before."""
 
 from dataclasses import dataclass
 
@@ -6,38 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
+from pipeline.segments.plane import facing_camera
 
-_NEIGHBOURS = 12
-"""Samples, of which the nearest one in the image is taken beside another: planes are small, and far apart."""
-
-
-@dataclass(frozen=True)
-class BackgroundConfig:
-    """How the planes around a box are looked for.
-
-    Attributes:
-        margin: around the box in which they are looked for, as a share of its size.
-        min_margin: pixels; the same.
-        samples: pixels, about so many, of the box and its margin.
-        planes: at most.
-        trials: to find each of them.
-        min_share: of the samples that a plane must have.
-        beyond: samples outside the box, for each inside it, that make a plane more than a part of the person.
-        tolerance: m from a plane within which a point belongs to it, over twice the sensor's noise.
-        flat: share of a plane's samples that lie within the sensor's noise of it where no one is that flat.
-        flat_area: m² across the view of such a plane at least.
-    """
-
-    margin: float = 1.0
-    min_margin: float = 60.0
-    samples: int = 3000
-    planes: int = 6
-    trials: int = 200
-    min_share: float = 0.02
-    beyond: float = 0.25
-    tolerance: float = 0.012
-    flat: float = 0.6
-    flat_area: float = 0.04
+MARGIN, MIN_MARGIN = 1.0, 60.0
+"""Around a box in which planes are looked for: a share of its size, and pixels at least."""
+SAMPLES = 3000
+"""Pixels of the box and its margin that are drawn, about."""
+MAX_PLANES, TRIALS = 6, 200
+"""Planes at most, and random draws to find each of them."""
+MIN_SHARE = 0.02
+"""Share of the samples that a plane must have."""
+BEYOND = 0.25
+"""Samples outside the box, for each inside it, that make a plane more than a part of the person."""
+TOLERANCE = 0.012
+"""m from a plane within which a point belongs to it, over twice the sensor's noise."""
+FLAT, FLAT_AREA, SURFACE_NOISE = 0.6, 0.04, 0.002
+"""A plane is flatter than any person if the share FLAT of its samples lies nearer than the sensor's noise and
+SURFACE_NOISE, m, over at least FLAT_AREA, m² across the line of sight."""
+NEIGHBOURS = 12
+"""Samples, of which the nearest one in the image is drawn beside another: planes are small, and far apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,42 +48,39 @@ class _Samples:
 
 
 def background_planes(
-    frame: Frame,
-    box: tuple[float, float, float, float],
-    config: BackgroundConfig,
-    rng: np.random.Generator,
+    frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator
 ) -> list[NDArray[np.float64]]:
-    """(4,) unit normal n and offset d, n · p + d = 0 in ``camera_optical``, of planes in and around a box.
+    """(4,) planes [n, d] in and around a box, in ``camera_optical``: see :mod:`pipeline.segments.plane`.
 
     What RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
-    samples, planes = _samples(frame, box, config), []
-    enough = max(3, config.min_share * len(samples.points))
-    for _ in range(config.planes):
+    samples, planes = _samples(frame, box), []
+    enough = max(3, MIN_SHARE * len(samples.points))
+    for _ in range(MAX_PLANES):
         if len(samples.points) < enough:
             break
-        plane = _plane(samples, config, rng)
-        near = near_plane(samples.points, plane, config)
+        plane = _plane(samples, rng)
+        near = near_plane(samples.points, plane)
         if np.count_nonzero(near) < enough:
             break
-        if _goes_on(samples[near], config) or _is_flat(samples[near], plane, config):
+        if _goes_on(samples[near]) or _is_flat(samples[near], plane):
             planes.append(plane)
         samples = samples[~near]
     return planes
 
 
-def _goes_on(plane: _Samples, config: BackgroundConfig) -> bool:
+def _goes_on(plane: _Samples) -> bool:
     """Whether enough of a plane lies outside the box."""
     outside = np.count_nonzero(~plane.inside)
-    return bool(outside >= config.beyond * np.count_nonzero(plane.inside))
+    return bool(outside >= BEYOND * np.count_nonzero(plane.inside))
 
 
-def _is_flat(samples: _Samples, plane: NDArray[np.float64], config: BackgroundConfig) -> bool:
-    """Whether samples of a plane are nearer to it than what is round would be."""
+def _is_flat(samples: _Samples, plane: NDArray[np.float64]) -> bool:
+    """Whether samples of a plane lie nearer to it than those of a round body would."""
     points = samples.points
-    near = np.abs(points @ plane[:3] + plane[3]) < 0.002 + depth_noise(points[:, 2])
+    near = np.abs(points @ plane[:3] - plane[3]) < SURFACE_NOISE + depth_noise(points[:, 2])
     area = np.sum(np.square(points[:, 2])) * samples.solid_angle
-    return bool(near.mean() >= config.flat and area >= config.flat_area)
+    return bool(near.mean() >= FLAT and area >= FLAT_AREA)
 
 
 def depth_noise(depth: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -104,21 +88,19 @@ def depth_noise(depth: NDArray[np.floating]) -> NDArray[np.floating]:
     return 0.0012 + 0.0019 * np.square(depth - 0.4)
 
 
-def near_plane(
-    points: NDArray[np.float32], plane: NDArray[np.float64], config: BackgroundConfig
-) -> NDArray[np.bool_]:
+def near_plane(points: NDArray[np.float32], plane: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N,) bool: which points (N, 3) in ``camera_optical`` belong to a plane (4,)."""
-    return np.abs(points @ plane[:3] + plane[3]) < config.tolerance + 2 * depth_noise(points[:, 2])
+    return np.abs(points @ plane[:3] - plane[3]) < TOLERANCE + 2 * depth_noise(points[:, 2])
 
 
-def _samples(frame: Frame, box: tuple[float, float, float, float], config: BackgroundConfig) -> _Samples:
-    """Of a grid over the box and its margin."""
+def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
+    """Pixels with depth of a grid over the box and its margin."""
     low, high = np.array(box[:2]), np.array(box[2:])
-    margin = config.margin * np.maximum(high - low, config.min_margin)
+    margin = MARGIN * np.maximum(high - low, MIN_MARGIN)
     size = (frame.intrinsics.width, frame.intrinsics.height)
     first = np.clip(low - margin, 0, size).astype(int)
     last = np.clip(high + margin, 0, size).astype(int)
-    stride = max(1, int(np.sqrt(np.prod(last - first) / config.samples)))
+    stride = max(1, int(np.sqrt(np.prod(last - first) / SAMPLES)))
     v, u = (axis.ravel() for axis in np.mgrid[first[1] : last[1] : stride, first[0] : last[0] : stride])
     seen = frame.returns[v, u]
     v, u = v[seen], u[seen]
@@ -129,25 +111,25 @@ def _samples(frame: Frame, box: tuple[float, float, float, float], config: Backg
     return _Samples(points, np.stack([v, u], axis=1), inside, stride**2 / (k.fx * k.fy))
 
 
-def _plane(samples: _Samples, config: BackgroundConfig, rng: np.random.Generator) -> NDArray[np.float64]:
+def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
     """(4,) the plane with most samples, fitted to them."""
-    planes = _planes_of(_triples(samples, config.trials, rng))
+    planes = _planes_of(_triples(samples, TRIALS, rng))
     points = samples.points
-    distance = np.abs(points @ planes[:, :3].T.astype(np.float32) + planes[:, 3].astype(np.float32))
-    near = distance < (config.tolerance + 2 * depth_noise(points[:, 2]))[:, None]
+    distance = np.abs(points @ planes[:, :3].T.astype(np.float32) - planes[:, 3].astype(np.float32))
+    near = distance < (TOLERANCE + 2 * depth_noise(points[:, 2]))[:, None]
     best = planes[near.sum(axis=0).argmax()]
-    members = samples.points[near_plane(samples.points, best, config)].astype(np.float64)
+    members = samples.points[near_plane(samples.points, best)].astype(np.float64)
     if len(members) < 3:
         return best
     centre = members.mean(axis=0)
     normal = np.linalg.svd(members - centre, full_matrices=False)[2][2]
-    return np.append(normal, -normal @ centre)
+    return facing_camera(np.append(normal, normal @ centre)[None])[0]
 
 
 def _triples(samples: _Samples, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(count, 3, 3) points at random, each with two near it in the image."""
     first = rng.integers(len(samples.points), size=count)
-    others = rng.integers(len(samples.points), size=(count, 2, _NEIGHBOURS))
+    others = rng.integers(len(samples.points), size=(count, 2, NEIGHBOURS))
     apart = np.abs(samples.pixels[others] - samples.pixels[first, None, None]).max(axis=-1)
     nearest = np.where(apart > 0, apart, np.iinfo(np.int64).max).argmin(axis=-1)
     near = np.take_along_axis(others, nearest[..., None], axis=-1)[..., 0]
@@ -155,9 +137,10 @@ def _triples(samples: _Samples, count: int, rng: np.random.Generator) -> NDArray
 
 
 def _planes_of(triples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 4) planes through three points each; one through points on a line is nowhere."""
+    """(N, 4) planes through three points each; of three points on a line, a plane far from everything."""
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.maximum(lengths, 1e-12)
-    offsets = -np.sum(normals * triples[:, 0], axis=1, keepdims=True)
-    return np.where(lengths > 1e-9, np.concatenate([normals, offsets], axis=1), (0, 0, 0, 1e3))
+    offsets = np.sum(normals * triples[:, 0], axis=1, keepdims=True)
+    planes = np.where(lengths > 1e-9, np.concatenate([normals, offsets], axis=1), (0, 0, 0, -1e3))
+    return facing_camera(planes)

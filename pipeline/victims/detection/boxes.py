@@ -1,14 +1,16 @@
-"""Boxes as rows of x0, y0, x1, y1 in pixels: what a network's numbers mean, overlap, and one box for each thing."""
+"""Boxes as rows of x0, y0, x1, y1 in pixels: decoding, overlap, suppression, and anchors."""
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logit
 
+from pipeline.errors import InputError
 from pipeline.victims.detection.darknet_cfg import Yolo
 
-LARGEST_EXPONENT = (
-    20.0  # of an anchor's size: nothing in an image is so large, and its square is still a float32
-)
+LARGEST_EXPONENT = 20.0
+"""Bound of what scales an anchor: no box in an image is so large, and its square is still a float32."""
+ROUNDS = 300
+"""Rounds of fitting anchors, at most."""
 
 
 def decode(
@@ -19,8 +21,7 @@ def decode(
     Args:
         head: (anchors · (5 + classes), H, W) what went into [yolo].
         yolo: the scale.
-        width: of the network's input, pixels.
-        height: of the network's input, pixels.
+        width, height: of the network's input, pixels.
         threshold: least objectness, over 0.
 
     Returns:
@@ -38,7 +39,7 @@ def decode(
 
 
 def areas(boxes: NDArray[np.floating]) -> NDArray[np.floating]:
-    """(N,) square pixels; 0 of a box that is turned inside out."""
+    """(N,) areas of (N, 4) boxes, square pixels; 0 of a box that is turned inside out."""
     return np.prod(np.maximum(boxes[:, 2:] - boxes[:, :2], 0), axis=1)
 
 
@@ -52,7 +53,10 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
 
 
 def suppress(boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap: float) -> NDArray[np.intp]:
-    """Indices of the boxes that overlap none with a higher score by more than that: greedy, best first."""
+    """(M,) indices, the best first, of the (N, 4) boxes that overlap none of a higher score (N,) by more.
+
+    Greedy non-maximum suppression; ``overlap`` is intersection over union.
+    """
     order = np.argsort(-scores, kind="stable")
     kept: list[int] = []
     while len(order):
@@ -60,3 +64,31 @@ def suppress(boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap:
         kept.append(best)
         order = order[overlaps(boxes[[best]], boxes[order])[0] <= overlap]
     return np.array(kept, np.intp)
+
+
+def size_overlaps(sizes: NDArray[np.floating], anchors: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(N, K) intersection over union of (N, 2) and (K, 2) widths and heights of boxes in the same place."""
+    common = np.minimum(sizes[:, None], anchors[None]).prod(axis=2, dtype=np.float64)
+    return common / (sizes.prod(axis=1)[:, None] + anchors.prod(axis=1)[None] - common)
+
+
+def fit_anchors(sizes: NDArray[np.floating], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(count, 2) widths and heights, from small to large, that overlap (N, 2) sizes well.
+
+    By k-means on overlap (Redmon and Farhadi, YOLO9000, arXiv:1612.08242, section 2).
+
+    Raises:
+        InputError: fewer different sizes than anchors.
+    """
+    different = np.unique(sizes, axis=0)
+    if len(different) < count:
+        raise InputError(f"{len(different)} boxes of different size: too few to fit {count} anchors to")
+    anchors = rng.choice(different, count, replace=False).astype(np.float64)
+    nearest = np.full(len(sizes), -1)
+    for _ in range(ROUNDS):
+        before, nearest = nearest, size_overlaps(sizes, anchors).argmax(axis=1)
+        if (nearest == before).all():
+            break
+        for index in np.unique(nearest):
+            anchors[index] = np.median(sizes[nearest == index], axis=0)
+    return anchors[np.argsort(anchors.prod(axis=1), kind="stable")]

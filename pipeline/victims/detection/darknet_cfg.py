@@ -1,11 +1,16 @@
-"""Networks as Darknet describes them: the text of a ``.cfg`` file, read into typed layers."""
+"""Networks as Darknet describes them: the text of a ``.cfg`` file, read into typed layers.
 
-from collections.abc import Callable
-from dataclasses import dataclass
+It consists of sections: ``[kind]``, and under it lines of ``key=value``.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.cfg_section import CfgSection, read_sections
+
+N = TypeVar("N", int, float)
 
 
 @dataclass(frozen=True)
@@ -22,7 +27,7 @@ class Convolutional:
 
 @dataclass(frozen=True)
 class Maxpool:
-    """The highest of a window; ``padding`` is shared by both sides, an odd rest goes to the right and the bottom."""
+    """The maximum of a window; ``padding`` is shared by both sides, an odd rest goes to the right and the bottom."""
 
     size: int
     stride: int
@@ -38,21 +43,21 @@ class Upsample:
 
 @dataclass(frozen=True)
 class Route:
-    """The channels of the layers of these numbers, one after another."""
+    """The outputs of the layers with these numbers, their channels one after another."""
 
     layers: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Shortcut:
-    """The layer before plus the layer of this number."""
+    """The output of the layer before plus that of the layer with this number."""
 
     layer: int
 
 
 @dataclass(frozen=True)
 class Yolo:
-    """Boxes at one scale: those of ``anchors`` (width, height in pixels of the input) that ``mask`` numbers."""
+    """Boxes at one scale, of the ``anchors`` (width, height in pixels of the input) with the numbers of ``mask``."""
 
     anchors: tuple[tuple[float, float], ...]
     mask: tuple[int, ...]
@@ -72,8 +77,7 @@ class DarknetCfg:
     """A network.
 
     Attributes:
-        width: of its input, pixels.
-        height: of its input, pixels.
+        width, height: of its input, pixels.
         channels: of its input.
         layers: in order; layers refer to one another by the index in it.
         name: what errors call it.
@@ -87,7 +91,7 @@ class DarknetCfg:
 
     @classmethod
     def read(cls, path: Path) -> "DarknetCfg":
-        """From a file. InputError where it cannot be read, or as of :meth:`parse`."""
+        """Read a file. InputError if it cannot be read, and as :meth:`parse`."""
         try:
             return cls.parse(path.read_text(), str(path))
         except UnicodeDecodeError as error:
@@ -97,12 +101,12 @@ class DarknetCfg:
 
     @classmethod
     def parse(cls, text: str, name: str = "cfg") -> "DarknetCfg":
-        """From a text.
+        """Read a text.
 
         Raises:
             InputError: a section or setting that is unknown, missing or impossible, by its line.
         """
-        sections = read_sections(text, name)
+        sections = _read_sections(text, name)
         if not sections or sections[0].kind not in ("net", "network"):
             raise InputError(f"{name}: a Darknet .cfg begins with [net]")
         width, height, channels = (sections[0].whole(key) for key in ("width", "height", "channels"))
@@ -115,23 +119,102 @@ class DarknetCfg:
 
     @property
     def heads(self) -> list[Yolo]:
-        """The scales, in order."""
+        """The [yolo] layers, one a scale, in order."""
         return [layer for layer in self.layers if isinstance(layer, Yolo)]
 
     @property
     def classes(self) -> int:
-        """Kinds of things that the network tells apart."""
+        """Number of classes that the network tells apart."""
         return self.heads[0].classes
 
 
-def _layer(section: CfgSection, index: int) -> Layer:
+@dataclass(frozen=True)
+class _Section:
+    """One section.
+
+    Attributes:
+        kind: what stands in its brackets.
+        where: file and line, for errors.
+        settings: by key.
+    """
+
+    kind: str
+    where: str
+    settings: dict[str, str] = field(default_factory=dict)
+
+    def error(self, message: str) -> InputError:
+        """An error that names this section."""
+        return InputError(f"{self.where}: [{self.kind}] {message}")
+
+    def whole(self, key: str, default: int | None = None, least: int = 1) -> int:
+        """A whole number of at least ``least``."""
+        numbers = self.numbers(key, int, None if default is None else str(default))
+        if len(numbers) != 1 or numbers[0] < least:
+            raise self.error(f"{key}={self.settings.get(key)}: one number, at least {least}")
+        return numbers[0]
+
+    def numbers(self, key: str, kind: type[N], default: str | None = None) -> list[N]:
+        """Whole numbers or decimals with commas between them."""
+        text = self._text(key, default)
+        try:
+            return [kind(word) for word in text.replace(" ", "").split(",") if word]
+        except ValueError:
+            what = "a whole number" if kind is int else "a number"
+            raise self.error(f"{key}={text}: not {what}") from None
+
+    def flag(self, key: str) -> bool:
+        """Whether a setting is 1; without it, or at 0, it is not."""
+        return self.word(key, ("0", "1"), "0") == "1"
+
+    def word(self, key: str, known: Sequence[str], default: str | None = None) -> str:
+        """A setting that must be one of the known words."""
+        text = self._text(key, default)
+        if text not in known:
+            raise self.error(f"{key}={text}: known are {', '.join(known)}")
+        return text
+
+    def refuse_others(self, **only: str) -> None:
+        """Refuse other values of these settings: they would make a layer that YOLOv3 does not have."""
+        for key, value in only.items():
+            self.word(key, (value,), value)
+
+    def _text(self, key: str, default: str | None) -> str:
+        text = self.settings.get(key, default)
+        if text is None:
+            raise self.error(f"{key} is missing")
+        return text
+
+
+def _read_sections(text: str, name: str) -> list[_Section]:
+    """All sections of a text; ``name`` is what errors call it.
+
+    Raises:
+        InputError: a line that is neither a section's head nor a setting of one.
+    """
+    sections: list[_Section] = []
+    for number, raw in enumerate(text.splitlines(), 1):
+        line = raw.split("#")[0].strip()
+        if not line or line.startswith(";"):
+            continue
+        where = f"{name}:{number}"
+        key, equals, value = line.partition("=")
+        if line.startswith("[") and line.endswith("]"):
+            sections.append(_Section(line[1:-1].strip(), where))
+        elif equals and sections:
+            sections[-1].settings[key.strip()] = value.strip()
+        else:
+            raise InputError(f"{where}: neither [section] nor key=value: {line[:40]}")
+    return sections
+
+
+def _layer(section: _Section, index: int) -> Layer:
     if section.kind not in _READERS:
         known = ", ".join(f"[{kind}]" for kind in _READERS)
         raise section.error(f"unknown section; YOLOv3 has {known}")
     return _READERS[section.kind](section, index)
 
 
-def _convolutional(section: CfgSection, index: int) -> Convolutional:
+def _convolutional(section: _Section, index: int) -> Convolutional:
     section.refuse_others(groups="1", dilation="1", antialiasing="0", flipped="0", binary="0", xnor="0")
     size = section.whole("size")
     padding = size // 2 if section.flag("pad") else section.whole("padding", 0, least=0)
@@ -140,45 +223,44 @@ def _convolutional(section: CfgSection, index: int) -> Convolutional:
     return Convolutional(section.whole("filters"), size, stride, padding, normalize, activation)
 
 
-def _maxpool(section: CfgSection, index: int) -> Maxpool:
+def _maxpool(section: _Section, index: int) -> Maxpool:
     section.refuse_others(maxpool_depth="0", antialiasing="0")
     size = section.whole("size")
     return Maxpool(size, section.whole("stride", 1), section.whole("padding", size - 1, least=0))
 
 
-def _upsample(section: CfgSection, index: int) -> Upsample:
+def _upsample(section: _Section, index: int) -> Upsample:
     section.refuse_others(scale="1")
     return Upsample(section.whole("stride", 2))
 
 
-def _route(section: CfgSection, index: int) -> Route:
+def _route(section: _Section, index: int) -> Route:
     section.refuse_others(groups="1")
-    layers = tuple(_index(section, number, index) for number in section.wholes("layers"))
-    return Route(layers)
+    return Route(tuple(_index(section, number, index) for number in section.numbers("layers", int)))
 
 
-def _shortcut(section: CfgSection, index: int) -> Shortcut:
+def _shortcut(section: _Section, index: int) -> Shortcut:
     section.refuse_others(weights_type="none")
     section.word("activation", ("linear",))
-    sources = section.wholes("from")
+    sources = section.numbers("from", int)
     if len(sources) != 1:
         raise section.error(f"from: one layer, not {len(sources)}")
     return Shortcut(_index(section, sources[0], index))
 
 
-def _yolo(section: CfgSection, index: int) -> Yolo:
+def _yolo(section: _Section, index: int) -> Yolo:
     section.refuse_others(scale_x_y="1", new_coords="0")
-    numbers = section.decimals("anchors")
+    numbers = section.numbers("anchors", float)
     anchors = tuple(zip(numbers[::2], numbers[1::2], strict=False))
     if len(numbers) != 2 * section.whole("num") or min(numbers) <= 0:
         raise section.error(f"anchors: {section.whole('num')} pairs of positive numbers as num has it")
-    mask = tuple(section.wholes("mask"))
+    mask = tuple(section.numbers("mask", int))
     if not all(0 <= number < len(anchors) for number in mask):
         raise section.error(f"mask: numbers of anchors, 0 to {len(anchors) - 1}")
     return Yolo(anchors, mask, section.whole("classes"))
 
 
-_READERS: dict[str, Callable[[CfgSection, int], Layer]] = {
+_READERS: dict[str, Callable[[_Section, int], Layer]] = {
     "convolutional": _convolutional,
     "maxpool": _maxpool,
     "upsample": _upsample,
@@ -188,8 +270,8 @@ _READERS: dict[str, Callable[[CfgSection, int], Layer]] = {
 }
 
 
-def _index(section: CfgSection, number: int, index: int) -> int:
-    """Of a layer before the one of ``index``; a negative number counts back from it."""
+def _index(section: _Section, number: int, index: int) -> int:
+    """Index of the layer that layer ``index`` refers to by ``number``; a negative one counts back from it."""
     result = number + index if number < 0 else number
     if not 0 <= result < index:
         raise section.error(f"layer {number}: there is no such layer before it")

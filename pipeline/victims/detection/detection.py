@@ -1,4 +1,4 @@
-"""What a detector of people gives, apart from any of them."""
+"""Detections of people, and what any detector offers."""
 
 from dataclasses import dataclass
 from typing import Protocol

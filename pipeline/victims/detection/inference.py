@@ -10,15 +10,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from pipeline.victims.detection.folding import folded
 from pipeline.victims.detection.network import LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
 
 
 class FusedNetwork:
-    """What a :class:`DarknetNetwork` computes in evaluation, one image at a time, faster."""
+    """A :class:`DarknetNetwork` in evaluation for one image at a time, faster."""
 
     def __init__(self, network: DarknetNetwork) -> None:
-        """Of a network, which stays as it is."""
+        """Of a network, which is left unchanged."""
         self.cfg = network.cfg
         self._network = DarknetNetwork(network.cfg).eval()
         shapes = [(self.cfg.channels, self.cfg.height, self.cfg.width), *network.shapes]
@@ -29,7 +28,7 @@ class FusedNetwork:
         )
 
     def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
-        """(anchors · (5 + classes), H, W) of each [yolo], from an (H, W, 3) image of the network's size."""
+        """(anchors · (5 + classes), H, W) float32 of each [yolo], from an (H, W, 3) uint8 image of its size."""
         with torch.inference_mode():
             return [head[0].contiguous().numpy() for head in self._network(to_tensor(image[None]))]
 
@@ -40,7 +39,7 @@ class _FusedConvolution(nn.Module):
     def __init__(self, layer: DarknetConvolution, shape: tuple[int, int, int]) -> None:
         """For an input of that shape."""
         super().__init__()
-        kernel, self._bias = folded(layer)
+        kernel, self._bias = _folded(layer)
         kernel = kernel.cpu().contiguous(memory_format=torch.channels_last)
         conv = layer.conv
         # Padding, stride, dilation, groups.
@@ -56,6 +55,20 @@ class _FusedConvolution(nn.Module):
         )
 
 
+@torch.no_grad()
+def _folded(layer: DarknetConvolution) -> tuple[Tensor, Tensor]:
+    """Kernel (filters, channels, size, size) and bias (filters,) that do what the layer does in evaluation."""
+    conv, norm = layer.conv, layer.norm
+    if norm is None:
+        assert conv.bias is not None
+        return conv.weight.clone(), conv.bias.clone()
+    assert norm.running_mean is not None and norm.running_var is not None
+    # In double precision: a variance of nearly nothing makes factors that float32 rounds badly.
+    scale = norm.weight.double() / (norm.running_var.double() + norm.eps).sqrt()
+    bias = norm.bias.double() - scale * norm.running_mean.double()
+    return (conv.weight.double() * scale[:, None, None, None]).float(), bias.float()
+
+
 def to_tensor(images: NDArray[np.uint8]) -> Tensor:
-    """(N, 3, H, W) float32 of 0 to 1, channels last in memory, of (N, H, W, 3) images."""
+    """(N, 3, H, W) float32 of 0 to 1, channels last in memory, of (N, H, W, 3) uint8 images."""
     return torch.from_numpy(np.ascontiguousarray(images)).permute(0, 3, 1, 2).float().div_(255)

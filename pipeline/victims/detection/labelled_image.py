@@ -1,4 +1,4 @@
-"""What a network learns from: images and the people in them."""
+"""Images to train on and the people in them."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -25,16 +25,16 @@ class LabelledImage:
 
 
 class LabelledImages(Protocol):
-    """Many of them, too many to hold them all."""
+    """Labelled images that are read one at a time."""
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Number of images."""
         ...
 
     def __getitem__(self, index: int, /) -> LabelledImage:
-        """One of them."""
+        """One image."""
         ...
 
     def people(self, index: int) -> NDArray[np.floating]:
-        """(N, 2) widths and heights of the people to be found in one, as shares of the image's."""
+        """(N, 2) widths and heights of the people to be found in one image, as shares of the image's."""
         ...

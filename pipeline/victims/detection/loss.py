@@ -1,4 +1,4 @@
-"""What a network is punished for in training.
+"""The loss of a network that detects people.
 
 As YOLOv3 has it, but for two habits of its successors: boxes are compared by CIoU (Zheng et al., arXiv:1911.08287)
 instead of number by number, and every anchor of about a person's size is to find it, not the best one alone
@@ -6,7 +6,6 @@ instead of number by number, and every anchor of about a person's size is to fin
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import pi
 
 import numpy as np
@@ -15,98 +14,70 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, logsigmoid
 
-from pipeline.victims.detection.anchors import size_overlaps
-from pipeline.victims.detection.boxes import LARGEST_EXPONENT
+from pipeline.victims.detection.boxes import LARGEST_EXPONENT, size_overlaps
 from pipeline.victims.detection.darknet_cfg import DarknetCfg, Yolo
 from pipeline.victims.detection.labelled_image import LabelledImage
 
-
-@dataclass(frozen=True)
-class LossConfig:
-    """Settings of the loss.
-
-    Attributes:
-        alike: least overlap of an anchor's size with a person's for the anchor to be asked for that person.
-        near: least overlap of a predicted box with a person's for its objectness not to be held against it, as
-            Darknet's ``ignore_thresh``.
-        box: weight of the boxes.
-        objectness: weight of whether there is something.
-    """
-
-    alike: float = 0.3
-    near: float = 0.7
-    box: float = 2.0
-    objectness: float = 1.0
+ALIKE = 0.3
+"""Least overlap of an anchor's size with a person's for the anchor to be asked for that person."""
+NEAR = 0.7
+"""Overlap of a predicted box with a person's from which on its objectness is not held against it, as Darknet's
+``ignore_thresh``."""
+BOX_WEIGHT, OBJECTNESS_WEIGHT = 2.0, 1.0
+"""Weights of boxes and objectness against 1 of the class."""
 
 
-@dataclass(frozen=True, eq=False)
-class Targets:
-    """What one scale should say: rows that go together.
-
-    Attributes:
-        image: (P,) number in the batch.
-        anchor: (P,) number in the scale's mask.
-        row: (P,) of the cell.
-        column: (P,) of the cell.
-        boxes: (P, 4) x0, y0, x1, y1 in pixels of the input.
-    """
-
-    image: Tensor
-    anchor: Tensor
-    row: Tensor
-    column: Tensor
-    boxes: Tensor
-
-    @property
-    def index(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Of the cells in (N, anchors, H, W)."""
-        return self.image, self.anchor, self.row, self.column
+Index = tuple[Tensor, ...]
+"""Four of (P,) int64: image in the batch, anchor in the scale's mask, row and column of the cell."""
 
 
 class YoloLoss:
     """The loss of a network with one class: a detector of people."""
 
-    def __init__(self, cfg: DarknetCfg, config: LossConfig) -> None:
-        """Of a network."""
-        self.cfg, self.config = cfg, config
+    def __init__(self, cfg: DarknetCfg) -> None:
+        """Of a network with this ``.cfg``."""
+        self.cfg = cfg
 
     def __call__(self, heads: Sequence[Tensor], batch: Sequence[LabelledImage]) -> Tensor:
-        """Of what the network says to a batch."""
+        """() loss of a network's heads, (N, anchors · (5 + classes), H, W) each, for a batch of N canvases."""
         boxes = objectness = classes = heads[0].new_zeros(())
         asked = 0
         for head, yolo in zip(heads, self.cfg.heads, strict=True):
             cells = head.float().unflatten(1, (len(yolo.mask), -1)).movedim(2, -1)
-            targets = self._targets(batch, yolo, *head.shape[2:])
+            index, truths = self._targets(batch, yolo, *head.shape[2:])
             predicted = self._boxes(cells, yolo)
-            boxes = boxes + (1 - ciou(predicted[targets.index], targets.boxes)).sum()
-            objectness = objectness + self._objectness(cells, predicted.detach(), targets, batch)
-            classes = classes - logsigmoid(cells[..., 5][targets.index]).sum()  # all are people
-            asked += len(targets.boxes)
-        return (self.config.box * boxes + self.config.objectness * objectness + classes) / max(1, asked)
+            boxes = boxes + (1 - ciou(predicted[index], truths)).sum()
+            objectness = objectness + self._objectness(cells, predicted.detach(), index, batch)
+            classes = classes - logsigmoid(cells[..., 5][index]).sum()  # all are people
+            asked += len(truths)
+        return (BOX_WEIGHT * boxes + OBJECTNESS_WEIGHT * objectness + classes) / max(1, asked)
 
     def _objectness(
-        self, cells: Tensor, predicted: Tensor, targets: Targets, batch: Sequence[LabelledImage]
+        self, cells: Tensor, predicted: Tensor, index: Index, batch: Sequence[LabelledImage]
     ) -> Tensor:
         """Cross entropy of objectness over all cells but those that are near a person without being asked for it."""
         wanted = torch.zeros_like(cells[..., 4])
-        wanted[targets.index] = 1
+        wanted[index] = 1
         counted = torch.stack(
             [self._far(boxes, image) for boxes, image in zip(predicted, batch, strict=True)]
         )
-        counted[targets.index] = True
+        counted[index] = True
         return binary_cross_entropy_with_logits(cells[..., 4][counted], wanted[counted], reduction="sum")
 
     def _far(self, predicted: Tensor, image: LabelledImage) -> Tensor:
-        """(anchors, H, W) bool: boxes that overlap no person enough to be let alone, nor lie in an ignored one."""
+        """(anchors, H, W) bool: boxes that neither overlap a person by NEAR nor lie in an ignored one."""
         far = torch.ones(predicted.shape[:-1], dtype=torch.bool, device=predicted.device)
         middle = (predicted[..., :2] + predicted[..., 2:]) / 2
         for box, ignored in zip(torch.from_numpy(image.boxes).to(far.device), image.ignored, strict=True):
             if ignored:
                 far &= ~((middle >= box[:2]) & (middle <= box[2:])).all(dim=-1)
-            far &= iou(predicted, box) < self.config.near
+            far &= iou(predicted, box) < NEAR
         return far
 
-    def _targets(self, batch: Sequence[LabelledImage], yolo: Yolo, rows: int, columns: int) -> Targets:
+    def _targets(
+        self, batch: Sequence[LabelledImage], yolo: Yolo, rows: int, columns: int
+    ) -> tuple[Index, Tensor]:
+        """Cells of one scale that are to find people, and these people's (P, 4) boxes in pixels of the input."""
         anchors = np.array(yolo.anchors)
         parts = [np.zeros((0, 2), int)]
         boxes = [np.zeros((0, 4), np.float32)]
@@ -120,14 +91,15 @@ class YoloLoss:
         cell = middle * (columns / self.cfg.width, rows / self.cfg.height)
         column, row = np.minimum(cell.astype(int), (columns - 1, rows - 1)).T
         image_number, anchor = np.concatenate(parts).T
-        return Targets(*map(torch.from_numpy, (image_number, anchor, row, column, all_boxes)))
+        index = tuple(torch.from_numpy(numbers) for numbers in (image_number, anchor, row, column))
+        return index, torch.from_numpy(all_boxes)
 
     def _asked(
         self, boxes: NDArray[np.float32], anchors: NDArray[np.float64], mask: tuple[int, ...]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Pairs of a person and an anchor of the mask that is to find it: the best of all, and all alike."""
+        """Pairs of a person and an anchor of the mask that is to find it: the best one and all of about its size."""
         overlap = size_overlaps(boxes[:, 2:] - boxes[:, :2], anchors)
-        asked = overlap >= self.config.alike
+        asked = overlap >= ALIKE
         if len(boxes):
             asked[np.arange(len(boxes)), overlap.argmax(axis=1)] = True
         person, anchor = np.nonzero(asked[:, list(mask)])
@@ -145,7 +117,7 @@ class YoloLoss:
 
 
 def iou(a: Tensor, b: Tensor) -> Tensor:
-    """Intersection over union of (..., 4) boxes with boxes in pairs."""
+    """(...) intersection over union of (..., 4) boxes in pairs."""
     common = (torch.minimum(a[..., 2:], b[..., 2:]) - torch.maximum(a[..., :2], b[..., :2])).clamp(min=0)
     inter = common.prod(dim=-1)
     union = (a[..., 2:] - a[..., :2]).prod(dim=-1) + (b[..., 2:] - b[..., :2]).prod(dim=-1) - inter
@@ -153,7 +125,7 @@ def iou(a: Tensor, b: Tensor) -> Tensor:
 
 
 def ciou(a: Tensor, b: Tensor) -> Tensor:
-    """Complete IoU of (P, 4) boxes in pairs: less for middles apart and for other proportions."""
+    """(P,) complete IoU of (P, 4) boxes in pairs: less for distant middles and for other proportions."""
     hull = torch.maximum(a[:, 2:], b[:, 2:]) - torch.minimum(a[:, :2], b[:, :2])
     apart = ((a[:, :2] + a[:, 2:] - b[:, :2] - b[:, 2:]) / 2).square().sum(dim=1)
     overlap = iou(a, b)

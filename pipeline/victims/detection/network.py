@@ -45,17 +45,14 @@ class DarknetNetwork(nn.Module):
         self._kept = _needed_later(cfg.layers)
 
     def forward(self, images: Tensor) -> list[Tensor]:
-        """What goes into each [yolo]: (N, anchors · (5 + classes), H, W), from (N, C, H, W) images of 0 to 1."""
+        """(N, anchors · (5 + classes), H, W) input of each [yolo], from (N, C, H, W) images of 0 to 1."""
         kept: dict[int, Tensor] = {}
         heads: list[Tensor] = []
         x = images
         for index, (layer, module) in enumerate(zip(self.cfg.layers, self.layers, strict=True)):
             if isinstance(layer, Route):
-                x = (
-                    torch.cat([kept[i] for i in layer.layers], dim=1)
-                    if layer.layers[1:]
-                    else kept[layer.layers[0]]
-                )
+                sources = [kept[i] for i in layer.layers]
+                x = torch.cat(sources, dim=1) if sources[1:] else sources[0]
             elif isinstance(layer, Shortcut):
                 x = x + kept[layer.layer]
             elif isinstance(layer, Yolo):
@@ -68,7 +65,7 @@ class DarknetNetwork(nn.Module):
 
     @property
     def stride(self) -> int:
-        """Pixels of the input that become one cell where there are fewest."""
+        """Pixels of the input, along one side, for each cell of the coarsest scale."""
         return self.cfg.width // min(width for _, _, width in self.shapes)
 
     def resized(self, width: int, height: int) -> "DarknetNetwork":
@@ -83,15 +80,15 @@ class DarknetNetwork(nn.Module):
 
     @property
     def convolutions(self) -> list["DarknetConvolution"]:
-        """In the order of the file."""
+        """Convolutions in the order of the weights file."""
         return [module for module in self.layers if isinstance(module, DarknetConvolution)]
 
 
 class DarknetConvolution(nn.Module):
-    """Convolution, batch normalization where there is one, leaky ReLU where there is one."""
+    """Convolution, with batch normalization and leaky ReLU if the layer has them."""
 
     def __init__(self, layer: Convolutional, channels: int) -> None:
-        """For an input of so many channels."""
+        """For an input of this number of channels."""
         super().__init__()
         normalize = layer.batch_normalize
         self.conv = nn.Conv2d(

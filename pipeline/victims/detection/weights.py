@@ -6,7 +6,6 @@ variances, and then its kernel (filters, channels, size, size).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +21,6 @@ from pipeline.victims.detection.network import DarknetNetwork
 VERSION = (0, 2, 5)  # as the Darknet that published YOLOv3 writes
 
 
-@dataclass(frozen=True)
-class _Header:
-    seen: int
-    size: int
-
-
 def load_network(cfg: Path, weights: Path) -> DarknetNetwork:
     """A network in evaluation mode.
 
@@ -40,7 +33,7 @@ def load_network(cfg: Path, weights: Path) -> DarknetNetwork:
 
 
 def read_weights(path: Path, network: DarknetNetwork) -> int:
-    """Fill the network; the number of images that it has seen in training.
+    """Fill a network; returns the number of images that it has seen in training.
 
     Raises:
         InputError: no such file, too short or too long for the network, or numbers that are not finite.
@@ -49,18 +42,21 @@ def read_weights(path: Path, network: DarknetNetwork) -> int:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
-    header = _read_header(content, path)
+    seen, start = _read_header(content, path)
     tensors = list(_tensors(network))
-    _check_length(path, len(content), header.size + 4 * sum(t.numel() for t in tensors), network)
-    numbers = np.frombuffer(content, "<f4", offset=header.size)
+    needed = start + 4 * sum(tensor.numel() for tensor in tensors)
+    if len(content) != needed:
+        which, name = "short" if len(content) < needed else "long", network.cfg.name
+        raise InputError(f"{path}: {len(content)} bytes, too {which} for {name}, which needs {needed}")
+    numbers = np.frombuffer(content, "<f4", offset=start)
     if not np.isfinite(numbers).all():
         raise InputError(f"{path}: holds numbers that are not finite")
     _fill(tensors, numbers)
-    return header.seen
+    return seen
 
 
 def write_weights(path: Path, network: DarknetNetwork, seen: int = 0) -> None:
-    """Write the network, having seen so many images. InputError if that is impossible."""
+    """Write a network's weights, trained on ``seen`` images. InputError if the file cannot be written."""
     with whole_file(path) as partial, partial.open("wb") as file:
         file.write(np.array(VERSION, "<i4").tobytes() + np.array(seen, "<i8").tobytes())
         for tensor in _tensors(network):
@@ -87,17 +83,12 @@ def _fill(tensors: list[Tensor], numbers: NDArray[np.float32]) -> None:
         tensor.copy_(torch.tensor(part).view(tensor.shape))
 
 
-def _read_header(content: bytes, path: Path) -> _Header:
+def _read_header(content: bytes, path: Path) -> tuple[int, int]:
+    """Images that the network has seen in training, and bytes of the header."""
     if len(content) < 20:
         raise InputError(f"{path}: {len(content)} bytes, too short for Darknet weights")
     major, minor = (int(number) for number in np.frombuffer(content, "<i4", 2))
     if not (0 <= major < 1000 and 0 <= minor < 1000):
         raise InputError(f"{path}: not Darknet weights: version {major}.{minor}")
     seen = np.frombuffer(content, "<i8" if 10 * major + minor >= 2 else "<i4", 1, offset=12)
-    return _Header(int(seen[0]), 12 + seen.nbytes)
-
-
-def _check_length(path: Path, length: int, wanted: int, network: DarknetNetwork) -> None:
-    if length != wanted:
-        which = "short" if length < wanted else "long"
-        raise InputError(f"{path}: {length} bytes, too {which} for {network.cfg.name}, which needs {wanted}")
+    return int(seen[0]), 12 + seen.nbytes

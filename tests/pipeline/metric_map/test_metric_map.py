@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.metric_map.io.npz import load_metric_map, save_metric_map
-from pipeline.metric_map.metric_map import FREE, OCCUPIED, UNKNOWN, MetricMap, MetricMapConfig
+from pipeline.metric_map.metric_map import FREE, OCCUPIED, UNKNOWN, MetricMap
 
 CAMERA = Intrinsics(width=64, height=48, fx=57.7, fy=57.9, cx=32.0, cy=24.0)
 
@@ -28,7 +29,7 @@ def test_wall_ahead_is_occupied_space_before_it_free_and_behind_it_unknown() -> 
 
 
 def test_return_beyond_the_range_frees_up_to_the_range_and_ends_nowhere() -> None:
-    grid = MetricMap(MetricMapConfig(max_range=3.0))
+    grid = MetricMap(max_range=3.0)
     grid.integrate(wall(5.0), CAMERA, T_MAP_CAMERA)
     assert grid.state_at([(2.9, 0, 0.5), (3.2, 0, 0.5), (5, 0, 0.5)]).tolist() == [FREE, UNKNOWN, UNKNOWN]
     assert len(grid.occupied_centres()) == 0
@@ -38,7 +39,7 @@ def test_return_beyond_the_range_frees_up_to_the_range_and_ends_nowhere() -> Non
 def test_no_return_changes_nothing(nothing: float) -> None:
     grid = MetricMap()
     grid.integrate(wall(nothing), CAMERA, T_MAP_CAMERA)
-    assert grid.array()[0].size == 0
+    assert not np.any(grid.bounds())
 
 
 def test_points_mark_their_voxels_and_free_the_way() -> None:
@@ -51,7 +52,7 @@ def test_points_mark_their_voxels_and_free_the_way() -> None:
 
 
 def test_hits_outweigh_crossings_and_both_are_clamped() -> None:
-    grid = MetricMap(MetricMapConfig(hit=10, miss=1, least=-9, greatest=40))
+    grid = MetricMap()
     voxel = grid.voxel_index([(1.0, 0.0, 0.0)])
     values = []
     for end in [1.0] * 5 + [2.0] * 60 + [1.0]:
@@ -62,35 +63,42 @@ def test_hits_outweigh_crossings_and_both_are_clamped() -> None:
     assert grid.state_at([(1.0, 0.0, 0.0)]).tolist() == [OCCUPIED]
 
 
-def test_array_holds_the_three_values_where_it_says() -> None:
+def test_a_line_of_sight_is_free_up_to_the_target_and_not_through_walls_or_unknown_space() -> None:
+    grid, eye = MetricMap(), np.array([0.05, 0, 0.5])
+    grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
+    on_wall, behind, aside = (np.array(place) for place in ([2.0, 0, 0.5], [3.0, 0, 0.5], [1.0, 2, 0.5]))
+
+    def is_free(end: np.ndarray, **settings: float | bool) -> bool:
+        return grid.is_free_along(eye, end, KDTree(end[None]), 0.15, **settings)
+
+    assert is_free(np.array([1.5, 0, 0.5]))
+    assert is_free(on_wall) and not grid.is_free_along(eye, on_wall, KDTree(behind[None]), 0.15)
+    assert not is_free(behind) and not is_free(behind, may_be_unknown=True)
+    assert not is_free(aside) and is_free(aside, may_be_unknown=True)
+    grid.set_log_odds(grid.voxel_index([(0.3, 0, 0.5)])[0], np.full((1, 1, 1), 40, np.int8))
+    assert not is_free(on_wall) and is_free(on_wall, skip=0.5)
+
+
+def test_centres_are_those_of_the_voxels_in_each_state() -> None:
     grid = MetricMap()
     grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
-    array, corner = grid.array()
-    assert set(np.unique(array)) == {OCCUPIED, UNKNOWN, FREE}
-    for value, centres in ((OCCUPIED, grid.occupied_centres()), (FREE, grid.free_centres())):
-        index = np.argwhere(array == value)
-        assert sorted(np.rint((centres - corner) / 0.1 - 0.5).astype(int).tolist()) == index.tolist()
-    assert array.size == np.prod(np.diff(grid.bounds(), axis=0))
-
-
-def test_frontiers_are_the_free_voxels_beside_unknown_ones() -> None:
-    grid = MetricMap()
-    grid.set_log_odds(np.array([62, 0, 0]), np.full((5, 5, 5), -5, np.int8))
-    grid.set_log_odds(np.array([61, 0, 0]), np.full((1, 5, 5), 5, np.int8))
-    expected = [
-        (i, j, k) for i in range(62, 67) for j in range(5) for k in range(5) if i == 66 or {j, k} & {0, 4}
-    ]
-    assert sorted(map(tuple, grid.voxel_index(grid.frontier_centres()).tolist())) == expected
+    lower, upper = grid.bounds()
+    log_odds = grid.log_odds(lower, upper)
+    for sign, centres in ((1, grid.occupied_centres()), (-1, grid.free_centres())):
+        index = np.argwhere(np.sign(log_odds) == sign)
+        assert sorted((grid.voxel_index(centres) - lower).tolist()) == index.tolist()
+        np.testing.assert_array_equal(grid.voxel_centre(grid.voxel_index(centres)), centres)
+    assert set(np.unique(np.sign(log_odds))) == {-1, 0, 1}
 
 
 def test_map_survives_its_file(tmp_path) -> None:
-    grid = MetricMap(MetricMapConfig(voxel_size=0.2))
+    grid = MetricMap(voxel_size=0.2)
     grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
     save_metric_map(grid, tmp_path / "map.npz")
     again = load_metric_map(tmp_path / "map.npz")
-    assert again.config == grid.config
-    np.testing.assert_array_equal(again.array()[0], grid.array()[0])
-    np.testing.assert_array_equal(again.array()[1], grid.array()[1])
+    np.testing.assert_array_equal(again.corner, grid.corner)
+    np.testing.assert_array_equal(again.bounds(), grid.bounds())
+    np.testing.assert_array_equal(again.log_odds(*grid.bounds()), grid.log_odds(*grid.bounds()))
 
 
 def test_intrinsics_that_do_not_fit_are_refused() -> None:

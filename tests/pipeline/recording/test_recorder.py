@@ -72,9 +72,8 @@ def test_each_keyframe_is_a_step(recording):
     for entity in EACH_STEP:
         found = rows[f"/{entity}"]
         assert [row["step"] for row in found] == list(range(STEPS))
-        assert [row["sim_time"] for row in found] == pytest.approx(
-            [step.keyframe.frame.time for step in steps]
-        )
+        times = [step.keyframe.frame.time for step in steps]
+        assert [row["sim_time"] for row in found] == pytest.approx(times)
 
 
 def test_z_is_up_and_labels_have_their_names_and_colours(recording):
@@ -90,17 +89,15 @@ def test_z_is_up_and_labels_have_their_names_and_colours(recording):
 def test_pictures_come_back_as_they_were(recording):
     _, steps, rows = recording
     camera = "/world/robot/camera"
-    for index, step in enumerate(steps):
+    for index, frame in enumerate(step.keyframe.frame for step in steps):
         depth = components(rows[f"{camera}/depth"], "EncodedDepthImage:blob")[index]
         millimetres = cv2.imdecode(depth.astype(np.uint8).ravel(), cv2.IMREAD_UNCHANGED)
-        np.testing.assert_allclose(millimetres / 1000, step.keyframe.frame.depth, atol=0.5001e-3)
+        np.testing.assert_allclose(millimetres / 1000, frame.depth, atol=0.5001e-3)
         rgb = components(rows[f"{camera}/rgb"], "EncodedImage:blob")[index]
         picture = cv2.imdecode(rgb.astype(np.uint8).ravel(), cv2.IMREAD_COLOR)[..., ::-1]
-        assert np.abs(picture.astype(int) - step.keyframe.frame.rgb).mean() < 3
+        assert np.abs(picture.astype(int) - frame.rgb).mean() < 3
         labels = components(rows[f"{camera}/labels"], "SegmentationImage:buffer")[index]
-        np.testing.assert_array_equal(
-            labels.reshape(step.keyframe.frame.depth.shape), step.keyframe.frame.label
-        )
+        np.testing.assert_array_equal(labels.reshape(frame.depth.shape), frame.label)
 
 
 def test_the_camera_projects_as_its_intrinsics_say(recording):

@@ -67,10 +67,10 @@ def test_the_ellipsoid_holds_95_percent(rows):
 
 
 def test_ellipsoids_turn_as_their_covariance_does():
-    someone = victim(block((1, 0, 0), (0.3, 0.3, 0.3)))
+    person = victim(block((1, 0, 0), (0.3, 0.3, 0.3)))
     axis = np.array([1, 1, 0]) / np.sqrt(2)
-    someone.information = np.linalg.inv(0.01 * np.eye(3) + 0.08 * np.outer(axis, axis))
-    drawn = victim_drawings.certainty(victims(someone))
+    person.information = np.linalg.inv(0.01 * np.eye(3) + 0.08 * np.outer(axis, axis))
+    drawn = victim_drawings.certainty(victims(person))
     longest = np.array(drawn.half_sizes.as_arrow_array().to_pylist())[0]
     x, y, z, w = drawn.quaternions.as_arrow_array().to_pylist()[0]
     third = [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)]  # of the rotation's columns

@@ -8,6 +8,7 @@ from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.victim_map import Victim, Victims
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import HEIGHT, StillRobot
 
 
@@ -53,4 +54,4 @@ def before_a_wall(found: Victims | None, *, finished: bool = True) -> Situation:
     explorer = Explorer(StillRobot(), TruthClassifier(), detector=None if found is None else BlindDetector())
     step = explorer.step()
     explorer.mapper.victims = found or Victims()
-    return situation_of(explorer, [step.keyframe.T_map_base], HEIGHT, finished)
+    return situation_of(explorer.mapper, PIONEER, [step.keyframe.T_map_base], HEIGHT, finished)

@@ -2,12 +2,14 @@
 
 import re
 from base64 import b64decode
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
-from pipeline.rescue_report.page import page
+from pipeline.rescue_report.page import MAX_LISTED, page
+from pipeline.rescue_report.places import Place
 from tests.pipeline.rescue_report.html_page import Tag, read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
 
@@ -125,3 +127,24 @@ def test_no_person_found() -> None:
 
 def test_the_same_episode_gives_the_same_page(html: str) -> None:
     assert page(before_a_wall(victims(ALICE, BOB), finished=False), REPORT) == html
+
+
+def test_the_worst_places_are_listed_and_the_others_counted() -> None:
+    places = [Place(np.array([1.0, -2.0]), 0.5, 0.1 * (20 - k)) for k in range(MAX_LISTED + 2)]
+    situation = before_a_wall(None)
+    hazards = replace(situation.hazards, slopes=places, drops=places[:1], ceilings=places[:1])
+    text = read(page(replace(situation, hazards=hazards), {"arena": "a"})).text
+    assert "115° at (1.0, −2.0) m, 0.5 m²" in text
+    assert text.count(" at (1.0, −2.0) m, 0.5 m²") == MAX_LISTED
+    assert "and 2 more" in text
+    assert "200 cm deep at (1.0, −2.0) m" in text
+    assert "Low ceilings: the lowest leaves 2.0 m." in text
+
+
+def test_a_robot_that_cannot_leave_the_entrance_says_so() -> None:
+    situation = before_a_wall(victims(ALICE))
+    stranded = replace(situation, people=[replace(person, route=None) for person in situation.people])
+    root = read(page(stranded, {"arena": "a"}))
+    assert "no way out of the entrance" in "".join(texts(root, "span", "warning"))
+    assert "The robot cannot drive up to person 1." in "".join(texts(root, "p", "summary"))
+    assert list(root.all("ol")) == []

@@ -39,7 +39,7 @@ def test_straight_ahead_on_level_ground() -> None:
     assert way.length + way.gap == pytest.approx(2.8, abs=0.01)
     assert 0 < way.gap <= 0.1
     assert way.steepest == pytest.approx(0, abs=1e-4)
-    assert way.drops == 0
+    assert way.drops == []
     assert way.arrives
     assert [leg.turn for leg in way.legs] == pytest.approx([0], abs=0.05)
 
@@ -102,8 +102,7 @@ def test_drops_beside_the_way_are_told() -> None:
 
     way = route(block((1.5, 0, 0.2), (0.1, 0.1, 0.4)), ground_points(terrace, *HALL))
     assert way is not None
-    assert way.drops == 1
-    assert way.drop == pytest.approx(0.3, abs=0.001)
+    assert [place.value for place in way.drops] == pytest.approx([0.3], abs=0.001)
 
 
 def test_a_robot_that_cannot_leave_has_no_way() -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.segments.boxes import Box
 from pipeline.segments.crossings import clip, crossings
-from tests.pipeline.segments.test_segments import deck, segments_of, wall_patch
+from tests.pipeline.segments.patches import deck, segments_of, wall_patch
 
 WALL = segments_of([wall_patch(0, 3)])
 """Along x from 0 to 3 m at y = 0, 1.2 m high."""

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.segments.plane import Moments, Plane
+from pipeline.segments.plane import Moments, Plane, facing_camera
 
 
 def test_distance_is_positive_on_the_side_of_the_normal() -> None:
@@ -19,15 +19,21 @@ def test_facing_turns_the_normal_and_keeps_the_points() -> None:
     assert plane.distance(np.array([(3, 3, 0.5)])).tolist() == [0]
 
 
+def test_facing_the_camera_the_offset_is_not_positive() -> None:
+    planes = facing_camera(np.array([(0, 0, 1.0, 2), (0, 0, -1, -2), (0, 1, 0, 0)]))
+    assert planes.tolist() == [[0, 0, -1, -2], [0, 0, -1, -2], [0, 1, 0, 0]]
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_fit_agrees_with_singular_values_and_moments_add_up(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = (rng.normal(0, [2, 1, 0.01], (50, 3)) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]) + rng.uniform(
         -20, 20, 3
     )
-    plane, rms = (Moments.of(points[:20]) + Moments.of(points[20:])).fit()
+    plane, rms = (Moments.of(points[:20]) + Moments.of(points[20:])).fit(np.array([0.3, -0.5, 0.8]))
     centre = points.mean(axis=0)
     _, singular, axes = np.linalg.svd(points - centre)
     assert abs(plane.normal @ axes[2]) == pytest.approx(1, abs=1e-9)
     assert plane.distance(centre[None])[0] == pytest.approx(0, abs=1e-9)
+    assert plane.normal @ (0.3, -0.5, 0.8) > 0
     assert rms == pytest.approx(singular[2] / np.sqrt(50), rel=1e-3)

@@ -6,7 +6,9 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.labels import Label
-from pipeline.segments.planes import PlanePatch, find_planes
+from pipeline.segments.planar_regions import planar_regions
+from pipeline.segments.planes import MAX_ANGLE, PlanePatch, find_planes
+from pipeline.segments.surfels_kernels import NONE
 from tests.pipeline.polygon_scene import Face, floor, look, pose, wall, wedge
 
 ROOM = [
@@ -84,13 +86,24 @@ def test_wall_before_a_wall_is_two_walls() -> None:
     assert sorted(round(-p.plane.offset, 2) for p in patches) == [1.5, 1.7]
 
 
+def test_planes_in_the_cameras_frame_face_it() -> None:
+    frame = look(ROOM, CORNER_VIEW)
+    found = planar_regions(frame, frame.label * frame.returns, 0, MAX_ANGLE)
+    assert len(found.planes) >= 6
+    assert np.linalg.norm(found.planes[:, :3], axis=1) == pytest.approx(1)
+    assert (found.planes[:, 3] < 0).all()
+    on_plane = found.region != NONE
+    n, d = np.split(found.planes[found.region[on_plane]], [3], axis=1)
+    assert np.abs((n * found.surfels.points[on_plane]).sum(axis=1) - d[:, 0]).max() < 0.025
+
+
 def test_classes_without_planes_have_none() -> None:
     frame = look(ROOM, CORNER_VIEW)
     labels = np.full(np.count_nonzero(frame.returns), Label.CLUTTER, np.uint8)
     assert find_planes(frame, labels, CORNER_VIEW, 0) == []
 
 
-def test_look_into_nothing() -> None:
+def test_a_frame_without_returns() -> None:
     assert planes_of([floor(90, 99, 90, 99)], CORNER_VIEW, sigma=0) == []
 
 

@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.segments.regions_kernels import (
-    NONE,
     claim_nearest,
     grow_regions,
     least_eigenvalue,
     normals,
     null_vector,
 )
+from pipeline.segments.surfels_kernels import NONE
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -1,4 +1,4 @@
-"""Segments that grow and merge, from hand-made patches and from looks."""
+"""Segments that grow and merge, from hand-made patches and from frames."""
 
 from itertools import product
 
@@ -9,46 +9,10 @@ from hypothesis import strategies as st
 
 from pipeline.labels import Label
 from pipeline.segments.boxes import corners
-from pipeline.segments.cells import cells_of
-from pipeline.segments.plane import Moments
-from pipeline.segments.planes import PlanePatch, find_planes
+from pipeline.segments.planes import find_planes
 from pipeline.segments.segments import Segments
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
-
-
-def patch(origin, x, y, length, width, label=Label.WALL, viewpoint=None):
-    """A rectangle from ``origin`` along x and y, seen from ``viewpoint`` or from the side of x × y."""
-    s, t = (
-        g.ravel() for g in np.meshgrid(np.arange(0, length + 1e-6, 0.02), np.arange(0, width + 1e-6, 0.02))
-    )
-    points = np.array(origin) + s[:, None] * np.array(x) + t[:, None] * np.array(y)
-    moments = Moments.of(points)
-    side = np.cross(x, y) if viewpoint is None else np.array(viewpoint) - moments.centroid
-    return PlanePatch(
-        label,
-        moments.fit()[0].facing(side),
-        moments,
-        points.astype(np.float32),
-        cells_of(points.astype(np.float32))[0],
-    )
-
-
-def wall_patch(x0, x1, y=0.0, z0=0.0, z1=1.2, front=True):
-    """A wall along x, seen from smaller y or, if not ``front``, from larger y."""
-    return patch(
-        (x0, y, z0), (1, 0, 0), (0, 0, 1), x1 - x0, z1 - z0, viewpoint=(x0, y + (-5 if front else 5), 0.5)
-    )
-
-
-def deck(x0, x1, y0, y1, z=0.17, label=Label.STRAIGHT_RAMP):
-    return patch((x0, y0, z), (1, 0, 0), (0, 1, 0), x1 - x0, y1 - y0, label)
-
-
-def segments_of(*looks):
-    segments = Segments()
-    for step, patches in enumerate(looks):
-        segments.update(patches, step)
-    return list(segments)
+from tests.pipeline.segments.patches import deck, patch, segments_of, wall_patch
 
 
 def test_wall_seen_piece_by_piece_is_one_segment() -> None:
@@ -56,7 +20,6 @@ def test_wall_seen_piece_by_piece_is_one_segment() -> None:
     assert segment.id == 0
     assert (segment.first_step, segment.last_step) == (0, 3)
     assert segment.label == Label.WALL
-    assert segment.points == segment.moments.count
     assert segment.plane.normal == pytest.approx([0, -1, 0])
     assert segment.box.extent == pytest.approx([3, 1.2, 0.02], abs=1e-3)
     assert corners(segment.box).min(axis=0) == pytest.approx([0, -0.01, 0], abs=1e-3)

@@ -5,11 +5,12 @@ import pytest
 
 from pipeline.frame import Frame
 from pipeline.labels import Label
+from pipeline.segments.planar_regions import MIN_PIXELS, MIN_SURFELS
+from pipeline.segments.surfels_kernels import NONE
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL
-from pipeline.semantic_map.planar_vote import PlanarVoteConfig, planar_vote, possible_classes
+from pipeline.semantic_map.planar_vote import planar_vote, possible_classes
 from pipeline.semantic_map.planar_vote_kernels import (
-    NONE,
     mean_logs,
     normalised_products,
     planes_of_pixels,
@@ -57,7 +58,7 @@ def test_a_level_deck_and_the_floor_do_not_vote_together() -> None:
 
 
 def test_what_a_plane_may_be_follows_from_how_it_leans() -> None:
-    level, low, ramp, wall = possible_classes(np.cos(np.radians([1, 10, 130, 89])), PlanarVoteConfig())
+    level, low, ramp, wall = possible_classes(np.cos(np.radians([1, 10, 130, 89])))
     names = [{CLASSES[i] for i in np.flatnonzero(row)} for row in (level, low, ramp, wall)]
     flat = {Label.TERRAIN, Label.STRAIGHT_RAMP, Label.CEILING, Label.CLUTTER}
     assert names == [
@@ -76,13 +77,12 @@ def test_a_slope_is_a_ramp_if_the_network_takes_it_for_a_wall() -> None:
 
 
 def test_what_is_on_no_plane_keeps_its_probabilities() -> None:
-    config = PlanarVoteConfig()
     small = [floor(0, 4, 0, 4), wall((1.5, 1.50), (1.5, 1.53), 0.3, 0.34)]
     frame = look(small, EYE)
     given = np.random.default_rng(0).dirichlet(np.ones(6), np.count_nonzero(frame.returns)).astype(np.float32)
     on_wall = frame.label[frame.returns] == Label.WALL
-    assert 0 < on_wall.sum() < config.regions.min_surfels * config.regions.min_pixels
-    voted = planar_vote(frame, EYE, given, config)
+    assert 0 < on_wall.sum() < MIN_SURFELS * MIN_PIXELS
+    voted = planar_vote(frame, EYE, given)
     assert np.array_equal(voted[on_wall], given[on_wall])
     assert voted.sum(axis=1) == pytest.approx(np.ones(len(voted)), abs=1e-5)
     assert not np.array_equal(voted[~on_wall], given[~on_wall])
@@ -102,7 +102,7 @@ def test_a_pixel_that_could_be_on_two_planes_goes_with_its_neighbours(window: in
     assert plane.tolist() == [[NONE, 0, 0], [0, expected, 0], [0, 0, NONE]]
 
 
-def test_a_look_at_nothing() -> None:
+def test_a_frame_without_returns() -> None:
     frame = look([floor(90, 99, 90, 99)], EYE)
     assert planar_vote(frame, EYE, np.empty((0, 6), np.float32)).shape == (0, 6)
 

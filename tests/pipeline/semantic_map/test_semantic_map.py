@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from pipeline.semantic_map.semantic_map import SemanticMap, SemanticMapConfig
+from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
 
 
 def one_hot(*labels: int) -> np.ndarray:
@@ -33,7 +33,7 @@ def test_points_of_one_voxel_become_their_mean_and_the_majority_wins() -> None:
     assert semantic_map.probabilities()[0, :3] == pytest.approx([0, 1 / 3, 2 / 3])
 
 
-def test_looks_are_fused() -> None:
+def test_frames_are_fused() -> None:
     semantic_map = SemanticMap()
     for label in (1, 2, 2):
         semantic_map.update(cloud((1.01, 0.01, 0.01)), one_hot(label))
@@ -42,9 +42,9 @@ def test_looks_are_fused() -> None:
 
 
 def test_what_lies_at_the_points_of_people_is_victim() -> None:
-    semantic_map = SemanticMap(SemanticMapConfig(skin=0.05))
+    semantic_map = SemanticMap()
     semantic_map.update(cloud((0.01, 0.01, 0.01), (0.07, 0.01, 0.01), (2, 0, 0)), one_hot(1, 2, 3))
-    semantic_map.show_people([cloud((0.01, 0.02, 0.01), (0.0, 0.0, 0.3)), cloud((2, 0, 0.04))])
+    semantic_map.show_people([cloud((0.01, 0.02, 0.01), (0.0, 0.0, 0.3)), cloud((2, 0, 0.02))])
     assert semantic_map.labels().tolist() == [Label.VICTIM, 2, Label.VICTIM]
     semantic_map.show_people([cloud((5, 5, 5))])  # the others turned out to be none
     assert semantic_map.labels().tolist() == [1, 2, 3]
@@ -80,7 +80,7 @@ def test_points_without_a_probability_are_left_out() -> None:
     assert semantic_map.labels().tolist() == [3]
 
 
-def test_empty_look_changes_nothing() -> None:
+def test_empty_frame_changes_nothing() -> None:
     semantic_map = SemanticMap()
     semantic_map.update(cloud(), one_hot())
     assert semantic_map.points().shape == (0, 3)
@@ -90,7 +90,7 @@ def test_empty_look_changes_nothing() -> None:
     assert len(semantic_map) == 1
 
 
-def test_memory_does_not_grow_with_looks_at_the_same_surface() -> None:
+def test_memory_does_not_grow_with_frames_of_the_same_surface() -> None:
     rng = np.random.default_rng(0)
     semantic_map = SemanticMap()
     for _ in range(20):
@@ -101,15 +101,17 @@ def test_memory_does_not_grow_with_looks_at_the_same_surface() -> None:
 
 
 @given(
-    arrays(np.float32, st.tuples(st.integers(0, 60), st.just(3)), elements=st.floats(-0.25, 0.25, width=32)),
+    arrays(
+        np.float32, st.tuples(st.integers(0, 60), st.just(3)), elements=st.floats(-0.125, 0.125, width=32)
+    ),
     st.integers(0, 2**32 - 1),
 )
 def test_agrees_with_a_dictionary(points: np.ndarray, seed: int) -> None:
     labels = np.random.default_rng(seed).integers(0, 8, len(points))
-    semantic_map = SemanticMap(SemanticMapConfig(voxel_size=0.05))
+    semantic_map = SemanticMap()
     expected = defaultdict(list)
     for n, point in enumerate(points):
-        expected[tuple(np.floor(point.astype(np.float64) * 20))].append(n)
+        expected[tuple(np.floor(point.astype(np.float64) * (1 / VOXEL)))].append(n)
     for half in (slice(0, len(points) // 2), slice(len(points) // 2, None)):
         semantic_map.update(points[half], one_hot(*labels[half]))
     assert len(semantic_map) == len(expected)
@@ -129,9 +131,3 @@ def test_shapes_that_do_not_fit_are_refused() -> None:
     ):
         with pytest.raises(InputError, match="semantic map"):
             SemanticMap().update(points.astype(np.float32), probabilities.astype(np.float32))
-
-
-@pytest.mark.parametrize("size", [0.0, -0.02, np.nan])
-def test_voxels_without_size_are_refused(size: float) -> None:
-    with pytest.raises(InputError, match="voxel size"):
-        SemanticMap(SemanticMapConfig(voxel_size=size))

@@ -21,10 +21,8 @@ U_TURN: list[Wall] = [((0, -2), (0, 0.8))]
 
 def patch(label: Label, points: NDArray, seen_from: tuple[float, float, float]) -> PlanePatch:
     moments = Moments.of(points)
-    plane = moments.fit()[0]
-    return PlanePatch(
-        label, plane.facing(np.array(seen_from) - moments.centroid), moments, points, cells_of(points)[0]
-    )
+    plane, _ = moments.fit(np.array(seen_from) - moments.centroid)
+    return PlanePatch(label, plane, moments, points, cells_of(points)[0])
 
 
 def room(

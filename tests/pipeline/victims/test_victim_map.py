@@ -5,18 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.victims import observation, victim_map
 from pipeline.victims.detection.detection import Detection
-from pipeline.victims.observation import Observation, ObservationConfig, Refusal, observe
-from pipeline.victims.victim_map import Victims, VictimsConfig
+from pipeline.victims.observation import Observation, Refusal, observe
+from pipeline.victims.victim_map import Victims
+from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
 OTHER: Ball = (2.4, 1.5, 0.3, 0.25)
-CONFIG = ObservationConfig()
 
 
 def refusal(balls: list[Ball], detection: Detection) -> str:
-    result = observe(step(camera_at(0, 0), balls), detection, camera_at(0, 0), CONFIG)
+    result = observe(step(camera_at(0, 0), balls), detection, camera_at(0, 0))
     assert isinstance(result, Refusal)
     return result.reason
 
@@ -29,7 +30,7 @@ def walk(victims: Victims, places: list[tuple[float, float]], balls: list[Ball],
 
 def test_a_person_is_where_it_is() -> None:
     T = camera_at(0, 0)
-    result = observe(step(T, [PERSON]), detection_of(T, PERSON), T, CONFIG)
+    result = observe(step(T, [PERSON]), detection_of(T, PERSON), T)
     assert isinstance(result, Observation)
     assert result.position == pytest.approx(PERSON[:3], abs=0.16)  # the front of it
     np.testing.assert_allclose(np.linalg.norm(result.points - PERSON[:3], axis=1), 0.25, atol=0.01)
@@ -42,7 +43,7 @@ def test_the_map_may_lie_anywhere() -> None:
     T = camera_at(0, 0)
     moved = T.copy()
     moved[:3, 3] += [5, -3, 1]
-    here, there = (observe(step(T, [PERSON]), detection_of(T, PERSON), pose, CONFIG) for pose in (T, moved))
+    here, there = (observe(step(T, [PERSON]), detection_of(T, PERSON), pose) for pose in (T, moved))
     assert isinstance(here, Observation)
     assert isinstance(there, Observation)
     np.testing.assert_allclose(there.position - here.position, [5, -3, 1], atol=1e-5)
@@ -54,9 +55,9 @@ def test_what_is_no_person_is_refused() -> None:
     assert "flat" in refusal([], Detection((40, 90, 120, 118), 0.9))  # and on the floor
     small: Ball = (1.5, 0, 0.05, 0.05)
     assert "less than a person" in refusal([small], detection_of(camera_at(0, 0), small))
-    small_people = replace(CONFIG, max_size=0.2)
     T = camera_at(0, 0)
-    large = observe(step(T, [PERSON]), detection_of(T, PERSON), T, small_people)
+    with constants(observation, MAX_SIZE=0.2):
+        large = observe(step(T, [PERSON]), detection_of(T, PERSON), T)
     assert isinstance(large, Refusal)
     assert "more than a person" in large.reason
 
@@ -68,14 +69,14 @@ def test_a_hole_in_the_depth_is_refused() -> None:
     x0, y0, x1, y1 = map(int, detection.box)
     depth = frame.depth.copy()
     depth[y0 : y1 + 1, x0 : x1 + 1] = 0
-    result = observe(replace(frame, depth=depth), detection, T, CONFIG)
+    result = observe(replace(frame, depth=depth), detection, T)
     assert isinstance(result, Refusal)
     assert result.reason == "no depth where it is"
-    outside = observe(frame, Detection((500, 500, 600, 600), 0.9), T, CONFIG)
+    outside = observe(frame, Detection((500, 500, 600, 600), 0.9), T)
     assert isinstance(outside, Refusal)
 
 
-def test_two_looks_from_different_places_confirm() -> None:
+def test_two_frames_from_different_places_confirm() -> None:
     victims = Victims()
     walk(victims, [(0, 0)], [PERSON, OTHER], [PERSON])
     assert len(victims.unconfirmed) == 1
@@ -89,9 +90,9 @@ def test_two_looks_from_different_places_confirm() -> None:
     assert np.sqrt(np.diag(victim.covariance)).max() < 0.2
 
 
-def victims_of(confidences: tuple[float, ...], config: VictimsConfig) -> Victims:
-    """After looks at one person from different places."""
-    victims = Victims(config)
+def victims_of(confidences: tuple[float, ...]) -> Victims:
+    """After detections of one person from different places."""
+    victims = Victims()
     for k, confidence in enumerate(confidences):
         T = camera_at(0, 0.5 * k)
         victims.update(step(T, [PERSON]), [detection_of(T, PERSON, confidence)], T)
@@ -100,20 +101,22 @@ def victims_of(confidences: tuple[float, ...], config: VictimsConfig) -> Victims
 
 @pytest.mark.parametrize("confidences", [(0.3, 0.9), (0.9, 0.3), (0.5, 0.5), (0.4, 0.4, 0.4)])
 def test_many_uncertain_detections_tell_as_much_as_few_sure_ones(confidences: tuple[float, ...]) -> None:
-    (victim,) = victims_of(confidences, VictimsConfig(whole=0.3)).confirmed
+    with constants(victim_map, WHOLE=0.3):
+        (victim,) = victims_of(confidences).confirmed
     assert victim.confidence == pytest.approx(np.mean(confidences))
 
 
-def test_little_evidence_is_worth_a_second_look_and_less_is_not() -> None:
+def test_little_evidence_is_worth_observing_again_and_less_is_not() -> None:
     for confidences, worth in (((0.3,), 0), ((0.3, 0.4), 1), ((0.6,), 1)):
-        victims = victims_of(confidences, VictimsConfig(whole=0.3))
-        assert victims.confirmed == []
-        assert len(victims.unconfirmed) == worth
+        with constants(victim_map, WHOLE=0.3):
+            victims = victims_of(confidences)
+            assert victims.confirmed == []
+            assert len(victims.unconfirmed) == worth
 
 
 def test_what_is_small_takes_more_evidence() -> None:
     for confidences, is_enough in (((0.6, 0.5), False), ((0.6, 0.7), True), ((0.4, 0.4, 0.5), True)):
-        victims = victims_of(confidences, VictimsConfig())
+        victims = victims_of(confidences)
         assert len(victims.confirmed) == is_enough
         assert len(victims.unconfirmed) == (not is_enough)
 
@@ -127,7 +130,7 @@ def test_two_people_stay_two() -> None:
     assert positions[1] == pytest.approx(OTHER[:3], abs=0.16)
 
 
-def test_someone_who_is_not_found_again_is_dropped() -> None:
+def test_a_victim_that_is_not_found_again_is_dropped() -> None:
     victims = Victims()
     walk(victims, [(0, 0)], [PERSON], [PERSON])
     walk(victims, [(0, 0.1), (0, 0.2)], [PERSON], [])
@@ -136,7 +139,7 @@ def test_someone_who_is_not_found_again_is_dropped() -> None:
     assert victims.all == []
 
 
-def test_someone_hidden_or_out_of_sight_is_not_missed() -> None:
+def test_a_victim_hidden_or_out_of_sight_is_not_missed() -> None:
     victims = Victims()
     walk(victims, [(0, 0)], [PERSON], [PERSON])
     walk(victims, [(0, 0)], [PERSON, (1.2, 0, 0.4, 0.35)], [])  # something stands before it
@@ -179,39 +182,42 @@ def test_a_photo_of_the_whole_person_is_better_than_one_of_a_part() -> None:
 LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
 
 
-def test_someone_seen_in_parts_is_one_person() -> None:
-    victims = Victims(VictimsConfig(gate=1e-6, between=0.2))  # whose parts alone can tell
-    walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
-    walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
-    assert len(victims.all) == 2
-    x, y, z, r = PERSON
-    T = camera_at(0.1, 0.4)
-    both = detection_of(T, (x, y - 0.4, z, r + 0.4))
-    victims.update(step(T, [PERSON, LEGS]), [both], T)
+def test_a_person_seen_in_parts_is_one_person() -> None:
+    victims = Victims()
+    with constants(victim_map, GATE=1e-6, BETWEEN=0.2):  # whose parts alone can tell
+        walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
+        walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
+        assert len(victims.all) == 2
+        x, y, z, r = PERSON
+        T = camera_at(0.1, 0.4)
+        both = detection_of(T, (x, y - 0.4, z, r + 0.4))
+        victims.update(step(T, [PERSON, LEGS]), [both], T)
     (victim,) = victims.all
     assert len(victim.cameras) == 3
     assert victim.position == pytest.approx((x, y - 0.4, z), abs=0.16)
 
 
-def test_two_ends_of_someone_whose_middle_is_hidden_are_one_person() -> None:
-    for settings, people in (({}, 1), ({"between": 0.1}, 2), ({"together": 0.8}, 2)):
-        victims = Victims(VictimsConfig(gate=1e-6, **settings))
-        walk(victims, [(0, 0), (0, 0.4)], [PERSON, LEGS], [PERSON, LEGS])
+def test_two_ends_of_a_person_whose_middle_is_hidden_are_one_person() -> None:
+    for settings, people in (({}, 1), ({"BETWEEN": 0.1}, 2), ({"TOGETHER": 0.8}, 2)):
+        victims = Victims()
+        with constants(victim_map, GATE=1e-6, **settings):
+            walk(victims, [(0, 0), (0, 0.4)], [PERSON, LEGS], [PERSON, LEGS])
         assert len(victims.all) == people
 
 
 def test_two_who_touch_but_are_too_large_for_one_stay_two() -> None:
     both = [(2.0, 0.3, 0.2, 0.25), (2.0, -0.3, 0.2, 0.25)]
-    for settings, people in (({}, 1), ({"together": 0.6}, 2), ({"together": 0.6, "inside": 0.1}, 1)):
-        victims = Victims(VictimsConfig(gate=1e-6, **settings))
-        walk(victims, [(0, 0), (0, 0.4)], both, both)
+    for settings, people in (({}, 1), ({"TOGETHER": 0.6}, 2), ({"TOGETHER": 0.6, "INSIDE": 0.1}, 1)):
+        victims = Victims()
+        with constants(victim_map, GATE=1e-6, **settings):
+            walk(victims, [(0, 0), (0, 0.4)], both, both)
         assert len(victims.all) == people
 
 
 def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> None:
     T = camera_at(2.7, 0)
     near: Ball = (3.7, 0.0, 0.6, 0.28)
-    result = observe(step(T, [near]), Detection((4, 2, 156, 118), 0.9), T, CONFIG)
+    result = observe(step(T, [near]), Detection((4, 2, 156, 118), 0.9), T)
     assert isinstance(result, Observation)
     np.testing.assert_allclose(np.linalg.norm(result.points - near[:3], axis=1), 0.28, atol=0.02)
 
@@ -219,6 +225,6 @@ def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> No
 def test_of_what_stands_one_behind_the_other_the_nearest_is_the_person() -> None:
     T = camera_at(0, 0)
     behind: Ball = (3.0, 0.0, 0.3, 0.3)
-    result = observe(step(T, [PERSON, behind]), detection_of(T, (2.0, 0.0, 0.3, 0.4)), T, CONFIG)
+    result = observe(step(T, [PERSON, behind]), detection_of(T, (2.0, 0.0, 0.3, 0.4)), T)
     assert isinstance(result, Observation)
     assert result.points[:, 0].max() < 2.1

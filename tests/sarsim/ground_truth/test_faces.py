@@ -59,7 +59,7 @@ def segments_of(label, points, viewer):
     moments = Moments.of(points)
     patch = PlanePatch(
         label,
-        moments.fit()[0].facing(np.array(viewer) - moments.centroid),
+        moments.fit(np.array(viewer) - moments.centroid)[0],
         moments,
         points,
         cells_of(points)[0],

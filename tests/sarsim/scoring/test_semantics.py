@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pipeline.labels import Label
-from pipeline.semantic_map.semantic_map import SemanticMap, SemanticMapConfig
+from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.scoring.semantics import SemanticScore, confusion_matrix, iou_by_label
 
 WALL, FLOOR, RAMP = Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP
@@ -18,8 +18,7 @@ def test_confusion_and_iou_by_hand():
 
 
 def test_the_map_is_compared_voxel_by_voxel_with_the_true_labels():
-    config = SemanticMapConfig()
-    semantic_map, score = SemanticMap(config), SemanticScore(config)
+    semantic_map, score = SemanticMap(), SemanticScore()
     points = np.array([(0.01, 0.01, 0.01), (0.5, 0, 0), (1, 0, 0), (1.5, 0, 0)], np.float32)
     truth = np.array([WALL, WALL, FLOOR, FLOOR], np.uint8)
     guess = np.array([WALL, FLOOR, FLOOR, FLOOR], np.uint8)
@@ -33,5 +32,4 @@ def test_the_map_is_compared_voxel_by_voxel_with_the_true_labels():
 
 
 def test_a_robot_that_saw_nothing_has_no_figures():
-    config = SemanticMapConfig()
-    assert SemanticScore(config).report(SemanticMap(config)) == {}
+    assert SemanticScore().report(SemanticMap()) == {}

@@ -1,1 +1,1 @@
-"""DGCNN made fast on a CPU: inference, and a training step with hand-written gradients."""
+"""DGCNN by hand for CPUs: inference, and the gradients of a training step."""

@@ -12,16 +12,18 @@ from torch import Tensor, nn
 from torch.nn.functional import leaky_relu
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, SLOPE, Dgcnn, EdgeConv
+from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, SLOPE, Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels as kernels
 from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
 
 TILE = 64
 """Points at a time: what belongs to them, above all 1 MB of distances from 4,096 points, stays in the cache."""
+SLOPE32 = np.float32(SLOPE)
 
 Features = NDArray[np.float32]
-Edges = Callable[[slice, NDArray[np.int32]], Features]
-"""From some of the points and their (R, k) neighbours to (R k, C) responses on the edges."""
+Neighbours = NDArray[np.int32]
+Responses = Callable[[slice, Neighbours, Features], None]
+"""Fills in the (R, C) features of some of the points from their (R, k) neighbours."""
 
 
 class FastDgcnn:
@@ -41,12 +43,12 @@ class FastDgcnn:
             InputError: k is too large.
         """
         if network.k > kernels.BOUNDS:
-            raise InputError(
-                f"DGCNN with k = {network.k}: at most {kernels.BOUNDS} neighbours can be selected"
-            )
+            raise InputError(f"DGCNN with k = {network.k}: at most {kernels.BOUNDS} neighbours are selected")
         self.channels, self.classes, self.k = network.channels, network.classes, network.k
         self._threads = RowThreads(threads or os.cpu_count() or 1)
-        self._conv1, self._conv2, self._conv3 = (_Layer.all_of(conv) for conv in network.edge_convs)
+        self._conv1, self._conv2, self._conv3 = (
+            [_Layer.of(cast(nn.Sequential, layer)) for layer in conv.layers] for conv in network.edge_convs
+        )
         self._embedding = _Layer.of(network.embedding).folded()
         self._head1, self._head2 = _Layer.of(network.head1).folded(), _Layer.of(network.head2).folded()
         self._classifier = network.classifier.weight.detach()[..., 0]
@@ -61,86 +63,64 @@ class FastDgcnn:
         return self._threads.run(lambda: self._logits(torch.from_numpy(np.ascontiguousarray(points))).numpy())
 
     def _logits(self, x: Tensor) -> Tensor:
-        x1 = self._edge_conv(x[:, -GRAPH_CHANNELS:], self._edges_of_differences(x), self._conv1[1])
-        x2 = self._edge_conv(x1, self._edges_of_sums(x1), self._conv2[1])
-        x3 = self._last_edge_conv(x2)
+        x1 = self._edge_conv(x[:, -GRAPH_CHANNELS:].contiguous(), self._first(x), len(self._conv1[1].weight))
+        x2 = self._edge_conv(x1, self._second(x1), len(self._conv2[1].weight))
+        x3 = self._edge_conv(x2, self._third(x2), len(self._conv3[0].weight))
         return self._segment(torch.cat((x1, x2, x3), dim=1))
 
     def _check(self, points: Features) -> None:
         if points.ndim != 2 or points.shape[1] != self.channels or len(points) < self.k:
-            raise InputError(
-                f"DGCNN: a block of points {points.shape} is not (at least {self.k}, {self.channels})"
-            )
+            wanted = f"(at least {self.k}, {self.channels})"
+            raise InputError(f"DGCNN: a block of points {points.shape} is not {wanted}")
         if not np.isfinite(points).all():
             raise InputError("DGCNN: a block holds points that are not finite")
 
-    def _neighbours(self, x: Tensor) -> Callable[[slice], NDArray[np.int32]]:
-        """A function that finds the neighbours of some of the points, by their distances from all."""
-        # Added up in the same order as in network.nearest: another one rounds to other neighbours.
-        half_square = (x.T.contiguous().square().sum(dim=0) / 2).numpy()
-
-        def neighbours(rows: slice) -> NDArray[np.int32]:
-            product = linear(x[rows], x).numpy()
-            result = np.empty((len(product), self.k), np.int32)
-            kernels.select_nearest(product, half_square, result)
-            return result
-
-        return neighbours
-
-    def _edge_conv(self, graph: Tensor, edges: Edges, last: "_Layer") -> Tensor:
-        """An EdgeConv of two layers: the graph's (N, C) features, and the first layer's response on its edges."""
-        neighbours = self._neighbours(graph.contiguous())
-        features = np.empty((len(graph), len(last.weight)), np.float32)
-        scale, shift = last.scale.numpy(), last.shift.numpy()
-
-        def tile(rows: slice) -> None:
-            responses = linear(torch.from_numpy(edges(rows, neighbours(rows))), last.weight).numpy()
-            kernels.largest_edge(responses, scale, shift, SLOPE32, features[rows])
-
-        self._threads.over(len(graph), TILE, tile)
+    def _edge_conv(self, graph: Tensor, responses: Responses, channels: int) -> Tensor:
+        """(N, channels) features, from the (N, C) features that tell which points are neighbours."""
+        find = neighbour_finder(graph, self.k)
+        features = np.empty((len(graph), channels), np.float32)
+        self._threads.over(tiles(len(graph)), lambda rows: responses(rows, find(rows), features[rows]))
         return torch.from_numpy(features)
 
-    def _edges_of_differences(self, x: Tensor) -> Edges:
-        first = self._conv1[0]
-        scale, shift = first.scale.numpy(), first.shift.numpy()
+    def _first(self, x: Tensor) -> Responses:
+        first, last = self._conv1
+        points, scale, shift = x.numpy(), first.scale.numpy(), first.shift.numpy()
 
-        def edges(rows: slice, neighbours: NDArray[np.int32]) -> Features:
+        def responses(rows: slice, neighbours: Neighbours, features: Features) -> None:
             differences = np.empty((neighbours.size, 2 * self.channels), np.float32)
-            kernels.difference_edges(x.numpy(), rows.start, neighbours, differences)
-            responses = linear(torch.from_numpy(differences), first.weight).numpy()
-            kernels.normalize_edges(responses, scale, shift, SLOPE32)
-            return responses
+            kernels.difference_edges(points, rows.start, neighbours, differences)
+            edges = linear(torch.from_numpy(differences), first.weight).numpy()
+            kernels.normalize_edges(edges, scale, shift, SLOPE32)
+            last.largest(edges, features)
 
-        return edges
+        return responses
 
-    def _edges_of_sums(self, x: Tensor) -> Edges:
-        of_neighbour, of_point = self._conv2[0].split(x)
+    def _second(self, x: Tensor) -> Responses:
+        first, last = self._conv2
+        of_neighbour, of_point = first.split(x)
 
-        def edges(rows: slice, neighbours: NDArray[np.int32]) -> Features:
-            responses = np.empty((neighbours.size, of_point.shape[1]), np.float32)
-            kernels.sum_edges(of_neighbour, of_point[rows], neighbours, SLOPE32, responses)
-            return responses
+        def responses(rows: slice, neighbours: Neighbours, features: Features) -> None:
+            edges = np.empty((neighbours.size, of_point.shape[1]), np.float32)
+            kernels.sum_edges(of_neighbour, of_point[rows], neighbours, SLOPE32, edges)
+            last.largest(edges, features)
 
-        return edges
+        return responses
 
-    def _last_edge_conv(self, x: Tensor) -> Tensor:
+    def _third(self, x: Tensor) -> Responses:
         """An EdgeConv of one layer: all of it can wait until after the maximum."""
         of_neighbour, of_point = self._conv3[0].split(x)
-        neighbours = self._neighbours(x)
-        features = np.empty_like(of_point)
 
-        def tile(rows: slice) -> None:
-            kernels.largest_sum(of_neighbour, of_point[rows], neighbours(rows), SLOPE32, features[rows])
+        def responses(rows: slice, neighbours: Neighbours, features: Features) -> None:
+            kernels.largest_sum(of_neighbour, of_point[rows], neighbours, SLOPE32, features)
 
-        self._threads.over(len(x), TILE, tile)
-        return torch.from_numpy(features)
+        return responses
 
     def _segment(self, local: Tensor) -> Tensor:
         """(N, 192) features of the three EdgeConvs to (N, classes) logits."""
         weight, bias = self._embedding
-        largest: list[Tensor] = []
+        largest, rows_of_tiles = list[Tensor](), tiles(len(local))
         self._threads.over(
-            len(local), TILE, lambda rows: largest.append(linear(local[rows], weight).amax(dim=0))
+            rows_of_tiles, lambda rows: largest.append(linear(local[rows], weight).amax(dim=0))
         )
         everything = leaky_relu(torch.stack(largest).amax(dim=0) + bias, SLOPE)
         weight, bias = self._head1
@@ -153,11 +133,27 @@ class FastDgcnn:
             x = leaky_relu(linear(x, *self._head2), SLOPE)
             logits[rows] = linear(x, self._classifier)
 
-        self._threads.over(len(local), TILE, tile)
+        self._threads.over(rows_of_tiles, tile)
         return logits
 
 
-SLOPE32 = np.float32(SLOPE)
+def neighbour_finder(x: Tensor, k: int) -> Callable[[slice], Neighbours]:
+    """A function that finds the (R, k) nearest of (N, C) points to some of them, by their distances from all."""
+    # Added up in the same order as in dgcnn.nearest: another one rounds to other neighbours.
+    half_square = (x.T.contiguous().square().sum(dim=0) / 2).numpy()
+
+    def find(rows: slice) -> Neighbours:
+        product = linear(x[rows], x).numpy()
+        result = np.empty((len(product), k), np.int32)
+        kernels.select_nearest(product, half_square, result)
+        return result
+
+    return find
+
+
+def tiles(count: int) -> list[slice]:
+    """Slices of TILE rows."""
+    return [slice(start, min(start + TILE, count)) for start in range(0, count, TILE)]
 
 
 def linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
@@ -190,9 +186,10 @@ class _Layer:
         sign = torch.where(scale < 0, -1.0, 1.0)
         return cls(weight * sign[:, None], scale.abs(), shift.float())
 
-    @classmethod
-    def all_of(cls, conv: EdgeConv) -> "list[_Layer]":
-        return [cls.of(cast(nn.Sequential, layer)) for layer in conv.layers]
+    def largest(self, edges: Features, features: Features) -> None:
+        """Fill in (R, outputs) the largest response to the (R k, inputs) edges of each of R points."""
+        responses = linear(torch.from_numpy(edges), self.weight).numpy()
+        kernels.largest_edge(responses, self.scale.numpy(), self.shift.numpy(), SLOPE32, features)
 
     def folded(self) -> tuple[Tensor, Tensor]:
         """Weight and bias of one linear map that does it all."""

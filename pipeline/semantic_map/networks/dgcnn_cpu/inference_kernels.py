@@ -93,8 +93,7 @@ def difference_edges(points, first, neighbours, edges):
 
     Args:
         points: (N, C) float32.
-        first: index of the first of R points in a row.
-        neighbours: (R, k) int32 of those.
+        first, neighbours: index of the first of R points in a row, and their (R, k) int32 neighbours.
         edges: (R k, 2 C) float32, filled.
     """
     count, k = neighbours.shape
@@ -124,8 +123,7 @@ def sum_edges(of_neighbour, of_point, neighbours, slope, edges):
 
     Args:
         of_neighbour: (N, C) float32 A x_j of all points.
-        of_point: (R, C) float32 B x_i of R points.
-        neighbours: (R, k) int32 of those.
+        of_point, neighbours: (R, C) float32 B x_i of R points and their (R, k) int32 neighbours.
         slope: of LeakyReLU below 0.
         edges: (R k, C) float32, filled.
     """
@@ -145,8 +143,7 @@ def largest_edge(edges, scale, shift, slope, features):
 
     Args:
         edges: (R k, C) float32.
-        scale: (C,) float32, not negative.
-        shift: (C,) float32.
+        scale, shift: (C,) float32, scale not negative.
         slope: of LeakyReLU below 0.
         features: (R, C) float32, filled.
     """

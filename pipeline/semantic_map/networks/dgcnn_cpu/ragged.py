@@ -8,9 +8,7 @@ from torch import Tensor, nn
 from torch.nn.functional import batch_norm, leaky_relu
 
 from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, SLOPE, Dgcnn, EdgeConv, nearest
-from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels
-from pipeline.semantic_map.networks.dgcnn_cpu.inference import linear
-from pipeline.semantic_map.networks.dgcnn_cpu.training_edges import tiles
+from pipeline.semantic_map.networks.dgcnn_cpu.inference import neighbour_finder, tiles
 from pipeline.semantic_map.networks.dgcnn_cpu.training_functions import (
     LargestLinear,
     LargestOfTwoLayers,
@@ -33,15 +31,13 @@ class RaggedDgcnn(nn.Module):
         x, local = points, []
         graph = points[:, -GRAPH_CHANNELS:].contiguous()
         for conv in network.edge_convs:
-            x = edge_conv(conv, x, neighbours(graph, sizes, network.k))
-            graph = x
+            x = graph = edge_conv(conv, x, neighbours(graph, sizes, network.k))
             local.append(x)
         x = torch.cat(local, dim=1)
         everything = largest(network.embedding, x, sizes)
         of_everything, of_local = _weight(network.head1).split((everything.shape[1], x.shape[1]), dim=1)
-        of_block = (everything @ of_everything.T).repeat_interleave(
-            torch.tensor(sizes, device=x.device), dim=0
-        )
+        counts = torch.tensor(sizes, device=x.device)
+        of_block = (everything @ of_everything.T).repeat_interleave(counts, dim=0)
         x = _activate(network.head1, _linear(x, of_local.contiguous()) + of_block)
         x = _activate(network.head2, _linear(x, _weight(network.head2)))
         return network.dropout(x) @ network.classifier.weight.flatten(start_dim=1).T
@@ -50,12 +46,9 @@ class RaggedDgcnn(nn.Module):
 @torch.no_grad()
 def neighbours(x: Tensor, sizes: list[int], k: int) -> Tensor:
     """(P, k) int32 rows of the k points of the same block that are nearest in (P, C) features."""
-    result = torch.empty(len(x), k, dtype=torch.int32, device=x.device)
-    start = 0
-    for block in x.split(sizes):
-        result[start : start + len(block)] = _neighbours_in_block(block, k) + start
-        start += len(block)
-    return result
+    starts = np.cumsum([0, *sizes])
+    blocks = zip(x.split(sizes), starts, strict=False)
+    return torch.cat([_neighbours_in_block(block, k) + int(start) for block, start in blocks])
 
 
 def edge_conv(conv: EdgeConv, x: Tensor, neighbours: Tensor) -> Tensor:
@@ -63,27 +56,28 @@ def edge_conv(conv: EdgeConv, x: Tensor, neighbours: Tensor) -> Tensor:
     first, *rest = (cast(nn.Sequential, layer) for layer in conv.layers)
     of_difference, of_point = _weight(first).chunk(2, dim=1)
     a, b = _linear(x, of_difference.contiguous()), _linear(x, of_point - of_difference)
-    if not _on_cpu(x):
+    if not on_cpu(x):
         return _edge_conv_anywhere(first, rest, a, b, neighbours)
-    norm, js = cast(nn.BatchNorm1d, first[1]), neighbours.numpy()
+    norm, js = _norm(first), neighbours.numpy()
     if not rest:
         return cast(Tensor, LargestSum.apply(a, b, norm.weight, norm.bias, js, norm))
-    norm2, weight = cast(nn.BatchNorm1d, rest[0][1]), _weight(rest[0])
-    return cast(
-        Tensor,
-        LargestOfTwoLayers.apply(
-            a, b, norm.weight, norm.bias, weight, norm2.weight, norm2.bias, js, norm, norm2
-        ),
-    )
+    norm2 = _norm(rest[0])
+    parameters = norm.weight, norm.bias, _weight(rest[0]), norm2.weight, norm2.bias
+    return cast(Tensor, LargestOfTwoLayers.apply(a, b, js, (norm, norm2), *parameters))
 
 
 def largest(layer: nn.Sequential, x: Tensor, sizes: list[int]) -> Tensor:
     """(P, C) features to the (B, C') largest responses of a layer in every block."""
-    if not _on_cpu(x):
+    if not on_cpu(x):
         responses = _activate(layer, _linear(x, _weight(layer)))
         return torch.stack([block.amax(dim=0) for block in responses.split(sizes)])
-    norm = cast(nn.BatchNorm1d, layer[1])
+    norm = _norm(layer)
     return cast(Tensor, LargestLinear.apply(x, _weight(layer), norm.weight, norm.bias, sizes, norm))
+
+
+def on_cpu(x: Tensor) -> bool:
+    """Whether the layers made for a CPU can be used."""
+    return x.device.type == "cpu"
 
 
 def _edge_conv_anywhere(
@@ -98,38 +92,26 @@ def _edge_conv_anywhere(
 
 
 def _neighbours_in_block(x: Tensor, k: int) -> Tensor:
-    if not _on_cpu(x):
+    if not on_cpu(x):
         return nearest(x.T[None], k)[0].int()
-    half_square = (x.T.contiguous().square().sum(dim=0) / 2).numpy()
-    result = np.empty((len(x), k), np.int32)
-    for rows in tiles(len(x)):
-        inference_kernels.select_nearest(linear(x[rows], x).numpy(), half_square, result[rows])
-    return torch.from_numpy(result)
-
-
-def _on_cpu(x: Tensor) -> bool:
-    """Whether the layers made for a CPU can be used."""
-    return x.device.type == "cpu"
+    find = neighbour_finder(x, k)
+    return torch.from_numpy(np.concatenate([find(rows) for rows in tiles(len(x))]))
 
 
 def _weight(layer: nn.Sequential) -> Tensor:
     return cast(Tensor, layer[0].weight).flatten(start_dim=1)
 
 
+def _norm(layer: nn.Sequential) -> nn.BatchNorm1d:
+    return cast(nn.BatchNorm1d, layer[1])
+
+
 def _linear(x: Tensor, weight: Tensor) -> Tensor:
-    return cast(Tensor, Linear.apply(x, weight)) if _on_cpu(x) else x @ weight.T
+    return cast(Tensor, Linear.apply(x, weight)) if on_cpu(x) else x @ weight.T
 
 
 def _activate(layer: nn.Sequential, x: Tensor) -> Tensor:
-    norm = cast(nn.BatchNorm1d, layer[1])
-    x = batch_norm(
-        x,
-        norm.running_mean,
-        norm.running_var,
-        norm.weight,
-        norm.bias,
-        norm.training,
-        cast(float, norm.momentum),
-        norm.eps,
-    )
+    norm = _norm(layer)
+    running, momentum = (norm.running_mean, norm.running_var), cast(float, norm.momentum)
+    x = batch_norm(x, *running, norm.weight, norm.bias, norm.training, momentum, norm.eps)
     return leaky_relu(x, SLOPE)

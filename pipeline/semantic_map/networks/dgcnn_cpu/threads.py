@@ -1,6 +1,6 @@
 """Threads that share the rows of a block."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from threading import Barrier
@@ -35,14 +35,14 @@ class RowThreads:
 
         return self._pool.submit(infer).result()
 
-    def over(self, rows: int, tile: int, action: Callable[[slice], object]) -> None:
-        """To be called inside ``run``: call ``action`` for tiles of ``tile`` rows, each in the next free thread."""
-        starts = iter(range(0, rows, tile))
+    def over(self, tiles: Sequence[slice], action: Callable[[slice], object]) -> None:
+        """To be called inside ``run``: call ``action`` for every slice of rows, each in the next free thread."""
+        left = iter(tiles)
 
         def work() -> None:
             with torch.inference_mode():
-                for start in starts:
-                    action(slice(start, min(start + tile, rows)))
+                for rows in left:
+                    action(rows)
 
         others = [self._pool.submit(work) for _ in range(self._count - 1)]
         try:

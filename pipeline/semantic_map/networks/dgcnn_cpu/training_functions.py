@@ -1,4 +1,4 @@
-"""The network's layers for training on a CPU, several times as cheap as differentiating what is written.
+"""Layers for training on a CPU, several times as cheap as differentiating what is written.
 
 Each takes the maximum over a group of responses r of a linear map, which are batch-normalized and activated. Both are
 monotone, so they need the maximum alone. Going back, the gradient of a response is
@@ -6,9 +6,12 @@ monotone, so they need the maximum alone. Going back, the gradient of a response
     γ/σ · (the gradient of the maximum, where it was taken − mean of β's gradient − (r − μ)/σ · mean of γ's gradient),
 
 a few entries and an affine map of r. So responses need not be kept, and the affine map of r = W h is one of h.
+
+``Linear`` and ``LargestLinear`` serve any network on points; the other two are EdgeConvs.
 """
 
-from typing import Any, cast
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,9 +20,11 @@ from torch import Tensor, nn
 from torch.autograd import Function
 
 from pipeline.semantic_map.networks.dgcnn_cpu import training_kernels as kernels
-from pipeline.semantic_map.networks.dgcnn_cpu.inference import linear
-from pipeline.semantic_map.networks.dgcnn_cpu.training_edges import ActivatedEdges, Edges, tiles
+from pipeline.semantic_map.networks.dgcnn_cpu.inference import linear, tiles
+from pipeline.semantic_map.networks.dgcnn_cpu.training_edges import ActivatedEdges, BackThroughEdges, Edges
 from pipeline.semantic_map.networks.dgcnn_cpu.training_norm import Largest, Norm, signs
+
+Norms = tuple[nn.BatchNorm1d, nn.BatchNorm1d]
 
 
 class Linear(Function):
@@ -53,31 +58,17 @@ class LargestLinear(Function):
         norm: nn.BatchNorm1d,
     ) -> Tensor:
         """(N, C) x, blocks of ``sizes``, and (C', C) W to (B, C'); gamma and beta are those of ``norm``."""
-        sign = signs(gamma)
-        signed = weight * sign[:, None]
-        largest, winners, sums = _empty_largest(len(sizes), len(weight))
-        for b, block in enumerate(x.split(sizes)):
-            responses = linear(block, signed).numpy()
-            kernels.largest_of_groups(responses, largest[b : b + 1], winners[b : b + 1], *sums)
-        ctx.largest = Largest(torch.from_numpy(largest), winners, Norm.of(*sums, len(x), sign, norm))
-        ctx.sizes, ctx.sign = sizes, sign
-        ctx.save_for_backward(x, signed)
-        return ctx.largest.activated()
+        ctx.linear, ctx.sizes = _LargestResponses(weight, signs(gamma)), sizes
+        ctx.save_for_backward(x)
+        return ctx.linear.forward(_blocks(x, sizes), len(sizes), len(x), norm)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         """Gradients of x, W, γ and β."""
-        x, signed = ctx.saved_tensors
-        to_winners, to_gamma, to_beta = ctx.largest.backward(gradients[0])
-        constant, factor = ctx.largest.norm.affine(to_gamma, to_beta)
-        to_x = _affine_of_input(x, signed, constant, factor)
-        to_weight = _affine_of_weight(signed, constant, factor, x.sum(dim=0), x.T @ x)
-        for b, (block, to_block) in enumerate(zip(x.split(ctx.sizes), to_x.split(ctx.sizes), strict=True)):
-            kernels.backward_through_winners(
-                to_winners[b : b + 1].numpy(), ctx.largest.winners[b : b + 1], signed.numpy(),
-                block.numpy(), to_block.numpy(), to_weight.numpy(),
-            )  # fmt: skip
-        return to_x, to_weight * ctx.sign[:, None], to_gamma * ctx.sign, to_beta, None, None
+        (x,) = ctx.saved_tensors
+        back = _BackThroughResponses(ctx.linear, gradients[0])
+        to_x = torch.cat([back.to_input(rows, block) for rows, block in _blocks(x, ctx.sizes)])
+        return to_x, *back.to_parameters(), None, None
 
 
 class LargestSum(Function):
@@ -90,14 +81,14 @@ class LargestSum(Function):
         b: Tensor,
         gamma: Tensor,
         beta: Tensor,
-        neighbours: NDArray[np.int32],
+        js: NDArray[np.int32],
         norm: nn.BatchNorm1d,
     ) -> Tensor:
         """(N, C) A x_j and B x_i and (N, k) neighbours to (N, C); gamma and beta are those of ``norm``."""
         sign = signs(gamma)
-        edges = Edges.of(a * sign, b * sign, neighbours)
-        responses, winners, _ = _empty_largest(*a.shape)
-        kernels.largest_sums(edges.a.numpy(), edges.b.numpy(), neighbours, responses, winners)
+        edges = Edges(a * sign, b * sign, js)
+        responses, winners = np.empty(a.shape, np.float32), np.empty(a.shape, np.int32)
+        kernels.largest_sums(edges.a.numpy(), edges.b.numpy(), js, responses, winners)
         ctx.largest = Largest(torch.from_numpy(responses), winners, edges.norm(sign, norm))
         ctx.edges, ctx.sign = edges, sign
         return ctx.largest.activated()
@@ -116,77 +107,79 @@ class LargestOfTwoLayers(Function):
     """LeakyReLU(norm(W LeakyReLU(norm(A x_j + B x_i)))), and of that the maximum over each point's neighbours j."""
 
     @staticmethod
-    def forward(
-        ctx: Any,
-        a: Tensor,
-        b: Tensor,
-        gamma1: Tensor,
-        beta1: Tensor,
-        weight: Tensor,
-        gamma2: Tensor,
-        beta2: Tensor,
-        neighbours: NDArray[np.int32],
-        norm1: nn.BatchNorm1d,
-        norm2: nn.BatchNorm1d,
-    ) -> Tensor:
-        """(N, C) A x_j and B x_i, (C', C) W, (N, k) neighbours to (N, C'); γ and β are those of the norms."""
-        edges = Edges.of(a, b, neighbours)
-        activated = edges.activated(edges.norm(torch.ones_like(gamma1), norm1))
-        sign = signs(gamma2)
-        signed = weight * sign[:, None]
-        largest, winners, sums = _empty_largest(len(a), len(weight))
-        for rows in tiles(len(a)):
-            responses = linear(activated.tile(rows), signed).numpy()
-            kernels.largest_of_groups(responses, largest[rows], winners[rows], *sums)
-        ctx.largest = Largest(
-            torch.from_numpy(largest), winners, Norm.of(*sums, neighbours.size, sign, norm2)
-        )
-        ctx.edges, ctx.activated, ctx.sign = edges, activated, sign
-        ctx.save_for_backward(signed)
-        return ctx.largest.activated()
+    def forward(ctx: Any, a: Tensor, b: Tensor, js: NDArray[np.int32], norms: Norms, *rest: Tensor) -> Tensor:
+        """(N, C) A x_j and B x_i, (N, k) neighbours to (N, C'); the rest is γ1, β1, (C', C) W, γ2 and β2."""
+        gamma1, _, weight, gamma2, _ = rest
+        edges = Edges(a, b, js)
+        ctx.activated = ActivatedEdges(edges, edges.norm(torch.ones_like(gamma1), norms[0]))
+        ctx.linear = _LargestResponses(weight, signs(gamma2))
+        h = ((rows, ctx.activated.tile(rows)) for rows in tiles(len(a)))
+        return ctx.linear.forward(h, len(a), js.size, norms[1])
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         """Gradients of A x_j, B x_i, γ1, β1, W, γ2 and β2."""
-        (signed,) = ctx.saved_tensors
-        edges, activated = cast(Edges, ctx.edges), cast(ActivatedEdges, ctx.activated)
-        to_winners, to_gamma, to_beta = ctx.largest.backward(gradients[0])
-        constant, factor = ctx.largest.norm.affine(to_gamma, to_beta)
-        total, products = torch.zeros(signed.shape[1]), torch.zeros(signed.shape[1], signed.shape[1])
-        to_weight, back = torch.zeros_like(signed), activated.backward()
-        for rows in tiles(len(to_winners)):
-            h = activated.tile(rows)
-            to_h = _affine_of_input(h, signed, constant, factor)
-            kernels.backward_through_winners(
-                to_winners[rows].numpy(), ctx.largest.winners[rows], signed.numpy(), h.numpy(), to_h.numpy(),
-                to_weight.numpy(),
-            )  # fmt: skip
-            back.add(edges, rows, h, to_h)
-            total += h.sum(dim=0)
-            products += h.T @ h
-        to_weight += _affine_of_weight(signed, constant, factor, total, products)
-        to_a, to_b, to_gamma1, to_beta1 = back.finish(edges)
-        return (
-            to_a, to_b, to_gamma1, to_beta1, to_weight * ctx.sign[:, None], to_gamma * ctx.sign, to_beta,
-            None, None, None,
+        back, back_further = _BackThroughResponses(ctx.linear, gradients[0]), BackThroughEdges(ctx.activated)
+        for rows in tiles(len(gradients[0])):
+            h = ctx.activated.tile(rows)
+            back_further.add(rows, h, back.to_input(rows, h))
+        to_a, to_b, *to_norm1 = back_further.gradients()
+        return to_a, to_b, None, None, *to_norm1, *back.to_parameters()
+
+
+class _LargestResponses:
+    """The largest responses of W x in groups of x, which come piece by piece."""
+
+    largest: Largest
+
+    def __init__(self, weight: Tensor, sign: Tensor) -> None:
+        """(C', C) W, and the (C',) signs that batch norm gives its responses."""
+        self.weight, self.sign = weight * sign[:, None], sign
+
+    def forward(
+        self, pieces: Iterable[tuple[slice, Tensor]], groups: int, count: int, norm: nn.BatchNorm1d
+    ) -> Tensor:
+        """(groups, C') of pieces, which are (R k, C) x of R groups in a row; there are ``count`` x in all."""
+        channels = len(self.weight)
+        responses, winners = np.empty((groups, channels), np.float32), np.empty((groups, channels), np.int32)
+        sums = np.zeros(channels), np.zeros(channels)
+        for rows, x in pieces:
+            kernels.largest_of_groups(linear(x, self.weight).numpy(), responses[rows], winners[rows], *sums)
+        self.largest = Largest(torch.from_numpy(responses), winners, Norm.of(sums, count, self.sign, norm))
+        return self.largest.activated()
+
+
+class _BackThroughResponses:
+    """From the gradient of what :class:`_LargestResponses` gave to x, piece by piece, W, γ and β."""
+
+    def __init__(self, responses: _LargestResponses, gradient: Tensor) -> None:
+        """Take what is the same for all pieces; the gradient of W x is −(constant + factor · W x) but at winners."""
+        self._weight, self._sign, self._largest = responses.weight, responses.sign, responses.largest
+        self._to_winners, self._to_gamma, self._to_beta = self._largest.backward(gradient)
+        self._constant, factor = self._largest.norm.affine(self._to_gamma, self._to_beta)
+        self._scaled = factor[:, None] * self._weight
+        self._affine = -(self._weight.T @ self._scaled), -(self._constant @ self._weight)
+        self._to_weight = torch.zeros_like(self._weight)
+        channels = self._weight.shape[1]
+        self._total, self._products = torch.zeros(channels), torch.zeros(channels, channels)
+
+    def to_input(self, rows: slice, x: Tensor) -> Tensor:
+        """The gradient of a piece x, of the groups ``rows``."""
+        to_x = linear(x, *self._affine)
+        kernels.backward_through_winners(
+            self._to_winners[rows].numpy(), self._largest.winners[rows], self._weight.numpy(), x.numpy(),
+            to_x.numpy(), self._to_weight.numpy(),
         )  # fmt: skip
+        self._total += x.sum(dim=0)
+        self._products += x.T @ x
+        return to_x
+
+    def to_parameters(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Gradients of W, γ and β."""
+        to_weight = self._to_weight - self._constant[:, None] * self._total - self._scaled @ self._products
+        return to_weight * self._sign[:, None], self._to_gamma * self._sign, self._to_beta
 
 
-def _empty_largest(
-    groups: int, channels: int
-) -> tuple[NDArray[np.float32], NDArray[np.int32], tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Room for maxima and winners, and zeros for sums."""
-    shape = groups, channels
-    return np.empty(shape, np.float32), np.empty(shape, np.int32), (np.zeros(channels), np.zeros(channels))
-
-
-def _affine_of_input(x: Tensor, weight: Tensor, constant: Tensor, factor: Tensor) -> Tensor:
-    """The gradient of x where that of W x is −(constant + factor · W x)."""
-    return linear(x, -(weight.T @ (factor[:, None] * weight)), -(constant @ weight))
-
-
-def _affine_of_weight(
-    weight: Tensor, constant: Tensor, factor: Tensor, total: Tensor, products: Tensor
-) -> Tensor:
-    """The gradient of W where that of W x is −(constant + factor · W x): with the sums of x and of x xᵀ."""
-    return -(constant[:, None] * total + factor[:, None] * (weight @ products))
+def _blocks(x: Tensor, sizes: list[int]) -> Iterable[tuple[slice, Tensor]]:
+    """Blocks of ``sizes``, each a group of its own."""
+    return ((slice(b, b + 1), block) for b, block in enumerate(x.split(sizes)))

@@ -5,18 +5,16 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True, boundscheck=False)
-def edge_moments(of_neighbour, of_point, neighbours, total, total_square, of_neighbours, of_askers, degree):
-    """Sums over the edges, whose response is A x_j + B x_i; all that are filled start at 0.
+def edge_moments(of_neighbour, of_point, neighbours, total, total_square, of_neighbours, of_origins, degree):
+    """Sums over the edges, whose response is A x_j + B x_i.
 
     Args:
-        of_neighbour: (N, C) float32 A x_j.
-        of_point: (N, C) float32 B x_i.
+        of_neighbour, of_point: (N, C) float32 A x_j and B x_i.
         neighbours: (N, k) int32.
-        total: (C,) float64, filled with the sum of the responses.
-        total_square: (C,) float64, filled with the sum of their squares.
-        of_neighbours: (N, C) float32, filled: of A x_j over the neighbours j of i.
-        of_askers: (N, C) float32, filled: of B x_i over those i whose neighbour is j.
-        degree: (N,) float32, filled: number of those i.
+        total, total_square: (C,) float64, added to: the responses and their squares.
+        of_neighbours: (N, C) float32, added to: A x_j over the neighbours j of i.
+        of_origins: (N, C) float32, added to: B x_i over the i whose neighbour is j.
+        degree: (N,) float32, added to: the number of these i.
     """
     count, k = neighbours.shape
     channels = of_point.shape[1]
@@ -26,11 +24,11 @@ def edge_moments(of_neighbour, of_point, neighbours, total, total_square, of_nei
         square[:] = 0
         for n in range(k):
             j = neighbours[i, n]
-            theirs, asked = of_neighbour[j], of_askers[j]
+            theirs, from_ = of_neighbour[j], of_origins[j]
             degree[j] += 1
             for c in range(channels):
                 near[c] += theirs[c]
-                asked[c] += mine[c]
+                from_[c] += mine[c]
                 square[c] += (theirs[c] + mine[c]) ** 2
         for c in range(channels):
             total[c] += near[c] + k * mine[c]
@@ -45,8 +43,7 @@ def largest_of_groups(edges, features, winners, total, total_square):
         edges: (R k, C) float32.
         features: (R, C) float32, filled.
         winners: (R, C) int32, filled with the winner's place in its group.
-        total: (C,) float64, the sum of the rows is added to it.
-        total_square: (C,) float64, likewise of their squares.
+        total, total_square: (C,) float64, added to: the rows and their squares.
     """
     k, channels = len(edges) // len(features), edges.shape[1]
     sum_, square = np.empty(channels, np.float32), np.empty(channels, np.float32)
@@ -96,12 +93,10 @@ def backward_through_winners(gradient, winners, weight, edges, to_edges, to_weig
     """The gradient of the maximum over W h, by the few edges that won.
 
     Args:
-        gradient: (R, C') float32 of the maximum.
-        winners: (R, C') int32.
+        gradient, winners: (R, C') float32 and int32, of the maximum.
         weight: (C', C) float32 W.
         edges: (R k, C) float32 h.
-        to_edges: (R k, C) float32, the gradient is added to it.
-        to_weight: (C', C) float32, likewise.
+        to_edges, to_weight: of the shapes of edges and weight, their gradients are added to them.
     """
     k = len(edges) // len(gradient)
     for i in range(len(gradient)):
@@ -115,32 +110,18 @@ def backward_through_winners(gradient, winners, weight, edges, to_edges, to_weig
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def backward_through_edges(
-    of_neighbour,
-    of_point,
-    first,
-    neighbours,
-    edges,
-    to_edges,
-    slope,
-    to_neighbour,
-    to_point,
-    total,
-    total_response,
-):
+    of_neighbour, of_point, first, neighbours, edges, to_edges, slope, to_neighbour, to_point, total, total_response
+):  # fmt: skip
     """From the activated edges back to the points they join.
 
     Args:
-        of_neighbour: (N, C) float32 A x_j of all points.
-        of_point: (N, C) float32 B x_i of all points.
+        of_neighbour, of_point: (N, C) float32 A x_j and B x_i of all points.
         first: index of the first of R points in a row.
         neighbours: (N, k) int32.
-        edges: (R k, C) float32, those points' edges after LeakyReLU.
-        to_edges: (R k, C) float32, their gradient.
+        edges, to_edges: (R k, C) float32, those points' edges after LeakyReLU and their gradient.
         slope: of LeakyReLU below 0.
-        to_neighbour: (N, C) float32, the gradient before LeakyReLU is added to the neighbours.
-        to_point: (N, C) float32, and to the points.
-        total: (C,) float64, and to this sum.
-        total_response: (C,) float64, and, times the response A x_j + B x_i, to this one.
+        to_neighbour, to_point: (N, C) float32, the gradient before LeakyReLU is added to them.
+        total, total_response: (C,) float64, likewise, the latter times the response A x_j + B x_i.
     """
     k, channels = neighbours.shape[1], edges.shape[1]
     product = np.empty(channels, np.float32)

@@ -1,7 +1,7 @@
 """Batch norm over responses that are not kept: their sums going forward, their largest going back."""
 
 from dataclasses import dataclass
-from typing import cast
+from typing import Self, cast
 
 import numpy as np
 import torch
@@ -11,15 +11,16 @@ from torch.nn.functional import leaky_relu
 
 from pipeline.semantic_map.networks.dgcnn import SLOPE
 
+Sums = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""(C,) and (C,): sums over responses, and over their squares."""
+
 
 @dataclass(frozen=True, eq=False)
 class Norm:
     """Batch norm over the responses of a batch: γ/σ · (r − μ) + β.
 
     Attributes:
-        mean: (C,) float32, μ.
-        sigma: (C,) float32, σ.
-        gamma, beta: (C,) float32.
+        mean, sigma, gamma, beta: (C,) float32, μ, σ, γ and β.
         count: number of responses.
     """
 
@@ -30,36 +31,29 @@ class Norm:
     count: int
 
     @classmethod
-    def of(
-        cls,
-        total: NDArray[np.float64],
-        total_square: NDArray[np.float64],
-        count: int,
-        sign: Tensor,
-        norm: nn.BatchNorm1d,
-    ) -> "Norm":
+    def of(cls, sums: Sums, count: int, sign: Tensor, norm: nn.BatchNorm1d) -> Self:
         """From the sums of the responses times ``sign``; the layer's running mean and variance are kept up."""
-        mean = torch.from_numpy(total / count).float()
-        variance = torch.from_numpy(np.maximum(total_square / count - (total / count) ** 2, 0)).float()
-        running_mean, running_variance = cast(Tensor, norm.running_mean), cast(Tensor, norm.running_var)
+        average, average_square = sums[0] / count, sums[1] / count
+        mean = torch.from_numpy(average).float()
+        variance = torch.from_numpy(np.maximum(average_square - average**2, 0)).float()
         momentum = cast(float, norm.momentum)
-        running_mean.lerp_(mean * sign, momentum)
-        running_variance.lerp_(variance * (count / max(count - 1, 1)), momentum)
+        cast(Tensor, norm.running_mean).lerp_(mean * sign, momentum)
+        cast(Tensor, norm.running_var).lerp_(variance * (count / max(count - 1, 1)), momentum)
         sigma = (variance + norm.eps).sqrt()
         return cls(mean, sigma, norm.weight.detach() * sign, norm.bias.detach(), count)
 
     @property
     def scale(self) -> Tensor:
-        """γ/σ."""
+        """(C,) γ/σ."""
         return self.gamma / self.sigma
 
     @property
     def shift(self) -> Tensor:
-        """β − μ γ/σ."""
+        """(C,) β − μ γ/σ."""
         return self.beta - self.mean * self.scale
 
     def affine(self, to_gamma: Tensor, to_beta: Tensor) -> tuple[Tensor, Tensor]:
-        """Of what batch norm takes from the gradient of a response r, p + q r, the p and the q."""
+        """(C,) p and (C,) q of p + q r, which batch norm takes from the gradient of a response r."""
         factor = self.scale * to_gamma / (self.sigma * self.count)
         return self.scale * to_beta / self.count - factor * self.mean, factor
 

@@ -14,7 +14,6 @@ from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import BlockConfig, cut
 from pipeline.semantic_map.networks.classifier import (
     DgcnnClassifier,
-    DgcnnConfig,
     save_classifier,
     segment,
 )
@@ -37,8 +36,8 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def classifier(weights, **config):
-    return DgcnnClassifier(weights, DgcnnConfig(threads=2, **config))
+def classifier(weights, vote=True):
+    return DgcnnClassifier(weights, vote, threads=2)
 
 
 def test_every_point_gets_probabilities_of_the_networks_classes(weights: Path) -> None:
@@ -53,7 +52,7 @@ def test_every_point_gets_probabilities_of_the_networks_classes(weights: Path) -
 
 def test_points_of_a_voxel_share_what_the_network_says_of_their_mean(weights: Path) -> None:
     points = FRAME.points(EYE)
-    probabilities = classifier(weights, planes=None).classify(FRAME, points, EYE)
+    probabilities = classifier(weights, vote=False).classify(FRAME, points, EYE)
     cloud = VoxelCloud.of(points, BLOCKS.voxel_size)
     first = np.unique(cloud.voxel_of_point, return_index=True)[1]
     assert (probabilities == probabilities[first][cloud.voxel_of_point]).all()
@@ -61,7 +60,7 @@ def test_points_of_a_voxel_share_what_the_network_says_of_their_mean(weights: Pa
 
 def test_the_points_of_a_plane_vote(weights: Path) -> None:
     points = FRAME.points(EYE)
-    own = classifier(weights, planes=None).classify(FRAME, points, EYE)
+    own = classifier(weights, vote=False).classify(FRAME, points, EYE)
     voted = classifier(weights).classify(FRAME, points, EYE)[:, CLASSES]
     assert voted == pytest.approx(planar_vote(FRAME, EYE, own[:, CLASSES]))
     assert (voted != own[:, CLASSES]).any()

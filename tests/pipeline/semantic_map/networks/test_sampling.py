@@ -8,17 +8,12 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
+from pipeline.semantic_map.networks import sampling
 from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.clouds import LabelledCloud
-from pipeline.semantic_map.networks.sampling import (
-    AugmentationConfig,
-    BlockSampler,
-    SamplingConfig,
-    augmented,
-)
+from pipeline.semantic_map.networks.sampling import BlockSampler, augmented
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
-STILL = AugmentationConfig(jitter=0, height=0, tilt=0, fewest_kept=1)
 EYE = pose(0.5, 0.2, 0.6, 0.4, 0.2)
 
 
@@ -29,9 +24,15 @@ def cloud():
     return LabelledCloud.of(frame, EYE, 0.03)
 
 
-def sampler(clouds, **changes):
-    config = SamplingConfig(blocks=4, augmentation=STILL)
-    return BlockSampler(clouds, BlockConfig(), replace(config, **changes), fewest=20, seed=5)
+@pytest.fixture(autouse=True)
+def no_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks are turned and reflected, but not blurred or thinned."""
+    for name, value in {"JITTER": 0, "HEIGHT": 0, "TILT": 0, "FEWEST_KEPT": 1}.items():
+        monkeypatch.setattr(sampling, name, value)
+
+
+def sampler(clouds, blocks=4):
+    return BlockSampler(clouds, BlockConfig(), blocks, fewest=20, seed=5)
 
 
 def test_a_cloud_counts_the_returns_of_every_class() -> None:
@@ -74,16 +75,17 @@ def test_every_cloud_has_its_turn() -> None:
     assert sorted(heights) == pytest.approx((-np.arange(8) / 10)[::-1], abs=1e-6)
 
 
-def test_rare_classes_are_drawn_more_often(cloud) -> None:
+def test_rare_classes_are_drawn_more_often(cloud, monkeypatch: pytest.MonkeyPatch) -> None:
     def share(rare):
-        shares = sampler([cloud], rare=rare, blocks=40).batch(0).shares
+        monkeypatch.setattr(sampling, "RARE", rare)
+        shares = sampler([cloud], blocks=40).batch(0).shares
         return float(shares[:, CLASSES.index(Label.WALL)].mean())
 
     assert share(1.0) > 2 * share(0.0)
 
 
 def test_augmentation_is_a_rigid_motion_about_the_vertical(cloud) -> None:
-    points, camera = augmented(cloud, STILL, np.random.default_rng(1))
+    points, camera = augmented(cloud, np.random.default_rng(1))
     assert points[:, 2] == pytest.approx(cloud.points[:, 2], abs=1e-6)
     before = np.linalg.norm(cloud.points - cloud.camera, axis=1)
     assert np.linalg.norm(points - camera, axis=1) == pytest.approx(before, abs=1e-5)
@@ -92,11 +94,10 @@ def test_augmentation_is_a_rigid_motion_about_the_vertical(cloud) -> None:
     )
 
 
-def test_points_are_dropped_and_small_blocks_filled_up(cloud) -> None:
-    whole, thinned = (
-        sampler([cloud], augmentation=replace(STILL, fewest_kept=kept), blocks=30).batch(0)
-        for kept in (1.0, 0.3)
-    )
+def test_points_are_dropped_and_small_blocks_filled_up(cloud, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = sampler([cloud], blocks=30).batch(0)
+    monkeypatch.setattr(sampling, "FEWEST_KEPT", 0.3)
+    thinned = sampler([cloud], blocks=30).batch(0)
     assert 0.5 < sum(thinned.sizes) / sum(whole.sizes) < 0.8
     lonely = LabelledCloud(cloud.points[:1], cloud.counts[:1], cloud.camera)
     assert sampler([lonely]).batch(0).sizes == [20] * 4

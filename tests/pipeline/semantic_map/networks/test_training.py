@@ -1,35 +1,29 @@
 """Training: it learns, is left and taken up again, and refuses what it cannot learn from."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from safetensors import safe_open
 from safetensors.torch import load_file
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier, load_classifier
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.parallel import Worker
-from pipeline.semantic_map.networks.sampling import SamplingConfig
+from pipeline.semantic_map.networks.schedule import schedule
 from pipeline.semantic_map.networks.training import (
     Trainer,
     TrainingConfig,
     class_weights,
     cross_entropy,
 )
-from pipeline.training import schedule
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
 ALONE = Worker(0, 1, torch.device("cpu"))
-CONFIG = TrainingConfig(
-    steps=12, validate_every=6, blocks=BlockConfig(voxel_size=0.1), sampling=SamplingConfig(blocks=4)
-)
+CONFIG = TrainingConfig(steps=12, validate_every=6, batch=4)
 POSES = [pose(0.3 * i, 0.1 * i, 0.6, 0.5 * i, 0.25) for i in range(4)]
 SCENE = [floor(-5, 5, -5, 5), wall((2, -5), (2, 5)), wall((-2, -5), (-2, 5)), wall((-5, 2), (5, 2))]
 
@@ -49,29 +43,22 @@ def test_floor_and_walls_are_learned(clouds, tmp_path: Path) -> None:
     training.run()
     assert training.best > 0.85
     assert DgcnnClassifier(out)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "w.checkpoint",
-        "w.csv",
-        "w.safetensors",
-        "w.svg",
-    ]
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".checkpoint", ".csv", ".safetensors"]
     header, *rows = (tmp_path / "w.csv").read_text().splitlines()
     assert header.startswith("step,loss,miou_four,iou.wall")
     assert [row.split(",")[0] for row in rows] == ["30", "60"]
-    assert (tmp_path / "w.svg").read_text().count("<polyline") == 8
 
 
 def test_interrupted_and_taken_up_again_it_leaves_the_same_weights(clouds, tmp_path: Path) -> None:
-    config = replace(CONFIG, dropout=0.5)
-    trainer(clouds, tmp_path / "whole.safetensors", config).run()
+    trainer(clouds, tmp_path / "whole.safetensors").run()
 
     def interrupt(training):
         if training.step == 8:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        trainer(clouds, tmp_path / "left.safetensors", config).run(interrupt)
-    again = trainer(clouds, tmp_path / "left.safetensors", config)
+        trainer(clouds, tmp_path / "left.safetensors").run(interrupt)
+    again = trainer(clouds, tmp_path / "left.safetensors")
     assert again.step == 8
     again.run()
     whole, left = (load_file(tmp_path / f"{name}.safetensors") for name in ("whole", "left"))
@@ -90,18 +77,6 @@ def test_left_at_a_step_and_taken_up_again_it_leaves_the_same_weights(clouds, tm
     assert all((whole[name] == left[name]).all() for name in whole)
 
 
-def test_the_last_weights_may_be_kept_whatever_they_validate_to(clouds, tmp_path: Path) -> None:
-    out = tmp_path / "w.safetensors"
-    training = trainer(clouds, out, replace(CONFIG, keep="last"))
-    training.best = 2.0  # better than any
-    training.run()
-    with safe_open(out, "pt") as file:
-        about = json.loads(file.metadata()["training"])
-        assert (file.get_tensor("conv9.weight") == training.network.classifier.weight).all()
-    assert about["step"] == CONFIG.steps
-    assert about["miou_four"] == training.curves.rows[-1][2] < 2
-
-
 def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> None:
     first = tmp_path / "first.safetensors"
     trainer(clouds, first, replace(CONFIG, steps=60, validate_every=30)).run()
@@ -110,16 +85,8 @@ def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> 
         out = tmp_path / f"{name}.safetensors"
         training = Trainer(clouds[:3], clouds[3:], CONFIG, out, ALONE, {}, initial)
         training.run(until=6)
-        losses[name] = training.curves.rows[0][1]
+        losses[name] = training.rows[0][1]
     assert losses["trained"] < losses["random"] / 2
-
-
-def test_sgd_takes_steps(clouds, tmp_path: Path) -> None:
-    training = trainer(
-        clouds, tmp_path / "w.safetensors", replace(CONFIG, optimizer="sgd", learning_rate=0.1)
-    )
-    training.run()
-    assert np.isfinite(training.best)
 
 
 def test_a_checkpoint_of_other_settings_is_refused(clouds, tmp_path: Path) -> None:

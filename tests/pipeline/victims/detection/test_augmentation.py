@@ -8,13 +8,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.augmentation import AugmentationConfig, augmented, cut, mirrored, recoloured
+from pipeline.victims.detection import augmentation
+from pipeline.victims.detection.augmentation import (
+    CanvasSampler,
+    augmented,
+    cut,
+    mirrored,
+    pasted,
+    recoloured,
+)
 from pipeline.victims.detection.labelled_image import LabelledImage
-from pipeline.victims.detection.pasting import pasted
-from pipeline.victims.detection.sampler import CanvasSampler, SamplingConfig
+from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.detection.people import WhiteBoxes
 
-PLAIN = AugmentationConfig(hue=0, saturation=1, exposure=1)
+PLAIN = {"HUE": 0, "SATURATION": 1, "EXPOSURE": 1}
 
 
 def images(count: int, seed: int) -> list[LabelledImage]:
@@ -24,7 +31,8 @@ def images(count: int, seed: int) -> list[LabelledImage]:
 
 @given(seed=st.integers(0, 9999), count=st.sampled_from([1, 4]))
 def test_boxes_hold_all_white_and_little_else(seed: int, count: int) -> None:
-    canvas = augmented(images(count, seed), [], (96, 64), PLAIN, np.random.default_rng(seed))
+    with constants(augmentation, **PLAIN):
+        canvas = augmented(images(count, seed), [], (96, 64), np.random.default_rng(seed))
     assert canvas.rgb.shape == (64, 96, 3)
     white = canvas.rgb.min(axis=2) > 200
     outside = white.copy()
@@ -39,9 +47,7 @@ def test_boxes_hold_all_white_and_little_else(seed: int, count: int) -> None:
 
 @given(seed=st.integers(0, 999))
 def test_boxes_lie_on_the_canvas(seed: int) -> None:
-    canvas = augmented(
-        images(4, seed), images(1, seed + 1), (96, 64), AugmentationConfig(), np.random.default_rng(seed)
-    )
+    canvas = augmented(images(4, seed), images(1, seed + 1), (96, 64), np.random.default_rng(seed))
     assert (canvas.boxes >= 0).all()
     assert (canvas.boxes <= [96, 64, 96, 64]).all()
     assert len(canvas.boxes) == len(canvas.ignored)
@@ -50,7 +56,7 @@ def test_boxes_lie_on_the_canvas(seed: int) -> None:
 def test_what_little_is_left_at_an_edge_is_ignored() -> None:
     boxes = np.array([[0, 0, 10, 10], [8, 0, 18, 10], [20, 0, 30, 10]], np.float32)
     image = LabelledImage(np.zeros((10, 30, 3), np.uint8), boxes, np.zeros(3, bool))
-    result = cut(image, (0, 0, 10, 10), kept=0.3)
+    result = cut(image, (0, 0, 10, 10))
     np.testing.assert_array_equal(result.boxes, [[0, 0, 10, 10], [8, 0, 10, 10]])
     assert result.ignored.tolist() == [False, True]
 
@@ -65,17 +71,17 @@ def test_a_mirror_twice_changes_nothing() -> None:
 
 def test_colours_change_within_bounds() -> None:
     grey = LabelledImage(np.full((1, 1, 3), 100, np.uint8), np.zeros((0, 4), np.float32), np.zeros(0, bool))
-    config = AugmentationConfig(exposure=1.5)
-    values = [int(recoloured(grey, config, np.random.default_rng(i)).rgb[0, 0, 0]) for i in range(200)]
+    values = [int(recoloured(grey, np.random.default_rng(i)).rgb[0, 0, 0]) for i in range(200)]
     assert 66 <= min(values) < 70
     assert 145 < max(values) <= 150
     (image,) = images(1, 0)
-    same = recoloured(image, PLAIN, np.random.default_rng(0)).rgb
+    with constants(augmentation, **PLAIN):
+        same = recoloured(image, np.random.default_rng(0)).rgb
     assert np.abs(same.astype(int) - image.rgb).max() <= 4  # of the way to HSV and back
 
 
 def test_a_canvas_depends_on_its_number_alone() -> None:
-    one, other = (CanvasSampler(WhiteBoxes(9), (64, 48), SamplingConfig(batch=2), 5) for _ in range(2))
+    one, other = (CanvasSampler(WhiteBoxes(9), (64, 48), 2, 5) for _ in range(2))
     one.batch(0)
     for mine, its in zip(one.batch(3), other.batch(3), strict=True):
         np.testing.assert_array_equal(mine.rgb, its.rgb)
@@ -83,12 +89,10 @@ def test_a_canvas_depends_on_its_number_alone() -> None:
     assert (one.batch(3)[0].rgb != one.batch(4)[0].rgb).any()
 
 
-def test_the_share_of_images_without_anyone_is_as_set() -> None:
-    config = SamplingConfig(
-        batch=300, empty=0.2, augmentation=AugmentationConfig(mosaic=0, scale=(1, 1), paste=0)
-    )
-    batch = CanvasSampler(WhiteBoxes(30), (64, 48), config, 0).batch(0)
-    assert sum(len(image.boxes) == 0 for image in batch) == pytest.approx(60, abs=20)
+def test_three_images_in_ten_show_no_people() -> None:
+    with constants(augmentation, MOSAIC=0, SCALE=(1, 1), PASTE=0):
+        batch = CanvasSampler(WhiteBoxes(30), (64, 48), 300, 0).batch(0)
+    assert sum(len(image.boxes) == 0 for image in batch) == pytest.approx(90, abs=20)
 
 
 def test_images_without_anyone_are_refused() -> None:
@@ -96,10 +100,8 @@ def test_images_without_anyone_are_refused() -> None:
         def __getitem__(self, index: int) -> LabelledImage:
             return super().__getitem__(2)
 
-    with pytest.raises(InputError, match="no one"):
-        CanvasSampler(Empty(3), (64, 48), SamplingConfig(), 0)
-    with pytest.raises(InputError, match="empty"):
-        SamplingConfig(empty=1.0)
+    with pytest.raises(InputError, match="no people"):
+        CanvasSampler(Empty(3), (64, 48), 2, 0)
 
 
 def cut_out(seed: int) -> LabelledImage:

@@ -1,4 +1,4 @@
-"""Boxes: decoding and overlap by hand, suppression by its properties, and OpenCV's."""
+"""Boxes: decoding and overlap by hand, suppression by its properties and OpenCV's, anchors fitted to sizes."""
 
 import cv2
 import numpy as np
@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.victims.detection.boxes import decode, overlaps, suppress
+from pipeline.errors import InputError
+from pipeline.victims.detection.boxes import decode, fit_anchors, overlaps, size_overlaps, suppress
 from pipeline.victims.detection.darknet_cfg import Yolo
-from pipeline.victims.detection.letterbox import GREY, Letterbox
 
 
 def random_boxes(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -59,19 +59,34 @@ def test_one_box_is_left_for_each_thing(count: int, seed: int, overlap: float) -
     assert sorted(kept.tolist()) == sorted(np.array(theirs).flatten().tolist())
 
 
-@pytest.mark.parametrize(
-    ("size", "corner"), [((640, 480), (0, 0)), ((640, 240), (0, 96)), ((100, 480), (216, 0))]
-)
-def test_a_box_comes_back_from_the_letterbox(size: tuple[int, int], corner: tuple[int, int]) -> None:
-    columns, rows = size
-    letterbox, image = Letterbox.fit(np.full((rows, columns, 3), 200, np.uint8), 512, 384)
-    assert image.shape == (384, 512, 3)
-    assert letterbox.corner == corner
-    inside = image == 200
-    assert ((image == GREY) | inside).all()
-    y, x = np.nonzero(inside[..., 0])
-    box = np.array([[x.min(), y.min(), x.max() + 1, y.max() + 1]], float)
-    np.testing.assert_allclose(letterbox.to_image(box), [[0, 0, columns, rows]], atol=1e-4)
-    np.testing.assert_array_equal(
-        letterbox.to_image(box + np.array([-99, -99, 99, 99])), [[0, 0, columns, rows]]
-    )
+def test_size_overlap_by_hand() -> None:
+    result = size_overlaps(np.array([[2.0, 4.0]]), np.array([[2.0, 4.0], [4.0, 2.0], [1.0, 1.0]]))
+    np.testing.assert_allclose(result, [[1, 4 / 12, 1 / 8]])
+
+
+def test_clusters_are_found_and_sorted() -> None:
+    rng = np.random.default_rng(0)
+    middles = np.array([[80.0, 60.0], [10.0, 20.0], [30.0, 15.0]])
+    sizes = np.concatenate([m * rng.uniform(0.95, 1.05, (50, 2)) for m in middles])
+    anchors = fit_anchors(sizes, 3, np.random.default_rng(1))
+    np.testing.assert_allclose(anchors, middles[[1, 2, 0]], rtol=0.03)
+
+
+def test_fitted_anchors_overlap_more_than_those_of_coco() -> None:
+    rng = np.random.default_rng(0)
+    sizes = np.exp(rng.normal([4.5, 4.3], 0.8, (400, 2)))
+    coco = np.array([(10, 14), (23, 27), (37, 58), (81, 82), (135, 169), (344, 319)], float)
+    fitted = fit_anchors(sizes, 6, np.random.default_rng(0))
+    means = [size_overlaps(sizes, anchors).max(axis=1).mean() for anchors in (fitted, coco)]
+    assert means[0] > means[1] + 0.05
+
+
+def test_the_same_seed_gives_the_same_anchors() -> None:
+    sizes = np.random.default_rng(0).uniform(5, 90, (60, 2))
+    first, again = (fit_anchors(sizes, 5, np.random.default_rng(3)) for _ in range(2))
+    np.testing.assert_array_equal(first, again)
+
+
+def test_too_few_sizes_are_refused() -> None:
+    with pytest.raises(InputError, match="1 boxes of different size: too few to fit 2"):
+        fit_anchors(np.array([[4.0, 6.0], [4.0, 6.0]]), 2, np.random.default_rng(0))

@@ -7,9 +7,11 @@ import pytest
 import torch
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.detector import DetectorConfig, VictimDetector, of_both_sizes
+from pipeline.victims.detection import detector
+from pipeline.victims.detection.detector import VictimDetector, of_both_sizes
 from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import write_weights
+from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 
@@ -33,7 +35,8 @@ def bright_spot_network() -> DarknetNetwork:
 def test_a_white_spot_is_found_where_it_is() -> None:
     image = np.zeros((16, 32, 3), np.uint8)
     image[8:12, 16:20] = 255  # cell 4, 2 of 8 × 4 cells of 4 × 4 pixels
-    (found,) = VictimDetector(bright_spot_network(), DetectorConfig(smaller=1)).detect(image)
+    with constants(detector, SMALLER=1):
+        (found,) = VictimDetector(bright_spot_network()).detect(image)
     assert found.box == pytest.approx((18 - 4, 10 - 6, 18 + 4, 10 + 6))
     assert found.confidence == pytest.approx(1, abs=1e-3)
 
@@ -43,8 +46,8 @@ def test_a_smaller_input_finds_those_who_are_larger(near: float, widths: set[int
     image = np.zeros((32, 64, 3), np.uint8)
     image[8:24, 24:40] = 255
     # 4 × 6 pixels of an input of 16 × 8, and of one of 8 × 4, where that is higher than the image.
-    config = DetectorConfig(smaller=0.5, near=near, overlap=0.99)
-    found = VictimDetector(bright_spot_network(), config).detect(image)
+    with constants(detector, SMALLER=0.5, NEAR=near, OVERLAP=0.99):
+        found = VictimDetector(bright_spot_network()).detect(image)
     assert {round(d.box[2] - d.box[0]) for d in found} == widths
 
 
@@ -54,15 +57,16 @@ def test_nothing_is_found_in_the_dark() -> None:
 
 def test_a_network_that_cannot_be_made_smaller_stays_alone() -> None:
     network = random_network(SMALL)
-    assert [n.cfg.width for n in of_both_sizes(network, 0.6)] == [16, 10]
-    assert of_both_sizes(network, 0.95) == [network]
+    assert [n.cfg.width for n in of_both_sizes(network)] == [16, 10]
+    with constants(detector, SMALLER=0.95):
+        assert of_both_sizes(network) == [network]
 
 
 def test_files_make_a_detector(tmp_path: Path) -> None:
     (tmp_path / "n.cfg").write_text(SMALL)
     write_weights(tmp_path / "n.weights", bright_spot_network())
-    detector = VictimDetector.load(tmp_path / "n.cfg", tmp_path / "n.weights")
-    assert detector.detect(np.full((8, 16, 3), 255, np.uint8))
+    loaded = VictimDetector.load(tmp_path / "n.cfg", tmp_path / "n.weights")
+    assert loaded.detect(np.full((8, 16, 3), 255, np.uint8))
 
 
 @pytest.mark.parametrize(
@@ -83,10 +87,10 @@ def test_a_network_must_know_people() -> None:
     three = random_network(SMALL.replace("classes=1", "classes=3").replace("filters=6", "filters=8"))
     with pytest.raises(InputError, match="which of its 3 classes is a person"):
         VictimDetector(three)
-    VictimDetector(three, DetectorConfig(person=2))
+    VictimDetector(three, person=2)
     with pytest.raises(InputError, match="no class 3"):
-        VictimDetector(three, DetectorConfig(person=3))
+        VictimDetector(three, person=3)
     with pytest.raises(InputError, match="4 channels"):
         VictimDetector(random_network(SMALL.replace("channels=3", "channels=4")))
     with pytest.raises(InputError, match="between 0 and 1"):
-        DetectorConfig(confidence=1.0)
+        VictimDetector(random_network(SMALL), confidence=1.0)

@@ -1,4 +1,4 @@
-"""The network, its weights' files and its ONNX file, against OpenCV's own readers."""
+"""The network and its weights' files, against OpenCV's own reader."""
 
 from pathlib import Path
 
@@ -14,7 +14,6 @@ from pipeline.victims.detection.architectures import yolov3_small
 from pipeline.victims.detection.darknet_cfg import DarknetCfg, Maxpool, Yolo
 from pipeline.victims.detection.inference import FusedNetwork, to_tensor
 from pipeline.victims.detection.network import DarknetMaxpool, DarknetNetwork
-from pipeline.victims.detection.onnx import write_onnx
 from pipeline.victims.detection.weights import load_network, read_weights, write_weights
 from tests.pipeline.victims.detection.networks import FULL, SMALL, TINY, random_network
 
@@ -62,18 +61,6 @@ def test_the_fast_network_computes_the_same(text: str) -> None:
     image = image_for(network)
     for fast, plain in zip(FusedNetwork(network)(image), outputs(network, image), strict=True):
         np.testing.assert_allclose(fast, plain[0], atol=1e-4, rtol=0)
-
-
-@pytest.mark.parametrize("text", [TINY, OURS], ids=["tiny", "ours"])
-def test_opencv_reads_the_onnx_file(text: str, tmp_path: Path) -> None:
-    network = random_network(text)
-    write_onnx(tmp_path / "n.onnx", network)
-    image = image_for(network)
-    peer = cv2.dnn.readNetFromONNX(str(tmp_path / "n.onnx"))
-    peer.setInput(cv2.dnn.blobFromImage(image, 1 / 255))
-    theirs = peer.forward([f"yolo_{i}" for i in heads(network)])
-    for mine, other in zip(outputs(network, image), theirs, strict=True):
-        np.testing.assert_allclose(mine, other, atol=1e-3, rtol=0)
 
 
 def test_a_convolution_by_hand(tmp_path: Path) -> None:

@@ -9,19 +9,19 @@ import torch
 from scipy.special import logit
 
 from pipeline.errors import InputError
-from pipeline.training import schedule
-from pipeline.victims.detection.augmentation import AugmentationConfig
+from pipeline.semantic_map.networks.schedule import schedule
+from pipeline.victims.detection import augmentation, loss, training
 from pipeline.victims.detection.boxes import overlaps
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.detection.labelled_image import LabelledImage
-from pipeline.victims.detection.loss import LossConfig, YoloLoss, ciou, iou
-from pipeline.victims.detection.sampler import SamplingConfig
+from pipeline.victims.detection.loss import YoloLoss, ciou, iou
 from pipeline.victims.detection.training import Trainer, TrainingConfig, new_network, validate
+from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.detection.networks import SMALL
 from tests.pipeline.victims.detection.people import WhiteBoxes
 
-CONFIG = TrainingConfig(width=64, height=64, steps=6, validate_every=3, sampling=SamplingConfig(batch=2))
+CONFIG = TrainingConfig(width=64, height=64, steps=6, validate_every=3, batch=2)
 
 
 def labelled(*boxes: Sequence[float], ignored: bool = False) -> LabelledImage:
@@ -37,18 +37,18 @@ def head(objectness: float) -> torch.Tensor:
 
 
 def test_the_loss_of_an_empty_image_is_the_cross_entropy_of_every_cell() -> None:
-    loss = YoloLoss(DarknetCfg.parse(SMALL), LossConfig())
-    assert float(loss([head(logit(0.25))], [labelled()])) == pytest.approx(-32 * np.log(0.75), rel=1e-5)
+    loss_of = YoloLoss(DarknetCfg.parse(SMALL))
+    assert float(loss_of([head(logit(0.25))], [labelled()])) == pytest.approx(-32 * np.log(0.75), rel=1e-5)
 
 
 def test_a_perfect_answer_costs_nothing() -> None:
     answer = head(-30)
     answer[0, 4, 1, 2] = answer[0, 5, 1, 2] = 30
-    loss = YoloLoss(DarknetCfg.parse(SMALL), LossConfig())
+    loss_of = YoloLoss(DarknetCfg.parse(SMALL))
     box = [5 - 2, 3 - 3, 5 + 2, 3 + 3]  # the anchor of 4 × 6 in the middle of cell 1, 2 of 2 × 2 pixels
-    assert float(loss([answer], [labelled(box)])) == pytest.approx(0, abs=1e-5)
-    assert float(loss([answer], [labelled()])) == pytest.approx(30, rel=1e-3)
-    assert float(loss([answer], [labelled(box, ignored=True)])) == pytest.approx(0, abs=1e-5)
+    assert float(loss_of([answer], [labelled(box)])) == pytest.approx(0, abs=1e-5)
+    assert float(loss_of([answer], [labelled()])) == pytest.approx(30, rel=1e-3)
+    assert float(loss_of([answer], [labelled(box, ignored=True)])) == pytest.approx(0, abs=1e-5)
 
 
 def test_a_box_that_is_near_is_let_alone() -> None:
@@ -58,12 +58,9 @@ def test_a_box_that_is_near_is_let_alone() -> None:
     answer[0, 0, 1, 3] = -30  # its middle is where cell 3 begins: 1 pixel to the right, overlap 3/5
     box = [3, 0, 7, 6]
     cfg = DarknetCfg.parse(SMALL)
-    assert float(YoloLoss(cfg, LossConfig(near=0.55))([answer], [labelled(box)])) == pytest.approx(
-        0, abs=1e-4
-    )
-    assert float(YoloLoss(cfg, LossConfig(near=0.65))([answer], [labelled(box)])) == pytest.approx(
-        30, abs=0.1
-    )
+    for near, cost in ((0.55, pytest.approx(0, abs=1e-4)), (0.65, pytest.approx(30, abs=0.1))):
+        with constants(loss, NEAR=near):
+            assert float(YoloLoss(cfg)([answer], [labelled(box)])) == cost
 
 
 def test_overlap_is_that_of_the_detector() -> None:
@@ -82,7 +79,7 @@ def test_complete_iou_by_hand() -> None:
     assert float(ciou(a, b)) == pytest.approx(-4 / 20)  # apart by 2 in a hull of 4 × 2
 
 
-def test_a_new_network_expects_no_one() -> None:
+def test_a_new_network_expects_no_people() -> None:
     network = new_network(SMALL).eval()
     with torch.inference_mode():
         (answer,) = network(torch.rand(1, 3, 8, 16))
@@ -118,20 +115,20 @@ def test_another_training_does_not_take_it_up(tmp_path: Path) -> None:
 
 
 def test_it_learns(tmp_path: Path) -> None:
-    sampling = SamplingConfig(batch=8, augmentation=AugmentationConfig(mosaic=0))
-    config = TrainingConfig(width=64, height=64, steps=60, validate_every=60, average=0.9, sampling=sampling)
+    config = TrainingConfig(width=64, height=64, steps=60, validate_every=60, batch=8)
     trainer = Trainer(WhiteBoxes(60), WhiteBoxes(30, 1), config, tmp_path / "w.weights", {})
     before = validate(trainer.average, WhiteBoxes(30, 1))
-    trainer.run()
+    with constants(augmentation, MOSAIC=0), constants(training, AVERAGE=0.9):
+        trainer.run()
     assert before < 0.1
     assert trainer.best > 0.35
 
 
 def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
-    for wrong in ({"width": 100}, {"height": 0}, {"steps": 0}, {"average": 1.0}):
+    for wrong in ({"width": 100}, {"height": 0}, {"steps": 0}, {"batch": 0}):
         with pytest.raises(InputError):
             TrainingConfig(**wrong)
-    with pytest.raises(InputError, match="no one is to be found in the images to validate"):
+    with pytest.raises(InputError, match="images to validate with show no people"):
         Trainer(WhiteBoxes(30), WhiteBoxes(0), CONFIG, tmp_path / "w.weights", {})
 
 

@@ -9,7 +9,7 @@ import torch
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels
-from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
+from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn, tiles
 from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
 from tests.pipeline.semantic_map.networks.small_network import block, network, plain
 
@@ -75,7 +75,7 @@ def test_threads_cover_every_row_once_and_leave_torch_its_threads() -> None:
         threads_inside.add(torch.get_num_threads())
 
     threads = RowThreads(2)
-    threads.run(lambda: threads.over(1000, 64, visit))
+    threads.run(lambda: threads.over(tiles(1000), visit))
     assert (visits == 1).all()
     assert threads_inside == {1}
     assert torch.get_num_threads() == before
@@ -88,7 +88,7 @@ def test_an_error_in_a_thread_is_raised(count: int) -> None:
 
     threads = RowThreads(count)
     with pytest.raises(ValueError, match="slice"):
-        threads.run(lambda: threads.over(10, 4, fail))
+        threads.run(lambda: threads.over([slice(0, 4), slice(4, 8)], fail))
 
 
 def test_blocks_can_be_classified_at_once_from_several_threads() -> None:

@@ -59,7 +59,7 @@ def test_logits_gradients_and_statistics_are_those_of_the_network_as_written(
     # Rounding may choose other neighbours, so both get the same ones; the choice is tested by itself.
     with monkeypatch.context() as patch:
         patch.setattr(ragged, "neighbours", remember)
-        patch.setattr(ragged, "_on_cpu", lambda x: not anywhere)
+        patch.setattr(ragged, "on_cpu", lambda x: not anywhere)
         logits = RaggedDgcnn(ours)(points, [POINTS, POINTS])
         ours_gradients = step(ours, logits, classes)
     monkeypatch.setattr(written, "nearest", recall)

@@ -1,11 +1,12 @@
-"""Light evened out."""
+"""Light evened out, and images fitted into the input."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.victims.detection.exposure import BRIGHTNESS, DARKEST, evenly_exposed
+from pipeline.victims.detection.input_image import BRIGHTNESS, DARKEST, GREY, Letterbox, evenly_exposed
 
 
 def test_dim_light_makes_no_difference() -> None:
@@ -47,3 +48,21 @@ def test_any_image_keeps_its_shape(image: np.ndarray) -> None:
     assert result.shape == image.shape
     assert result.dtype == np.uint8
     np.testing.assert_array_equal(image, before)
+
+
+@pytest.mark.parametrize(
+    ("size", "corner"), [((640, 480), (0, 0)), ((640, 240), (0, 96)), ((100, 480), (216, 0))]
+)
+def test_a_box_comes_back_from_the_letterbox(size: tuple[int, int], corner: tuple[int, int]) -> None:
+    columns, rows = size
+    letterbox, image = Letterbox.fit(np.full((rows, columns, 3), 200, np.uint8), 512, 384)
+    assert image.shape == (384, 512, 3)
+    assert letterbox.corner == corner
+    inside = image == 200
+    assert ((image == GREY) | inside).all()
+    y, x = np.nonzero(inside[..., 0])
+    box = np.array([[x.min(), y.min(), x.max() + 1, y.max() + 1]], float)
+    np.testing.assert_allclose(letterbox.to_image(box), [[0, 0, columns, rows]], atol=1e-4)
+    np.testing.assert_array_equal(
+        letterbox.to_image(box + np.array([-99, -99, 99, 99])), [[0, 0, columns, rows]]
+    )

@@ -1,0 +1,112 @@
+"""What one frame or point cloud says about the voxels around the sensor, before it is weighed against the map."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.frame import Intrinsics
+from pipeline.metric_map.grid_kernels import box_around
+from pipeline.metric_map.projection_kernels import BLOCK, TILE, observe
+from pipeline.metric_map.ray_kernels import trace_points
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """A box of marks, which begins and ends at whole multiples of BLOCK voxels.
+
+    Attributes:
+        lower: (3,) int64 voxel index of the box's first voxel.
+        marks: (nx, ny, nz) uint8: 0 unseen, 1 free, 2 hit.
+        flat: the same marks in C order, and one more that stands for "nowhere".
+    """
+
+    lower: NDArray[np.int64]
+    marks: NDArray[np.uint8]
+    flat: NDArray[np.uint8]
+
+    @property
+    def words(self) -> NDArray[np.uint64]:
+        """(nx, ny, nz / 8) uint64, the marks eight at a time."""
+        return self.marks.view(np.uint64)
+
+
+class Updater:
+    """Turns depth images and point clouds into scans of a grid whose voxel (0, 0, 0) starts at the origin.
+
+    A scan lives until the next one: they share their memory, so that none has to ask the system for it.
+    """
+
+    def __init__(self, voxel_size: float, max_range: float, margin: float, max_bytes: int) -> None:
+        """As :class:`pipeline.metric_map.metric_map.MetricMap` has these."""
+        self._voxel_size, self._max_range, self._margin = voxel_size, max_range, margin
+        self._max_bytes = min(max_bytes, 2**31 - 1)  # the kernels count marks in 32 bits
+        self._memory = np.zeros(0, np.uint8)
+
+    def project(
+        self, depth: NDArray[np.float32], intrinsics: Intrinsics, T_grid_camera: NDArray[np.float64]
+    ) -> Scan:
+        """The voxels that the rays of a depth image end in and cross, by projecting voxels into the image.
+
+        Args:
+            depth: (H, W) float32, m along the optical axis; NaN, infinite and non-positive values are no return.
+            intrinsics: of the depth image.
+            T_grid_camera: 4×4 pose of ``camera_optical`` in the grid's frame.
+
+        Raises:
+            InputError: the box of marks alone exceeds the map's memory bound; so of :meth:`trace`.
+        """
+        pose = T_grid_camera[:3].copy()
+        pose[:, 3] /= self._voxel_size
+        frustum = _frustum(intrinsics) * (self._max_range / self._voxel_size)
+        scan = self._scan_around(frustum @ pose[:, :3].T + pose[:, 3])
+        pose[:, 3] -= scan.lower
+        pinhole = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
+        pyramid = np.empty(_pyramid_shape(*depth.shape), np.float32)
+        limits = self._voxel_size, self._max_range, self._margin
+        observe(depth, pinhole, pose, *limits, scan.marks, scan.flat, pyramid)
+        return scan
+
+    def trace(self, points: NDArray[np.float64], origin: NDArray[np.float64]) -> Scan:
+        """The voxels that (N, 3) finite points fall in and those that the rays to them from a (3,) origin cross.
+
+        Both are float64, m in the grid's frame.
+        """
+        rays = points - origin
+        length = np.linalg.norm(rays, axis=1)
+        free = np.maximum(np.minimum(length, self._max_range) - self._margin, 0)
+        stops = origin + rays * np.divide(free, length, out=np.zeros_like(length), where=length > 0)[:, None]
+        ends = length <= self._max_range
+        scan = self._scan_around(np.vstack([origin[None], stops, points[ends]]) / self._voxel_size)
+        points, stops, origin = (array / self._voxel_size - scan.lower for array in (points, stops, origin))
+        trace_points(points, stops, ends, origin, scan.marks)
+        return scan
+
+    def _scan_around(self, points: NDArray[np.float64]) -> Scan:
+        """An empty scan around (N, 3) points in the grid's frame, in voxels, with one to spare for rounding."""
+        x, y, z, nx, ny, nz = box_around(points, BLOCK)
+        size = nx * ny * nz + 1
+        if size > self._max_bytes:
+            raise InputError(f"a scan of {size} voxels exceeds the map's bound of {self._max_bytes} bytes")
+        if size > self._memory.size:
+            self._memory = np.empty(size, np.uint8)
+        flat = self._memory[:size]
+        flat.fill(0)
+        return Scan(np.array((x, y, z)), flat[:-1].reshape(nx, ny, nz), flat)
+
+
+@lru_cache(maxsize=8)
+def _frustum(intrinsics: Intrinsics) -> NDArray[np.float64]:
+    """(5, 3) corners of all that the camera sees up to 1 m deep, in ``camera_optical``."""
+    u = (np.array([0, intrinsics.width]) - intrinsics.cx) / intrinsics.fx
+    v = (np.array([0, intrinsics.height]) - intrinsics.cy) / intrinsics.fy
+    return np.array([(0, 0, 0), *((a, b, 1) for a in u for b in v)])
+
+
+@lru_cache(maxsize=8)
+def _pyramid_shape(height: int, width: int) -> tuple[int, int, int]:
+    """Levels, rows and columns of the pyramid's tiles; of the last level at most 3 × 3 are used."""
+    rows, columns = -(-height // TILE), -(-width // TILE)
+    return 1 + max(0, int(np.ceil(np.log2(max(rows, columns) / 3)))), rows, columns

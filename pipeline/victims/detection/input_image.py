@@ -1,0 +1,73 @@
+"""A camera's image as the network gets it: in even light, and fitted into the network's input.
+
+Every part of the image whose surroundings are darker is brought to one brightness, so that people look alike in the
+light of day, in dim light and at the edge of a lamp's cone. In the manner of a retinex (Land, "The retinex theory of
+color vision", Scientific American 237, 1977), with a coarse grid of cells as the surroundings.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+CELLS = (16, 12)
+"""Cells of the grid along x and y."""
+BLUR = 2.0
+"""cells, standard deviation of the Gaussian over the grid: dark things stay dark, dark places do not."""
+BRIGHTNESS = 130.0
+"""Brightness, of 255, to which the brightest channel is brought where it is less."""
+DARKEST = 12.0
+"""Brightness, of 255, below which there is nothing but noise to make brighter."""
+GREY = 128
+"""Brightness of the bars beside a fitted image, as in Darknet's letterbox_image."""
+
+
+def evenly_exposed(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """An (H, W, 3) uint8 image in even light; a well-lit image is not changed."""
+    light = cv2.resize(rgb, CELLS, interpolation=cv2.INTER_AREA).max(axis=2).astype(np.float32)
+    light = cv2.GaussianBlur(light, (0, 0), BLUR, borderType=cv2.BORDER_REPLICATE)
+    gain = np.maximum(BRIGHTNESS / np.maximum(light, DARKEST), 1)
+    gain = cv2.resize(gain, rgb.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    bright = cv2.multiply(rgb, cv2.merge([gain] * 3), dtype=cv2.CV_8U)
+    return np.asarray(bright, np.uint8)
+
+
+def scaled(rgb: NDArray[np.uint8], ratio: float) -> NDArray[np.uint8]:
+    """An (H, W, 3) uint8 image ``ratio`` times as large, of at least one pixel."""
+    rows, columns = rgb.shape[:2]
+    size = max(1, round(columns * ratio)), max(1, round(rows * ratio))
+    how = cv2.INTER_AREA if ratio < 0.5 else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(rgb, size, interpolation=how), np.uint8)
+
+
+@dataclass(frozen=True)
+class Letterbox:
+    """Where an image lies in the input, its proportions kept.
+
+    Attributes:
+        scale: pixels of the input a pixel of the image, in x and y; the two differ by rounding alone.
+        corner: x, y of its upper left corner in the input, pixels.
+        size: width, height of the image.
+    """
+
+    scale: tuple[float, float]
+    corner: tuple[int, int]
+    size: tuple[int, int]
+
+    @classmethod
+    def fit(cls, image: NDArray[np.uint8], width: int, height: int) -> tuple[Self, NDArray[np.uint8]]:
+        """Fit an (H, W, 3) uint8 image into the middle of an input; also returns the (height, width, 3) input."""
+        rows, columns = image.shape[:2]
+        small = scaled(image, min(width / columns, height / rows))
+        h, w = small.shape[:2]
+        left, top = (width - w) // 2, (height - h) // 2
+        canvas = np.full((height, width, 3), GREY, np.uint8)
+        canvas[top : top + h, left : left + w] = small
+        return cls((w / columns, h / rows), (left, top), (columns, rows)), canvas
+
+    def to_image(self, boxes: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(N, 4) float32 boxes of the input as boxes of the image, cut at its edges."""
+        points = (boxes.reshape(-1, 2, 2) - self.corner) / self.scale
+        return np.clip(points, 0, self.size).reshape(-1, 4).astype(np.float32)

@@ -1,0 +1,16 @@
+"""Other values of a module's constants, for the length of a block."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import ModuleType
+
+import pytest
+
+
+@contextmanager
+def constants(module: ModuleType, **values: object) -> Iterator[None]:
+    """Set constants of a module, which must exist, and set them back at the end."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in values.items():
+            patch.setattr(module, name, value)
+        yield

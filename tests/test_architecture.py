@@ -219,8 +219,8 @@ def own_privates(module: Module) -> set[str]:
 
 
 def is_private(name: str) -> bool:
-    """Whether a name has one leading underscore."""
-    return name.startswith("_") and not name.startswith("__") and len(name) > 1
+    """Whether a name has one leading underscore, and is not what named tuples offer."""
+    return re.match("_[^_]", name) is not None and name not in ("_replace", "_asdict", "_fields", "_make")
 
 
 def test_no_test_reaches_for_privates() -> None:

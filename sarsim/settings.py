@@ -9,6 +9,10 @@ from sarsim.assets import asset
 
 Labels = Literal["dgcnn", "truth"]
 """What labels the points: the network, or the simulator."""
+Odometry = Literal["truth", "wheel"]
+"""The true pose, or dead reckoning by wheels and gyro."""
+LightingName = Literal["normal", "dim", "dark"]
+"""See :class:`sarsim.sensors.lighting.Lighting`."""
 WEIGHTS = asset("weights", "dgcnn.safetensors")
 DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
 
@@ -51,9 +55,9 @@ class EpisodeConfig:
     labels: Labels = "dgcnn"
     weights: Path = WEIGHTS
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
-    odometry: Literal["truth", "wheel"] = "truth"
+    odometry: Odometry = "truth"
     sensor: Literal["xtion", "ideal"] = "xtion"
-    lighting: Literal["normal", "dim", "dark"] = "normal"
+    lighting: LightingName = "normal"
     dust: float = 0.0
     speed: float = 0.2
     voxel_size: float = 0.1

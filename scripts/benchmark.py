@@ -1,66 +1,128 @@
 """Measure the simulator and the pipeline against their peers: ``benchmark.py SUBJECT [--json FILE]``."""
 
 import importlib.metadata
+import inspect
 import json
 import os
 import platform
-from dataclasses import asdict
+import shutil
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
 from rich.table import Table
 
-from pipeline.errors import InputError
 from pipeline.files import whole_file
-from sarsim.scripts.benchmarks.camera import Camera
-from sarsim.scripts.benchmarks.dataset import Dataset
-from sarsim.scripts.benchmarks.exploration import ExplorationBenchmark
-from sarsim.scripts.benchmarks.metric_map import MetricMapBenchmark
-from sarsim.scripts.benchmarks.semantic import Semantic
-from sarsim.scripts.benchmarks.subject import Result, Subject
-from sarsim.scripts.benchmarks.victims import VictimsBenchmark
-from sarsim.scripts.cli import guarded, parse
+from sarsim.scripts.cli import call_with, check_folder_of
+from sarsim.scripts.settings import run_with_settings, save_settings
+from sarsim.settings import Labels, LightingName, Odometry
 
-SUBJECTS: dict[str, type[Subject]] = {
-    "camera": Camera,
-    "dataset": Dataset,
-    "exploration": ExplorationBenchmark,
-    "metric-map": MetricMapBenchmark,
-    "semantic": Semantic,
-    "victims": VictimsBenchmark,
-}
+if TYPE_CHECKING:
+    from sarsim.scripts.benchmarks.common import Result
 
 
-def benchmark(subject: Subject, name: str) -> None:
-    """Measure, print the figures, and write them where ``subject.json`` says.
+@dataclass(frozen=True)
+class Benchmark:
+    """What is measured; where no value is given, the subject's own default holds, named here in brackets.
 
-    Raises:
-        InputError: the file cannot be written.
+    Attributes:
+        subject: camera, dataset: time of a frame and of a scene beside mujoco.Renderer; metric-map: time and accuracy
+            beside OctoMap; semantic: DGCNN's time, and accuracy of the labels; exploration: whole episodes beside
+            two baselines; victims: precision and time of the detector, and whole episodes.
+        json: file for the figures, with the machine and the settings that they hold for.
+        frames: frames in all (camera 60), of a scene (dataset 100, victims 12), or of an arena (metric-map 160,
+            semantic 40); more make figures steadier.
+        rounds: rounds that are timed (dataset 5, semantic 7, victims 15); 0 times nothing (victims).
+        scenes: random arenas that are rendered (dataset 4, victims 30); 0 for none (victims).
+        seed: of arenas and drives (dataset, metric-map, semantic 0; victims 2026, with which none was trained).
+        nist: episodes in nist_6x4 (exploration, victims 10); fewer are done earlier and say less.
+        esogu: episodes in esogu_52x15 (exploration, victims 2).
+        random: episodes in random arenas of difficulties 0, 1 and 2 (exploration, victims 30).
+        raf: folder of .raf arenas to explore or to label (exploration, semantic).
+        raf_frames: frames of each .raf arena (semantic 10).
+        baselines: also run what is compared with: two other strategies (exploration), episodes without a detector
+            (victims), OctoMap without discretize (metric-map); without them it is done earlier.
+        odometry: of the episodes, the true pose or wheels and gyro (exploration, victims truth).
+        lighting: of the episodes (exploration, victims normal).
+        labels: what labels the points in episodes (exploration, victims dgcnn).
+        weights: of the network that labels (exploration, semantic, victims); by default the shipped ones.
+        detector: of victims: .cfg and .weights (exploration, victims); by default the shipped one.
+        workers: episodes at a time (exploration, victims: one a core).
+        runs: folder for the result of each episode (exploration, victims: runs/benchmark-<subject>); those that are
+            there already are not run again.
     """
-    if subject.json and not subject.json.absolute().parent.is_dir():
-        raise InputError(f"--json {subject.json}: there is no folder {subject.json.absolute().parent}")
-    result = subject.measure()
-    Console().print(result.table or table(name, result.figures))
-    if subject.json:
-        with whole_file(subject.json) as file:
-            file.write_text(json.dumps(report(subject, name, result), indent=2, default=str) + "\n")
+
+    subject: Annotated[
+        Literal["camera", "dataset", "exploration", "metric-map", "semantic", "victims"], tyro.conf.Positional
+    ]
+    json: Path | None = None
+    frames: int | None = None
+    rounds: int | None = None
+    scenes: int | None = None
+    seed: int | None = None
+    nist: int | None = None
+    esogu: int | None = None
+    random: int | None = None
+    raf: Path | None = None
+    raf_frames: int | None = None
+    baselines: bool | None = None
+    odometry: Odometry | None = None
+    lighting: LightingName | None = None
+    labels: Labels | None = None
+    weights: Path | None = None
+    detector: tuple[Path, Path] | None = None
+    workers: int | None = None
+    runs: Path | None = None
 
 
-def report(subject: Subject, name: str, result: Result) -> dict[str, Any]:
+def benchmark(settings: Benchmark) -> None:
+    """Measure a subject, print the figures, and write them where --json says."""
+    if settings.json:
+        check_folder_of("json", settings.json)
+    measure = import_module(f"sarsim.scripts.benchmarks.{settings.subject.replace('-', '_')}").measure
+    given = {name: value for name, value in asdict(settings).items() if name not in ("subject", "json")}
+    result = call_with(measure, given, settings.subject)
+    Console().print(result.table or table(settings.subject, result.figures))
+    if settings.json:
+        content = report(settings.subject, arguments(measure, given), result)
+        write(settings.json, content, result.pictures)
+        save_settings(settings, settings.json.with_suffix(".yaml"))
+
+
+def arguments(function: Callable[..., object], given: Mapping[str, Any]) -> dict[str, Any]:
+    """What a function is called with: its defaults, and the given values that are not None."""
+    defaults = {name: parameter.default for name, parameter in inspect.signature(function).parameters.items()}
+    values = defaults | {name: value for name, value in given.items() if value is not None}
+    return {name: str(value) if isinstance(value, Path) else value for name, value in values.items()}
+
+
+def report(subject: str, config: Mapping[str, Any], result: "Result") -> dict[str, Any]:
     """The figures, and what they hold for."""
-    settings = {
-        key: str(v) if isinstance(v, Path) else v for key, v in asdict(subject).items() if key != "json"
-    }
     return {
-        "subject": name,
+        "subject": subject,
         "version": importlib.metadata.version("sarsim"),
         "machine": machine(),
-        "config": settings,
+        "config": config,
         "figures": result.figures,
         **result.details,
     }
+
+
+def write(file: Path, content: Mapping[str, Any], pictures: Iterable[Path]) -> None:
+    """Write the figures, and beside them the pictures, their names after the file's.
+
+    Raises:
+        InputError: they cannot be written.
+    """
+    with whole_file(file) as part:
+        part.write_text(json.dumps(content, indent=2, default=str) + "\n")
+    for picture in pictures:
+        with whole_file(file.with_name(f"{file.stem}-{picture.name}")) as part:
+            shutil.copyfile(picture, part)
 
 
 def machine() -> dict[str, Any]:
@@ -84,8 +146,8 @@ def processor() -> str:
     return names[0] if names else platform.processor()
 
 
-def table(name: str, figures: dict[str, float]) -> Table:
-    """The figures for a person to read."""
+def table(name: str, figures: Mapping[str, float]) -> Table:
+    """The figures, to print."""
     result = Table("figure", title=name)
     result.add_column("value", justify="right")
     for key, value in figures.items():
@@ -95,15 +157,7 @@ def table(name: str, figures: dict[str, float]) -> Table:
 
 def main() -> None:
     """Entry point."""
-    guarded(run)
-
-
-def run() -> None:
-    """Parse the command line and measure."""
-    subject: Subject = parse(
-        lambda: tyro.extras.subcommand_cli_from_dict(dict(SUBJECTS), description=__doc__)
-    )
-    benchmark(subject, next(name for name, kind in SUBJECTS.items() if type(subject) is kind))
+    run_with_settings(benchmark, Benchmark)
 
 
 if __name__ == "__main__":

@@ -47,7 +47,7 @@ def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], des
     if name in commands:
         run_with_settings(*commands[name], words, f"{Path(sys.argv[0]).name} {name}")
         return
-    kinds = {name: kind for name, (_, kind) in commands.items()}
+    kinds: dict[str, Callable[..., Any]] = {name: kind for name, (_, kind) in commands.items()}
     guarded(lambda: parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, description=description)))
 
 
@@ -104,7 +104,7 @@ def save_settings(settings: Any, path: Path) -> None:
         InputError: the file cannot be written.
     """
     with whole_file(path) as file:
-        file.write_text(yaml.safe_dump(_plain(settings), sort_keys=False, default_flow_style=None))
+        file.write_text(yaml.safe_dump(_plain(settings), sort_keys=False, default_flow_style=False))
 
 
 def _settings(kind: Any, content: Any, where: str) -> Any:

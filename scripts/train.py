@@ -34,11 +34,9 @@ class TrainDgcnn:
         until: stop after that step as if interrupted; the learning rate still falls as --steps says.
         steps: batches; more fit the training data better and take longer.
         seed: of the first weights, the batches and their augmentation; another one tells how much is chance.
+        batch: blocks in a batch; larger ones take more memory and make steadier steps.
         learning_rate: highest step width of AdamW; lower it if the loss jumps, raise it if it hardly falls.
-        balance: a class weighs its share of the points to the power of minus this: 0 favours frequent classes, 1
-            makes all classes weigh the same.
         validate_every: steps between validations; each takes time, and the best weights are kept only then.
-        keep: the weights that validate best, or the last ones: where few clouds validate, the best are so by chance.
     """
 
     data: Path
@@ -48,10 +46,9 @@ class TrainDgcnn:
     until: int | None = None
     steps: int = 3000
     seed: int = 0
+    batch: int = 8
     learning_rate: float = 2e-3
-    balance: float = 0.5
     validate_every: int = 250
-    keep: Literal["best", "last"] = "best"
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,6 @@ class TrainYolo:
         seed: of the first weights, the anchors and the images drawn; another one tells how much is chance.
         batch: images in a batch; larger ones take more memory and steadier steps.
         learning_rate: highest step width of AdamW; lower it to go on from --init.
-        bfloat16: convolve in half precision: faster on a processor that can, slower on any other.
         validate_every: steps between validations; each takes time, and the best weights are kept only then.
     """
 
@@ -88,18 +84,18 @@ class TrainYolo:
     seed: int = 0
     batch: int = 16
     learning_rate: float = 2e-3
-    bfloat16: bool = False
     validate_every: int = 500
 
 
 def train_dgcnn(settings: TrainDgcnn) -> None:
     """Train the network of the semantic map, and say where the weights lie."""
     _check(settings)
+    from pipeline.semantic_map.networks.blocks import BlockConfig
     from pipeline.semantic_map.networks.classifier import load_classifier
     from pipeline.semantic_map.networks.parallel import Worker
     from pipeline.semantic_map.networks.training import Trainer, TrainingConfig
 
-    names = ("steps", "seed", "learning_rate", "balance", "validate_every", "keep")
+    names = ("steps", "seed", "batch", "learning_rate", "validate_every")
     config = TrainingConfig(**{name: getattr(settings, name) for name in names})
     about: dict[str, Any] = {"data": str(settings.data), "scenes": _scenes(settings.data)}
     about["stride"] = settings.stride
@@ -108,7 +104,7 @@ def train_dgcnn(settings: TrainDgcnn) -> None:
         initial, about["init"] = load_classifier(settings.init)[0], str(settings.init)
     worker = Worker.join()
     try:
-        clouds = _clouds(settings, worker, config.blocks.voxel_size)
+        clouds = _clouds(settings, worker, BlockConfig().voxel_size)
         validation = clouds["val"][:: 1 + len(clouds["val"]) // VALIDATION_FRAMES]
         trainer = Trainer(clouds["train"], validation, config, settings.out, worker, about, initial)
         if worker.leads:
@@ -126,14 +122,11 @@ def train_yolo(settings: TrainYolo) -> None:
     _check(settings)
     if settings.out.suffix != ".weights":
         raise InputError(f"--out {settings.out}: a name that ends with .weights")
-    from pipeline.victims.detection.sampler import SamplingConfig
     from pipeline.victims.detection.training import Trainer, TrainingConfig
     from sarsim.dataset.victim_images import VictimImages
 
-    names = ("network", "width", "height", "steps", "seed", "learning_rate", "bfloat16", "validate_every")
-    config = TrainingConfig(
-        sampling=SamplingConfig(batch=settings.batch), **{name: getattr(settings, name) for name in names}
-    )
+    names = ("network", "width", "height", "steps", "seed", "batch", "learning_rate", "validate_every")
+    config = TrainingConfig(**{name: getattr(settings, name) for name in names})
     images = [VictimImages(settings.data, split, settings.stride) for split in ("train", "val")]
     try:
         about = {"data": list(map(str, settings.data)), "images": [len(source) for source in images]}
@@ -200,7 +193,7 @@ def _train(trainer: Any, steps: int, disable: bool = False, **options: Any) -> N
 
 def main() -> None:
     """Entry point."""
-    networks = {"dgcnn": (train_dgcnn, TrainDgcnn), "yolo": (train_yolo, TrainYolo)}
+    networks: dict[str, Any] = {"dgcnn": (train_dgcnn, TrainDgcnn), "yolo": (train_yolo, TrainYolo)}
     run_one_of(networks, str(__doc__))
 
 

@@ -126,7 +126,7 @@ class Router:
         ground = float(self._traversability.grid.at(self._traversability.elevation, place))
         eye = np.append(place, ground + self._camera_height)
         middle = person.data.mean(axis=0)
-        return self._metric_map.is_free_along(eye, middle, person, SPARED, may_be_unknown=True)
+        return self._metric_map.is_free_along(eye, middle, person, BODY_MARGIN, may_be_unknown=True)
 
     def _route(self, way: NDArray[np.float64], gap: float, in_sight: bool) -> Route:
         legs = list(self._legs(way))

@@ -40,7 +40,7 @@ class WithoutMultisampling(ThreePasses):
     QUALITY: ClassVar[dict[str, int]] = {"offsamples": 0}
 
 
-CONTENDERS = {**RENDERERS, "renderer_without_multisampling": WithoutMultisampling}
+CONTENDERS: dict[str, type[Renderer]] = {**RENDERERS, "renderer_without_multisampling": WithoutMultisampling}
 
 
 @dataclass

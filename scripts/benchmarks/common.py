@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import mujoco
 import numpy as np
@@ -14,7 +14,7 @@ from rich.table import Table
 from pipeline.errors import InputError
 from sarsim.sensors.rendering import COLOUR_QUALITY, Renderer
 
-Camera = int | str | mujoco.MjvCamera
+CameraName: TypeAlias = int | str | mujoco.MjvCamera
 
 
 @dataclass(frozen=True)
@@ -65,23 +65,23 @@ class ThreePasses(Renderer):
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._renderer = mujoco.Renderer(model, height, width)
 
-    def colour(self, data: mujoco.MjData, camera: Camera) -> NDArray[np.uint8]:
+    def colour(self, data: mujoco.MjData, camera: CameraName) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB."""
         self._renderer.disable_segmentation_rendering()
         return self._picture(data, camera)
 
-    def depth(self, data: mujoco.MjData, camera: Camera) -> NDArray[np.float32]:
+    def depth(self, data: mujoco.MjData, camera: CameraName) -> NDArray[np.float32]:
         """(H, W) float32 m."""
         self._renderer.enable_depth_rendering()
         return self._picture(data, camera)
 
-    def segmentation(self, data: mujoco.MjData, camera: Camera) -> NDArray[np.int32]:
+    def segmentation(self, data: mujoco.MjData, camera: CameraName) -> NDArray[np.int32]:
         """(H, W, 2) int32 ids and types of objects."""
         self._renderer.enable_segmentation_rendering()
         return self._picture(data, camera)
 
     def segmentation_and_depth(
-        self, data: mujoco.MjData, camera: Camera
+        self, data: mujoco.MjData, camera: CameraName
     ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """(H, W) int32 geom ids, -1 where there is none, and (H, W) float32 m."""
         depth = self.depth(data, camera).copy()
@@ -92,7 +92,7 @@ class ThreePasses(Renderer):
         """Free the OpenGL context."""
         self._renderer.close()
 
-    def _picture(self, data: mujoco.MjData, camera: Camera) -> NDArray:
+    def _picture(self, data: mujoco.MjData, camera: CameraName) -> NDArray:
         self._renderer.update_scene(data, camera)
         return self._renderer.render()
 

@@ -33,6 +33,19 @@ PENALTY = 10.0
 """A run that never saw enough counts as if it had taken so many times its duration (PAR10)."""
 
 
+def reports(results: Sequence[Mapping[str, Any] | None]) -> list[Report]:
+    """The reports of the episodes that were run."""
+    return [result["report"] for result in results if result and "report" in result]
+
+
+def pairs(
+    ours: Sequence[Mapping[str, Any] | None], theirs: Sequence[Mapping[str, Any] | None]
+) -> list[tuple[Report, Report]]:
+    """Reports of the same arena and seed, where both were run."""
+    both = [reports(pair) for pair in zip(ours, theirs, strict=False)]
+    return [(pair[0], pair[1]) for pair in both if len(pair) == 2]
+
+
 def flat(report: Report) -> dict[str, float]:
     """All numbers of a report by their dotted names."""
     named = [pair for stage in report if stage not in NOT_FIGURES for pair in figures(stage, report[stage])]

@@ -4,7 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from rich.table import Table
 
-GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")
+from sarsim.scripts.benchmarks.episodes import GROUPS, Strategy
+
+BASELINES: tuple[Strategy, ...] = ("nearest_frontier", "random_walk")
 RATIO = "seen90_vs_nearest_frontier"
 
 ROWS: Mapping[str, str] = {

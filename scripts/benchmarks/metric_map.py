@@ -5,9 +5,8 @@ All of them use one thread; its processor time is what counts, so that other wor
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pyoctomap
@@ -16,8 +15,8 @@ from rich.progress import track
 
 from pipeline.metric_map.metric_map import MetricMap
 from sarsim.scoring.voxels import VoxelScore
+from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.recorded_frames import Recording, record
-from sarsim.scripts.benchmarks.subject import Result, Subject
 
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
@@ -28,30 +27,34 @@ WARM_UP = 5
 """Frames that are not counted."""
 
 
-@dataclass(frozen=True)
-class MetricMapBenchmark(Subject):
-    """The metric map against exact rays and OctoMap."""
+def measure(
+    frames: int = 160,
+    seed: int = 0,
+    arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"),
+    baselines: bool = True,
+) -> Result:
+    """Times, memory, accuracy, and times over the size of the environment.
 
-    frames: int = 160
-    """How many frames of an episode."""
-    seed: int = 0
-    """Of the episodes."""
-    arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15")
-    """Where accuracy is measured; times are of the first one's frames."""
-    slow: bool = True
-    """Also measure OctoMap without ``discretize``, which takes a tenth of a second per frame."""
+    Args:
+        frames: of an episode.
+        seed: of the episodes.
+        arenas: where accuracy is measured; times are of the first one's frames.
+        baselines: also measure OctoMap without ``discretize``, which takes a tenth of a second per frame.
 
-    def measure(self) -> Result:
-        """Times, memory, accuracy, and times over the size of the environment."""
-        recording = record(self.arenas[0], self.seed, self.frames)
-        figures = _speed(recording, self.slow)
-        sizes = _sizes(recording)
-        figures["large_over_small"] = sizes[-1]["over_small"]
-        figures |= _accuracy(recording)
-        for arena in self.arenas[1:]:
-            others = _accuracy(record(arena, self.seed, self.frames))
-            figures |= {f"{arena}.{name}": value for name, value in others.items()}
-        return Result(figures, {"sizes": sizes})
+    Raises:
+        InputError: pyoctomap is missing, or there is nothing to measure.
+    """
+    at_least(1, frames=frames)
+    at_least(0, seed=seed)
+    recording = record(arenas[0], seed, frames)
+    figures = _speed(recording, baselines)
+    sizes = _sizes(recording)
+    figures["large_over_small"] = sizes[-1]["over_small"]
+    figures |= _accuracy(recording)
+    for arena in arenas[1:]:
+        others = _accuracy(record(arena, seed, frames))
+        figures |= {f"{arena}.{name}": value for name, value in others.items()}
+    return Result(figures, {"sizes": sizes})
 
 
 def _speed(recording: Recording, slow: bool) -> dict[str, float]:
@@ -171,24 +174,21 @@ def agreement(first: MetricMap, second: MetricMap) -> float:
     return float((a == b)[known].mean())
 
 
-class Contender:
+class Contender(Protocol):
     """A way to map."""
 
     def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
         """What adds frame ``n`` to the map; everything before is not timed."""
-        raise NotImplementedError
 
     def metric_map(self) -> MetricMap:
         """The states of its voxels on the grid of the metric map."""
-        raise NotImplementedError
 
     @property
     def nbytes(self) -> int:
         """Memory of its voxels."""
-        raise NotImplementedError
 
 
-class Projective(Contender):
+class Projective:
     """The metric map from depth images."""
 
     def __init__(self, voxel_size: float):
@@ -221,7 +221,7 @@ class Rays(Projective):
         return lambda: self._map.integrate_points(points, recording.T_map_camera[n, :3, 3])
 
 
-class OctoMap(Contender):
+class OctoMap:
     """OctoMap at its defaults, on a grid laid out like the metric map's."""
 
     def __init__(self, voxel_size: float, discretize: bool):

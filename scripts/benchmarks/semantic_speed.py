@@ -1,8 +1,6 @@
 """How long DGCNN takes, made fast and as it is written, in turn on the same data."""
 
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +18,7 @@ from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.threads import single_threaded
 from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
+from sarsim.scripts.benchmarks.common import seconds
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame
 
 POINTS = 4096
@@ -78,7 +77,7 @@ def _block_contest(network: Dgcnn, blocks: list[NDArray[np.float32]]) -> dict[st
     fast(blocks[0])
     _plain(network, blocks[0])
     rows = [
-        (_seconds(fast, block), _seconds(_plain, network, block))
+        (seconds(fast, block), seconds(_plain, network, block))
         for block in track(blocks, "blocks", transient=True)
     ]
     ours, theirs = np.array(rows).T
@@ -103,7 +102,7 @@ def _step_contest(network: Dgcnn, block: NDArray[np.float32]) -> dict[str, float
 
     with single_threaded():
         ours()
-        ours_s, theirs_s = (_seconds(step) for step in (ours, theirs))
+        ours_s, theirs_s = (seconds(step) for step in (ours, theirs))
     network.eval()
     return {"training_step_vs_plain": theirs_s / ours_s}
 
@@ -120,7 +119,7 @@ def _frame_times(network: Dgcnn, frames: list[TrueFrame]) -> dict[str, float]:
     clouds = [frame.points for frame in frames]
     classifier.classify(frames[0].frame, clouds[0], frames[0].T_map_camera)
     times = [
-        _seconds(classifier.classify, frame.frame, cloud, frame.T_map_camera)
+        seconds(classifier.classify, frame.frame, cloud, frame.T_map_camera)
         for frame, cloud in zip(frames, clouds, strict=True)
     ]
     slow = frames[int(np.argsort(times)[len(times) // 2])]
@@ -141,16 +140,10 @@ def robot_blocks(frame: TrueFrame) -> list[Block]:
 
 def _plain_frame(network: Dgcnn, blocks: list[Block]) -> float:
     return sum(
-        _seconds(_plain, network, block.points) for block in track(blocks, "as written", transient=True)
+        seconds(_plain, network, block.points) for block in track(blocks, "as written", transient=True)
     )
 
 
 def _plain(network: Dgcnn, block: NDArray[np.float32]) -> torch.Tensor:
     with torch.inference_mode():
         return network(torch.from_numpy(block.T[None].copy()))
-
-
-def _seconds(action: Callable[..., object], *args: object) -> float:
-    start = time.perf_counter()
-    action(*args)
-    return time.perf_counter() - start

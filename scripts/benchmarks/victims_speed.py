@@ -1,8 +1,5 @@
 """How long a frame takes in the detector, beside the same network in PyTorch as it is."""
 
-import time
-from collections.abc import Callable
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -12,6 +9,7 @@ from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.detection.inference import to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
+from sarsim.scripts.benchmarks.common import seconds
 
 THREADS = 2
 WIDTH, HEIGHT = 640, 480
@@ -38,7 +36,7 @@ def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:
     before = torch.get_num_threads()
     torch.set_num_threads(THREADS)
     try:
-        times = np.array([[_seconds(d.detect, image) for d in (ours, plain)] for _ in range(2 + rounds)])[2:]
+        times = np.array([[seconds(d.detect, image) for d in (ours, plain)] for _ in range(2 + rounds)])[2:]
     finally:
         torch.set_num_threads(before)
     fast, slow = times.T
@@ -54,9 +52,3 @@ def tiny() -> DarknetNetwork:
             assert layer.conv.bias is not None
             torch.nn.init.constant_(layer.conv.bias, -10)
     return network
-
-
-def _seconds(action: Callable[[NDArray[np.uint8]], object], image: NDArray[np.uint8]) -> float:
-    start = time.perf_counter()
-    action(image)
-    return time.perf_counter() - start

@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 
 from pipeline.explorer import PATIENCE, Step
-from sarsim.episode import Episode, EpisodeConfig
+from sarsim.episode import Episode
+from sarsim.settings import EpisodeConfig
 
 WALL, TERRAIN, DECK = 1, 2, 4
 Interval = tuple[float, float]

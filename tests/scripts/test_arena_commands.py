@@ -3,10 +3,8 @@
 import mujoco
 import pytest
 
-from sarsim.scripts import check_arenas as checking
-from sarsim.scripts.check_arenas import check_arenas
-from sarsim.scripts.cli import run
-from sarsim.scripts.export_arena import export_arena
+from sarsim.scripts.export_arena import ExportArena, export_arena
+from sarsim.scripts.settings import run_with_settings
 
 RAF = (
     '<elements><element type="small_wall" x="0" y="0" rotation="0"/>'
@@ -17,15 +15,15 @@ RAF = (
 def exported(tmp_path, *flags):
     """An arena as the command wrote it."""
     out = tmp_path / "out.xml"
-    run(export_arena, ["--out", str(out), *flags])
+    run_with_settings(export_arena, ExportArena, ["--out", str(out), *flags])
     assert sorted(p.name for p in out.parent.glob("*.part")) == []
     return mujoco.MjModel.from_xml_path(str(out))
 
 
-def refused(capsys, command, *flags):
+def refused(capsys, *flags):
     """The one line on stderr with which a command ends."""
     with pytest.raises(SystemExit) as end:
-        run(command, list(flags))
+        run_with_settings(export_arena, ExportArena, list(flags))
     assert end.value.code == 2
     (line,) = capsys.readouterr().err.splitlines()
     return line
@@ -47,9 +45,10 @@ def test_a_raf_file_is_written_with_the_start_wished_for(tmp_path):
     assert model.site("start").pos.tolist() == [-0.1, -0.2, 0]
 
 
-def test_a_random_arena_is_written_as_its_flags_say(tmp_path):
-    flags = ("--random.columns", "3", "--random.rows", "4", "--random.victims", "0", "--random.ceiling")
-    model = exported(tmp_path, "--arena", "random:1", *flags)
+def test_a_random_arena_is_written_as_its_settings_say(tmp_path):
+    config = tmp_path / "config.yaml"
+    config.write_text("arena: random:1\nrandom: {columns: 3, rows: 4, victims: 0, ceiling: true}\n")
+    model = exported(tmp_path, "--config", str(config))
     assert 5 in model.geom_user[:, 0] and 6 not in model.geom_user[:, 0]
     assert model.geom("ceiling").size[:2].tolist() == pytest.approx([1.8, 2.4], abs=0.01)
 
@@ -68,25 +67,10 @@ def test_a_random_arena_is_written_as_its_flags_say(tmp_path):
 def test_a_bad_arena_is_refused_and_nothing_written(name, text, said, tmp_path, capsys):
     (tmp_path / name).write_text(text)
     out = tmp_path / "out.xml"
-    assert said in refused(capsys, export_arena, "--arena", str(tmp_path / name), "--out", str(out))
+    assert said in refused(capsys, "--arena", str(tmp_path / name), "--out", str(out))
     assert not out.exists()
 
 
 def test_what_cannot_be_written_is_refused(tmp_path, capsys):
     flags = ("--arena", "nist_6x4", "--out", str(tmp_path / "none" / "out.xml"))
-    assert "cannot be written" in refused(capsys, export_arena, *flags)
-
-
-def test_arenas_are_checked(monkeypatch, capsys):
-    small = ["--seeds", "2", "--random.columns", "3", "--random.rows", "3", "--random.victims", "0"]
-    run(check_arenas, small)
-    assert "2 arenas, 0 break a promise" in capsys.readouterr().out
-    monkeypatch.setattr(checking, "broken_promises", lambda mjcf: ["the start is not free"])
-    with pytest.raises(SystemExit) as end:
-        run(check_arenas, small)
-    assert end.value.code == 1
-    assert "2 break a promise" in capsys.readouterr().out
-
-
-def test_no_arena_is_no_number_of_arenas_to_check(capsys):
-    assert "--seeds 0" in refused(capsys, check_arenas, "--seeds", "0")
+    assert "cannot be written" in refused(capsys, *flags)

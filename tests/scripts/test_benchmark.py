@@ -1,77 +1,94 @@
 """The file that a benchmark leaves, and the camera's subject in small."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+import yaml
 
 from pipeline.errors import InputError
 from sarsim.scripts import benchmark
+from sarsim.scripts.benchmark import Benchmark
 from sarsim.scripts.benchmarks import camera
-from sarsim.scripts.benchmarks.camera import Camera, Times
-from sarsim.scripts.benchmarks.subject import Result, Subject
+from sarsim.scripts.benchmarks.camera import Times
+from sarsim.scripts.benchmarks.common import Result
 
 
-@dataclass(frozen=True)
-class Toy(Subject):
-    """A subject that measures nothing."""
+def toy(raf: Path, rounds: int = 3, seed: int = 0) -> Result:
+    """Measures nothing, and leaves a picture."""
+    picture = raf / "worst.png"
+    picture.write_bytes(b"picture")
+    return Result({"toy_vs_peer": 2.5}, {"rounds": [1, 2, 3]}, pictures=(picture,))
 
-    rounds: int = 3
-    source: Path = Path("somewhere")
 
-    def measure(self) -> Result:
-        """One figure."""
-        return Result({"toy_vs_peer": 2.5}, {"rounds": [1, 2, 3]})
+@pytest.fixture
+def toys(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Puts ``toy`` in the place of every subject; a folder for its picture."""
+    monkeypatch.setattr(benchmark, "import_module", lambda name: SimpleNamespace(measure=toy))
+    (tmp_path / "raf").mkdir()
+    return tmp_path / "raf"
 
 
 def test_the_file_says_what_was_measured_where_and_how(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, toys: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "toy.json"
-    benchmark.benchmark(Toy(json=file), "toy")
+    benchmark.benchmark(Benchmark("camera", json=file, raf=toys, seed=5))
     content = json.loads(file.read_text())
-    assert content["subject"] == "toy"
+    assert content["subject"] == "camera"
     assert content["version"].count(".") == 2
     assert content["machine"]["cores"] >= 1
     assert content["machine"]["packages"]["mujoco"]
-    assert content["config"] == {"rounds": 3, "source": "somewhere"}
+    assert content["config"] == {"raf": str(toys), "rounds": 3, "seed": 5}
     assert content["figures"] == {"toy_vs_peer": 2.5}
     assert content["rounds"] == [1, 2, 3]
-    assert [path.name for path in tmp_path.iterdir()] == ["toy.json"]
+    assert (tmp_path / "toy-worst.png").read_bytes() == b"picture"
+    assert yaml.safe_load((tmp_path / "toy.yaml").read_text())["seed"] == 5
+    assert not list(tmp_path.glob("*.part"))
     assert "toy_vs_peer" in capsys.readouterr().out
 
 
-def test_a_missing_folder_is_found_before_the_work_is_done(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(Toy, "measure", lambda self: pytest.fail("measured for nothing"))
+def test_a_missing_folder_is_found_before_the_work_is_done(tmp_path: Path, toys: Path) -> None:
     with pytest.raises(InputError, match=r"--json .*nowhere/toy.json"):
-        benchmark.benchmark(Toy(json=tmp_path / "nowhere" / "toy.json"), "toy")
+        benchmark.benchmark(Benchmark("camera", json=tmp_path / "nowhere" / "toy.json", raf=toys))
+    assert not list(toys.iterdir())
 
 
-def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path, toys: Path) -> None:
     (tmp_path / "toy.json").mkdir()
     with pytest.raises(InputError, match=r"toy\.json"):
-        benchmark.benchmark(Toy(json=tmp_path / "toy.json"), "toy")
-    assert [path.name for path in tmp_path.iterdir()] == ["toy.json"]
+        benchmark.benchmark(Benchmark("camera", json=tmp_path / "toy.json", raf=toys))
+    assert {path.name for path in tmp_path.iterdir()} == {"toy.json", "raf"}
 
 
-def test_an_unknown_subject_is_status_2(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("flags", "complaint"),
+    [
+        (["coffee"], "coffee"),
+        (["camera", "--raf", "folder"], "--raf: camera has no such setting"),
+        (["dataset", "--nist", "3"], "--nist: dataset has no such setting"),
+    ],
+)
+def test_what_cannot_be_measured_is_status_2(
+    flags: list[str],
+    complaint: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("sys.argv", ["benchmark.py", "coffee"])
+    monkeypatch.setattr("sys.argv", ["benchmark.py", *flags])
     with pytest.raises(SystemExit) as raised:
         benchmark.main()
     assert raised.value.code == 2
-    assert "coffee" in capsys.readouterr().err
+    (line,) = capsys.readouterr().err.splitlines()
+    assert complaint in line
 
 
 def test_ratios_are_medians_over_rounds() -> None:
     ours, theirs = [10.0, 20.0, 40.0], [30.0, 80.0, 100.0]
     times = {name: [Times(t, {"part": t / 2}) for t in theirs] for name in camera.CONTENDERS}
     times["ours"] = [Times(t, {"part": t / 5}) for t in ours]
-    figures = camera._figures(times)
+    figures = camera.summary(times)
     assert figures["frame_vs_renderer"] == 3.0  # of 3, 4 and 2.5
     assert figures["ours.frame_ms"] == 20.0
     assert figures["ours.part_ms"] == 4.0
@@ -81,11 +98,11 @@ def test_ratios_are_medians_over_rounds() -> None:
 @pytest.mark.parametrize("flags", [{"frames": 0}, {"width": 0}, {"height": -1}])
 def test_a_picture_of_nothing_is_refused(flags: dict[str, int]) -> None:
     with pytest.raises(InputError, match="at least 1"):
-        Camera(**flags).measure()
+        camera.measure(**flags)
 
 
-def test_the_camera_is_measured_against_the_renderer(capsys: pytest.CaptureFixture[str]) -> None:
-    figures = Camera(frames=1, width=64, height=48).measure().figures
+def test_the_camera_is_measured_against_the_renderer() -> None:
+    figures = camera.measure(frames=1, width=64, height=48).figures
     assert figures["frame_vs_renderer"] > 0
     parts = {name.split(".")[1] for name in figures if name.startswith("renderer.")}
     assert parts == {"frame_ms", "colour_ms", "depth_ms", "segmentation_ms"}

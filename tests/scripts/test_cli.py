@@ -53,13 +53,27 @@ def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture
     assert "--" in message
 
 
+@pytest.mark.parametrize(
+    ("args", "line"),
+    [
+        (["--count", "3", "--fali", "pipe"], "Unrecognized options: --fali, pipe; perhaps you meant --fail"),
+        (["--fail", "pipe"], "--count INT"),
+    ],
+)
+def test_the_flag_that_was_meant_is_named(
+    args: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert exit_status(args) == 2
+    assert capsys.readouterr().err.strip().endswith(line)
+
+
 def test_help_says_what_the_command_does(capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_status(["--help"]) == 0
     assert "Do something" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("args", ["--help", "--count 3"])
-def test_output_that_nobody_reads_ends_the_process_without_a_word(args: str) -> None:
+def test_a_pipe_without_a_reader_ends_the_process_without_a_message(args: str) -> None:
     program = f"from tests.scripts.test_cli import *; run(command, {args.split()})"
     reader, writer = os.pipe()
     os.close(reader)

@@ -8,14 +8,15 @@ import pytest
 from pipeline.errors import InputError
 from sarsim.dataset.local_engine import LocalEngine
 from sarsim.scripts import export_dataset, generate_dataset
-from sarsim.scripts.cli import run
-from sarsim.scripts.generate_dataset import GenerateConfig, make_engine
+from sarsim.scripts.generate_dataset import GenerateDataset, make_engine
+from sarsim.scripts.generate_dataset import generate_dataset as command
+from sarsim.scripts.settings import run_with_settings
 from tests.sarsim.dataset.small import InProcess, toys
 
 
 def exit_status(args: list[str]) -> int | str | None:
     with pytest.raises(SystemExit) as raised:
-        run(generate_dataset.generate_dataset, args)
+        run_with_settings(command, GenerateDataset, args)
     return raised.value.code
 
 
@@ -37,7 +38,7 @@ def test_bad_flags_are_status_2_and_one_line(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(generate_dataset, "make_engine", lambda config: InProcess())
+    monkeypatch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess())
     out = [] if "--out" in flags else ["--out", str(tmp_path / "data")]
     if "workers" in flags or "engine" in flags:
         monkeypatch.undo()
@@ -47,24 +48,24 @@ def test_bad_flags_are_status_2_and_one_line(
     assert not list(tmp_path.rglob("*.h5*"))
 
 
-def test_ray_is_asked_for_where_it_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ray_is_asked_for_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(InputError, match=r"Ray is not installed: pip install 'sarsim\[ray\]'"):
-        make_engine(GenerateConfig(tmp_path, engine="ray"))
-    assert isinstance(make_engine(GenerateConfig(tmp_path)), LocalEngine)
+        make_engine("ray", None)
+    assert isinstance(make_engine("local", None), LocalEngine)
 
 
 def test_the_command_says_where_the_dataset_lies(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(generate_dataset, "make_engine", lambda config: InProcess(toys=True))
-    run(generate_dataset.generate_dataset, ["--out", str(tmp_path / "data"), "--scenes", "2"])
+    monkeypatch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess(toys=True))
+    run_with_settings(command, GenerateDataset, ["--out", str(tmp_path / "data"), "--scenes", "2"])
     captured = capsys.readouterr()
     assert f"2 scenes in {tmp_path / 'data'}" in captured.out
     assert (tmp_path / "data" / "index.html").exists()
 
 
-@pytest.mark.parametrize("name", sorted(export_dataset.FORMATS))
+@pytest.mark.parametrize("name", sorted(export_dataset.EXPORTS))
 def test_every_export_is_a_subcommand(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

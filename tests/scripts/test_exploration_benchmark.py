@@ -1,7 +1,6 @@
 """The exploration's benchmark: what it runs, what it makes of the reports, and that it goes on where it stopped."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +8,13 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.grid_map import Grid
-from sarsim.episode import EpisodeConfig
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scripts.benchmarks import exploration_processes
-from sarsim.scripts.benchmarks.exploration import ExplorationBenchmark
-from sarsim.scripts.benchmarks.exploration_episode import Job, run_job
+from sarsim.scripts.benchmarks import episodes, exploration
+from sarsim.scripts.benchmarks.episodes import GROUPS, Job, run_job
 from sarsim.scripts.benchmarks.exploration_figures import flat, group_figures, seen90_ratio
-from sarsim.scripts.benchmarks.exploration_table import GROUPS, RATIO, markdown_table
+from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, markdown_table
 from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
+from sarsim.settings import EpisodeConfig
 
 
 def report(explored=1.0, seen90=None, time=100.0, tipped=0, collisions=0):
@@ -72,29 +70,20 @@ def test_a_run_that_never_saw_enough_counts_against_us(ours, theirs, ratio):
     assert seen90_ratio(ours, theirs) == (None if ratio is None else pytest.approx(ratio))
 
 
-def jobs(**flags):
-    return list(ExplorationBenchmark(**flags)._jobs())
-
-
-def test_by_default_the_agreed_arenas_are_explored(tmp_path):
-    for name in ("b", "a"):
-        (tmp_path / f"{name}.raf").touch()
-    ours = [job for job in jobs(raf=tmp_path) if job.strategy == "ours"]
+def test_each_strategy_explores_the_agreed_arenas():
+    everything = exploration.jobs_of(EpisodeConfig(), 10, 2, 30, [Path("a.raf"), Path("b.raf")], BASELINES)
+    ours = [job for job in everything if job.strategy == "ours"]
     count = {group: sum(job.group == group for job in ours) for group in GROUPS}
     assert count == {"nist_6x4": 10, "esogu_52x15": 2, "raf": 2, "random": 30}
     assert all(int(job.config.arena.split(":")[1]) % 4 < 3 for job in ours if job.group == "random")
     assert [Path(job.config.arena).stem for job in ours if job.group == "raf"] == ["a", "b"]
-    simulation = ours[0].config.simulation
-    assert (simulation.sensor, simulation.odometry) == ("xtion", "truth")
-    everything = jobs(raf=tmp_path)
     assert len({job.name for job in everything}) == len(everything) == 3 * len(ours)
 
 
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        ({"nist": -1}, "negative"),
-        ({"steps": 0}, "--steps 0"),
+        ({"nist": -1}, "--nist -1: give at least 0"),
         ({"workers": 0}, "--workers 0"),
         ({"raf": Path("/nowhere")}, "/nowhere"),
         ({"labels": "dgcnn", "weights": Path("/nowhere.safetensors")}, "/nowhere"),
@@ -103,13 +92,13 @@ def test_by_default_the_agreed_arenas_are_explored(tmp_path):
 )
 def test_what_cannot_be_run_is_refused(flags, message):
     with pytest.raises(InputError, match=message):
-        jobs(**flags)
+        exploration.measure(**flags)
 
 
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="--runs"):
-        ExplorationBenchmark(runs=tmp_path / "file" / "runs").measure()
+        exploration.measure(runs=tmp_path / "file" / "runs")
 
 
 class Pretended:
@@ -142,15 +131,13 @@ def pretended(monkeypatch):
         started.append(job.name)
         return Pretended(job, folder, fails, slow)
 
-    monkeypatch.setattr(exploration_processes.processes, "start", start)
-    monkeypatch.setattr(exploration_processes.connection, "wait", lambda sentinels: sentinels)
+    monkeypatch.setattr(episodes.processes, "start", start)
+    monkeypatch.setattr(episodes.connection, "wait", lambda sentinels: sentinels)
     return started, fails, slow
 
 
 def test_figures_pictures_and_table(tmp_path, pretended):
-    file = tmp_path / "figures.json"
-    subject = ExplorationBenchmark(json=file, nist=3, esogu=0, random=1, runs=tmp_path / "runs", pictures=1)
-    result = subject.measure()
+    result = exploration.measure(nist=3, esogu=0, random=1, runs=tmp_path)
     figures = result.figures
     assert figures[RATIO] == figures[f"nist_6x4.{RATIO}.worst"] == 0.5
     assert figures["nist_6x4.runs"] == figures["nist_6x4.seen90_runs"] == 3
@@ -158,15 +145,17 @@ def test_figures_pictures_and_table(tmp_path, pretended):
     assert figures["random.exploration.explored_fraction.mean"] == 0.95
     assert figures["nearest_frontier.nist_6x4.exploration.seen90_s.median"] == 80
     assert "esogu_52x15.runs" not in figures
-    assert result.details["worst"] == {"nist_6x4": ["ours-nist_6x4-2"], "random": ["ours-random_0-0"]}
-    assert (tmp_path / "figures-ours-nist_6x4-2.png").read_bytes() == b"picture"
+    worst = {"nist_6x4": ["ours-nist_6x4-2", "ours-nist_6x4-1"], "random": ["ours-random_0-0"]}
+    assert result.details["worst"] == worst
+    assert [picture.stem for picture in result.pictures] == [*worst["nist_6x4"], *worst["random"]]
+    assert all(picture.read_bytes() == b"picture" for picture in result.pictures)
     assert [column.header for column in result.table.columns] == ["", "nist_6x4", "random"]
 
 
 def test_a_baseline_that_never_saw_enough_is_told_instead_of_a_ratio(tmp_path, pretended):
     _, _, slow = pretended
     slow += ["nearest_frontier-nist_6x4-0", "nearest_frontier-random_0-0"]
-    figures = ExplorationBenchmark(nist=2, esogu=0, random=1, runs=tmp_path).measure().figures
+    figures = exploration.measure(nist=2, esogu=0, random=1, runs=tmp_path).figures
     assert figures["nearest_frontier.nist_6x4.seen90_runs"] == 1
     assert figures["nearest_frontier.random.seen90_runs"] == 0
     assert figures[f"nist_6x4.{RATIO}.pairs"] == figures[f"{RATIO}.pairs"] == 1
@@ -193,28 +182,28 @@ def test_the_table_has_a_row_for_what_was_measured_and_none_for_what_was_not():
 
 def test_it_goes_on_where_it_stopped(tmp_path, pretended):
     started, fails, _ = pretended
-    subject = ExplorationBenchmark(nist=2, esogu=0, random=0, runs=tmp_path, baselines=())
+    flags = {"nist": 2, "esogu": 0, "random": 0, "runs": tmp_path, "baselines": False}
     fails.append("ours-nist_6x4-1")
-    result = subject.measure()
+    result = exploration.measure(**flags)
     assert result.details["failed"] == ["ours-nist_6x4-1"]
     assert result.figures["nist_6x4.failed"] == 1
     assert result.figures["nist_6x4.runs"] == 1
     fails.clear()
-    assert subject.measure().figures["nist_6x4.failed"] == 0
+    assert exploration.measure(**flags).figures["nist_6x4.failed"] == 0
     assert started == ["ours-nist_6x4-0", "ours-nist_6x4-1", "ours-nist_6x4-1"]
 
 
 def test_results_of_other_settings_are_not_mixed_in(tmp_path, pretended):
-    subject = ExplorationBenchmark(nist=1, esogu=0, random=0, runs=tmp_path, baselines=())
-    subject.measure()
+    flags = {"nist": 1, "esogu": 0, "random": 0, "runs": tmp_path, "baselines": False}
+    exploration.measure(**flags)
     with pytest.raises(InputError, match="other settings"):
-        replace(subject, steps=5).measure()
+        exploration.measure(**flags, lighting="dim")
 
 
 def test_a_broken_result_is_named(tmp_path, pretended):
     (tmp_path / "ours-nist_6x4-0.json").write_text("{")
     with pytest.raises(InputError, match=r"ours-nist_6x4-0\.json: not an episode's result"):
-        ExplorationBenchmark(nist=1, esogu=0, random=0, runs=tmp_path, baselines=()).measure()
+        exploration.measure(nist=1, esogu=0, random=0, runs=tmp_path, baselines=False)
 
 
 def test_a_job_leaves_its_report_and_its_picture(tmp_path):

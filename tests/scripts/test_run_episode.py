@@ -14,8 +14,9 @@ import pytest
 
 from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.victims.detection.weights import write_weights
-from sarsim.episode import WEIGHTS, Episode, EpisodeConfig
+from sarsim.episode import Episode
 from sarsim.scripts import run_episode
+from sarsim.settings import WEIGHTS, EpisodeConfig
 from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 
@@ -240,3 +241,29 @@ def assert_refused(flags, message, monkeypatch, capsys):
     error = capsys.readouterr().err
     assert re.fullmatch(r"error: [^\n]+\n", error)
     assert message in error
+
+
+def run_command(monkeypatch, *flags: object) -> None:
+    monkeypatch.setattr(sys, "argv", ["run_episode.py", *map(str, flags)])
+    run_episode.main()
+
+
+def test_its_config_file_repeats_an_episode_in_another_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    small = ("--arena", "random:1", "--random.columns", 3, "--random.rows", 4, "--random.victims", 0)
+    quick = ("--steps", 2, "--seed", 5, "--labels", "truth", "--sensor", "ideal", "--detector", None)
+    run_command(monkeypatch, *small, *quick, "--goals", 0, 0)
+    first = tmp_path / "runs" / "random:1-5"
+    run_command(monkeypatch, "--config", first / "config.yaml")
+    run_command(monkeypatch, "--config", first / "config.yaml", "--seed", "6", "--out", "other")
+    reports = [
+        json.loads((folder / "report.json").read_text())
+        for folder in (first, tmp_path / "runs" / "random:1-5-2", tmp_path / "other")
+    ]
+    assert reports[0]["config"].pop("out") != reports[1]["config"].pop("out")
+    for report in reports:
+        for key in ("wall_time_s", "real_time_factor", "timing_ms"):
+            del report[key]
+    assert reports[0] == reports[1]
+    assert reports[2]["config"]["seed"] == 6
+    assert reports[2]["config"]["random"] == reports[0]["config"]["random"]

@@ -46,13 +46,13 @@ def test_without_a_network_there_is_the_baseline_alone(frames: list[TrueFrame]) 
 
 
 def test_figures_have_the_agreed_names() -> None:
-    assert semantic._key("nist_6x4", "network") == "miou_four.nist_6x4.network"
-    assert semantic._key("nist_6x4.dark", "fused") == "miou_four.nist_6x4.fused.dark"
+    assert semantic.key("nist_6x4", "network") == "miou_four.nist_6x4.network"
+    assert semantic.key("nist_6x4.dark", "fused") == "miou_four.nist_6x4.fused.dark"
     details = {
         name: {"network": {"miou_four": value}}
         for name, value in {"raf.a": 0.5, "raf.b": 0.7, "raf.a.dark": 0.25, "nist_6x4": 1.0}.items()
     }
-    assert semantic._raf_means(details) == {
+    assert semantic.raf_means(details) == {
         "miou_four.raf_mean.network": pytest.approx(0.6),
         "miou_four.raf_mean.network.dark": 0.25,
     }
@@ -61,4 +61,4 @@ def test_figures_have_the_agreed_names() -> None:
 @pytest.mark.parametrize("change", [{"rounds": 0}, {"timed_frames": 0}, {"frames": -1}, {"raf_frames": -1}])
 def test_nothing_to_measure_is_refused(change: dict[str, int]) -> None:
     with pytest.raises(InputError, match="at least"):
-        semantic.Semantic(**change).measure()
+        semantic.measure(**change)

@@ -17,7 +17,7 @@ NO_DISPLAY = {key: value for key, value in os.environ.items() if key not in ("DI
         ((), "no display"),
         (("--arena", "atlantis"), "unknown arena 'atlantis'"),
         (("--arena", "missing.xml"), "missing.xml"),
-        (("--arena", "random:1", "--random.columns", "99"), "columns is 99"),
+        (("--arena", "random:x"), "whole number"),
     ],
 )
 def test_what_cannot_work_ends_with_one_line_and_status_2(flags, reason):

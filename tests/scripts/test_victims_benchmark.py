@@ -10,7 +10,6 @@ from pipeline.errors import InputError
 from pipeline.victims.detection.architectures import yolov3_small
 from pipeline.victims.detection.weights import load_network, write_weights
 from sarsim.scripts.benchmarks import victims
-from sarsim.scripts.benchmarks.victims import VictimsBenchmark
 from sarsim.scripts.benchmarks.victims_frames import People, ap50, ap50_by, recipe, scene_frames
 from sarsim.scripts.benchmarks.victims_speed import speed, tiny
 from sarsim.sensors.lighting import Lighting
@@ -81,7 +80,7 @@ def result(visible, found, alarms, errors, time):
 def test_shares_and_errors_are_of_all_victims_and_times_of_pairs():
     found = [result(3, 3, 0, [0.1, 0.1, 0.4], 110.0), result(1, 0, 1, [], 100.0), None]
     without = [result(0, 0, 0, [], 100.0), result(0, 0, 0, [], 100.0), result(0, 0, 0, [], 100.0)]
-    figures = victims._figures("random", found, without)
+    figures = victims.figures_of("random", found, without)
     assert figures["random.runs"] == 2
     assert figures["random.visible_found_share"] == 0.75
     assert figures["random.position_error_m.median"] == pytest.approx(0.1)
@@ -102,7 +101,7 @@ def network(tmp_path) -> tuple[Path, Path]:
 
 def test_what_is_left_out_has_no_figures(network, tmp_path):
     nothing = {"scenes": 0, "rounds": 0, "nist": 0, "esogu": 0, "random": 0}
-    outcome = VictimsBenchmark(detector=network, runs=tmp_path / "runs", **nothing).measure()
+    outcome = victims.measure(detector=network, runs=tmp_path / "runs", **nothing)
     assert outcome.figures == {}
     assert json.dumps(outcome.details)
 
@@ -111,10 +110,10 @@ def test_what_is_left_out_has_no_figures(network, tmp_path):
     ("flags", "message"),
     [
         ({"scenes": -1}, "--scenes"),
-        ({"steps": 0}, "--steps 0"),
+        ({"frames": 0}, "--frames 0"),
         ({"detector": (Path("a"), Path("b"))}, "a: "),
     ],
 )
 def test_what_cannot_be_measured_is_refused(flags, message, network, tmp_path):
     with pytest.raises(InputError, match=message):
-        VictimsBenchmark(**({"detector": network, "runs": tmp_path} | flags)).measure()
+        victims.measure(**({"detector": network, "runs": tmp_path} | flags))

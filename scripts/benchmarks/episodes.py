@@ -1,11 +1,19 @@
-"""One episode of the exploration's benchmark: run in a process of its own, kept as one JSON file and one picture."""
+"""Whole episodes for the benchmark: a process of one thread each, kept as one JSON file and one picture.
+
+What an episode leaves stays in a folder, so that a long run can be interrupted and continued.
+"""
 
 import json
+import os
 import tempfile
 import traceback
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
+from itertools import count, islice
+from multiprocessing import connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,10 +25,18 @@ from pipeline.errors import InputError
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.files import whole_file
 from pipeline.navigation.navigator import Outcome
-from sarsim.episode import Episode, EpisodeConfig
+from sarsim.dataset import processes
+from sarsim.episode import Episode, make_classifier
+from sarsim.robots.pose import Pose
 from sarsim.scoring.episode import MOST
 from sarsim.scripts.benchmarks.top_view import top_view
-from sarsim.simulated_robot import Pose
+from sarsim.scripts.cli import progress
+from sarsim.settings import EpisodeConfig
+
+GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")
+"""Arenas whose episodes are summed up together."""
+STEPS = 1000
+"""At most; an episode ends before when no viewpoint is left."""
 
 Strategy = Literal["ours", "nearest_frontier", "random_walk"]
 
@@ -31,7 +47,7 @@ class Job:
 
     Attributes:
         group: of arenas that it belongs to.
-        strategy: that chooses where to look.
+        strategy: that chooses the viewpoints.
         config: of the episode; its folder is not used.
     """
 
@@ -69,6 +85,63 @@ class Job:
         raise InputError(f"{file}: has been run with other settings; give another folder with --runs")
 
 
+def configs(
+    base: EpisodeConfig, nist: int, esogu: int, random: int, rafs: Sequence[Path] = ()
+) -> Iterator[tuple[str, EpisodeConfig]]:
+    """Group and settings of each episode, the longest first.
+
+    Args:
+        base: settings that all have in common.
+        nist: seeds in nist_6x4.
+        esogu: seeds in esogu_52x15.
+        random: random arenas of difficulties 0, 1 and 2.
+        rafs: files of .raf arenas.
+
+    Raises:
+        InputError: the weights cannot be used.
+    """
+    make_classifier(base.labels, base.weights)
+    # A random arena's difficulty is the remainder of its seed on division by 4.
+    seeds = islice((seed for seed in count() if seed % 4 != 3), random)
+    arenas = [("esogu_52x15", "esogu_52x15", seed) for seed in range(esogu)]
+    arenas += [("raf", str(file), 0) for file in rafs]
+    arenas += [("random", f"random:{seed}", seed) for seed in seeds]
+    arenas += [("nist_6x4", "nist_6x4", seed) for seed in range(nist)]
+    for group, arena, seed in arenas:
+        yield group, replace(base, arena=arena, seed=seed, steps=STEPS)
+
+
+def run_jobs(jobs: Sequence[Job], folder: Path, workers: int | None) -> list[dict[str, Any] | None]:
+    """The result of every job, in their order; None for one whose process failed.
+
+    Ctrl-C ends it and the episodes under way; those that are finished stay in the folder and are not run again.
+
+    Args:
+        jobs: the episodes.
+        folder: for their results.
+        workers: episodes at a time; None for one a core.
+
+    Raises:
+        InputError: the folder cannot be made, or holds results of other settings.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--runs {folder}: {error.strerror or error}") from error
+    waiting = [job for job in jobs if job.result(folder) is None]
+    most = workers or len(os.sched_getaffinity(0))
+    with progress() as bars:
+        bar = bars.add_task("episodes", total=len(waiting))
+        running: list[BaseProcess] = []
+        while waiting or running:
+            while waiting and len(running) < most:
+                running.append(processes.start(run_job, waiting.pop(0), folder))
+            connection.wait([process.sentinel for process in running])
+            running = [process for process in running if process.is_alive()]
+            bars.update(bar, completed=len(jobs) - len(waiting) - len(running))
+    return [job.result(folder) for job in jobs]
+
+
 class BenchmarkEpisode(Episode):
     """An episode with one of the strategies, which remembers where the robot touched something.
 
@@ -82,15 +155,15 @@ class BenchmarkEpisode(Episode):
             self.explorer.mission.exploration = NearestFrontier()
         elif job.strategy == "random_walk":
             self.explorer.mission.exploration = RandomWalk(job.config.seed)
-        self._aimless = job.strategy == "random_walk"
+        self._is_random = job.strategy == "random_walk"
         self.contacts: list[NDArray[np.float64]] = []
         self._collisions = self.robot.collisions.collisions
         self._log_motion = self.robot.on_motion
         self.robot.on_motion = self._watch
 
     def step(self) -> bool:
-        """One look and the drive to the next; a walk that knows no aim ends when ``MOST`` was seen."""
-        return super().step() and not (self._aimless and self.score.explored_fraction >= MOST)
+        """As every episode's, but that a random walk ends when ``MOST`` of the arena was seen."""
+        return super().step() and not (self._is_random and self.score.explored_fraction >= MOST)
 
     def _watch(self, pose: Pose) -> None:
         self._log_motion(pose)
@@ -100,15 +173,15 @@ class BenchmarkEpisode(Episode):
 
     def picture(self) -> NDArray[np.uint8]:
         """The run from above."""
-        way = np.array([pose.T_world_base[:2, 3] for pose in self.robot.trajectory])
+        track = np.array([pose.T_world_base[:2, 3] for pose in self.robot.trajectory])
         failed = [leg.target for leg in self.explorer.navigator.legs if leg.outcome is not Outcome.REACHED]
         end = self.score.progress[-1][0]
         text = (
             f"{Path(self.config.arena).name}, seed {self.config.seed}:"
             f" {self.score.explored_fraction:.1%} seen in {end:.0f} s,"
-            f" {self.explorer.steps} looks, {len(self.contacts)} contacts, {len(failed)} legs not reached"
+            f" {self.explorer.steps} steps, {len(self.contacts)} contacts, {len(failed)} legs not reached"
         )
-        return top_view(self.score.surface, self.score.seen, way, self.contacts, failed, text)
+        return top_view(self.score.surface, self.score.seen, track, self.contacts, failed, text)
 
 
 def run_job(job: Job, folder: Path) -> None:
@@ -122,20 +195,17 @@ def run_job(job: Job, folder: Path) -> None:
 
 
 def _run(job: Job, folder: Path) -> None:
+    content: dict[str, Any] = {"settings": job.settings}
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
         try:
             episode = BenchmarkEpisode(job, Path(out))
         except InputError as error:
-            _keep({"settings": job.settings, "left_out": str(error)}, folder, job)
-            return
-        finished = episode.run()
-    if finished:
-        picture = cv2.cvtColor(episode.picture(), cv2.COLOR_RGB2BGR)
-        cv2.imwrite(str(folder / f"{job.name}.png"), picture)
-        errors = episode.score.position_errors
-        _keep({"settings": job.settings, "report": episode.report, "position_errors": errors}, folder, job)
-
-
-def _keep(content: dict[str, Any], folder: Path, job: Job) -> None:
+            content["left_out"] = str(error)
+        else:
+            if not episode.run():
+                return
+            picture = cv2.cvtColor(episode.picture(), cv2.COLOR_RGB2BGR)
+            cv2.imwrite(str(folder / f"{job.name}.png"), picture)
+            content |= {"report": episode.report, "position_errors": episode.score.position_errors}
     with whole_file(folder / f"{job.name}.json") as file:
         file.write_text(json.dumps(content, indent=1, default=float, allow_nan=False) + "\n")

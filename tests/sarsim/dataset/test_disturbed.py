@@ -1,0 +1,106 @@
+"""A generator that is killed at random moments, or whose disk is full, loses nothing.
+
+``KILLS`` in the environment says how often something is killed; ``make endurance`` asks for more than the suite.
+"""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sarsim.dataset.manifest import sha256_of
+
+KILLS = int(os.environ.get("KILLS", "2"))
+SCRIPT = Path(__file__).parents[3] / "scripts" / "generate_dataset.py"
+FLAGS = "--scenes 2 --frames 2 --workers 1 --seed 2 --width 160 --height 120 --arenas nist_6x4"
+LONGEST = 12.0
+"""s after which something is killed at the latest; a run takes about as long."""
+WORKERS_KILLED = 2
+"""In one run at most: a scene over which a third worker dies is given up."""
+
+
+def start(folder: Path, prepare: Callable[[], object] | None = None) -> subprocess.Popen[str]:
+    """A generator with a session of its own; ``prepare`` is called in its process first."""
+    return subprocess.Popen(
+        [sys.executable, SCRIPT, "--out", folder, *FLAGS.split()],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=prepare,
+    )
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file by its path."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): sha256_of(path) for path in files}
+
+
+def assert_whole(folder: Path, expected: dict[str, str]) -> None:
+    """Every scene that is there under its name is whole."""
+    for path, digest in checksums(folder).items():
+        assert not path.endswith(".h5") or digest == expected[path]
+
+
+def children(process: subprocess.Popen[str]) -> list[int]:
+    """Ids of the other processes of its session."""
+    stats = [path.read_text() for path in Path("/proc").glob("[0-9]*/stat") if path.exists()]
+    # After the command's name in brackets: state, parent, group, session.
+    fields = [(int(stat.split()[0]), stat.rsplit(")", 1)[1].split()) for stat in stats]
+    alive = [pid for pid, rest in fields if rest[3] == str(process.pid) and rest[0] != "Z"]
+    return [pid for pid in alive if pid != process.pid]
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The files of an undisturbed run."""
+    folder = tmp_path_factory.mktemp("undisturbed") / "data"
+    process = start(folder)
+    _, errors = process.communicate()
+    assert process.returncode == 0, errors
+    return checksums(folder)
+
+
+def test_a_generator_that_is_killed_again_and_again_loses_nothing(
+    tmp_path: Path, expected: dict[str, str]
+) -> None:
+    folder, rng = tmp_path / "data", np.random.default_rng(2)
+    process, workers = start(folder), 0
+    for _ in range(KILLS):
+        try:
+            process.wait(rng.uniform(0, LONGEST))
+        except subprocess.TimeoutExpired:
+            found = children(process)
+            kinds = ["command", "everything", *(["worker"] if found and workers < WORKERS_KILLED else [])]
+            if (kind := rng.choice(kinds)) == "worker":
+                workers += 1
+                os.kill(int(rng.choice(found)), signal.SIGKILL)
+                continue
+            (os.kill if kind == "command" else os.killpg)(process.pid, signal.SIGKILL)
+        process.communicate()
+        assert_whole(folder, expected)
+        process, workers = start(folder), 0
+    process.communicate()
+    process = start(folder)
+    _, errors = process.communicate()
+    assert process.returncode == 0, errors
+    assert checksums(folder) == expected
+
+
+def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(
+    tmp_path: Path, expected: dict[str, str]
+) -> None:
+    folder, size = tmp_path / "data", 1 << 16
+    process = start(folder, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)))
+    _, errors = process.communicate()
+    assert process.returncode == 2
+    assert "cannot be written: File too large" in errors.splitlines()[-1]
+    assert_whole(folder, expected)
+    assert not list(folder.rglob("*.part"))

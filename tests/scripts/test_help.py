@@ -1,0 +1,74 @@
+"""What --help says of every command: soon, on three screens, and no more flags than a user can take in."""
+
+import re
+import resource
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+SUBCOMMANDS = {"train": ["dgcnn", "yolo"]}
+COMMANDS = [
+    [path.stem, *sub]
+    for path in sorted(SCRIPTS.glob("*.py"))
+    if "def main()" in path.read_text()
+    for sub in ([name] for name in SUBCOMMANDS.get(path.stem, [""]))
+]
+HEAVY = ("cv2", "h5py", "mujoco", "networkx", "numba", "open3d", "rerun", "scipy", "torch")
+MOST_FLAGS = 120
+MOST_LINES = 120
+MOST_SECONDS = 1.5
+
+
+@cache
+def told(*command: str) -> tuple[str, float]:
+    """What a command's --help prints on 80 columns, and the seconds of processor time that it takes."""
+    name, *sub = (word for word in command if word)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(
+        [sys.executable, SCRIPTS / f"{name}.py", *sub, "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"COLUMNS": "80", "PYTHONPATH": str(SCRIPTS.parent)},
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return done.stdout, seconds
+
+
+def flags(text: str) -> set[str]:
+    """The flags of a --help; one that can be negated counts once."""
+    return set(re.findall(r"^│ (--[\w.-]+)", text, re.MULTILINE))
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_help_comes_soon_and_is_short(command: list[str]) -> None:
+    text, seconds = told(*command)
+    assert text.count("\n") <= MOST_LINES
+    assert seconds <= MOST_SECONDS
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_every_flag_says_what_it_is_for(command: list[str]) -> None:
+    text, _ = told(*command)
+    described = re.sub(r"[│\s]+", " ", text)
+    assert not re.findall(r"(--[\w.-]+) (?:[A-Z{\[]\S* )*\((?:required|default[^)]*)\) --", described)
+
+
+def test_all_commands_together_have_no_more_flags_than_agreed() -> None:
+    count = {" ".join(command): len(flags(told(*command)[0])) for command in COMMANDS}
+    assert sum(count.values()) <= MOST_FLAGS, count
+    assert count["run_episode "] >= 20
+
+
+def test_no_command_imports_what_is_heavy() -> None:
+    names = [f"sarsim.scripts.{name}" for name in sorted({command[0] for command in COMMANDS})]
+    program = f"import sys, {', '.join(names)}; print(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout
+    assert not set(HEAVY) & set(loaded.split())

@@ -5,7 +5,7 @@ import io
 import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -57,9 +57,12 @@ def is_text(node: ast.AST) -> bool:
     return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
+@cache
 def modules(*packages: str) -> list[Module]:
     """The modules of packages; the links from sarsim to the folders at the top are not followed."""
-    paths = [path for package in packages for path in sorted((ROOT / package).rglob("*.py"))]
+    if len(packages) > 1:
+        return [module for package in packages for module in modules(package)]
+    paths = sorted(ROOT.joinpath(*packages).rglob("*.py"))
     linked = [ROOT / "sarsim" / name for name in ("scripts", "assets")]
     paths = [path for path in paths if not any(path.is_relative_to(link) for link in linked)]
     return [Module(dotted(path), path.read_text()) for path in paths]

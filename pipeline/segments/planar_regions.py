@@ -170,7 +170,7 @@ def _fit(points: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def groups(numbers: NDArray) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Every number but NONE that occurs, in order, and where."""
+    """Every number but NONE that occurs in an array, in order, and the (N,) flat indices where."""
     order = np.argsort(numbers, kind="stable")
     starts = np.flatnonzero(np.diff(numbers[order], prepend=NONE))
     for members in np.split(order, starts)[1:]:

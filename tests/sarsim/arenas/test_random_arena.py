@@ -105,11 +105,14 @@ def test_parameters_say_how_large_how_full_and_whether_there_is_a_ceiling():
 
 
 FURNISHED = RandomArenaConfig(furniture=0.25, bulky=0.2, victims=1)
+HALL = RandomArenaConfig(columns=5, rows=5, wall_density=0, ramps=0, clutter=0, furniture=0.3, victims=1)
+FURNISHED_ARENAS = [(seed, FURNISHED) for seed in (1, 2, 3, 4, 5, 7, 11)] + [(seed, HALL) for seed in (2, 4)]
+"""Few of their plans are drawn again, which takes a second each; the halls have ramps that lead nowhere."""
 
 
 @pytest.fixture(scope="module")
 def furnished():
-    return {seed: build_random(seed, FURNISHED).to_xml() for seed in SEEDS}
+    return [build_random(seed, config).to_xml() for seed, config in FURNISHED_ARENAS]
 
 
 def elements_of(xml):
@@ -118,15 +121,15 @@ def elements_of(xml):
     return {name.rpartition("_")[0] for name in names}
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_furniture_breaks_no_promise(seed, furnished):
-    assert broken_promises(furnished[seed]) == []
+@pytest.mark.parametrize("index", range(len(FURNISHED_ARENAS)))
+def test_furniture_breaks_no_promise(index, furnished):
+    assert broken_promises(furnished[index]) == []
 
 
 def test_furniture_stands_hangs_and_replaces_walls(furnished):
     # Furniture takes the room of most that hides much.
-    bulky = [build_random(seed, RandomArenaConfig(bulky=0.3, victims=1)).to_xml() for seed in SEEDS]
-    kinds = set().union(*map(elements_of, [*furnished.values(), *bulky]))
+    bulky = [build_random(seed, RandomArenaConfig(bulky=0.3, victims=1)).to_xml() for seed in (1, 3, 11)]
+    kinds = set().union(*map(elements_of, [*furnished, *bulky]))
     standing = {kind for kind, _ in AGAINST_WALL} | set(FREESTANDING)
     for sort in (
         standing,

@@ -16,6 +16,7 @@ from sarsim.arenas.arena import RescueArena
 from sarsim.ground_truth.contacts import CollisionCounter
 from sarsim.robots.pioneer3at import MODEL
 from sarsim.robots.pose import Pose
+from sarsim.robots.skid_steer import WHEEL_RADIUS
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera
 from sarsim.sensors.conditions import Conditions
@@ -153,7 +154,7 @@ class SimulatedRobot:
             T_odom_base = T_world_base
         self.trajectory.append(Pose(self.time, T_world_base, T_odom_base))
         self.on_motion(self.trajectory[-1])
-        wheel_speed = robot.wheel_speed(physics) * self._odometry.config.wheel_radius
+        wheel_speed = robot.wheel_speed(physics) * WHEEL_RADIUS
         return Motion(self.time, T_odom_base, gyro, accelerometer, wheel_speed)
 
     def close(self) -> None:

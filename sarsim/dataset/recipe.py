@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
+import tyro
 
 from pipeline.errors import InputError
 from sarsim.arenas.random_arena import RandomArenaConfig
-from sarsim.dataset.drive import DriveConfig
+from sarsim.dataset.drive import KEYFRAMES
 from sarsim.sensors.air import Air
 from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
@@ -19,54 +20,48 @@ PREFIX = "random:"
 """of the names of random arenas; the seed follows."""
 MIN_SIZE = 16
 """pixels of an image."""
-MAX_LATERAL_SIGMA = 10
-"""pixels."""
+LATERAL_SIGMA = (0.5, 1.0)
+"""pixels, of the Xtion's frayed edges, drawn evenly between these values for each scene."""
+DROPOUT = (0.0, 0.02)
+"""Share of the pixels that return nothing for no reason, likewise."""
 Purpose = Literal["conditions", "arena", "drive", "noise"]
 """Of random numbers."""
 
 
 @dataclass(frozen=True)
 class ArenaRange:
-    """Random arenas are drawn evenly between these values, ends included.
+    """Random arenas are drawn evenly between these values, ends included; shares are of the tiles.
 
     Attributes:
         tiles: along x and y; a tile is 1.2 m.
-        wall_density: share of a maze's inner walls that stand.
-        ramps: share of the tiles that are ramps and decks.
-        clutter: share of the tiles that something takes.
-        furniture: share of the tiles that furniture and such takes.
-        bulky: share of the tiles with what hides much.
+        ramps: share that are ramps and decks.
         victims: number.
         difficulty: 0 flat, to 3 with ramp fields and step fields.
-        ceilings: share of the arenas that have one.
+        furniture: share that furniture and such takes.
         painted: share of the arenas with colours and patterns of their own.
+        wall_density: share of a maze's inner walls that stand.
+        clutter: share that something takes.
+        bulky: share with what hides much.
+        ceilings: share of the arenas that have one.
     """
 
     tiles: tuple[int, int] = (4, 8)
-    wall_density: tuple[float, float] = (0.2, 0.7)
     ramps: tuple[float, float] = (0.2, 0.5)
-    clutter: tuple[float, float] = (0.05, 0.2)
     victims: tuple[int, int] = (1, 4)
     difficulty: tuple[int, int] = (0, 3)
-    ceilings: float = 0.2
     furniture: tuple[float, float] = (0.0, 0.0)
-    bulky: tuple[float, float] = (0.0, 0.0)
     painted: float = 0.0
+    wall_density: Annotated[tuple[float, float], tyro.conf.Suppress] = (0.2, 0.7)
+    clutter: Annotated[tuple[float, float], tyro.conf.Suppress] = (0.05, 0.2)
+    bulky: Annotated[tuple[float, float], tyro.conf.Suppress] = (0.0, 0.0)
+    ceilings: Annotated[float, tyro.conf.Suppress] = 0.2
 
     def __post_init__(self) -> None:
-        for name in (
-            "tiles",
-            "wall_density",
-            "ramps",
-            "clutter",
-            "furniture",
-            "bulky",
-            "victims",
-            "difficulty",
-        ):
-            _check_order(f"random.{name}", getattr(self, name))
-        _check_share("random.ceilings", self.ceilings)
-        _check_share("random.painted", self.painted)
+        for name, value in vars(self).items():
+            if isinstance(value, tuple):
+                _check_order(f"random.{name}", value)
+            else:
+                _check_share(f"random.{name}", value)
 
     def draw(self, rng: np.random.Generator) -> RandomArenaConfig:
         """One of these arenas."""
@@ -79,86 +74,11 @@ class ArenaRange:
             victims=int(rng.integers(*self.victims, endpoint=True)),
             difficulty=int(rng.integers(*self.difficulty, endpoint=True)),
             ceiling=bool(rng.random() < self.ceilings),
-            # No number is drawn for nothing: datasets without furniture or paint stay as they are.
+            # Without furniture or paint no number is drawn: datasets without them stay as they are.
             furniture=round(rng.uniform(*self.furniture), 3) if self.furniture[1] else 0.0,
             bulky=round(rng.uniform(*self.bulky), 3) if self.bulky[1] else 0.0,
             painted=bool(self.painted and rng.random() < self.painted),
         )
-
-
-@dataclass(frozen=True)
-class LightingShares:
-    """How often an arena is lit so; the robot's lamp is on in the dark."""
-
-    normal: float = 0.5
-    dim: float = 0.25
-    dark: float = 0.25
-
-    def __post_init__(self) -> None:
-        shares = (self.normal, self.dim, self.dark)
-        if not (min(shares) >= 0 and 0 < sum(shares) < float("inf")):
-            raise InputError(f"--lighting: {shares} are no shares")
-
-    def draw(self, rng: np.random.Generator) -> Lighting:
-        """One of them."""
-        shares = np.array([getattr(self, kind.name) for kind in Lighting], np.float64)
-        return list(Lighting)[rng.choice(len(shares), p=shares / shares.sum())]
-
-
-@dataclass(frozen=True)
-class SensorRange:
-    """How good the Xtion is in a scene.
-
-    Attributes:
-        ideal: share of the scenes where it makes no errors.
-        lateral_sigma: pixels, of its frayed edges, drawn evenly between these values.
-        dropout: share of the pixels that return nothing for no reason, likewise.
-    """
-
-    ideal: float = 0.1
-    lateral_sigma: tuple[float, float] = (0.5, 1.0)
-    dropout: tuple[float, float] = (0.0, 0.02)
-
-    def __post_init__(self) -> None:
-        _check_share("sensor.ideal", self.ideal)
-        _check_order("sensor.lateral-sigma", self.lateral_sigma)
-        _check_order("sensor.dropout", self.dropout)
-        if not (self.lateral_sigma[0] >= 0 and self.lateral_sigma[1] <= MAX_LATERAL_SIGMA):
-            raise InputError(f"--sensor.lateral-sigma: from 0 to {MAX_LATERAL_SIGMA} pixels")
-        for share in self.dropout:
-            _check_share("sensor.dropout", share)
-
-    def draw(self, rng: np.random.Generator) -> Xtion:
-        """One of these sensors."""
-        noisy = Xtion(
-            lateral_sigma=round(rng.uniform(*self.lateral_sigma), 3),
-            dropout=round(rng.uniform(*self.dropout), 4),
-        )
-        return Xtion.ideal() if rng.random() < self.ideal else noisy
-
-
-@dataclass(frozen=True)
-class DustRange:
-    """How much dust is in the air.
-
-    Attributes:
-        clear: share of the scenes without any.
-        dust: concentration in the others, from 0 to 1, drawn evenly between these values.
-    """
-
-    clear: float = 0.75
-    dust: tuple[float, float] = (0.02, 0.4)
-
-    def __post_init__(self) -> None:
-        _check_share("air.clear", self.clear)
-        _check_order("air.dust", self.dust)
-        for dust in self.dust:
-            Air(dust=dust)
-
-    def draw(self, rng: np.random.Generator) -> Air:
-        """The air of a scene."""
-        dusty = Air(dust=round(rng.uniform(*self.dust), 3))
-        return Air() if rng.random() < self.clear else dusty
 
 
 @dataclass(frozen=True)
@@ -201,15 +121,16 @@ class Recipe:
 
     Attributes:
         seed: of everything random.
-        frames: looks a scene.
+        frames: per scene.
         width: of the images, pixels.
         height: of the images, pixels.
         arenas: names or paths, taken in turn; "random" is another random arena each time.
         random: what those are like.
-        lighting: how often each.
-        sensor: its errors.
-        air: dust in it.
-        drive: how the robot drives, and when it looks.
+        lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
+        dust: concentration in the scenes with dust in the air, from 0 to 1, drawn evenly between these values.
+        keyframes: m driven and rad turned from one frame to the next.
+        clear: share of the scenes without dust.
+        ideal: share of the scenes where the depth sensor makes no errors.
     """
 
     seed: int = 0
@@ -218,10 +139,11 @@ class Recipe:
     height: int = 480
     arenas: tuple[str, ...] = (RANDOM,)
     random: ArenaRange = field(default_factory=ArenaRange)
-    lighting: LightingShares = field(default_factory=LightingShares)
-    sensor: SensorRange = field(default_factory=SensorRange)
-    air: DustRange = field(default_factory=DustRange)
-    drive: DriveConfig = field(default_factory=DriveConfig)
+    lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
+    dust: tuple[float, float] = (0.02, 0.4)
+    keyframes: tuple[float, float] = KEYFRAMES
+    clear: Annotated[float, tyro.conf.Suppress] = 0.75
+    ideal: Annotated[float, tyro.conf.Suppress] = 0.1
 
     def __post_init__(self) -> None:
         """Refuse what cannot be made."""
@@ -230,15 +152,31 @@ class Recipe:
                 raise InputError(f"--{name} {getattr(self, name)}: at least {low}")
         if not self.arenas:
             raise InputError("--arenas: name at least one")
+        if not (min(self.lighting) >= 0 and 0 < sum(self.lighting) < float("inf")):
+            raise InputError(f"--lighting: {self.lighting} are no shares")
+        if not all(0.01 <= value <= 10 for value in self.keyframes):
+            raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: from 0.01 to 10 each")
+        _check_order("dust", self.dust)
+        for name in ("clear", "ideal"):
+            _check_share(name, getattr(self, name))
+        for dust in self.dust:
+            Air(dust)
 
     def rng(self, index: int, purpose: Purpose) -> np.random.Generator:
-        """The random numbers for one purpose in scene ``index``, the same whoever draws them."""
+        """The random numbers for one purpose in scene ``index``: each purpose has its own."""
         return np.random.default_rng([self.seed, index, get_args(Purpose).index(purpose)])
 
     def conditions(self, index: int) -> Conditions:
         """Of scene ``index``."""
         rng = self.rng(index, "conditions")
-        return Conditions(self.sensor.draw(rng), self.lighting.draw(rng), self.air.draw(rng))
+        noisy = Xtion(
+            lateral_sigma=round(rng.uniform(*LATERAL_SIGMA), 3), dropout=round(rng.uniform(*DROPOUT), 4)
+        )
+        sensor = Xtion.ideal() if rng.random() < self.ideal else noisy
+        shares = np.array(self.lighting, np.float64)
+        lighting = list(Lighting)[rng.choice(len(shares), p=shares / shares.sum())]
+        dusty = Air(round(rng.uniform(*self.dust), 3))
+        return Conditions(sensor, lighting, Air() if rng.random() < self.clear else dusty)
 
     def scenes(self, index: int, count: int) -> Iterator[SceneRecipe]:
         """The first of these that can be built is scene ``index``; only of random arenas there are several."""

@@ -1,6 +1,6 @@
 """The semantic map: DGCNN made fast against DGCNN as written, and how right network, fused map and baseline are."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean
 from typing import Any
@@ -11,7 +11,6 @@ from pipeline.errors import InputError
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier, DgcnnConfig
 from pipeline.semantic_map.planar_vote import PlanarVoteConfig
 from sarsim.assets import asset
-from sarsim.dataset.drive import DriveConfig
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
 from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, agreement, speed
@@ -23,6 +22,10 @@ SHARED = Path(__file__).resolve().parents[2].parent / "shared"
 WEIGHTS = asset("weights", "dgcnn.safetensors")
 LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}
 """By what is appended to the names of the figures."""
+
+
+KEYFRAMES = (2.0, 0.8)
+"""m and rad between the frames whose labels are compared: far apart, to show more than where an arena begins."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,6 @@ class Semantic(Subject):
     """Frames of each arena whose labels are compared; 0 for none."""
     raf_frames: int = 10
     """Frames of each .raf arena, likewise."""
-    drive: DriveConfig = field(default_factory=lambda: DriveConfig(look_distance=2.0, look_turn=0.8))
-    """Of the drives on which labels are compared; looks lie far apart, to show more than where an arena begins."""
     seed: int = 0
     """Of the drives and the sensor's errors."""
     arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15")
@@ -81,7 +82,7 @@ class Semantic(Subject):
         jobs = [(*job, suffix) for suffix in LIGHTINGS for job in named + rafs]
         return {
             _name(arena) + suffix: accuracy(
-                drive_through(arena, frames, self.seed, LIGHTINGS[suffix], self.drive), network
+                drive_through(arena, frames, self.seed, LIGHTINGS[suffix], KEYFRAMES), network
             )
             for arena, frames, suffix in track(jobs, "arenas", transient=True)
         }

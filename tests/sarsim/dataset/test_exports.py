@@ -18,7 +18,7 @@ from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.exports.yolo import Yolo
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.generate import generate
-from sarsim.dataset.recipe import DustRange, Recipe, SensorRange
+from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.scene_file import Scene
 from tests.sarsim.dataset.test_generate import InProcess
 
@@ -28,8 +28,9 @@ RECIPE = Recipe(
     width=96,
     height=72,
     arenas=("nist_6x4",),
-    sensor=SensorRange(ideal=1),
-    air=DustRange(clear=0, dust=(0.2, 0.2)),
+    ideal=1,
+    clear=0,
+    dust=(0.2, 0.2),
 )
 
 

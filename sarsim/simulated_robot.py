@@ -128,16 +128,7 @@ class SimulatedRobot:
         clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)
         pose = self.trajectory[-1]
         self.true_look = TrueLook(pose.T_world_base, clipped)
-        return Frame(
-            time=pose.time,
-            rgb=image.rgb,
-            depth=image.depth,
-            intrinsics=image.intrinsics,
-            T_base_camera=image.T_base_camera,
-            T_odom_base=pose.T_odom_base,
-            label=image.label,
-            instance=image.instance,
-        )
+        return image.frame(pose.time, pose.T_odom_base)
 
     def drive(self, command: Velocity) -> Motion:
         """Follow ``command`` for one control period."""

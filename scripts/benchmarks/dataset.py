@@ -9,6 +9,7 @@ import os
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import count
 from multiprocessing import Pipe
@@ -163,13 +164,14 @@ class ThreePasses(Renderer):
     QUALITY: ClassVar[dict[str, int]] = {}
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int):
+        ExitStack.__init__(self)
         self.model, self.width, self.height = model, width, height
         default = mujoco.MjSpec().visual.quality
         for name in ("offsamples", "shadowsize", "numslices", "numstacks", "numquads"):
             setattr(model.vis.quality, name, self.QUALITY.get(name, getattr(default, name)))
         # A larger framebuffer, as these arenas have for people to look at, would only cost it time.
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
-        self._renderer = mujoco.Renderer(model, height, width)
+        self._renderer = self.enter_context(mujoco.Renderer(model, height, width))
 
     def colour(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB."""
@@ -185,10 +187,6 @@ class ThreePasses(Renderer):
         ids = self._picture(data, camera)
         self._renderer.disable_segmentation_rendering()
         return np.where(ids[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), ids[..., 0], -1), depth
-
-    def close(self) -> None:
-        """Free the OpenGL context."""
-        self._renderer.close()
 
     def _picture(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera) -> NDArray:
         self._renderer.update_scene(data, camera)

@@ -64,14 +64,4 @@ def drive_through(
         noise = recipe.rng(0, "noise")
         for pose in world.drive(recipe, recipe.rng(0, "drive")).poses(frames):
             seen = world.capture(pose, noise)
-            frame = Frame(
-                time=seen.time,
-                rgb=seen.rgb,
-                depth=seen.depth,
-                intrinsics=world.camera.intrinsics,
-                T_base_camera=seen.T_base_camera,
-                T_odom_base=seen.pose_odom,
-                label=seen.label,
-                instance=seen.instance.astype(np.int32),
-            )
-            yield TrueFrame(frame, seen.pose_true @ seen.T_base_camera)
+            yield TrueFrame(seen.frame, seen.pose_true @ seen.frame.T_base_camera)

@@ -69,8 +69,8 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
             frame = world.capture(pose, noise)
             seen = np.flatnonzero(frame.victim_area > 0)
             alone = world.areas_alone()[seen] if len(seen) else np.zeros(0)
-            camera = (frame.pose_true @ frame.T_base_camera)[:3, 3]
-            detections = detector.detect(frame.rgb)
+            camera = (frame.pose_true @ frame.frame.T_base_camera)[:3, 3]
+            detections = detector.detect(frame.frame.rgb)
             yield People(
                 boxes=frame.victim_pixels[seen].astype(np.float64),
                 area=frame.victim_area[seen].astype(np.int64),

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from pipeline.explorer import Explorer, Step
 from pipeline.navigation.navigator import Outcome
 from pipeline.traversability.shortest_paths_kernels import free_rules, shortest_paths
-from sarsim.ground_truth.faces import score_segments, true_faces
+from sarsim.ground_truth.faces import true_faces
 from sarsim.ground_truth.true_surface import true_surface
+from sarsim.scoring.segments import score_segments
 from sarsim.scoring.semantics import SemanticScore
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.trajectory import driven, greatest_tilt, score_localisation, times_tipped

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation
+from sarsim.ground_truth.shapes import mesh_vertices
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.body import UPPER_BODY, Outfit, person_mjcf
 from sarsim.victims.cover import Cover, box, joined, rubble, seat, wall_with_hole
@@ -265,9 +266,7 @@ def _extent(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDAr
     mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
     R, position = rotation.reshape(3, 3), model.geom_pos[geom]
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = model.geom_dataid[geom]
-        first = model.mesh_vertadr[mesh]
-        vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]] @ R.T + position
+        vertices = mesh_vertices(model, geom) @ R.T + position
         return vertices.min(axis=0), vertices.max(axis=0)
     middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
     reach = np.abs(R) @ half

@@ -45,7 +45,7 @@ def test_splits_and_strides(data: Path) -> None:
     assert len(VictimImages([data, data], "val")) == 8
     strided = VictimImages([data], "train", stride=3)
     assert len(strided) == 4 * 2
-    np.testing.assert_array_equal(strided[1].rgb, frame(3).rgb)
+    np.testing.assert_array_equal(strided[1].rgb, frame(3).frame.rgb)
 
 
 def test_a_missing_scene_is_noticed(data: Path) -> None:

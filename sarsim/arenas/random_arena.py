@@ -1,16 +1,18 @@
 """Random rescue arenas of NIST-like tiles: the same seed gives the same arena on any machine.
 
-The plan is made of whole numbers (:mod:`sarsim.arenas.layout`) and keeps its promises by construction: the start is
-free, the robot can drive to every open tile, and each victim lies next to one. A finished arena is nevertheless
-surveyed on its true geometry; one that breaks a promise after all is drawn again from the next numbers.
+The plan is made of whole numbers (:mod:`sarsim.arenas.layout`), so that by construction the start is free, the robot
+can drive to every open tile, and each victim lies next to one. The finished arena is checked on its true geometry
+all the same; one that fails is drawn again from the next numbers.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+import tyro
 
 from pipeline.errors import InputError
-from sarsim.arenas.checks import broken_promises
+from sarsim.arenas.checks import failed_checks
 from sarsim.arenas.elements import TILE, ArenaBuilder
 from sarsim.arenas.layout import Item, Layout, Side, Tile
 from sarsim.arenas.random_clutter import place_obstacles, scatter_clutter
@@ -36,6 +38,7 @@ _BOUNDS = {
     "victims": (0, 100),
     "difficulty": (0, 3),
 }
+"""Lowest and highest value of each setting."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +50,16 @@ class RandomArenaConfig:
         rows: tiles along y, 3 to 20.
         wall_density: share of the inner walls of a perfect maze that stand; 0 is a hall.
         ramps: share of the tiles that are ramps and decks, from difficulty 1 on.
-        clutter: share of the tiles that something takes: a diagonal wall, from difficulty 2 on a barrel or
-            crossing ramps, from 3 on a step field. From 2 on as many tiles have a block or a pipe beside a wall.
-        furniture: share of the tiles that furniture takes, or rescue elements that nobody drives over; as many tiles
-            have something hanging on a wall, and some inner walls are thick or veils.
-        bulky: share of the tiles with what hides much: raised floors to drive under, steep boards, cupboards.
         victims: number of them.
         difficulty: 0 flat; 1 with decks and ridges of ramps; 2 with crossing ramps, clutter, holes in walls and
             victims half hidden; 3 with continuous ramp fields and step fields. If not given, the remainder of
             the seed on division by 4.
         ceiling: 2.4 m high, all walls up to it.
+        furniture: share of the tiles that furniture takes, or rescue elements that a robot cannot drive over; as many
+            tiles have something hanging on a wall, and some inner walls are thick or veils.
+        clutter: share of the tiles with an obstacle: a diagonal wall, from difficulty 2 on a barrel or crossing
+            ramps, from 3 on a step field. From 2 on as many tiles have a block or a pipe beside a wall.
+        bulky: share of the tiles with what hides much: raised floors to drive under, steep boards, cupboards.
         painted: floor, walls, ramps and boards have colours and patterns of their own.
     """
 
@@ -64,13 +67,13 @@ class RandomArenaConfig:
     rows: int = 6
     wall_density: float = 0.5
     ramps: float = 0.25
-    clutter: float = 0.15
     victims: int = 3
     difficulty: int | None = None
     ceiling: bool = False
     furniture: float = 0.0
-    bulky: float = 0.0
-    painted: bool = False
+    clutter: Annotated[float, tyro.conf.Suppress] = 0.15
+    bulky: Annotated[float, tyro.conf.Suppress] = 0.0
+    painted: Annotated[bool, tyro.conf.Suppress] = False
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
@@ -89,7 +92,7 @@ def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBui
         builder = _build(f"random_{seed}", plan, config)
         if config.painted:
             paint(builder, RandomDraws(np.random.default_rng([seed, attempt, 1])))
-        if not broken_promises(builder.to_xml()):
+        if not failed_checks(builder.to_xml()):
             return builder
     raise InputError(
         f"random arena {seed}: {config.victims} victims and all the rest do not fit into"

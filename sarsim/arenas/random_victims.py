@@ -20,10 +20,7 @@ POSTURES: dict[Placement, tuple[Posture, ...]] = {
     "box": ("bust", "sitting"),
     "hole": ("side", "sitting", "seated"),
 }
-PLACEMENTS: dict[bool, tuple[Placement, ...]] = {
-    False: ("open",),
-    True: ("open", "rubble", "box", "hole"),
-}
+PLACEMENTS: dict[bool, tuple[Placement, ...]] = {False: ("open",), True: ("open", "rubble", "box", "hole")}
 """By whether victims may be half hidden."""
 
 

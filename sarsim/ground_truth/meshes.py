@@ -51,9 +51,7 @@ class _Shape:
     def scaled(self, scale: NDArray[np.float64]) -> "_Shape":
         normals = self.normals / scale
         return _Shape(
-            self.vertices * scale,
-            normals / np.linalg.norm(normals, axis=1, keepdims=True),
-            self.triangles,
+            self.vertices * scale, normals / np.linalg.norm(normals, axis=1, keepdims=True), self.triangles
         )
 
 

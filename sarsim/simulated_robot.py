@@ -49,8 +49,8 @@ class SimulationConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class TrueLook:
-    """What a look would have been without noise and with the true pose.
+class TrueFrame:
+    """What the newest frame would have been without noise and with the true pose.
 
     Attributes:
         T_world_base: 4×4 true pose.
@@ -71,8 +71,8 @@ class SimulatedRobot:
     """A Pioneer 3-AT in an arena that implements :class:`pipeline.robot.Robot`; ``odom`` is the world's frame.
 
     Attributes:
-        physics: dm_control's, for whoever scores or draws.
-        true_look: of the newest frame.
+        physics: dm_control's, for scoring and drawing.
+        true_frame: of the newest frame.
         trajectory: a pose every control period.
         collisions: counts the robot's contacts with walls, clutter and victims.
         on_motion: called with every new pose of the trajectory.
@@ -98,7 +98,7 @@ class SimulatedRobot:
         self._odometry = WheelOdometry(np.random.default_rng(odometry_seed))
         self._T_world_start = arena.T_world_start
         self.collisions = CollisionCounter(self.physics.model.ptr, self._camera.base_body)
-        self.true_look: TrueLook | None = None
+        self.true_frame: TrueFrame | None = None
         self.trajectory: list[Pose] = []
         self.on_motion: Callable[[Pose], None] = lambda pose: None
         self._settle()
@@ -122,12 +122,12 @@ class SimulatedRobot:
         return float(self.physics.time())
 
     def sense(self) -> Frame:
-        """Take one look, standing."""
+        """Take one frame, standing."""
         truth = self._camera.capture(self.physics.data.ptr)
         image = self._conditions.sense(truth, self._sensor_rng)
         clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)
         pose = self.trajectory[-1]
-        self.true_look = TrueLook(pose.T_world_base, clipped)
+        self.true_frame = TrueFrame(pose.T_world_base, clipped)
         return image.frame(pose.time, pose.T_odom_base)
 
     def drive(self, command: Velocity) -> Motion:

@@ -19,7 +19,7 @@ VISIBLE_SHARE = 0.2
 SPECK = 0.1
 """m²; a smaller piece of ground does not count."""
 VIEW_SPACING = 4
-"""cells between the places from which victims are looked for."""
+"""cells between the places from which the camera may see victims."""
 
 
 def failed_checks(mjcf: str) -> list[str]:

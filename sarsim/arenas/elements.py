@@ -78,7 +78,7 @@ class ArenaBuilder:
     """Makes an arena's MJCF.
 
     Attributes:
-        root: the ``<mujoco>`` element so far; whoever brings geoms of their own may add to it.
+        root: the ``<mujoco>`` element so far; callers may add geoms of their own.
     """
 
     def __init__(self, name: str):

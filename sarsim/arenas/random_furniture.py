@@ -42,7 +42,7 @@ SPREAD = 0.5
 CHAIRS = ("chair", "office_chair", "lab_chair")
 """What stands at desks."""
 SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
-"""What may stand before something else, turned anyhow."""
+"""What may stand before something else, at any angle."""
 ACCOMPANIED = 0.4
 """Share of the tiles where one does."""
 ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
@@ -96,7 +96,7 @@ def hang_on_walls(layout: Layout, draws: RandomDraws, share: float) -> list[Item
 
 
 def _furnish(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
-    """Fill a tile into which the robot looks over its side ``front``."""
+    """Fill a tile that the robot sees over its side ``front``."""
     back = opposite(front)
     draw = draws.pick(("middle", "middle", "ramp", *("back",) * 5, *("work",) * 3))
     if draw == "work":

@@ -26,9 +26,9 @@ LEVEL = 0.02
 OUTSIDE_SHARE = 0.02
 """What a cell counts in the choice of the piece to start in if it lies beside the arena."""
 MOST_PLACES = 2000
-"""that are compared."""
+"""Places that are compared."""
 MOST_GROUNDS = 10
-"""that are looked at, those with the largest patches of floor."""
+"""Pieces of ground that are compared, those with the largest patches of floor."""
 MIN_AREA = 0.25
 """m² in which the robot's middle may be; a tile between four walls has 0.35."""
 

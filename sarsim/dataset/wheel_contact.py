@@ -30,7 +30,7 @@ class WheelContact:
         self._ground = _ground(bodies, grid)
 
     def stand(self, x: float, y: float, yaw: float, height: float) -> NDArray[np.float64] | None:
-        """4×4 pose of ``base_link`` at (x, y) m that looks along ``yaw`` rad, at rest and without play in the tyres.
+        """4×4 pose of ``base_link`` at (x, y) m that faces along ``yaw`` rad, at rest and without play in the tyres.
 
         None where the robot cannot stand: a wheel is over nothing, or the chassis would touch the ground.
         ``height``: m of the ground near (x, y).

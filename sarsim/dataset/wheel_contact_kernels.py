@@ -67,7 +67,7 @@ def axle_height(ground, x, y, c, s, radius, below):
 
 @njit(cache=True)
 def attitude(yaw, climb, rise):
-    """(3, 3) rotation of a body that looks along ``yaw`` on slopes of ``climb`` forwards and ``rise`` leftwards."""
+    """(3, 3) rotation of a body that faces along ``yaw`` on slopes of ``climb`` forwards and ``rise`` leftwards."""
     c, s = np.cos(yaw), np.sin(yaw)
     x = np.array([c, s, climb]) / np.sqrt(1 + climb * climb)
     z = np.array([-climb * c + rise * s, -climb * s - rise * c, 1.0])

@@ -175,7 +175,7 @@ def lower_distance(corners, first, window, low, high, origin, cell, height, max_
     """Lower ``distance`` (nx, ny) to that of the nearest convex outline which is in the way on the cell's ground.
 
     Outline n has the corners ``first[n]:first[n + 1]`` of (M, 2), counter-clockwise, and reaches from low[n] to
-    high[n]. What ends at the height of a step or begins above the headroom is in nobody's way.
+    high[n]. What ends at the height of a step or begins above the headroom is not in the way.
     """
     for n in range(len(window)):
         for i in range(window[n, 0], window[n, 1]):

@@ -33,7 +33,7 @@ class EpisodeScore:
         surface: the true ground.
         seen: (nx, ny) bool on its grid, the cells in which a noise-free return fell.
         victims: which of them came into view.
-        progress: after each look, s since the start and the share of the drivable area that was seen.
+        progress: after each step, s since the start and the share of the drivable area that was seen.
     """
 
     def __init__(self, robot: SimulatedRobot, explorer: Explorer):
@@ -48,14 +48,14 @@ class EpisodeScore:
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
-        self._lifts = 0
+        self._kidnaps = 0
         self.progress: list[tuple[float, float]] = []
 
     def add(self, step: Step) -> None:
-        """Take the newest look into account."""
-        truth = self._robot.true_look
+        """Take the newest step into account."""
+        truth = self._robot.true_frame
         assert truth is not None
-        self._lifts += step.was_kidnapped
+        self._kidnaps += step.was_kidnapped
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
         self._see(points)
@@ -141,7 +141,7 @@ class EpisodeScore:
             "legs": len(legs),
             "reached": sum(leg.outcome is Outcome.REACHED for leg in legs),
             "tipped": times_tipped(trajectory),
-            "lifted": self._lifts,
+            "kidnapped": self._kidnaps,
             "stuck": sum(leg.outcome is Outcome.STUCK for leg in legs),
             "recovered": self._explorer.navigator.recovered,
             "collisions": self._robot.collisions.collisions,

@@ -27,7 +27,7 @@ def in_lit_picture(
 
 
 def floors(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the planes that look up and have no geom (its middle) below: nothing is in their shadow."""
+    """(ngeom,) bool, the planes that face up and have no geom (its middle) below: nothing is in their shadow."""
     upright = data.geom_xmat[:, 8] > 1 - 1e-9
     height = data.geom_xpos[:, 2]
     return (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & upright & (height <= height.min(initial=np.inf))

@@ -27,7 +27,7 @@ class Cloud:
 
     @classmethod
     def of_frame(cls, scene: Scene, index: int) -> Self:
-        """All returns of a look, at the true pose."""
+        """All returns of a frame, at the true pose."""
         frame = scene.frame(index)
         assert frame.label is not None and frame.instance is not None
         seen = frame.returns

@@ -27,7 +27,7 @@ class Yolo(Export):
         check("quality", self.quality, 0, 100)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """An image and a text for each look."""
+        """An image and a text for each frame."""
         images, labels = folder / "images" / entry.split, folder / "labels" / entry.split
         for place in (images, labels):
             place.mkdir(parents=True, exist_ok=True)

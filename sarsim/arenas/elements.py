@@ -216,13 +216,10 @@ class _Pose:
     def geom(self, geom: Element) -> Element:
         """A copy of a geom of the element, in the world."""
         x, y, z = _numbers(geom, "pos", (0, 0, 0))
+        position = [*self.points(np.array([[x, y]]))[0], self.position[2] + z]
         quat = np.empty(4)
         mujoco.mju_mulQuat(quat, self.turn, _numbers(geom, "quat", (1, 0, 0, 0)))
-        where = {
-            "pos": _text([*self.points(np.array([[x, y]]))[0], self.position[2] + z]),
-            "quat": _text(quat),
-        }
-        return Element("geom", geom.attrib | where)
+        return Element("geom", geom.attrib | {"pos": _text(position), "quat": _text(quat)})
 
 
 def _turn(yaw_deg: float) -> NDArray[np.float64]:
@@ -230,9 +227,8 @@ def _turn(yaw_deg: float) -> NDArray[np.float64]:
     quarter, rest = divmod(yaw_deg, 90.0)
     if rest == 0:
         half = np.sqrt(0.5)
-        return np.array(
-            [(1, 0, 0, 0), (half, 0, 0, half), (0, 0, 0, 1), (half, 0, 0, -half)][int(quarter) % 4]
-        )
+        w, z = ((1, 0), (half, half), (0, 1), (half, -half))[int(quarter) % 4]
+        return np.array([w, 0, 0, z], np.float64)
     yaw = np.radians(yaw_deg)
     return np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])
 

@@ -150,7 +150,9 @@ class World(ExitStack):
         self._move(pose.T_world_base)
         true = self.camera.capture(self.data)
         seen = self._scene.conditions.sense(true, rng)
-        boxes, areas = self._victims_in(true.instance)
+        boxes = np.full((len(self._victims), 4), NO_BOX, np.int32)
+        areas = np.zeros(len(self._victims), np.int32)
+        image_kernels.victim_boxes(true.instance, self._victim_of_geom, boxes, areas)
         return SceneFrame(seen.frame(pose.time, pose.T_odom_base), pose.T_world_base, boxes, areas)
 
     def areas_alone(self) -> NDArray[np.int32]:
@@ -185,13 +187,6 @@ class World(ExitStack):
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
-
-    def _victims_in(self, instance: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """(V, 4) boxes of the pixels that show each victim, ``NO_BOX`` where none does, and (V,) their number."""
-        boxes = np.full((len(self._victims), 4), NO_BOX, np.int32)
-        areas = np.zeros(len(self._victims), np.int32)
-        image_kernels.victim_boxes(instance, self._victim_of_geom, boxes, areas)
-        return boxes, areas
 
 
 def _with_robot(text: ArenaText) -> mujoco.MjModel:

@@ -205,11 +205,7 @@ class Scene(ExitStack):
         return map(self.frame, range(len(self)))
 
     def frame(self, index: int) -> Frame:
-        """One frame, with its labels.
-
-        Raises:
-            InputError: the file is broken there.
-        """
+        """One frame, with its labels; InputError where the file is broken."""
         return Frame(
             time=float(self.time[index]),
             rgb=self._image("rgb", index),
@@ -222,19 +218,11 @@ class Scene(ExitStack):
         )
 
     def rgb(self, index: int) -> NDArray[np.uint8]:
-        """(H, W, 3) colour image of a frame.
-
-        Raises:
-            InputError: the file is broken there.
-        """
+        """(H, W, 3) colour image of a frame; InputError where the file is broken."""
         return self._image("rgb", index)
 
     def label(self, index: int) -> NDArray[np.uint8]:
-        """(H, W) labels of a frame.
-
-        Raises:
-            InputError: the file is broken there.
-        """
+        """(H, W) labels of a frame; InputError where the file is broken."""
         return self._image("label", index)
 
     def T_world_camera(self, index: int) -> NDArray[np.float64]:

@@ -238,20 +238,16 @@ def _extremes(places: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _box(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float64]:
     """(2, 3) lowest and highest corner of geoms in the frame of their body, m."""
-    corners = [_extent(model, int(geom)) for geom in geoms]
-    return np.stack(
-        [np.min([low for low, _ in corners], axis=0), np.max([high for _, high in corners], axis=0)]
-    )
+    return _extremes(np.concatenate([_extent(model, int(geom)) for geom in geoms]))
 
 
-def _extent(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest corner of a geom in its body's frame."""
+def _extent(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
+    """(2, 3) lowest and highest corner of a geom in its body's frame, m."""
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
     R, position = rotation.reshape(3, 3), model.geom_pos[geom]
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
-        vertices = mesh_vertices(model, geom) @ R.T + position
-        return vertices.min(axis=0), vertices.max(axis=0)
+        return _extremes(mesh_vertices(model, geom) @ R.T + position)
     middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
     reach = np.abs(R) @ half
-    return R @ middle + position - reach, R @ middle + position + reach
+    return np.stack([R @ middle + position - reach, R @ middle + position + reach])

@@ -7,7 +7,7 @@ import pytest
 from sarsim.scripts import check_generator as checks
 from sarsim.scripts.check_generator import CheckConfig, check_same, check_whole, checksums
 from sarsim.scripts.cli import run
-from tests.sarsim.dataset.test_generate import toys
+from tests.sarsim.dataset.in_process import toys
 
 
 def test_kills_and_a_full_disk_lose_nothing(

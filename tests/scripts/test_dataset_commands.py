@@ -10,7 +10,7 @@ from sarsim.dataset.local_engine import LocalEngine
 from sarsim.scripts import export_dataset, generate_dataset
 from sarsim.scripts.cli import run
 from sarsim.scripts.generate_dataset import GenerateConfig, make_engine
-from tests.sarsim.dataset.test_generate import InProcess, toys
+from tests.sarsim.dataset.in_process import InProcess, toys
 
 
 def exit_status(args: list[str]) -> int | str | None:

@@ -20,7 +20,7 @@ from sarsim.dataset.folder import Dataset
 from sarsim.dataset.generate import generate
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.scene_file import Scene
-from tests.sarsim.dataset.test_generate import InProcess
+from tests.sarsim.dataset.in_process import InProcess
 
 RECIPE = Recipe(
     seed=2,
@@ -110,8 +110,8 @@ def test_blocks_are_columns_of_labelled_points(data: Path, tmp_path: Path, scene
         assert data_[..., 2:].min() >= 0 and data_[..., 3:].max() <= 1
         counts.append(len(data_))
     assert sum(counts) == len(rooms)
-    assert rooms[0].startswith("Area_1_arena_0_look_0")
-    first = sum(room == "Area_1_arena_1_look_0" for room in rooms)
+    assert rooms[0].startswith("Area_1_arena_0_frame_0")
+    first = sum(room == "Area_1_arena_1_frame_0" for room in rooms)
     cloud = Cloud.of_frame(scene, 0)
     assert_points_of(cloud, data_[:first], label[:first])
 

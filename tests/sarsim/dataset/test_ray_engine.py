@@ -8,8 +8,8 @@ import pytest
 from pipeline.errors import InputError
 from sarsim.dataset.generate import generate
 from sarsim.dataset.ray_engine import RayEngine
+from tests.sarsim.dataset.in_process import InProcess, files
 from tests.sarsim.dataset.small import RECIPE
-from tests.sarsim.dataset.test_generate import InProcess, files
 
 pytest.importorskip("ray")
 

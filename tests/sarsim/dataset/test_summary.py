@@ -12,7 +12,7 @@ import pytest
 
 from pipeline.labels import COLOURS, Label
 from sarsim.dataset.summary import depth_picture, with_boxes, write_summary
-from tests.sarsim.dataset.test_generate import toys
+from tests.sarsim.dataset.in_process import toys
 
 
 @pytest.fixture

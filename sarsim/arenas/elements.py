@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sarsim.arenas.panels import covered_panels
 from sarsim.assets import asset
+from sarsim.ground_truth.shapes import rotation
 
 TILE = 1.2
 """m."""
@@ -58,10 +59,7 @@ class ElementLibrary:
         """(4, 2) corners of the rectangle around an element, m."""
         model = self._model
         geoms = np.flatnonzero(model.geom_bodyid == model.body(kind).id)
-        matrices = np.empty((len(geoms), 9))
-        for matrix, geom in zip(matrices, geoms, strict=True):
-            mujoco.mju_quat2Mat(matrix, model.geom_quat[geom])
-        R = matrices.reshape(-1, 3, 3)
+        R = np.array([rotation(model.geom_quat[geom]) for geom in geoms])
         middle = model.geom_pos[geoms] + np.einsum("nij,nj->ni", R, model.geom_aabb[geoms, :3])
         reach = np.einsum("nij,nj->ni", np.abs(R), model.geom_aabb[geoms, 3:])
         (x0, y0, _), (x1, y1, _) = (middle - reach).min(axis=0), (middle + reach).max(axis=0)

@@ -23,6 +23,12 @@ def opposite(side: Side) -> Side:
     return (side + 2) % 4
 
 
+def shift(front: Side, ahead: int, aside: int) -> Tile:
+    """cm along x and y of ``ahead`` towards a side and ``aside`` to its left."""
+    (fx, fy), (lx, ly) = STEP[front], STEP[(front + 1) % 4]
+    return ahead * fx + aside * lx, ahead * fy + aside * ly
+
+
 @dataclass(frozen=True)
 class Ground:
     """What a tile's ground is.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.transforms import from_rotation
-from sarsim.ground_truth.shapes import SQUARE, swept
+from sarsim.ground_truth.shapes import SQUARE, rotation, swept
 
 SEGMENTS = 24
 """Sides of a drawn circle."""
@@ -63,12 +63,7 @@ def drawn_geoms(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[NDArray[np.float64]]:
     """4×4 poses of geoms in their bodies."""
-    rotation = np.empty(9)
-    poses = []
-    for geom in geoms:
-        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
-        poses.append(from_rotation(rotation.reshape(3, 3), model.geom_pos[geom]))
-    return poses
+    return [from_rotation(rotation(model.geom_quat[geom]), model.geom_pos[geom]) for geom in geoms]
 
 
 def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDArray[np.float64]]) -> Mesh:

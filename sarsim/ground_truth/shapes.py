@@ -13,6 +13,13 @@ CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], 
 """(8, 3) corners of a box of half sizes 1."""
 
 
+def rotation(quat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) rotation of a (4,) quaternion w x y z."""
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, quat)
+    return matrix.reshape(3, 3)
+
+
 def mesh_vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
     """(N, 3) m, the vertices of a geom that is a mesh."""
     mesh = model.geom_dataid[geom]

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation
-from sarsim.ground_truth.shapes import mesh_vertices
+from sarsim.ground_truth.shapes import mesh_vertices, rotation
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.body import UPPER_BODY, Outfit, person_mjcf
 from sarsim.victims.cover import Cover, box, joined, rubble, seat, wall_with_hole
@@ -243,9 +243,7 @@ def _box(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float64]
 
 def _extent(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
     """(2, 3) lowest and highest corner of a geom in its body's frame, m."""
-    rotation = np.empty(9)
-    mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
-    R, position = rotation.reshape(3, 3), model.geom_pos[geom]
+    R, position = rotation(model.geom_quat[geom]), model.geom_pos[geom]
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         return _extremes(mesh_vertices(model, geom) @ R.T + position)
     middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Intrinsics
-from sarsim.dataset.exports.export import Export
-from sarsim.dataset.exports.images import write_image
+from sarsim.dataset.exports.export import Export, write_image
 from sarsim.dataset.exports.s3dis import room
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene

@@ -6,8 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sarsim.dataset.exports.export import Export, check
-from sarsim.dataset.exports.images import write_image
+from sarsim.dataset.exports.export import Export, check, write_image
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SPLITS, SceneEntry
 from sarsim.dataset.scene_file import Scene

@@ -115,22 +115,10 @@ def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
     kernels.count_bodies(bodies.planes, bodies.first, windows, grid.origin, grid.cell, count)
     start = np.cumsum(count.ravel()).reshape(count.shape) - count
     total = int(count.sum())
-    bottom, top, normal_z = np.empty(total), np.empty(total), np.empty(total)
-    owner = np.empty(total, np.int64)
-    kernels.fill_bodies(
-        bodies.planes,
-        bodies.first,
-        windows,
-        grid.origin,
-        grid.cell,
-        start.copy(),
-        bottom,
-        top,
-        normal_z,
-        owner,
-    )
-    kernels.merge_bodies(start, count, bottom, top, normal_z, owner, _GAP)
-    return Columns(grid, start, count, bottom, top, normal_z, owner)
+    arrays = (np.empty(total), np.empty(total), np.empty(total), np.empty(total, np.int64))
+    kernels.fill_bodies(bodies.planes, bodies.first, windows, grid.origin, grid.cell, start.copy(), *arrays)
+    kernels.merge_bodies(start, count, *arrays, _GAP)
+    return Columns(grid, start, count, *arrays)
 
 
 @dataclass(frozen=True, eq=False)

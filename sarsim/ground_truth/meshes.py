@@ -68,8 +68,7 @@ def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[NDArray[np.f
 
 def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDArray[np.float64]]) -> Mesh:
     """One mesh of several geoms, each moved by its 4×4 pose."""
-    vertices, normals, triangles, colours = [], [], [], []
-    count = 0
+    vertices, normals, triangles, colours, count = [], [], [], [], 0
     for geom, T in zip(geoms, poses, strict=True):
         shape = _BUILDERS[mujoco.mjtGeom(model.geom_type[geom])](model, geom)
         vertices.append(shape.vertices @ T[:3, :3].T + T[:3, 3])

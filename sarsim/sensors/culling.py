@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 def in_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(ngeom,) bool, the geoms that may be seen between the ``planes`` of :func:`frustum`."""
-    outside = _outside(data.geom_xpos, _radius(model), planes)
-    return np.logical_not(outside.any(axis=1))
+    return np.logical_not(_outside(data.geom_xpos, _radius(model), planes).any(axis=1))
 
 
 def in_lit_picture(

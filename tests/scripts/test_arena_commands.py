@@ -80,12 +80,12 @@ def test_what_cannot_be_written_is_refused(tmp_path, capsys):
 def test_arenas_are_checked(monkeypatch, capsys):
     small = ["--seeds", "2", "--random.columns", "3", "--random.rows", "3", "--random.victims", "0"]
     run(check_arenas, small)
-    assert "2 arenas, 0 break a promise" in capsys.readouterr().out
-    monkeypatch.setattr(checking, "broken_promises", lambda mjcf: ["the start is not free"])
+    assert "2 arenas, 0 fail a check" in capsys.readouterr().out
+    monkeypatch.setattr(checking, "failed_checks", lambda mjcf: ["the start is not free"])
     with pytest.raises(SystemExit) as end:
         run(check_arenas, small)
     assert end.value.code == 1
-    assert "2 break a promise" in capsys.readouterr().out
+    assert "2 fail a check" in capsys.readouterr().out
 
 
 def test_no_arena_is_no_number_of_arenas_to_check(capsys):

@@ -128,8 +128,8 @@ def plane_inliers(
 ) -> NDArray[np.bool_]:
     """Which points lie near the plane that has most of them near it, by RANSAC (Fischler & Bolles 1981).
 
-    The same seed gives the same plane, bit for bit. For that Open3D must try all samples, hence the probability of 1.
-    With less it stops early, sooner or later by the timing of its threads, and the result varies with it.
+    The same seed gives the same plane, bit for bit. For that Open3D must try all samples, hence the probability of 1:
+    with less it stops early, sooner or later by the timing of its threads.
 
     Args:
         points: (N, 3) float32, N ≥ 3.

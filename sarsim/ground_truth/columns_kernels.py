@@ -9,9 +9,9 @@ _UPRIGHT = 1e-4
 
 @njit(cache=True)
 def vertical_cut(planes, x, y):
-    """Lowest and highest point of a vertical line in a convex body n·p ≤ d of (F, 4), and the normal's z where it leaves it.
+    """Lowest and highest point of a vertical line in a convex body n·p ≤ d, and the normal's z where it leaves it.
 
-    Empty, lowest above highest, where the line misses the body.
+    Empty, lowest above highest, where the line misses the body. ``planes``: (F, 4) n and d.
     """
     low, high, normal_z = -np.inf, np.inf, 1.0
     for k in range(planes.shape[0]):

@@ -23,9 +23,9 @@ from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
 from pipeline.transforms import transform_points
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
-from pipeline.traversability.elevation_map import ElevationMap, ElevationMapConfig
+from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import Traversability, TraversabilityConfig
+from pipeline.traversability.traversability import Traversability
 from pipeline.traversability.traversability_layer import TraversabilityLayer
 from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.reobservation import Reobservation, ReobservationConfig
@@ -50,8 +50,6 @@ class ExplorerConfig:
     """
 
     metric_map: MetricMapConfig = field(default_factory=MetricMapConfig)
-    traversability: ElevationMapConfig = field(default_factory=ElevationMapConfig)
-    traversable: TraversabilityConfig = field(default_factory=TraversabilityConfig)
     semantic_map: SemanticMapConfig = field(default_factory=SemanticMapConfig)
     planes: PlanesConfig = field(default_factory=PlanesConfig)
     segments: SegmentsConfig = field(default_factory=SegmentsConfig)
@@ -126,8 +124,8 @@ class Explorer:
         self.detector = detector
         self.localisation = OdometryLocalisation()
         self.metric_map = MetricMap(self.config.metric_map)
-        self.elevation_map = ElevationMap(self.config.traversability)
-        self.traversability_layer = TraversabilityLayer(self.config.traversable)
+        self.elevation_map = ElevationMap(robot.model)
+        self.traversability_layer = TraversabilityLayer(robot.model)
         self.semantic_map = SemanticMap(self.config.semantic_map)
         self.segments = Segments(self.config.segments)
         self.topological_map = TopologicalMap(self.config.topological_map)

@@ -202,7 +202,7 @@ class Exploration:
             config.longest_straight,
             traversability.turnable & paths.reachable,
             traversability.hazard,
-            traversability.rules(traversability.ramp_alignment),
+            traversability.rules(),
             grid.origin,
             grid.cell,
         )

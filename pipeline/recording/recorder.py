@@ -229,7 +229,7 @@ class Recorder:
     def _log_metrics(self, explorer: Explorer) -> None:
         traversability = explorer.elevation_map
         seen = np.count_nonzero(~np.isnan(traversability.measured))
-        self._log_metric("explored_area_m2", seen * traversability.config.cell**2)
+        self._log_metric("explored_area_m2", seen * traversability.grid.cell**2)
         self._log_metric("map/segments", len(explorer.segments))
         self._log_metric("map/nodes", len(explorer.topological_map.nodes))
         self._log_metric("map/frontiers", len(explorer.exploration.frontiers))

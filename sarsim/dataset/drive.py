@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from pipeline.traversability.shortest_paths import ShortestPaths, simplify
-from pipeline.traversability.traversability import Traversability, TraversabilityConfig, assess
+from pipeline.traversability.traversability import Traversability, assess
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.robots.pioneer3at import MODEL
 from sarsim.robots.pose import Pose
 from sarsim.sensors.odometry import OdometryConfig, WheelOdometry
 
@@ -207,6 +208,6 @@ def rotation_vector(R: NDArray[np.float64]) -> NDArray[np.float64]:
 def _roads(surface: TrueSurface) -> Traversability:
     """The true surface as the robot's own planner sees a measured one: ramps are met head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
-    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, TraversabilityConfig())
+    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, MODEL)
     traversable, turnable = roads.traversable & surface.drivable, roads.turnable & surface.drivable
     return replace(roads, traversable=traversable, turnable=turnable)

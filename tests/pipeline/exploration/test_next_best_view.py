@@ -9,6 +9,7 @@ from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
 
@@ -186,7 +187,7 @@ def test_the_choice_does_not_depend_on_chance(yaw):
 
 
 def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall():
-    world = ElevationMap()
+    world = ElevationMap(PIONEER)
     world.assume_ground(from_yaw(0, 0, 0, 0), 0.8, 0.0, 0.0)
     corners = [(-0.6, -1.0), (0.6, -1.0), (0.6, 1.0), (-0.6, 1.0), (-0.6, -1.0)]
     seen = ground_points(flat, (-0.6, 0.6), (-1, 1))
@@ -202,7 +203,7 @@ def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall
 
 
 def test_ground_taken_for_flat_before_a_ramp_is_seen_by_backing_up_the_ramp():
-    world = ElevationMap()
+    world = ElevationMap(PIONEER)
     world.assume_ground(from_yaw(-1.6, 0, 0, 0), 0.5, 0.0, 0.0)
     corners = [(-2.2, -0.6), (0.5, -0.6), (0.5, 0.6), (-2.2, 0.6), (-2.2, -0.6)]
     seen = ground_points(ridge, (-2.2, 0.5), (-0.6, 0.6))
@@ -227,7 +228,7 @@ def test_straight_ways_begin_where_it_can_turn_and_keep_the_corners_of_the_chass
         2.0,
         traversability.turnable,
         traversability.hazard,
-        traversability.rules(traversability.ramp_alignment),
+        traversability.rules(),
         traversability.grid.origin,
         traversability.grid.cell,
     )

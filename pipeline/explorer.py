@@ -1,11 +1,13 @@
 """The whole pipeline: look, map, plan, drive (thesis, chapter 3)."""
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 
-from pipeline.exploration.next_best_view import Exploration, ExplorationConfig, Viewpoint
+from pipeline.exploration.next_best_view import Exploration, Viewpoint
 from pipeline.frame import Frame
 from pipeline.goals import Goals
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -20,7 +22,7 @@ from pipeline.segments.segments import Segments, SegmentsConfig
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap, SemanticMapConfig
 from pipeline.stopwatch import Stopwatch
-from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
+from pipeline.topological_map.topological_map import GraphKind, TopologicalMap
 from pipeline.transforms import transform_points
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_map import ElevationMap
@@ -40,6 +42,8 @@ class ExplorerConfig:
     """The settings of every stage.
 
     Attributes:
+        graph: what plans are made on: the thesis's minimum spanning tree, or the tree and the loops that shorten
+            detours.
         start_radius: ground that is taken for flat around where the robot was set down until it is seen, m: whoever
             did so saw to that, and the camera sees nothing nearer than a metre.
         start_ahead: the same in a strip before the robot, m.
@@ -53,8 +57,7 @@ class ExplorerConfig:
     semantic_map: SemanticMapConfig = field(default_factory=SemanticMapConfig)
     planes: PlanesConfig = field(default_factory=PlanesConfig)
     segments: SegmentsConfig = field(default_factory=SegmentsConfig)
-    topological_map: TopologicalMapConfig = field(default_factory=TopologicalMapConfig)
-    exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
+    graph: Annotated[GraphKind, tyro.conf.arg(prefix_name=False)] = "roadmap"
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
     obstacle_check: ObstacleCheckConfig = field(default_factory=ObstacleCheckConfig)
     victims: VictimsConfig = field(default_factory=VictimsConfig)
@@ -128,8 +131,8 @@ class Explorer:
         self.traversability_layer = TraversabilityLayer(robot.model)
         self.semantic_map = SemanticMap(self.config.semantic_map)
         self.segments = Segments(self.config.segments)
-        self.topological_map = TopologicalMap(self.config.topological_map)
-        self.exploration = Exploration(self.config.exploration)
+        self.topological_map = TopologicalMap(self.config.graph)
+        self.exploration = Exploration(robot.model)
         self.victims = Victims(self.config.victims)
         self.reobservation = Reobservation(self.victims, self.metric_map, self.config.reobservation)
         self.exploration.rewards = self.reobservation

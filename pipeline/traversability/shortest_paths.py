@@ -15,6 +15,8 @@ NARROW_COST = 1.5
 """The same for a metre where the robot cannot turn, which keeps paths off the corners of walls."""
 TIGHT_TURN = 3.0
 """m that a turn along or across the slope of a ramp counts without room to slide."""
+SPEED = 0.2
+"""m/s, expected of the robot on level ground."""
 SNAP = 0.5
 """m; a point off the traversable ground is moved onto it from no further."""
 SHAVE = 0.3

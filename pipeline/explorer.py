@@ -8,6 +8,7 @@ import tyro
 from numpy.typing import NDArray
 
 from pipeline.exploration.next_best_view import Exploration, Viewpoint
+from pipeline.exploration.visibility import camera_view
 from pipeline.frame import Frame
 from pipeline.goals import Goals
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -173,9 +174,9 @@ class Explorer:
             self.segments.update(patches, self.steps)
         detections = self._find_victims(frame, T_map_camera)
         with self.stopwatch("exploration"):
-            viewpoint, back = self._next_view(traversability, paths, T_map_base), None
+            viewpoint, back = self._next_view(frame, traversability, paths, T_map_base), None
             if viewpoint is None:
-                viewpoint, paths, back = self._view_beyond(traversability, paths, T_map_base)
+                viewpoint, paths, back = self._view_beyond(frame, traversability, paths, T_map_base)
             if viewpoint is not None:
                 self.reobservation.aim(
                     traversability.on_ground(viewpoint.position[None])[0], viewpoint.heading
@@ -266,7 +267,11 @@ class Explorer:
         return step.viewpoint.backwards if step.viewpoint is not None and can_turn else None
 
     def _next_view(
-        self, traversability: Traversability, paths: ShortestPaths, T_map_base: NDArray[np.float64]
+        self,
+        frame: Frame,
+        traversability: Traversability,
+        paths: ShortestPaths,
+        T_map_base: NDArray[np.float64],
     ) -> Viewpoint | None:
         """Where to go next: to a goal, or else to where much is to be seen; nowhere for a robot that is held."""
         if self.is_held:
@@ -274,10 +279,16 @@ class Explorer:
         step = traversability, self.elevation_map.measured, paths, T_map_base
         viewpoint = self.goals.next_viewpoint(*step) if self.goals else None
         is_done = not self.may_explore or (self.goals is not None and not self.goals.left)
-        return viewpoint if viewpoint or is_done else self.exploration.next_viewpoint(*step)
+        if viewpoint or is_done:
+            return viewpoint
+        return self.exploration.next_viewpoint(*step, camera_view(frame, self.robot.model))
 
     def _view_beyond(
-        self, traversability: Traversability, paths: ShortestPaths, T_map_base: NDArray[np.float64]
+        self,
+        frame: Frame,
+        traversability: Traversability,
+        paths: ShortestPaths,
+        T_map_base: NDArray[np.float64],
     ) -> tuple[Viewpoint | None, ShortestPaths, NDArray[np.float64] | None]:
         """Where to go next from where the robot came, the paths from there and the way back (N, 2), if there is one.
 
@@ -287,7 +298,7 @@ class Explorer:
         if back is None:
             return None, paths, None
         beyond, frontiers = ShortestPaths(traversability, back[-1]), self.exploration.frontiers
-        viewpoint = self._next_view(traversability, beyond, T_map_base)
+        viewpoint = self._next_view(frame, traversability, beyond, T_map_base)
         if viewpoint or beyond.reachable.sum() > paths.reachable.sum():
             return viewpoint, beyond, back
         self.exploration.frontiers = frontiers

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.exploration.next_best_view import MIN_GAIN, Exploration, Viewpoint
+from pipeline.exploration.visibility_kernels import CameraView
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from pipeline.traversability.shortest_paths import ShortestPaths
@@ -46,6 +47,7 @@ class RandomWalk(Exploration):
         measured: NDArray[np.float32],
         paths: ShortestPaths,
         T_map_base: NDArray[np.float64],
+        camera: CameraView,
     ) -> Viewpoint | None:
         """A random viewpoint; None at the end, and where the robot can drive nowhere."""
         cells = np.argwhere(traversability.turnable & (paths.cost <= self._farthest))

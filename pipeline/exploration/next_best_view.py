@@ -111,6 +111,7 @@ class Exploration:
         measured: NDArray[np.float32],
         paths: ShortestPaths,
         T_map_base: NDArray[np.float64],
+        camera: kernels.CameraView,
     ) -> Viewpoint | None:
         """The viewpoint that shows most per second, or None when nothing is left that is worth a keyframe.
 
@@ -119,8 +120,8 @@ class Exploration:
             measured: (nx, ny) height of the ground that returns have shown, NaN elsewhere.
             paths: shortest paths from where the robot is.
             T_map_base: pose of the robot.
+            camera: what its camera sees from a place: see :func:`pipeline.exploration.visibility.camera_view`.
         """
-        camera = visibility.CAMERA
         self._layers.match(traversability.grid)
         self._count_misses(measured, T_map_base[:2, 3])
         terrain = self._terrain(traversability, measured)

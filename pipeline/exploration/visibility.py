@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.exploration import visibility_kernels as kernels
+from pipeline.frame import Frame
+from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angles
 
 RAYS = 180
@@ -16,7 +18,32 @@ BEARINGS = np.arange(RAYS) * 2 * np.pi / RAYS
 STRIDE = 5
 """Viewpoints lie on every so many-th cell along x and y."""
 
-CAMERA = kernels.CameraView(0.6, 0.17, 0.9, 3.1, np.deg2rad(-34), np.deg2rad(9), np.deg2rad(54))
+NEAR_MARGIN, FAR_MARGIN = 0.1, 0.4
+"""m by which the ground is expected to be seen less near and less far than the camera measures."""
+LOWER_MARGIN, UPPER_MARGIN, SIDE_MARGIN = np.deg2rad((0.5, 1.5, 2.0))
+"""rad at the lower, the upper and each side's edge of the image that are not counted on."""
+
+
+def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
+    """What the camera that took a frame sees of the ground.
+
+    To 1 mm and 1 mrad, so that a camera that trembles on its mount stays the same.
+    """
+    lens, T = frame.intrinsics, frame.T_base_camera
+    pitch = np.arcsin(T[2, 2])
+    left, right = np.arctan([lens.cx / lens.fx, (lens.width - lens.cx) / lens.fx])
+    up, down = np.arctan([lens.cy / lens.fy, (lens.height - lens.cy) / lens.fy])
+    near, far = robot.camera_range
+    view = kernels.CameraView(
+        height=T[2, 3],
+        ahead=T[0, 3],
+        near=near + NEAR_MARGIN,
+        far=far - FAR_MARGIN,
+        lower_edge=pitch - down + LOWER_MARGIN,
+        upper_edge=pitch + up - UPPER_MARGIN,
+        field_of_view=left + right - 2 * SIDE_MARGIN,
+    )
+    return kernels.CameraView(*(round(float(number), 3) for number in view))
 
 
 def gains(ray_gains: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:

@@ -7,8 +7,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.traversability.shortest_paths_kernels import is_aligned, is_traversable
+from pipeline.traversability.traversability import RAMP_TILT
 
-RAMP = 0.14
+RAMP = np.tan(RAMP_TILT)
 """Slope above which ground that rises is a ramp."""
 SUSPECTED_FALL = 0.28
 """Slope at which ground that a keyframe missed may fall away: a NIST ramp's, 16°."""

@@ -105,9 +105,9 @@ def test_a_robot_that_is_shut_in_goes_back_as_it_came(explorer):
     explorer.elevation_map.update(np.vstack([ground_points(flat, (-3, 2), (-1, 1)), *ends]))
     traversability, T = assess_map(explorer.elevation_map), from_yaw(1.0, 0, 0, np.pi)
     paths = ShortestPaths(traversability, (1.0, 0.0))
-    assert explorer._view_beyond(traversability, paths, T) == (None, paths, None)
+    assert explorer._view_beyond(explorer.robot.sense(), traversability, paths, T) == (None, paths, None)
     explorer._track = np.column_stack([np.linspace(-2, 1, 200), np.zeros(200)])
-    viewpoint, beyond, back = explorer._view_beyond(traversability, paths, T)
+    viewpoint, beyond, back = explorer._view_beyond(explorer.robot.sense(), traversability, paths, T)
     assert viewpoint.position[0] < 0
     assert back[0, 0] > 0.5
     assert beyond.reachable[tuple(traversability.grid.cell_of(back[-1]))]
@@ -122,7 +122,7 @@ def test_when_nothing_is_left_the_map_is_that_of_the_larger_room(explorer, monke
     explorer._track = np.column_stack([np.linspace(there, here, 100), np.zeros(100)])
     monkeypatch.setattr(explorer, "_next_view", lambda *step: None)
     viewpoint, kept, _ = explorer._view_beyond(
-        traversability, ShortestPaths(traversability, (here, 0.0)), np.eye(4)
+        explorer.robot.sense(), traversability, ShortestPaths(traversability, (here, 0.0)), np.eye(4)
     )
     assert viewpoint is None
     assert kept.reachable[tuple(traversability.grid.cell_of([-1.0, 0.0]))]

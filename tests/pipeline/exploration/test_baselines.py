@@ -7,10 +7,10 @@ import pytest
 
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.next_best_view import Exploration
-from pipeline.exploration.visibility import CAMERA
 from pipeline.transforms import from_yaw
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
+from tests.pipeline.exploration.cameras import CAMERA
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
@@ -18,7 +18,7 @@ from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 def next_viewpoint(exploration: Exploration, world, pose):
     traversability = assess_map(world)
     return exploration.next_viewpoint(
-        traversability, world.measured, ShortestPaths(traversability, pose[:2, 3]), pose
+        traversability, world.measured, ShortestPaths(traversability, pose[:2, 3]), pose, CAMERA
     )
 
 

@@ -10,6 +10,7 @@ from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
+from tests.pipeline.exploration.cameras import CAMERA
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
@@ -17,7 +18,7 @@ from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, w
 def next_viewpoint(exploration, world, pose):
     traversability = assess_map(world)
     return exploration.next_viewpoint(
-        traversability, world.measured, ShortestPaths(traversability, pose[:2, 3]), pose
+        traversability, world.measured, ShortestPaths(traversability, pose[:2, 3]), pose, CAMERA
     )
 
 
@@ -88,7 +89,7 @@ def test_ground_that_a_keyframe_missed_is_sought_from_elsewhere_and_then_given_u
 @pytest.mark.parametrize("seed", range(40))
 def test_cells_are_in_view_wherever_a_gain_is_expected(seed):
     """Also what one ray slips through to whose samples lie on the border of two cells, as every second one at 60°."""
-    shape, camera = (140, 140), visibility.CAMERA
+    shape, camera = (140, 140), CAMERA
     pillars = np.random.default_rng(seed).random(shape) < 0.2  # few rays get through
     terrain = kernels.Terrain(
         origin=np.full(2, -3.5),

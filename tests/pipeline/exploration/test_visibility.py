@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.visibility import STRIDE, RayGains
+from pipeline.exploration.visibility import STRIDE, RayGains, camera_view
+from tests.pipeline.robot_model import PIONEER
+from tests.pipeline.still_robot import HEIGHT, INTRINSICS, PITCH, StillRobot
 
 CAMERA = kernels.CameraView(0.6, 0.17, 0.9, 3.1, -0.6, 0.15, 0.9)
 RAYS, SHAPE = 24, (203, 101)
@@ -85,3 +87,15 @@ def test_rays_are_cast_anew_where_the_grid_begins_elsewhere_and_for_another_came
     gains.of(CELLS, CAMERA, terrain, NOTHING)
     gains.of(CELLS, CAMERA._replace(height=0.5), terrain, NOTHING)
     assert casts == [len(CELLS)] * 3
+
+
+def test_a_view_is_that_of_the_camera_on_the_robot():
+    view = camera_view(StillRobot().sense(), PIONEER)
+    assert (view.height, view.ahead) == (HEIGHT, 0.0)
+    assert PIONEER.camera_range[0] < view.near < view.far < PIONEER.camera_range[1]
+    half = np.arctan2(INTRINSICS.height / 2, INTRINSICS.fy)
+    assert view.lower_edge == pytest.approx(-PITCH - half, abs=0.03)
+    assert view.lower_edge > -PITCH - half
+    assert view.upper_edge == pytest.approx(-PITCH + half, abs=0.03)
+    assert view.upper_edge < -PITCH + half
+    assert view.field_of_view == pytest.approx(2 * np.arctan2(INTRINSICS.width / 2, INTRINSICS.fx), abs=0.08)

@@ -7,13 +7,14 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.labels import RAMP_TILT
 from pipeline.navigation.attitude import Attitude
 from pipeline.navigation.progress import Progress, Turn
 from pipeline.robot import Motion, Robot, Velocity
 from pipeline.transforms import wrap_angle, yaw_of
 
-RAMP_TILT = np.deg2rad(6)
-"""A robot that leans further is on a ramp."""
+LEAN = RAMP_TILT - np.deg2rad(2)
+"""rad; a robot that leans further is on a ramp, with its first wheels before the others."""
 CREST = 0.1
 """m; so is one that did no farther from here."""
 TURN_GAIN = 1.5
@@ -289,7 +290,7 @@ class Navigator:
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)
         self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
-        if self.attitude.tilt_in(0.0) > RAMP_TILT:
+        if self.attitude.tilt_in(0.0) > LEAN:
             self._leaned_at = self.T_map_base[:3, 3]
         self.track.append(self.T_map_base[:2, 3])
         return self.T_map_base

@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.grid_map import Grid
+from pipeline.labels import RAMP_TILT
 from pipeline.rescue_report.places import Place, places
 from pipeline.traversability.traversability import Traversability
 
-SLOPE = np.deg2rad(8)
-"""rad; steeper ground counts as a slope."""
 DROP = 0.1
 """m that the ground falls at a drop, at least: a robot that takes stairs climbs lower steps back up."""
 EDGE = 0.06
@@ -71,7 +70,9 @@ def find_hazards(
     """
     slope = np.arctan(np.linalg.norm(traversability.gradient.astype(np.float64), axis=-1))
     # Opening drops single noisy cells.
-    is_steep = ndimage.binary_opening((slope > SLOPE) & ~traversability.hazard, np.ones((3, 3))) & reachable
+    is_steep = (
+        ndimage.binary_opening((slope > RAMP_TILT) & ~traversability.hazard, np.ones((3, 3))) & reachable
+    )
     drop = _drops(traversability, reachable)
     headroom = _headroom(traversability, points, robot_headroom)
     low = reachable & (headroom < LOW)

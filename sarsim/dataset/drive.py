@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from pipeline.traversability.shortest_paths import ShortestPaths, simplify
-from pipeline.traversability.traversability import Traversability, TraversabilityConfig, assess
+from pipeline.traversability.traversability import Traversability, assess
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
 from sarsim.robots.skid_steer import WHEEL_RADIUS
 from sarsim.sensors.odometry import GRAVITY, WheelOdometry
@@ -167,6 +168,6 @@ class DeadReckoning:
 def _roads(surface: TrueSurface) -> Traversability:
     """The true ground as the robot's own planner sees a measured one: ramps are met head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
-    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, TraversabilityConfig())
+    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, PIONEER_3AT)
     traversable, turnable = roads.traversable & surface.drivable, roads.turnable & surface.drivable
     return replace(roads, traversable=traversable, turnable=turnable)

@@ -184,9 +184,9 @@ def _grid_around(bodies: ConvexBodies) -> Grid:
     """A grid over all that the arena is made of."""
     low, high = bodies.low[:, :2].min(axis=0), bodies.high[:, :2].max(axis=0)
     # Rounding errors must not add a row of cells.
-    origin = np.floor((low - MARGIN) / CELL + 1e-6) * CELL
-    nx, ny = np.ceil((high + MARGIN - origin) / CELL - 1e-6).astype(int)
-    return Grid(origin, CELL, (int(nx), int(ny)))
+    first = np.floor((low - MARGIN) / CELL + 1e-6).astype(np.int64)
+    nx, ny = np.ceil((high + MARGIN - first * CELL) / CELL - 1e-6).astype(int)
+    return Grid(first, CELL, (int(nx), int(ny)))
 
 
 def _tilt(height: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -229,7 +229,7 @@ def test_the_picture_shows_what_is_where():
     seen[5:20] = True
     walls = np.zeros_like(drivable)
     walls[0] = True
-    surface = TrueSurface(Grid(np.array([-1.0, 0.0]), 0.05, (40, 20)), np.zeros((40, 20)), drivable, walls)
+    surface = TrueSurface(Grid(np.array([-20, 0]), 0.05, (40, 20)), np.zeros((40, 20)), drivable, walls)
     way = np.array([(-0.5, 0.5), (-0.4, 0.5)])
     picture = top_view(surface, seen, way, [np.array([0.5, 0.6])], [], "text")
     assert picture.shape == (20 * MOST_PIXELS + BAND, 40 * MOST_PIXELS, 3)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.navigation.navigator import BACK_OUT, RAMP_TILT, Navigator, Outcome
+from pipeline.navigation.navigator import BACK_OUT, LEAN, Navigator, Outcome
 from pipeline.navigation.progress import OVERDUE
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
@@ -174,7 +174,7 @@ def test_on_a_crest_it_stands_level_and_backs_all_the_same():
     robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(16) * np.clip((x - 1) / 0.12, -1, 1))
     navigator = Navigator(robot)
     assert navigator.follow(np.array([(1.0, 0.0)]))
-    assert max(np.abs(navigator.attitude.tilt)) < RAMP_TILT
+    assert max(np.abs(navigator.attitude.tilt)) < LEAN
     assert navigator.follow(np.array([(0.2, 0.1)]))
     assert abs(yaw_of(robot.T)) < np.deg2rad(15)
 

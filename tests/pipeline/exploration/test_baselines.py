@@ -8,18 +8,10 @@ import pytest
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.transforms import from_yaw
-from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
-from tests.pipeline.exploration.cameras import CAMERA
+from tests.pipeline.exploration.asking import CAMERA, frontiers, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
-
-
-def next_viewpoint(exploration: Exploration, world, pose):
-    traversability = assess_map(world)
-    return exploration.next_viewpoint(
-        traversability, world.measured, ShortestPaths(traversability, pose[:2, 3]), pose, CAMERA
-    )
 
 
 def room(*corners, x=(-2.0, 2.0), y=(-2.0, 2.0)):
@@ -76,7 +68,7 @@ def test_a_frontier_smaller_than_the_robot_comes_last_but_comes():
 def test_nothing_is_left_in_a_closed_room():
     exploration = NearestFrontier(PIONEER)
     assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
-    assert len(exploration.frontiers) == 0
+    assert len(frontiers(exploration, closed_room(), from_yaw(0, 0, 0, 0))) == 0
 
 
 def test_a_frontier_that_never_comes_into_view_is_given_up():

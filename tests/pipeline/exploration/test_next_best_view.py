@@ -10,16 +10,9 @@ from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
-from tests.pipeline.exploration.cameras import CAMERA
+from tests.pipeline.exploration.asking import CAMERA, frontiers, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
-
-
-def next_viewpoint(exploration, world, pose):
-    traversability = assess_map(world)
-    return exploration.next_viewpoint(
-        traversability, world.measured, ShortestPaths(traversability, pose[:2, 3]), pose, CAMERA
-    )
 
 
 def closed_room():
@@ -41,7 +34,7 @@ def test_it_looks_where_the_known_ground_ends():
 def test_nothing_is_left_in_a_closed_room():
     exploration = Exploration(PIONEER)
     assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
-    assert len(exploration.frontiers) == 0
+    assert len(frontiers(exploration, closed_room(), from_yaw(0, 0, 0, 0))) == 0
 
 
 def test_walls_hide_what_lies_behind_them():
@@ -64,9 +57,9 @@ def test_frontiers_are_where_reachable_ground_meets_the_unknown():
     for y in (-1, 1):
         world.update(wall_points((-2, y), (2, y)))
     exploration = Exploration(PIONEER)
-    next_viewpoint(exploration, world, from_yaw(0, 0, 0, 0))
-    assert len(exploration.frontiers) == 1
-    np.testing.assert_allclose(exploration.frontiers[0], (1.7, 0, 0), atol=0.2)
+    found = frontiers(exploration, world, from_yaw(0, 0, 0, 0))
+    assert len(found) == 1
+    np.testing.assert_allclose(found[0], (1.7, 0, 0), atol=0.2)
 
 
 def test_ground_that_a_keyframe_missed_is_sought_from_elsewhere_and_then_given_up():
@@ -250,6 +243,9 @@ class Reward:
     def gains(self, places, bearings):
         near = np.linalg.norm(places[:, :2] - (1, 0), axis=1) < 0.3
         return self.worth * near[:, None] * (np.cos(bearings) > np.cos(0.2))
+
+    def aim(self, place, heading):
+        self.aimed = place, heading
 
 
 def test_a_reward_makes_a_viewpoint_worth_a_drive():

@@ -134,7 +134,7 @@ def _add_building(world: Element) -> None:
 def _add_furniture(world: Element, room: str, places: list[plan.Place]) -> None:
     world.append(Comment(f" {room} "))
     for number, (kind, x, y, yaw) in enumerate(places):
-        _append(world, f"{room.replace(' ', '_')}_{number}_{kind}", moved(PIECES[kind](), x, y, yaw))
+        _append(world, f"{room.replace(' ', '_')}_{number}_{kind}", moved(PIECES[kind], x, y, yaw))
 
 
 def _append(world: Element, name: str, parts: Iterable[Part]) -> None:

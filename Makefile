@@ -16,8 +16,9 @@ setup: .venv/installed ## install the system packages that are missing, and the 
 episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a report in runs/nist_6x4-0
 	$(PYTHON) scripts/run_episode.py
 
-test: setup ## run every test
-	$(PYTHON) -m pytest
+# Each core begins with tests that stand together, which share fixtures, and takes over others' when it is done.
+test: setup ## run every test, on every core
+	$(PYTHON) -m pytest -n logical --dist worksteal
 
 lint: setup ## check style and types
 	$(PYTHON) -m ruff check

@@ -75,6 +75,6 @@ class Frame:
         return np.isfinite(self.depth) & (self.depth > 0)
 
     def points(self, T_target_camera: NDArray[np.float64]) -> NDArray[np.float32]:
-        """(N, 3) float32 points of all returns, row-major over the image, in the target frame."""
+        """(N, 3) float32 points of all returns, row-major over the image, in the target frame, m."""
         points = self.intrinsics.rays[self.returns] * self.depth[self.returns, None]
         return transform_points(T_target_camera, points)

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def transform_points(T: NDArray[np.float64], points: NDArray) -> NDArray[np.float32]:
-    """(N, 3) float32 points, moved by ``T``."""
+    """(N, 3) float32 points, m, moved by the 4×4 transform ``T``."""
     R, t = T[:3, :3].astype(np.float32), T[:3, 3].astype(np.float32)
     x, y, z = points.astype(np.float32, copy=False).T
     # Not a matrix product: for three columns, waking BLAS's threads takes longer than the work.
@@ -13,7 +13,7 @@ def transform_points(T: NDArray[np.float64], points: NDArray) -> NDArray[np.floa
 
 
 def inverse(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The inverse of a rigid transform."""
+    """The inverse of a rigid 4×4 transform."""
     result = np.eye(4)
     result[:3, :3] = T[:3, :3].T
     result[:3, 3] = -T[:3, :3].T @ T[:3, 3]
@@ -21,7 +21,7 @@ def inverse(T: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def from_rotation(R: ArrayLike, t: ArrayLike) -> NDArray[np.float64]:
-    """The transform with rotation matrix ``R`` and translation ``t``."""
+    """The 4×4 transform with the 3×3 rotation ``R`` and the translation ``t`` (3,), m."""
     result = np.eye(4)
     result[:3, :3] = R
     result[:3, 3] = t
@@ -35,12 +35,12 @@ def from_yaw(x: float, y: float, z: float, yaw: float) -> NDArray[np.float64]:
 
 
 def yaw_of(T: NDArray[np.float64]) -> float:
-    """Yaw of a pose in rad, (−π, π]."""
+    """Yaw of a 4×4 pose in rad, (−π, π]."""
     return float(np.arctan2(T[1, 0], T[0, 0]))
 
 
 def tilt_of(T: NDArray[np.float64]) -> tuple[float, float]:
-    """Roll and pitch of a pose in rad (REP 103: x forward, y left, z up; pitch is positive nose down)."""
+    """Roll and pitch of a 4×4 pose in rad (REP 103: x forward, y left, z up; pitch is positive nose down)."""
     return float(np.arctan2(T[2, 1], T[2, 2])), float(-np.arcsin(np.clip(T[2, 0], -1, 1)))
 
 
@@ -50,5 +50,5 @@ def wrap_angle(angle: float) -> float:
 
 
 def wrap_angles(angles: NDArray[np.floating]) -> NDArray[np.floating]:
-    """The same angles in [−π, π)."""
+    """The same angles (N, ...) in [−π, π), rad."""
     return (angles + np.pi) % (2 * np.pi) - np.pi

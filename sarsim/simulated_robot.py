@@ -16,6 +16,7 @@ from sarsim.arenas.arena import RescueArena
 from sarsim.ground_truth.contacts import CollisionCounter
 from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
+from sarsim.robots.skid_steer import WHEEL_RADIUS
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera
 from sarsim.sensors.conditions import Conditions
@@ -48,8 +49,8 @@ class SimulationConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class TrueLook:
-    """What a look would have been without noise and with the true pose.
+class TrueFrame:
+    """What the newest frame would have been without noise and with the true pose.
 
     Attributes:
         T_world_base: 4×4 true pose.
@@ -71,7 +72,7 @@ class SimulatedRobot:
 
     Attributes:
         physics: dm_control's, for scores and drawings.
-        true_look: of the newest frame.
+        true_frame: of the newest frame.
         trajectory: a pose every control period.
         collisions: counts the robot's contacts with walls, clutter and victims.
         on_motion: called with every new pose of the trajectory.
@@ -97,7 +98,7 @@ class SimulatedRobot:
         self._odometry = WheelOdometry(np.random.default_rng(odometry_seed))
         self._T_world_start = arena.T_world_start
         self.collisions = CollisionCounter(self.physics.model.ptr, self._camera.base_body)
-        self.true_look: TrueLook | None = None
+        self.true_frame: TrueFrame | None = None
         self.trajectory: list[Pose] = []
         self.on_motion: Callable[[Pose], None] = lambda pose: None
         self._settle()
@@ -126,17 +127,8 @@ class SimulatedRobot:
         image = self._conditions.sense(truth, self._sensor_rng)
         clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)
         pose = self.trajectory[-1]
-        self.true_look = TrueLook(pose.T_world_base, clipped)
-        return Frame(
-            time=pose.time,
-            rgb=image.rgb,
-            depth=image.depth,
-            intrinsics=image.intrinsics,
-            T_base_camera=image.T_base_camera,
-            T_odom_base=pose.T_odom_base,
-            label=image.label,
-            instance=image.instance,
-        )
+        self.true_frame = TrueFrame(pose.T_world_base, clipped)
+        return image.frame(pose.time, pose.T_odom_base)
 
     def drive(self, command: Velocity) -> Motion:
         """Follow ``command`` for one control period."""
@@ -153,7 +145,7 @@ class SimulatedRobot:
             T_odom_base = T_world_base
         self.trajectory.append(Pose(self.time, T_world_base, T_odom_base))
         self.on_motion(self.trajectory[-1])
-        wheel_speed = robot.wheel_speed(physics) * self._odometry.config.wheel_radius
+        wheel_speed = robot.wheel_speed(physics) * WHEEL_RADIUS
         return Motion(self.time, T_odom_base, gyro, accelerometer, wheel_speed)
 
     def close(self) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.robot import Velocity
 from sarsim.arenas.arena import RescueArena
 from sarsim.robots.pioneer3at import Pioneer3AT
-from sarsim.robots.skid_steer import SkidSteer
+from sarsim.robots.skid_steer import MAX_SPEED, MAX_TURN_RATE, SkidSteer
 
 CONTROL_TIMESTEP = 0.02
 """s, the period of the drive's firmware."""
@@ -37,7 +37,7 @@ class RescueTask(composer.Task):
 
     def action_spec(self, physics: mjcf.Physics) -> specs.BoundedArray:
         """(v m/s, ω rad/s)."""
-        limits = np.array([self._drive.config.max_speed, self._drive.config.max_turn_rate])
+        limits = np.array([MAX_SPEED, MAX_TURN_RATE])
         return specs.BoundedArray((2,), np.float64, -limits, limits, name="v\tomega")
 
     def initialize_episode(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:

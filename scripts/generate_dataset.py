@@ -29,7 +29,9 @@ class GenerateDataset:
         height: of the images, pixels; half of each is four times as fast, and shows less of what is far away.
         arenas: names or paths, taken in turn; "random" is another random arena each time.
         random: ranges from which each random arena is drawn.
-        look_distance: m that the robot drives from one frame to the next; larger ones show more of the arena.
+        lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
+        dust: concentration in the scenes with dust in the air, from 0 to 1, drawn evenly between these values.
+        keyframes: m driven and rad turned from one frame to the next; larger ones show more of the arena.
         workers: processes at a time, one a core if not given; the dataset does not depend on it.
         engine: processes on this machine, or tasks on the Ray cluster that RAY_ADDRESS names (without it, on this
             machine).
@@ -43,7 +45,9 @@ class GenerateDataset:
     height: int = 480
     arenas: tuple[str, ...] = ("random",)
     random: ArenaRange = field(default_factory=ArenaRange)
-    look_distance: float = 0.3
+    lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
+    dust: tuple[float, float] = (0.02, 0.4)
+    keyframes: tuple[float, float] = (0.3, 0.6)
     workers: int | None = None
     engine: Literal["local", "ray"] = "local"
 
@@ -52,14 +56,12 @@ def generate_dataset(settings: GenerateDataset) -> None:
     """Generate the dataset, or what is missing of it, and say where it lies."""
     if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
         raise InputError("--scenes, --workers: at least 1")
-    from sarsim.dataset.drive import DriveConfig
     from sarsim.dataset.generate import generate
     from sarsim.dataset.recipe import Recipe
 
-    given = {
-        name: getattr(settings, name) for name in ("seed", "frames", "width", "height", "arenas", "random")
-    }
-    recipe = Recipe(**given, drive=DriveConfig(look_distance=settings.look_distance))
+    names = ("seed", "frames", "width", "height", "arenas", "random", "lighting", "dust", "keyframes")
+    given = {name: getattr(settings, name) for name in names}
+    recipe = Recipe(**given)
     with progress() as bars:
         bar = bars.add_task("frames", total=settings.scenes * settings.frames)
         engine = make_engine(settings.engine, settings.workers)

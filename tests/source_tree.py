@@ -5,7 +5,7 @@ import io
 import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -57,9 +57,12 @@ def is_text(node: ast.AST) -> bool:
     return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
+@cache
 def modules(*packages: str) -> list[Module]:
     """The modules of packages; the links from sarsim to the folders at the top are not followed."""
-    paths = [path for package in packages for path in sorted((ROOT / package).rglob("*.py"))]
+    if len(packages) > 1:
+        return [module for package in packages for module in modules(package)]
+    paths = sorted(ROOT.joinpath(*packages).rglob("*.py"))
     linked = [ROOT / "sarsim" / name for name in ("scripts", "assets")]
     paths = [path for path in paths if not any(path.is_relative_to(link) for link in linked)]
     return [Module(dotted(path), path.read_text()) for path in paths]
@@ -77,17 +80,19 @@ class PublicFunction:
     Attributes:
         name: dotted, with the module.
         node: of the syntax tree.
-        outer: the docstring of its class; empty for a function.
+        outer: the class that it is a method of, and its docstring; both empty for a function.
     """
 
     name: str
     node: ast.FunctionDef
-    outer: str
+    outer: tuple[str, str] = ("", "")
 
     @property
     def doc(self) -> str:
-        """Its docstring and that of its class."""
-        return f"{ast.get_docstring(self.node) or ''}\n{self.outer}"
+        """Its docstring, and that of its class if it makes an object of it."""
+        own, (outer, text) = ast.get_docstring(self.node) or "", self.outer
+        makes = self.node.returns is not None and ast.unparse(self.node.returns).strip("'") in (outer, "Self")
+        return f"{own}\n{text}" if makes else own
 
     @property
     def parameters(self) -> list[ast.arg]:
@@ -112,12 +117,12 @@ class PublicFunction:
 
 def public_functions(module: Module) -> Iterator[PublicFunction]:
     """Functions of a module and methods of its classes that others may call."""
-    yield from _public(module.tree, module.name, "")
-
-
-def _public(scope: ast.Module | ast.ClassDef, name: str, outer: str) -> Iterator[PublicFunction]:
-    for node in scope.body:
+    for node in module.tree.body:
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-            yield PublicFunction(f"{name}.{node.name}", node, outer)
+            yield PublicFunction(f"{module.name}.{node.name}", node)
         elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-            yield from _public(node, f"{name}.{node.name}", f"{outer}\n{ast.get_docstring(node) or ''}")
+            outer = node.name, ast.get_docstring(node) or ""
+            methods = (item for item in node.body if isinstance(item, ast.FunctionDef))
+            for method in methods:
+                if not method.name.startswith("_"):
+                    yield PublicFunction(f"{module.name}.{node.name}.{method.name}", method, outer)

@@ -118,33 +118,38 @@ def test_only_code_counts_as_lines_of_code() -> None:
 
 # What is documented
 
-SHAPE = re.compile(
-    r"\((\w+ )?[\w.…]+( [-+·] \w+)?,( (or )?[\w.…]+( [-+·] \w+)?,?)*( or \d)?\)|\w ?× ?\w|\([A-Z]\w*\)"
-)
-"""``(N, 3)``, ``(..., 2 or 3)``, ``(N,)``, ``4×4``, ``width × height``."""
+EXTENT = r"(?:\.\.\.|…|[\w']+)(?: [-+·/] \w+| [a-z])*(?: or \d)?"
+SHAPE = re.compile(rf"\({EXTENT},(?: {EXTENT},?)*\)|\w ?× ?\w|\bscalars?\b")
+"""``(N, 3)``, ``(..., 2 or 3)``, ``(N,)``, ``4×4``, ``width × height``; or that numbers are meant."""
 UNIT = re.compile(
-    r"(?<!\w)(m|m²|m³|mm|cm|px|rad|°|s|Hz|kg|[Pp]ixels?|cells?|degrees|T_\w+|``(map|world|odom|base|base_link|camera|"
-    r"camera_optical|image)``)(?!\w)|°|(?<!\w)unit (vector|normal|quaternion)"
+    r"(?<!\w)(m|m²|m³|mm|cm|px|rad|s|Hz|kg|[Pp]ixels?|cells?|voxels?|degrees?|metres|[Ss]econds|4×4|``(map|world|odom|"
+    r"base|base_link|camera|camera_optical|image)``)(?!\w)|°|\bunit (vector|normal|quaternion)|\bof length 1\b"
 )
-"""A unit, or the frame that points are given in, whose unit is m."""
+"""A unit; or the frame that points are given in or a 4×4 pose, whose unit is m."""
 MEASURE = re.compile(
-    r"(?<!\w)(points?|positions?|places?|distances?|heights?|widths?|depth|radius|radii|reach|ways?|paths?|poses?|"
-    r"centres?|corners?|headings?|yaws?|angles?|bearings?|elevation|offset)(?!\w)"
+    r"(?<!\w)(points?|positions?|places?|distances?|heights?|widths?|depth|radius|radii|reach|ways?|poses?|"
+    r"centres?|corners?|headings?|yaws?|angles?|bearings?|elevation|offset)(?!\w)",
+    re.IGNORECASE,
 )
 """Words for lengths and angles."""
 POSE = re.compile(r"\bT_[a-z]\w*")
 """The notation for 4×4 poses, whose translations are in m."""
 
 
+def passes_pose(function: PublicFunction) -> bool:
+    """Whether a pose is a parameter or named in the docstring."""
+    return bool(POSE.search(function.doc + ast.unparse(function.node.args)))
+
+
 def names_its_shapes(function: PublicFunction) -> bool:
-    """Whether the docstring, or that of the class, gives a shape; a pose's name does."""
-    return bool(SHAPE.search(function.doc) or POSE.search(function.doc + ast.unparse(function.node.args)))
+    """Whether the docstring gives a shape, or a pose passes, whose name does."""
+    return bool(SHAPE.search(function.doc) or passes_pose(function))
 
 
 def names_its_units(function: PublicFunction) -> bool:
-    """Whether the docstring, or that of the class, gives a unit if it speaks of a length or an angle."""
-    is_measured = "float" in function.types and MEASURE.search(ast.get_docstring(function.node) or "")
-    return not is_measured or bool(UNIT.search(function.doc))
+    """Whether the docstring gives a unit if it speaks of a length or an angle; a pose's name does."""
+    is_measured = "float" in function.types and MEASURE.search(function.doc)
+    return not is_measured or bool(UNIT.search(function.doc) or passes_pose(function))
 
 
 def test_public_functions_name_the_shapes_and_units_of_their_arrays() -> None:
@@ -167,7 +172,11 @@ def test_public_functions_name_the_shapes_and_units_of_their_arrays() -> None:
         ("def f(a: NDArray[np.uint8]) -> None", "Write labels (N,).", True),
         ("def f(a: NDArray[np.uint8]) -> None", "Write labels.", False),
         ("def f(T_map_base: NDArray[np.float64]) -> float", "Yaw of the robot, rad: an angle.", True),
-        ("def f(T_map_base: NDArray[np.float64]) -> float", "Yaw of the robot: an angle.", False),
+        ("def f(T_map_base: NDArray[np.float64]) -> float", "Yaw of the robot.", True),
+        ("def f(R: NDArray[np.float64]) -> float", "Yaw of a 3×3 rotation, rad: an angle.", True),
+        ("def f(R: NDArray[np.float64]) -> float", "Yaw of a 3×3 rotation.", False),
+        ("def f(a: NDArray[np.float32]) -> None", "Show heights (..., 2 or 3), m.", True),
+        ("def f(a: NDArray[np.float32]) -> None", "Show it (or not, as one likes).", False),
     ],
 )
 def test_what_a_docstring_says_of_arrays_is_seen(head: str, doc: str, is_clear: bool) -> None:
@@ -210,8 +219,8 @@ def own_privates(module: Module) -> set[str]:
 
 
 def is_private(name: str) -> bool:
-    """Whether a name has one leading underscore."""
-    return name.startswith("_") and not name.startswith("__") and len(name) > 1
+    """Whether a name has one leading underscore, and is not what named tuples offer."""
+    return re.match("_[^_]", name) is not None and name not in ("_replace", "_asdict", "_fields", "_make")
 
 
 def test_no_test_reaches_for_privates() -> None:

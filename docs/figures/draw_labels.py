@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from pipeline.labels import COLOURS
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from sarsim.assets import asset
-from sarsim.dataset.drive import DriveConfig
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
 
 FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
 """By arena, which frames of a drive."""
-DRIVE = DriveConfig(look_distance=2.0, look_turn=0.8)
+KEYFRAMES = (2.0, 0.8)  # m and rad
 
 
 def label_picture(seen: TrueFrame, labels: NDArray[np.integer]) -> NDArray[np.uint8]:
@@ -40,7 +39,7 @@ def main() -> None:
     columns = [
         column(seen, networks)
         for arena, wanted in FRAMES.items()
-        for number, seen in enumerate(drive_through(arena, 1 + max(wanted), seed=0, drive=DRIVE))
+        for number, seen in enumerate(drive_through(arena, 1 + max(wanted), seed=0, keyframes=KEYFRAMES))
         if number in wanted
     ]
     picture = cv2.resize(np.hstack(columns), None, fx=0.4, fy=0.4, interpolation=cv2.INTER_AREA)

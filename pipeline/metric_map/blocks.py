@@ -96,7 +96,7 @@ class BlockArray:
 
 
 def parts(lower: NDArray[np.int64], shape: tuple[int, ...]) -> Iterator[tuple[Key, Box, Box]]:
-    """The parts of a box, given by its first index and its shape, that lie in one block each.
+    """The parts of a box, given by its first index (3,) and its shape, that lie in one block each.
 
     Yields:
         The block's key, where the part lies in the box and where in the block.

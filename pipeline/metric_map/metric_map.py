@@ -161,9 +161,8 @@ class MetricMap:
 
     def state_at(self, points: ArrayLike) -> NDArray[np.float32]:
         """(N,) float32 in {0 occupied, 0.5 unknown, 1 free} at (N, 3) points, m in ``map``."""
-        return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[
-            np.sign(self.log_odds_at(self.voxel_index(points)))
-        ]
+        signs = np.sign(self.log_odds_at(self.voxel_index(points)))
+        return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[signs]
 
     def is_free_along(
         self,
@@ -172,20 +171,23 @@ class MetricMap:
         target: cKDTree,
         margin: float,
         skip: float = 0.0,
+        step: float | None = None,
         may_be_unknown: bool = False,
     ) -> bool:
-        """Whether the line of sight from a point towards another is free as far as the target.
+        """Whether the line of sight from a point to before another one is free as far as the target.
 
         Args:
             start, end: (3,) m in ``map``.
             target: points (N, 3) m in ``map`` of what is to be seen.
             margin: m from the nearest of these points, at which the line of sight ends.
             skip: m from ``start`` that count as free.
+            step: m between the points of the line that are checked; half a voxel if not given.
             may_be_unknown: whether unknown space counts as free.
         """
         length = np.linalg.norm(end - start)
-        count = int(np.ceil(2 * length / self.voxel_size)) + 1
-        line = np.linspace(start, end, count)[np.linspace(0, length, count) >= skip]
+        line = start + (np.arange(skip, length, step or self.voxel_size / 2) / length)[:, None] * (
+            end - start
+        )
         to_target, _ = target.query(line)
         line = line[np.logical_and.accumulate(to_target > margin)]
         return bool((self.state_at(line) >= (UNKNOWN if may_be_unknown else FREE)).all())

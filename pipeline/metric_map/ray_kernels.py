@@ -29,7 +29,7 @@ def trace_points(points, stops, ends, origin, marks):
 
 @njit(cache=True)
 def walk(x, y, z, x_stop, y_stop, z_stop, marks):
-    """Mark as FREE every voxel on the way from a point to another, both included, that is not a HIT."""
+    """Mark as FREE in (nx, ny, nz) every voxel from a point to another, both included, that is no HIT."""
     i, i_end, i_step, i_next, i_gap = _along(x, x_stop)
     j, j_end, j_step, j_next, j_gap = _along(y, y_stop)
     k, k_end, k_step, k_next, k_gap = _along(z, z_stop)

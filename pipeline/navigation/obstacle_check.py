@@ -45,7 +45,7 @@ class ObstacleCheck:
         self._last = np.zeros(2)
 
     def is_clear(self, position: NDArray[np.float64], target: NDArray[np.float64]) -> bool:
-        """Whether nothing stands between the robot and a way point (2,) that it drives straight to.
+        """Whether nothing stands between the robot and a way point (2,), m, that it drives straight to.
 
         It takes an image when the way point is new, and every ``STRIDE``; not when the way point is nearer than it
         can see.
@@ -68,7 +68,7 @@ def obstacles_between(
     traversability: Traversability,
     robot: RobotModel,
 ) -> NDArray[np.float32]:
-    """(M, 3) those of the points (N, 3) that stand between two places (2,) on traversable ground."""
+    """(M, 3) those of the points (N, 3), m, that stand between two places (2,) on traversable ground."""
     grid, length = traversability.grid, max(float(np.linalg.norm(target - start)), 1e-6)
     ahead = (target - start) / length
     along = (points[:, :2] - start) @ ahead

@@ -38,7 +38,7 @@ class Progress:
         self._due, self._wanted, self._felt = np.zeros(2), np.zeros(2), np.zeros(2)
 
     def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity, on_ramp: bool = False) -> bool:
-        """Whether the newest pose shows that the command cannot be followed; on ramps the wheels skid for a while."""
+        """Whether the newest 4×4 pose shows that the command cannot be followed; on ramps wheels skid for a while."""
         held = self._is_held(T, time - self._time, command) and not on_ramp
         moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STUCK_DISTANCE
         turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STUCK_ANGLE

@@ -103,7 +103,7 @@ def goal_name(goal: NDArray[np.float64]) -> str:
 
 
 def place_name(xy: NDArray[np.float64]) -> str:
-    """The name of a place (2,) in the log."""
+    """The name of a place (2,), m, in the log."""
     x, y = np.round(xy, 2) + 0.0  # which makes 0 of -0
     return f"({x:.2f}, {y:.2f}) m"
 

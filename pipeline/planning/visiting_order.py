@@ -13,7 +13,7 @@ def visiting_order(cost: NDArray[np.float64]) -> list[int]:
     """The order of the places 1 … N - 1 that makes the way from place 0 over all of them cheap; it ends anywhere.
 
     Args:
-        cost: (N, N) finite, of going from each place to each other.
+        cost: (N, N) finite, of going from each place to each other, m or s.
     """
     if len(cost) - 1 <= EXACT:
         return _best_order(cost)

@@ -124,7 +124,7 @@ class Recorder:
         self.stream.log("log", rr.TextLog(text, level=level))
 
     def log_ways(self, ways: Sequence[NDArray[np.float64]]) -> None:
-        """Log the ways, (N, 3) points each, from the entrance to the victims."""
+        """Log the ways, (N, 3) points in ``map`` each, from the entrance to the victims."""
         self._set_time(self._time)
         self.stream.log("world/victims/ways", victim_drawings.ways(ways))
 

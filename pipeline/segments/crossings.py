@@ -9,6 +9,8 @@ from pipeline.segments.boxes import Box
 from pipeline.segments.cells import CELL
 from pipeline.segments.segments import Segment
 
+Floats = NDArray[np.float64]
+
 _SPACING = CELL / 2
 """m, at most, between the places on a line where it is held against a surface."""
 _HALF_DIAGONAL = CELL * np.sqrt(3) / 2
@@ -17,11 +19,7 @@ _TOUCH = 1e-9
 
 
 def crossings(
-    a: NDArray[np.float64],
-    b: NDArray[np.float64],
-    segments: Sequence[Segment],
-    margin: float = 0.0,
-    height: float = 0.0,
+    a: Floats, b: Floats, segments: Sequence[Segment], margin: float = 0.0, height: float = 0.0
 ) -> NDArray[np.bool_]:
     """Which of the straight lines from ``a`` to ``b`` pass through one of the segments.
 
@@ -49,7 +47,7 @@ def crossings(
 
 
 def _near_boxes(
-    a: NDArray[np.float64], b: NDArray[np.float64], boxes: Sequence[Box], margin: float, height: float
+    a: Floats, b: Floats, boxes: Sequence[Box], margin: float, height: float
 ) -> NDArray[np.bool_]:
     """(N, S) where the upright box around a line and what moves along it meets that around a segment's box."""
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
@@ -61,11 +59,7 @@ def _near_boxes(
 
 
 def _cross(
-    a: NDArray[np.float64],
-    b: NDArray[np.float64],
-    segments: Sequence[Segment],
-    margin: float,
-    height: float,
+    a: Floats, b: Floats, segments: Sequence[Segment], margin: float, height: float
 ) -> NDArray[np.bool_]:
     """:func:`crossings` of lines and segments that are near each other."""
     result = np.zeros(len(a), np.bool_)
@@ -81,9 +75,7 @@ def _cross(
     return result
 
 
-def clip(
-    a: NDArray[np.float64], b: NDArray[np.float64], boxes: Sequence[Box], margin: float = 0.0
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def clip(a: Floats, b: Floats, boxes: Sequence[Box], margin: float = 0.0) -> tuple[Floats, Floats]:
     """Where N lines are inside S boxes that are ``margin`` m larger on every side.
 
     Returns:
@@ -103,9 +95,7 @@ def clip(
     return np.maximum(enter.max(axis=2), 0), np.minimum(leave.min(axis=2), 1)
 
 
-def _sample(
-    a: NDArray[np.float64], b: NDArray[np.float64], enter: NDArray[np.float64], leave: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def _sample(a: Floats, b: Floats, enter: Floats, leave: Floats) -> tuple[Floats, NDArray[np.intp]]:
     """(M, 3) points close together from where each line enters to where it leaves, and their (M,) lines."""
     counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / _SPACING).astype(int) + 1
     line = np.repeat(np.arange(len(a)), counts)
@@ -115,7 +105,7 @@ def _sample(
 
 
 def _near_surface(
-    points: NDArray[np.float64], line: NDArray[np.intp], lines: int, segment: Segment, margin: float
+    points: Floats, line: NDArray[np.intp], lines: int, segment: Segment, margin: float
 ) -> NDArray[np.bool_]:
     """(lines,) bool, the lines of which some point is near a cell of the segment."""
     on_plane = points - segment.plane.distance(points)[:, None] * segment.plane.normal

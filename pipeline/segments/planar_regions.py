@@ -128,8 +128,8 @@ def plane_inliers(
 ) -> NDArray[np.bool_]:
     """Which points lie near the plane that has most of them near it, by RANSAC (Fischler & Bolles 1981).
 
-    The same seed gives the same plane, bit for bit. For that Open3D must try all samples, hence the probability of 1.
-    With less it stops early, sooner or later by the timing of its threads, and the result varies with it.
+    The same seed gives the same plane, bit for bit. For that Open3D must try all samples, hence the probability of 1:
+    with less it stops early, sooner or later by the timing of its threads.
 
     Args:
         points: (N, 3) float32, N ≥ 3.
@@ -170,7 +170,7 @@ def _fit(points: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def groups(numbers: NDArray) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Every number but NONE that occurs, in order, and where."""
+    """Every number but NONE that occurs in an array, in order, and the (N,) flat indices where."""
     order = np.argsort(numbers, kind="stable")
     starts = np.flatnonzero(np.diff(numbers[order], prepend=NONE))
     for members in np.split(order, starts)[1:]:

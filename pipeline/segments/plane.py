@@ -64,7 +64,7 @@ class Moments:
 
     @property
     def centroid(self) -> NDArray[np.float64]:
-        """(3,) mean point."""
+        """(3,) mean point, m."""
         return self.total / self.count
 
     def fit(self, towards: NDArray[np.float64]) -> tuple[Plane, float]:

@@ -126,7 +126,7 @@ def claim_nearest(points, near, members, region, planes, max_distance):
 
 @njit(cache=True)
 def claim(point, region, planes, least, so_far):
-    """The distance and number of the region if its plane is nearer than ``least``, else ``least, so_far``."""
+    """Distance of a point (3,) to a region's plane (4,), and its number, if below ``least``; or ``least, so_far``."""
     if region == NONE:
         return least, so_far
     plane = planes[region]

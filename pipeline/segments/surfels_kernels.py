@@ -52,7 +52,7 @@ def make_surfels(depth, labels, rays, block, min_pixels, min_step):
 
 @njit(cache=True)
 def parting_inverse_depth(depth, labels, label, min_step):
-    """The inverse depth between two surfaces of one label in a block, or 0 where they are one.
+    """The inverse depth, 1/m, between two surfaces of one label in a block (h, w), or 0 where they are one.
 
     The block is tried by halves of its range. A slope's halves have means 3.5 of their standard deviations apart and
     those of Gaussian noise 2.7, whereas surfaces one before the other are much farther apart than they are deep.
@@ -82,7 +82,7 @@ def parting_inverse_depth(depth, labels, label, min_step):
 
 @njit(cache=True)
 def mean_point(depth, labels, rays, label, parting, near):
-    """Number and mean of the points of one label before (``near``) or behind the parting inverse depth."""
+    """Number and mean (3,) of the points of one label before (``near``) or behind the parting inverse depth."""
     n, x, y, z = 0, 0.0, 0.0, 0.0
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
@@ -97,7 +97,7 @@ def mean_point(depth, labels, rays, label, parting, near):
 
 @njit(cache=True)
 def assign(of_pixel, depth, labels, label, parting, near, surfel):
-    """Write ``surfel`` to the pixels that ``mean_point`` took."""
+    """Write ``surfel`` to the pixels (h, w) that ``mean_point`` took."""
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
             if labels[v, u] == label and (1 / np.float64(depth[v, u]) > parting) == near:
@@ -106,7 +106,7 @@ def assign(of_pixel, depth, labels, label, parting, near, surfel):
 
 @njit(cache=True)
 def neighbours(blocks, columns, labels, points, reach, max_step):
-    """(N, 2·(2·reach + 1)²) int32: for every surfel those of its label up to ``reach`` blocks away.
+    """(N, K) int32, K = 2·(2·reach + 1)²: for every surfel those of its label up to ``reach`` blocks away.
 
     Rows end with NONE. Surfels are no neighbours if they are farther apart than ``max_step`` times the depth for
     every block between them.
@@ -137,7 +137,7 @@ def neighbours(blocks, columns, labels, points, reach, max_step):
 
 @njit(cache=True, inline="always")
 def distance(a, b):
-    """Between two points."""
+    """Distance between two points (3,), m."""
     return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
@@ -211,5 +211,5 @@ def regions_around(near, region):
 
 @njit(cache=True, inline="always")
 def dot(a, b):
-    """Of the first three."""
+    """Dot product of the first three of (3,) or (4,)."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -41,7 +41,7 @@ def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noi
 
 @njit(cache=True)
 def nearest_plane(depth, rays, z, ray, choices, planes, limit):
-    """Of the planes that fit the pixel ``z, ray`` the one to which all pixels of a window move least in sum.
+    """Of the planes (P, 4) that fit the pixel ``z, ray`` the one to which a window's pixels move least in sum.
 
     None of them counts for more than ``limit``.
     """
@@ -61,7 +61,7 @@ def nearest_plane(depth, rays, z, ray, choices, planes, limit):
 
 @njit(cache=True, inline="always")
 def shift(z, ray, plane):
-    """m along the optical axis from a pixel of depth ``z`` to where its ray meets the plane."""
+    """m along the optical axis from a pixel of depth ``z`` to where its ray (3,) meets the plane (4,)."""
     slope = dot(plane, ray)
     return abs(plane[3] / slope - z) if slope != 0 else np.inf
 

@@ -64,7 +64,7 @@ class SemanticMap:
         )  # fmt: skip
 
     def show_people(self, people: Sequence[NDArray[np.float32]]) -> None:
-        """Label as victim what lies at the (N, 3) points of each of these people, and of no others.
+        """Label as victim what lies at the (N, 3) points, m, of each of these people, and of no others.
 
         Where the classifier tells victims itself, its labels stay.
         """

@@ -53,7 +53,7 @@ def accumulate(points, weights, per_metre, keys, indices, shift, voxels, voxel_k
 
 @njit(cache=True)
 def insert_all(keys, indices, shift, voxel_keys):
-    """Fill an empty table: ``voxel_keys[i]`` leads to ``i``."""
+    """Fill an empty table, (size,) keys and indices: ``voxel_keys[i]`` (N,) leads to ``i``."""
     for i in range(len(voxel_keys)):
         slot = find_slot(keys, shift, voxel_keys[i])
         keys[slot], indices[slot] = voxel_keys[i], i
@@ -61,7 +61,7 @@ def insert_all(keys, indices, shift, voxel_keys):
 
 @njit(cache=True, inline="always")
 def voxel_key(point, per_metre):
-    """The key of the voxel that holds the point, or EMPTY; NaN fails every comparison."""
+    """The key of the voxel that holds the point (3,), or EMPTY; NaN fails every comparison."""
     i, j, k = np.floor(point[0] * per_metre), np.floor(point[1] * per_metre), np.floor(point[2] * per_metre)
     if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
         return int64(EMPTY)
@@ -70,7 +70,7 @@ def voxel_key(point, per_metre):
 
 @njit(cache=True, inline="always")
 def find_slot(keys, shift, key):
-    """The slot that holds the key, or the empty one where it belongs."""
+    """The slot of the table (size,) that holds the key, or the empty one where it belongs."""
     slot = int64((uint64(key) * uint64(FIBONACCI)) >> uint64(shift))
     while keys[slot] != EMPTY and keys[slot] != key:
         slot = int64((slot + 1) & int64(keys.size - 1))

@@ -83,7 +83,7 @@ def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64
 
 
 def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(3,) middle of a box around (N, 3) points, the outermost 2 % along each axis left out."""
+    """(3,) middle, m, of a box around (N, 3) points, the outermost 2 % along each axis left out."""
     return np.percentile(points, [2, 98], axis=0).mean(axis=0)
 
 

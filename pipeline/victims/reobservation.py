@@ -27,6 +27,8 @@ MAX_TRIES = 4
 """Re-observations at most of each victim."""
 BESIDE_CAMERA = 0.3
 """m of a line of sight that are free because the robot itself will stand there."""
+STEP = 0.08
+"""m between the points of a line of sight that must be free."""
 
 
 class Reobservation:
@@ -79,7 +81,7 @@ class Reobservation:
         body = cKDTree(victim.points)
         for n in np.flatnonzero(reward):
             camera = places[n] + (0, 0, self.camera_height)
-            reward[n] *= self._map.is_free_along(camera, target, body, MARGIN, skip=BESIDE_CAMERA)
+            reward[n] *= self._map.is_free_along(camera, target, body, MARGIN, BESIDE_CAMERA, STEP)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
         return reward[:, None] * (np.abs(wrap_angles(off)) <= HALF_VIEW)
 

@@ -1,12 +1,12 @@
 """An arena as a dm_control entity."""
 
-import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
+from sarsim.ground_truth.shapes import rotation
 
 
 class RescueArena(composer.Arena):
@@ -27,8 +27,4 @@ class RescueArena(composer.Arena):
     def T_world_start(self) -> NDArray[np.float64]:
         """4×4 pose at which the robot's ``base_link`` is set down."""
         quat = np.array([1.0, 0, 0, 0] if self._start.quat is None else self._start.quat)
-        rotation = np.empty(9)
-        mujoco.mju_quat2Mat(rotation, quat)
-        return from_rotation(
-            rotation.reshape(3, 3), np.zeros(3) if self._start.pos is None else self._start.pos
-        )
+        return from_rotation(rotation(quat), np.zeros(3) if self._start.pos is None else self._start.pos)

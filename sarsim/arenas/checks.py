@@ -1,4 +1,4 @@
-"""What every random arena promises, checked on its true geometry."""
+"""Checks of an arena's true geometry that every random arena passes."""
 
 import mujoco
 import numpy as np
@@ -17,16 +17,16 @@ DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)
 VISIBLE_SHARE = 0.2
 """of a victim's parts that the camera must see from one place."""
 SPECK = 0.1
-"""m²; so small a piece of ground is no part to drive on."""
+"""m²; a smaller piece of ground does not count."""
 VIEW_SPACING = 4
-"""cells between the places from which victims are looked for."""
+"""cells between the places from which the camera may see victims."""
 
 
-def broken_promises(mjcf: str) -> list[str]:
-    """What the MJCF of an arena with a site ``start`` fails to keep; empty if all is well.
+def failed_checks(mjcf: str) -> list[str]:
+    """The checks that the MJCF of an arena with a site ``start`` fails, in words; empty if it passes all.
 
-    There is a free start; all ground on which a P3-AT can be is one part, joined for driving; a camera at the height
-    of the P3-AT's sees every victim from it.
+    The start is free; all ground on which a P3-AT can be is one part, joined for driving; a camera at the height of
+    the P3-AT's sees every victim from it.
     """
     model = mujoco.MjModel.from_xml_string(mjcf)
     data = mujoco.MjData(model)
@@ -67,8 +67,9 @@ def is_visible(
     """Whether enough of a victim is seen from one of the camera's places (N, 3)."""
     parts = data.geom_xpos[victim.geoms]
     distance = np.linalg.norm(places - parts.mean(axis=0), axis=1)
-    near = places[(distance >= NEAR) & (distance <= FAR)]
-    order = np.argsort(np.round(distance[(distance >= NEAR) & (distance <= FAR)], 3), kind="stable")
+    in_range = (distance >= NEAR) & (distance <= FAR)
+    near = places[in_range]
+    order = np.argsort(np.round(distance[in_range], 3), kind="stable")
     own = set(victim.geoms.tolist())
     return any(_share_seen(model, data, place, parts, own) >= VISIBLE_SHARE for place in near[order])
 
@@ -84,19 +85,7 @@ def _share_seen(
     elevation = np.arctan2(rays[:, 2], np.linalg.norm(rays[:, :2], axis=1))
     geom = np.full(len(parts), -1, np.int32)
     distance = np.full(len(parts), -1.0)
-    mujoco.mj_multiRay(
-        model,
-        data,
-        place,
-        np.ascontiguousarray(rays).ravel(),
-        None,
-        1,
-        -1,
-        geom,
-        distance,
-        None,
-        len(parts),
-        10.0,
-    )
+    flat = np.ascontiguousarray(rays).ravel()
+    mujoco.mj_multiRay(model, data, place, flat, None, 1, -1, geom, distance, None, len(parts), 10.0)
     seen = (elevation >= DOWN) & (elevation <= UP) & np.isin(geom, list(own))
     return float(seen.mean())

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sarsim.arenas.panels import covered_panels
 from sarsim.assets import asset
+from sarsim.ground_truth.shapes import rotation
 
 TILE = 1.2
 """m."""
@@ -58,10 +59,7 @@ class ElementLibrary:
         """(4, 2) corners of the rectangle around an element, m."""
         model = self._model
         geoms = np.flatnonzero(model.geom_bodyid == model.body(kind).id)
-        matrices = np.empty((len(geoms), 9))
-        for matrix, geom in zip(matrices, geoms, strict=True):
-            mujoco.mju_quat2Mat(matrix, model.geom_quat[geom])
-        R = matrices.reshape(-1, 3, 3)
+        R = np.array([rotation(model.geom_quat[geom]) for geom in geoms])
         middle = model.geom_pos[geoms] + np.einsum("nij,nj->ni", R, model.geom_aabb[geoms, :3])
         reach = np.einsum("nij,nj->ni", np.abs(R), model.geom_aabb[geoms, 3:])
         (x0, y0, _), (x1, y1, _) = (middle - reach).min(axis=0), (middle + reach).max(axis=0)
@@ -78,7 +76,7 @@ class ArenaBuilder:
     """Makes an arena's MJCF.
 
     Attributes:
-        root: the ``<mujoco>`` element so far; whoever brings geoms of their own may add to it.
+        root: the ``<mujoco>`` element so far; callers may add geoms of their own.
     """
 
     def __init__(self, name: str):
@@ -216,13 +214,10 @@ class _Pose:
     def geom(self, geom: Element) -> Element:
         """A copy of a geom of the element, in the world."""
         x, y, z = _numbers(geom, "pos", (0, 0, 0))
+        position = [*self.points(np.array([[x, y]]))[0], self.position[2] + z]
         quat = np.empty(4)
         mujoco.mju_mulQuat(quat, self.turn, _numbers(geom, "quat", (1, 0, 0, 0)))
-        where = {
-            "pos": _text([*self.points(np.array([[x, y]]))[0], self.position[2] + z]),
-            "quat": _text(quat),
-        }
-        return Element("geom", geom.attrib | where)
+        return Element("geom", geom.attrib | {"pos": _text(position), "quat": _text(quat)})
 
 
 def _turn(yaw_deg: float) -> NDArray[np.float64]:
@@ -230,9 +225,8 @@ def _turn(yaw_deg: float) -> NDArray[np.float64]:
     quarter, rest = divmod(yaw_deg, 90.0)
     if rest == 0:
         half = np.sqrt(0.5)
-        return np.array(
-            [(1, 0, 0, 0), (half, 0, 0, half), (0, 0, 0, 1), (half, 0, 0, -half)][int(quarter) % 4]
-        )
+        w, z = ((1, 0), (half, half), (0, 1), (half, -half))[int(quarter) % 4]
+        return np.array([w, 0, 0, z], np.float64)
     yaw = np.radians(yaw_deg)
     return np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])
 

@@ -23,6 +23,12 @@ def opposite(side: Side) -> Side:
     return (side + 2) % 4
 
 
+def shift(front: Side, ahead: int, aside: int) -> Tile:
+    """cm along x and y of ``ahead`` towards a side and ``aside`` to its left."""
+    (fx, fy), (lx, ly) = STEP[front], STEP[(front + 1) % 4]
+    return ahead * fx + aside * lx, ahead * fy + aside * ly
+
+
 @dataclass(frozen=True)
 class Ground:
     """What a tile's ground is.
@@ -139,7 +145,7 @@ class Layout:
     def _in_sight(self, tile: Tile, side: Side) -> bool:
         """Whether the robot can drive over this side and sees the ground there before.
 
-        Its camera sees nothing nearer than 0.8 m, so before a ramp it needs two tiles in a line, one to look from
+        Its camera sees nothing nearer than 0.8 m, so before a ramp it needs two tiles in a line, one to see from
         and one to see; and the far slope of the last of several ridges is hidden.
         """
         if not self.passable(tile, side):
@@ -182,7 +188,7 @@ class Layout:
         return False
 
     def block(self, tiles: list[Tile]) -> bool:
-        """Take free tiles from the robot, if it can do without them and still comes to look at them.
+        """Take free tiles from the robot, if all others stay connected and the robot can still see them.
 
         Walls between them go.
         """
@@ -192,7 +198,7 @@ class Layout:
         return self.lay([(t, BLOCKED) for t in tiles], between)
 
     def views(self, tiles: list[Tile]) -> list[Edge]:
-        """Sides of tiles, as (tile, side), over which the robot may look in from open floor."""
+        """Sides of tiles, as (tile, side), over which the robot can see them from open floor."""
         return [
             (tile, side)
             for tile in tiles

@@ -39,11 +39,8 @@ def _covered(panels: list[tuple[Element, NDArray[np.float64]]]) -> list[Element]
     """Of the panels in a plane those inside a larger one."""
     panels = sorted(panels, key=lambda panel: -float(panel[1].sum()))
     outlines = np.array([outline for _, outline in panels])
-    return [
-        geom
-        for n, (geom, outline) in enumerate(panels)
-        if (outlines[:n] >= outline - SLACK).all(axis=1).any()
-    ]
+    inside = [(outlines[:n] >= outline - SLACK).all(axis=1).any() for n, outline in enumerate(outlines)]
+    return [geom for (geom, _), covered in zip(panels, inside, strict=True) if covered]
 
 
 def _numbers(geom: Element, attribute: str) -> NDArray[np.float64]:

@@ -96,7 +96,7 @@ def read_raf(path: Path) -> list[RafElement]:
         raise InputError(f"{path}: the arena has no elements")
     if len(lines) > MAX_ELEMENTS:
         raise InputError(f"{path}: {len(lines)} elements are too many, at most {MAX_ELEMENTS} are read")
-    elements = [_Line(path, number, line).element() for number, line in enumerate(lines, 1)]
+    elements = [_element(f"{path}, element {n}", line) for n, line in enumerate(lines, 1)]
     _check_extent(path, elements)
     return elements
 
@@ -135,50 +135,38 @@ def _listed(types: list[str]) -> str:
     return ", ".join(names) + (f" and {more} more" if more else "")
 
 
-@dataclass(frozen=True)
-class _Line:
-    """An ``<element>`` before it is understood."""
+def _element(where: str, line: "Element") -> RafElement:
+    """Understand an ``<element>``; ``where`` it stands is named in errors."""
+    x, y, rotation = (_number(where, line, name) for name in ("x", "y", "rotation"))
+    mount_point = _number(where, line, "mount-point", "0")
+    if mount_point != int(mount_point) or mount_point < 0:
+        raise InputError(f"{where}: mount-point={line.get('mount-point')!r} is no index")
+    return RafElement(
+        type=_text(where, line, "type"),
+        x=x + _number(where, line, "offset-x", "0"),
+        y=y + _number(where, line, "offset-y", "0"),
+        rotation=rotation,
+        mount_point=int(mount_point),
+        tile=(x, y, rotation % 360),
+    )
 
-    path: Path
-    number: int
-    attributes: "Element"
 
-    def element(self) -> RafElement:
-        x, y, rotation = self._number("x"), self._number("y"), self._number("rotation")
-        return RafElement(
-            type=self._text("type"),
-            x=x + self._number("offset-x", "0"),
-            y=y + self._number("offset-y", "0"),
-            rotation=rotation,
-            mount_point=self._index("mount-point", "0"),
-            tile=(x, y, rotation % 360),
-        )
+def _text(where: str, line: "Element", name: str, default: str | None = None) -> str:
+    value = line.get(name, default)
+    if value is None:
+        raise InputError(f"{where}: the attribute {name!r} is missing")
+    return value
 
-    def _text(self, name: str, default: str | None = None) -> str:
-        value = self.attributes.get(name, default)
-        if value is None:
-            raise InputError(f"{self._where}: the attribute {name!r} is missing")
-        return value
 
-    def _number(self, name: str, default: str | None = None) -> float:
-        text = self._text(name, default)
-        try:
-            value = float(text)
-        except ValueError:
-            value = float("nan")
-        if not isfinite(value) or abs(value) > 1e6:
-            raise InputError(f"{self._where}: {name}={text[:40]!r} is no sensible number")
-        return value
-
-    def _index(self, name: str, default: str) -> int:
-        value = self._number(name, default)
-        if value != int(value) or value < 0:
-            raise InputError(f"{self._where}: {name}={self._text(name)!r} is no index")
-        return int(value)
-
-    @property
-    def _where(self) -> str:
-        return f"{self.path}, element {self.number}"
+def _number(where: str, line: "Element", name: str, default: str | None = None) -> float:
+    text = _text(where, line, name, default)
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not isfinite(value) or abs(value) > 1e6:
+        raise InputError(f"{where}: {name}={text[:40]!r} is no sensible number")
+    return value
 
 
 def _check_extent(path: Path, elements: list[RafElement]) -> None:

@@ -1,8 +1,8 @@
 """Random rescue arenas of NIST-like tiles: the same seed gives the same arena on any machine.
 
-The plan is made of whole numbers (:mod:`sarsim.arenas.layout`) and keeps its promises by construction: the start is
-free, the robot can drive to every open tile, and each victim lies next to one. A finished arena is nevertheless
-surveyed on its true geometry; one that breaks a promise after all is drawn again from the next numbers.
+The plan is made of whole numbers (:mod:`sarsim.arenas.layout`), so that by construction the start is free, the robot
+can drive to every open tile, and each victim lies next to one. The finished arena is checked on its true geometry
+all the same; one that fails is drawn again from the next numbers.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.errors import InputError
-from sarsim.arenas.checks import broken_promises
+from sarsim.arenas.checks import failed_checks
 from sarsim.arenas.elements import TILE, ArenaBuilder
 from sarsim.arenas.layout import Item, Layout, Side, Tile
 from sarsim.arenas.random_clutter import place_obstacles, scatter_clutter
@@ -37,6 +37,7 @@ _BOUNDS = {
     "victims": (0, 100),
     "difficulty": (0, 3),
 }
+"""Lowest and highest value of each setting."""
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
@@ -55,7 +56,7 @@ def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBui
         builder = _build(f"random_{seed}", plan, config)
         if config.painted:
             paint(builder, RandomDraws(np.random.default_rng([seed, attempt, 1])))
-        if not broken_promises(builder.to_xml()):
+        if not failed_checks(builder.to_xml()):
             return builder
     raise InputError(
         f"random arena {seed}: {config.victims} victims and all the rest do not fit into"

@@ -1,6 +1,6 @@
 """Draws what stands in the way in a random arena."""
 
-from sarsim.arenas.layout import SIDES, STEP, YAW, Item, Layout, Side, Tile, opposite
+from sarsim.arenas.layout import SIDES, YAW, Item, Layout, Side, Tile, opposite, shift
 from sarsim.arenas.random_draws import RandomDraws
 
 DIAGONALS = ("wall_diag_120", "corner_diag_120")
@@ -51,5 +51,4 @@ def scatter_clutter(layout: Layout, draws: RandomDraws, share: float) -> list[It
 def _beside_wall(draws: RandomDraws, tile: Tile, side: Side) -> Item:
     kind, out = draws.pick(BESIDE_WALLS)
     along = draws.number(-35, 35)
-    (fx, fy), (lx, ly) = STEP[side], STEP[(side + 1) % 4]
-    return Item(tile, kind, 90 * side, (out * fx + along * lx, out * fy + along * ly))
+    return Item(tile, kind, 90 * side, shift(side, out, along))

@@ -1,6 +1,6 @@
 """Draws furniture and rescue elements that the robot cannot drive over: things that are easily taken for others."""
 
-from sarsim.arenas.layout import STEP, YAW, Item, Layout, Side, Tile, opposite
+from sarsim.arenas.layout import YAW, Item, Layout, Side, Tile, opposite, shift
 from sarsim.arenas.random_draws import RandomDraws
 
 AGAINST_WALL = (
@@ -42,7 +42,7 @@ SPREAD = 0.5
 CHAIRS = ("chair", "office_chair", "lab_chair")
 """What stands at desks."""
 SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
-"""What may stand before something else, turned anyhow."""
+"""What may stand before something else, at any angle."""
 ACCOMPANIED = 0.4
 """Share of the tiles where one does."""
 ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
@@ -96,7 +96,7 @@ def hang_on_walls(layout: Layout, draws: RandomDraws, share: float) -> list[Item
 
 
 def _furnish(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
-    """Fill a tile into which the robot looks over its side ``front``."""
+    """Fill a tile that the robot sees over its side ``front``."""
     back = opposite(front)
     draw = draws.pick(("middle", "middle", "ramp", *("back",) * 5, *("work",) * 3))
     if draw == "work":
@@ -108,9 +108,9 @@ def _furnish(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
         items = [Item(tile, kind, YAW[(back + turn) % 4])]
     else:
         kind, room = draws.pick(AGAINST_WALL)
-        items = [Item(tile, kind, YAW[back], _shift(front, 0, draws.number(-room, room)))]
+        items = [Item(tile, kind, YAW[back], shift(front, 0, draws.number(-room, room)))]
     if draws.chance(ACCOMPANIED):
-        place = _shift(front, draws.number(20, 35), draws.number(-30, 30))
+        place = shift(front, draws.number(20, 35), draws.number(-30, 30))
         items.append(Item(tile, draws.pick(SMALL), draws.number(0, 359), place))
     return items
 
@@ -118,12 +118,6 @@ def _furnish(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
 def _work_place(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
     """A desk with one or two chairs, pushed under it or left before it."""
     sides = (-1, 1) if draws.chance(0.5) else (draws.pick((-1, 1)),)
-    places = [_shift(front, draws.number(0, 20), side * draws.number(20, 28)) for side in sides]
+    places = [shift(front, draws.number(0, 20), side * draws.number(20, 28)) for side in sides]
     chairs = [Item(tile, draws.pick(CHAIRS), draws.number(0, 359), place) for place in places]
     return [Item(tile, "desk", YAW[opposite(front)]), *chairs]
-
-
-def _shift(front: Side, ahead: int, aside: int) -> tuple[int, int]:
-    """cm along x and y."""
-    (fx, fy), (lx, ly) = STEP[front], STEP[(front + 1) % 4]
-    return ahead * fx + aside * lx, ahead * fy + aside * ly

@@ -20,10 +20,7 @@ POSTURES: dict[Placement, tuple[Posture, ...]] = {
     "box": ("bust", "sitting"),
     "hole": ("side", "sitting", "seated"),
 }
-PLACEMENTS: dict[bool, tuple[Placement, ...]] = {
-    False: ("open",),
-    True: ("open", "rubble", "box", "hole"),
-}
+PLACEMENTS: dict[bool, tuple[Placement, ...]] = {False: ("open",), True: ("open", "rubble", "box", "hole")}
 """By whether victims may be half hidden."""
 
 
@@ -89,7 +86,7 @@ def _spots(layout: Layout) -> list[_Spot]:
 
 
 def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
-    """Whether there is room; a wall to lean on, if it needs one; and for those in a box a view from before."""
+    """Whether there is room; a wall to lean on, if it needs one; and for those in a box open floor in front."""
     # A panel with a hole may fill its tile from wall to wall.
     margin = 0.0 if victim.placement == "hole" else ROOM
     if (victim.footprint[1] - victim.footprint[0] > spot.room - 2 * margin + 1e-6).any():

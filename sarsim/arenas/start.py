@@ -1,4 +1,4 @@
-"""Where in an arena to set the robot down."""
+"""Where in an arena the robot is set down."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,7 +14,8 @@ from pipeline.grid_map import Grid
 from pipeline.labels import Label
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
-HEADINGS = 16
+HEADINGS = np.arange(16) * 2 * np.pi / 16
+"""rad, of the robot at the start."""
 FAR = 3.0
 """m; more open ground ahead makes no start better."""
 CLEAR = 0.6
@@ -26,9 +27,9 @@ LEVEL = 0.02
 OUTSIDE_SHARE = 0.02
 """What a cell counts in the choice of the piece to start in if it lies beside the arena."""
 MOST_PLACES = 2000
-"""that are compared."""
+"""Places that are compared."""
 MOST_GROUNDS = 10
-"""that are looked at, those with the largest patches of floor."""
+"""Pieces of ground that are compared, those with the largest patches of floor."""
 MIN_AREA = 0.25
 """m² in which the robot's middle may be; a tile between four walls has 0.35."""
 
@@ -47,7 +48,7 @@ class Start:
 
 
 def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw_deg: float) -> Start:
-    """The start that a user wishes, on the lowest ground with headroom there.
+    """The start at a wanted place, on the lowest ground with headroom there.
 
     Raises:
         InputError: the robot cannot stand there.
@@ -107,13 +108,13 @@ def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
     inside = floor & _is_inside(ground)
     cells = _thinned(np.argwhere(inside if inside.any() else floor))
     clearance = _clearance(ground, float(np.median(ground.height[floor])))
-    ahead = np.stack([_free_ahead(ground.grid, clearance, cells, h) for h in _headings()], axis=1)
+    ahead = np.stack([_free_ahead(ground.grid, clearance, cells, h) for h in HEADINGS], axis=1)
     room = np.minimum(clearance[tuple(cells.T)], CLEAR)
     # Rounded, so that a last bit decides nothing.
     score = np.round(ahead + 2 * room[:, None], 3)
     cell, heading = np.unravel_index(score.argmax(), score.shape)
     x, y = ground.grid.centre_of(cells[cell])
-    return Start((float(x), float(y), float(ground.height[tuple(cells[cell])])), float(_headings()[heading]))
+    return Start((float(x), float(y), float(ground.height[tuple(cells[cell])])), float(HEADINGS[heading]))
 
 
 def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -126,10 +127,6 @@ def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
             break
         cells = fewer
     return cells
-
-
-def _headings() -> NDArray[np.float64]:
-    return np.arange(HEADINGS) * 2 * np.pi / HEADINGS
 
 
 def _clearance(ground: FreeGround, level: float) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""XML files from strangers: of bounded size, and without entities, which may be a bomb or name other files."""
+"""Untrusted XML files: of bounded size, and without entities, which may expand endlessly or name other files."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

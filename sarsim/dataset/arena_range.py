@@ -27,14 +27,14 @@ class ArenaRange:
     """
 
     tiles: tuple[int, int] = (4, 8)
-    wall_density: tuple[float, float] = (0.2, 0.7)
+    wall_density: Fixed[tuple[float, float]] = (0.2, 0.7)
     ramps: tuple[float, float] = (0.2, 0.5)
-    clutter: tuple[float, float] = (0.05, 0.2)
+    clutter: Fixed[tuple[float, float]] = (0.05, 0.2)
     victims: tuple[int, int] = (1, 4)
     difficulty: tuple[int, int] = (0, 3)
     ceilings: Fixed[float] = 0.2
     furniture: tuple[float, float] = (0.0, 0.0)
-    bulky: tuple[float, float] = (0.0, 0.0)
+    bulky: Fixed[tuple[float, float]] = (0.0, 0.0)
     painted: float = 0.0
 
     def __post_init__(self) -> None:

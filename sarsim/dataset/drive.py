@@ -1,6 +1,6 @@
-"""Drives through an arena: where the robot is, leaning as the ground under its wheels makes it, at each look."""
+"""Drives through an arena: the robot's poses at the keyframes, tilted as the ground under its wheels tilts it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,53 +14,21 @@ from pipeline.traversability.traversability import Traversability, Traversabilit
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.robots.pose import Pose
-from sarsim.sensors.odometry import OdometryConfig, WheelOdometry
+from sarsim.robots.skid_steer import WHEEL_RADIUS
+from sarsim.sensors.odometry import GRAVITY, WheelOdometry
 
-GRAVITY = np.array([0.0, 0.0, 9.81])
+SPEED, TURN_RATE = 0.2, 0.6
+"""m/s and rad/s of the drive."""
+PERIOD = 0.3
+"""s between two poses of the drive."""
+KEYFRAMES = (0.3, 0.6)
+"""m driven and rad turned from one keyframe to the next."""
+TILT_VIBRATION, HEIGHT_VIBRATION = 0.003, 0.001
+"""rad and m, standard deviations of roll, pitch and height at a keyframe."""
 CANDIDATES = 12
 """Places of which the one farthest from where the robot has been is driven to."""
 MAX_FAILURES = 50
-"""Drives in a row that bring no look."""
-
-
-@dataclass(frozen=True)
-class DriveConfig:
-    """How the robot drives and when it looks.
-
-    Attributes:
-        speed: m/s.
-        turn_rate: rad/s.
-        period: s between two poses of the drive.
-        look_distance: m between looks.
-        look_turn: rad between looks.
-        tilt_vibration: rad, standard deviation of roll and pitch at a look.
-        height_vibration: m, standard deviation of the height at a look.
-    """
-
-    speed: float = 0.2
-    turn_rate: float = 0.6
-    period: float = 0.3
-    look_distance: float = 0.3
-    look_turn: float = 0.6
-    tilt_vibration: float = 0.003
-    height_vibration: float = 0.001
-
-    def __post_init__(self) -> None:
-        for name, (low, high) in _LIMITS.items():
-            if not low <= getattr(self, name) <= high:
-                flag = f"--drive.{name.replace('_', '-')} {getattr(self, name):g}"
-                raise InputError(f"{flag}: from {low:g} to {high:g}")
-
-
-_LIMITS = {
-    "speed": (0.01, 2.0),
-    "turn_rate": (0.01, 6.0),
-    "period": (0.01, 2.0),
-    "look_distance": (0.01, 10.0),
-    "look_turn": (0.01, 6.3),
-    "tilt_vibration": (0.0, 0.2),
-    "height_vibration": (0.0, 0.1),
-}
+"""Drives in a row that bring no keyframe."""
 
 
 class Drive:
@@ -71,21 +39,21 @@ class Drive:
         surface: TrueSurface,
         wheel_contact: WheelContact,
         T_world_start: NDArray[np.float64],
-        config: DriveConfig,
         rng: np.random.Generator,
+        keyframes: tuple[float, float] = KEYFRAMES,
     ):
-        """``T_world_start``: 4×4 pose of ``base_link`` on drivable ground."""
-        self.config = config
+        """``T_world_start``: 4×4 pose of ``base_link`` on drivable ground; ``keyframes``: m and rad between two."""
+        self._distance, self._turn_angle = keyframes
         self._surface = surface
-        self._footing = wheel_contact
+        self._contact = wheel_contact
         self._rng = rng
         self._roads = _roads(surface)
         self._at = np.array([*T_world_start[:2, 3], yaw_of(T_world_start)])
-        self._dead_reckoning = DeadReckoning(rng, config.period)
+        self._dead_reckoning = DeadReckoning(rng, PERIOD)
         self._time = 0.0
 
     def poses(self, count: int) -> list[Pose]:
-        """Where the robot is at each of the first so many looks.
+        """The poses of the first ``count`` keyframes.
 
         Raises:
             InputError: the robot cannot stand at the start, or is locked in.
@@ -102,30 +70,30 @@ class Drive:
         return found[:count]
 
     def _follow(self, leg: NDArray[np.float64], found: list[Pose]) -> None:
-        """Drive along a leg, (K, 3) of x, y, yaw, as far as the robot can stand; add its pose at each look."""
+        """Drive along a leg, (K, 3) of x, y, yaw, as far as the robot can stand; add the poses of keyframes."""
         for x, y, yaw in leg:
-            T = self._footing.stand(x, y, yaw, self._height(x, y))
+            T = self._contact.stand(x, y, yaw, self._height(x, y))
             if T is None:
                 return
             self._at = np.array([x, y, yaw])
             T_odom = self._dead_reckoning.update(T)
             if not found or self._is_due(found[-1].T_world_base):
                 found.append(Pose(self._time, T @ self._vibration(), T_odom))
-            self._time = round(self._time + self.config.period, 6)
+            self._time = round(self._time + PERIOD, 6)
 
     def _height(self, x: float, y: float) -> float:
         return float(self._surface.grid.at(self._surface.height, np.array([x, y]), outside=np.nan))
 
     def _is_due(self, last: NDArray[np.float64]) -> bool:
-        """Whether the robot has come far enough for another look."""
+        """Whether the robot has come far enough for another keyframe."""
         moved = np.linalg.norm(self._at[:2] - last[:2, 3])
         turned = abs(wrap_angle(self._at[2] - yaw_of(last)))
-        return bool(moved >= self.config.look_distance or turned >= self.config.look_turn)
+        return bool(moved >= self._distance or turned >= self._turn_angle)
 
     def _vibration(self) -> NDArray[np.float64]:
-        """4×4 how a shaking robot leans off its place of rest."""
-        roll, pitch = self.config.tilt_vibration * self._rng.standard_normal(2)
-        height = self.config.height_vibration * self._rng.standard_normal()
+        """4×4 offset of a shaking robot from its pose at rest."""
+        roll, pitch = TILT_VIBRATION * self._rng.standard_normal(2)
+        height = HEIGHT_VIBRATION * self._rng.standard_normal()
         return from_rotation(Rotation.from_euler("xyz", [roll, pitch, 0]).as_matrix(), (0, 0, height))
 
     def _leg(self, visited: list[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -143,7 +111,7 @@ class Drive:
         """(K, 2) corners of the way to the candidate that is farthest from the places visited."""
         here = self._at[:2]
         paths = ShortestPaths(self._roads, here)
-        # On a ramp no robot turns, so it does not end there.
+        # A robot does not turn on a ramp, so the drive does not end there.
         cells = np.argwhere(paths.reachable & self._roads.turnable)
         if paths.start is None or not len(cells):
             return here[None]
@@ -157,7 +125,7 @@ class Drive:
     def _turn(self, at: NDArray[np.float64], yaw: float, heading: float) -> NDArray[np.float64]:
         """(K, 3) the shorter way from one heading to another."""
         angle = wrap_angle(heading - yaw)
-        steps = int(np.ceil(abs(angle) / (self.config.turn_rate * self.config.period)))
+        steps = int(np.ceil(abs(angle) / (TURN_RATE * PERIOD)))
         share = np.arange(1, steps + 1) / max(steps, 1)
         return np.column_stack([np.tile(at, (steps, 1)), yaw + share * angle])
 
@@ -165,7 +133,7 @@ class Drive:
         self, a: NDArray[np.float64], b: NDArray[np.float64], heading: float
     ) -> NDArray[np.float64]:
         """(K, 3) from one place to another."""
-        steps = int(np.ceil(np.linalg.norm(b - a) / (self.config.speed * self.config.period)))
+        steps = int(np.ceil(np.linalg.norm(b - a) / (SPEED * PERIOD)))
         share = np.arange(1, steps + 1)[:, None] / max(steps, 1)
         return np.column_stack([a + share * (b - a), np.full(steps, heading)])
 
@@ -173,9 +141,9 @@ class Drive:
 class DeadReckoning:
     """The wheel odometry of a robot that is moved from pose to pose."""
 
-    def __init__(self, rng: np.random.Generator, period: float, config: OdometryConfig | None = None):
+    def __init__(self, rng: np.random.Generator, period: float):
         """``rng`` draws its errors; ``period`` s from pose to pose."""
-        self._odometry = WheelOdometry(rng, config)
+        self._odometry = WheelOdometry(rng)
         self._period = period
         self._angle = 0.0
         self._last: NDArray[np.float64] | None = None
@@ -189,23 +157,15 @@ class DeadReckoning:
             self._T_world_odom = from_yaw(x, y, z, yaw_of(T_world_base))
         else:
             move = inverse(self._last) @ T_world_base
-            self._angle += move[0, 3] / self._odometry.config.wheel_radius
-            gyro = rotation_vector(move[:3, :3]) / self._period
+            self._angle += move[0, 3] / WHEEL_RADIUS
+            gyro = Rotation.from_matrix(move[:3, :3]).as_rotvec() / self._period
         self._last = T_world_base
         wheels = np.array([self._angle, self._angle])
-        return self._T_world_odom @ self._odometry.update(wheels, gyro, R.T @ GRAVITY, self._period)
-
-
-def rotation_vector(R: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) rotation vector in rad of a rotation by less than a half turn."""
-    sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    length = np.sqrt(sine @ sine)
-    angle = np.arctan2(length, (np.trace(R) - 1) / 2)
-    return sine * (angle / length) if length > 0 else sine
+        return self._T_world_odom @ self._odometry.update(wheels, gyro, R[2] * GRAVITY, self._period)
 
 
 def _roads(surface: TrueSurface) -> Traversability:
-    """The true surface as the robot's own planner sees a measured one: ramps are met head-on."""
+    """The true ground as the robot's own planner sees a measured one: ramps are met head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
     roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, TraversabilityConfig())
     traversable, turnable = roads.traversable & surface.drivable, roads.turnable & surface.drivable

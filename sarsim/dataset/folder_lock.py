@@ -4,29 +4,31 @@ import fcntl
 import os
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from multiprocessing import reduction
 from pathlib import Path
 from typing import Any, Self
 
 from pipeline.errors import InputError
-from sarsim.closing import Closing
 
 PATIENCE = 10.0
 """s to wait for the workers of a generator that was killed; they end by themselves."""
 
 
-class FolderLock(Closing):
+class FolderLock(ExitStack):
     """Held by this process and by every process that it is sent to, until the last of them has ended."""
 
     def __init__(self, descriptor: int):
+        super().__init__()
         self._descriptor = descriptor
+        self.callback(os.close, descriptor)
 
     @classmethod
     def take(cls, folder: Path) -> Self:
-        """Wait until nobody else holds it.
+        """Wait until no other process holds it.
 
         Raises:
-            InputError: somebody does and goes on doing so.
+            InputError: another process holds it for longer than ``PATIENCE``.
         """
         descriptor = os.open(folder, os.O_RDONLY)
         deadline = time.monotonic() + PATIENCE
@@ -39,10 +41,6 @@ class FolderLock(Closing):
                     os.close(descriptor)
                     raise InputError(f"{folder}: another process is generating here") from None
                 time.sleep(0.05)
-
-    def close(self) -> None:
-        """Let go of it."""
-        os.close(self._descriptor)
 
     def __reduce__(self) -> tuple[Callable[..., "FolderLock"], tuple[Any]]:
         # A duplicate of the descriptor is the same lock.

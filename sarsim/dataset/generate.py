@@ -80,8 +80,8 @@ def _begun(recipe: Recipe, folder: Path) -> Manifest:
     """
     new = Manifest.new(recipe)
     if not (folder / FILE).exists():
-        if strangers := sorted(p.name for p in folder.iterdir() if p.name != SCENES):
-            raise InputError(f"{folder}: not empty and no dataset: it holds {strangers[0]}")
+        if others := sorted(p.name for p in folder.iterdir() if p.name != SCENES):
+            raise InputError(f"{folder}: not empty and no dataset: it holds {others[0]}")
         return new
     manifest = Manifest.read(folder)
     manifest.check_same(new, folder)

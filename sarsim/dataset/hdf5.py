@@ -2,6 +2,7 @@
 
 import io
 import zlib
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from sarsim.closing import Closing
 
 FAST = {"compression": "gzip", "compression_opts": 1}
 """HDF5's other fast filter, LZF, makes other bytes of the same data each time."""
@@ -41,38 +41,31 @@ def write_noisy(dataset: h5py.Dataset, index: int, image: NDArray[np.uint16]) ->
     dataset.id.write_direct_chunk((index, 0, 0), b"".join(stream) + checksum.to_bytes(4, "big"))
 
 
-class NewFile(Closing):
+class NewFile(ExitStack):
     """A file to write; the same writes make the same bytes.
 
     Attributes:
         file: h5py's; create datasets with ``track_times=False``.
+        check: raises the OSError of an earlier write, as the end of the ``with`` block does.
     """
 
     def __init__(self, path: Path):
-        """OSError here or later where the file cannot be written."""
-        self._sink = FileSink(path)
-        self.file = h5py.File(self._sink, "w", libver="v110")
-
-    def check(self) -> None:
-        """Raise what has gone wrong so far."""
-        self._sink.check()
-
-    def close(self) -> None:
-        """Write what is left."""
-        self.file.close()
-        self._sink.close()
-        self._sink.check()
+        """Raises OSError if the file cannot be opened."""
+        super().__init__()
+        sink = FileSink(path, "w+")
+        self.file = h5py.File(sink, "w", libver="v110")
+        self.check = sink.check
+        for last_first in (sink.check, sink.close, self.file.close):
+            self.callback(last_first)
 
 
-class FileSink(io.RawIOBase):
+class FileSink(io.FileIO):
     """A file for HDF5 to write to, which keeps what went wrong.
 
     Where a disk is full, HDF5 itself drops data without a word when it empties its cache.
     """
 
-    def __init__(self, path: Path):
-        self._file = path.open("w+b", buffering=0)
-        self._error: OSError | None = None
+    _error: OSError | None = None
 
     def check(self) -> None:
         """Raise the first error of a write."""
@@ -80,12 +73,12 @@ class FileSink(io.RawIOBase):
             raise self._error
 
     def write(self, data: Any) -> int:
-        """All of it, or nothing any more after an error."""
+        """Write all of it; after an error write nothing any more."""
         view = memoryview(data).cast("B")
         written = 0
         try:
             while self._error is None and written < len(view):
-                written += self._file.write(view[written:])
+                written += super().write(view[written:])
         except OSError as error:
             self._error = error
         return len(view)
@@ -93,27 +86,10 @@ class FileSink(io.RawIOBase):
     def truncate(self, size: int | None = None, /) -> int:
         """Cut off or extend with zeros."""
         try:
-            return self._file.truncate(size)
+            return super().truncate(size)
         except OSError as error:
             self._error = self._error or error
             return 0
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        """As of a file."""
-        return self._file.seek(offset, whence)
-
-    def tell(self) -> int:
-        """As of a file."""
-        return self._file.tell()
-
-    def readinto(self, buffer: Any) -> int:
-        """As of a file."""
-        return self._file.readinto(buffer) or 0
-
-    def close(self) -> None:
-        """As of a file."""
-        self._file.close()
-        super().close()
 
 
 def open_file(path: Path) -> h5py.File:

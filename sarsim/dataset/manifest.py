@@ -30,7 +30,7 @@ class SceneEntry:
         file: its path in the dataset's folder.
         split: train, val or test.
         sha256: of the file.
-        frames: looks.
+        frames: their number.
         arena: name or path.
         lighting: normal, dim or dark.
         points: depth returns by the name of their label.

@@ -34,12 +34,8 @@ class RayEngine:
         own = {"num_cpus": workers, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         try:
-            ray.init(
-                address=address,
-                log_to_driver=False,
-                runtime_env={"env_vars": ONE_THREAD},
-                **(own if address is None else {}),
-            )
+            options = own if address is None else {"address": address}
+            ray.init(log_to_driver=False, runtime_env={"env_vars": ONE_THREAD}, **options)
         except ConnectionError as error:
             raise InputError(f"RAY_ADDRESS {address}: no Ray cluster there") from error
 

@@ -2,14 +2,15 @@
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
+import tyro
 
 from pipeline.errors import InputError
 from sarsim.arenas.settings import RandomArenaConfig
 from sarsim.dataset.arena_range import ArenaRange, check_order, check_share
-from sarsim.dataset.drive import DriveConfig
+from sarsim.dataset.drive import KEYFRAMES
 from sarsim.sensors.air import Air
 from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
@@ -20,85 +21,12 @@ PREFIX = "random:"
 """of the names of random arenas; the seed follows."""
 MIN_SIZE = 16
 """pixels of an image."""
-MAX_LATERAL_SIGMA = 10
-"""pixels."""
+LATERAL_SIGMA = (0.5, 1.0)
+"""pixels, of the Xtion's frayed edges, drawn evenly between these values for each scene."""
+DROPOUT = (0.0, 0.02)
+"""Share of the pixels that return nothing for no reason, likewise."""
 Purpose = Literal["conditions", "arena", "drive", "noise"]
 """Of random numbers."""
-
-
-@dataclass(frozen=True)
-class LightingShares:
-    """How often an arena is lit so; the robot's lamp is on in the dark."""
-
-    normal: float = 0.5
-    dim: float = 0.25
-    dark: float = 0.25
-
-    def __post_init__(self) -> None:
-        shares = (self.normal, self.dim, self.dark)
-        if not (min(shares) >= 0 and 0 < sum(shares) < float("inf")):
-            raise InputError(f"--lighting: {shares} are no shares")
-
-    def draw(self, rng: np.random.Generator) -> Lighting:
-        """One of them."""
-        shares = np.array([getattr(self, kind.name) for kind in Lighting], np.float64)
-        return list(Lighting)[rng.choice(len(shares), p=shares / shares.sum())]
-
-
-@dataclass(frozen=True)
-class SensorRange:
-    """How good the Xtion is in a scene.
-
-    Attributes:
-        ideal: share of the scenes where it makes no errors.
-        lateral_sigma: pixels, of its frayed edges, drawn evenly between these values.
-        dropout: share of the pixels that return nothing for no reason, likewise.
-    """
-
-    ideal: float = 0.1
-    lateral_sigma: tuple[float, float] = (0.5, 1.0)
-    dropout: tuple[float, float] = (0.0, 0.02)
-
-    def __post_init__(self) -> None:
-        check_share("sensor.ideal", self.ideal)
-        check_order("sensor.lateral-sigma", self.lateral_sigma)
-        check_order("sensor.dropout", self.dropout)
-        if not (self.lateral_sigma[0] >= 0 and self.lateral_sigma[1] <= MAX_LATERAL_SIGMA):
-            raise InputError(f"--sensor.lateral-sigma: from 0 to {MAX_LATERAL_SIGMA} pixels")
-        for share in self.dropout:
-            check_share("sensor.dropout", share)
-
-    def draw(self, rng: np.random.Generator) -> Xtion:
-        """One of these sensors."""
-        noisy = Xtion(
-            lateral_sigma=round(rng.uniform(*self.lateral_sigma), 3),
-            dropout=round(rng.uniform(*self.dropout), 4),
-        )
-        return Xtion.ideal() if rng.random() < self.ideal else noisy
-
-
-@dataclass(frozen=True)
-class DustRange:
-    """How much dust is in the air.
-
-    Attributes:
-        clear: share of the scenes without any.
-        dust: concentration in the others, from 0 to 1, drawn evenly between these values.
-    """
-
-    clear: float = 0.75
-    dust: tuple[float, float] = (0.02, 0.4)
-
-    def __post_init__(self) -> None:
-        check_share("air.clear", self.clear)
-        check_order("air.dust", self.dust)
-        for dust in self.dust:
-            Air(dust=dust)
-
-    def draw(self, rng: np.random.Generator) -> Air:
-        """The air of a scene."""
-        dusty = Air(dust=round(rng.uniform(*self.dust), 3))
-        return Air() if rng.random() < self.clear else dusty
 
 
 @dataclass(frozen=True)
@@ -141,15 +69,16 @@ class Recipe:
 
     Attributes:
         seed: of everything random.
-        frames: looks a scene.
+        frames: per scene.
         width: of the images, pixels.
         height: of the images, pixels.
         arenas: names or paths, taken in turn; "random" is another random arena each time.
         random: what those are like.
-        lighting: how often each.
-        sensor: its errors.
-        air: dust in it.
-        drive: how the robot drives, and when it looks.
+        lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
+        dust: concentration in the scenes with dust in the air, from 0 to 1, drawn evenly between these values.
+        keyframes: m driven and rad turned from one frame to the next.
+        clear: share of the scenes without dust.
+        ideal: share of the scenes where the depth sensor makes no errors.
     """
 
     seed: int = 0
@@ -158,10 +87,11 @@ class Recipe:
     height: int = 480
     arenas: tuple[str, ...] = (RANDOM,)
     random: ArenaRange = field(default_factory=ArenaRange)
-    lighting: LightingShares = field(default_factory=LightingShares)
-    sensor: SensorRange = field(default_factory=SensorRange)
-    air: DustRange = field(default_factory=DustRange)
-    drive: DriveConfig = field(default_factory=DriveConfig)
+    lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
+    dust: tuple[float, float] = (0.02, 0.4)
+    keyframes: tuple[float, float] = KEYFRAMES
+    clear: Annotated[float, tyro.conf.Suppress] = 0.75
+    ideal: Annotated[float, tyro.conf.Suppress] = 0.1
 
     def __post_init__(self) -> None:
         """Refuse what cannot be made."""
@@ -170,15 +100,31 @@ class Recipe:
                 raise InputError(f"--{name} {getattr(self, name)}: at least {low}")
         if not self.arenas:
             raise InputError("--arenas: name at least one")
+        if not (min(self.lighting) >= 0 and 0 < sum(self.lighting) < float("inf")):
+            raise InputError(f"--lighting: {self.lighting} are no shares")
+        if not all(0.01 <= value <= 10 for value in self.keyframes):
+            raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: from 0.01 to 10 each")
+        check_order("dust", self.dust)
+        for name in ("clear", "ideal"):
+            check_share(name, getattr(self, name))
+        for dust in self.dust:
+            Air(dust)
 
     def rng(self, index: int, purpose: Purpose) -> np.random.Generator:
-        """The random numbers for one purpose in scene ``index``, the same whoever draws them."""
+        """The random numbers for one purpose in scene ``index``: each purpose has its own."""
         return np.random.default_rng([self.seed, index, get_args(Purpose).index(purpose)])
 
     def conditions(self, index: int) -> Conditions:
         """Of scene ``index``."""
         rng = self.rng(index, "conditions")
-        return Conditions(self.sensor.draw(rng), self.lighting.draw(rng), self.air.draw(rng))
+        noisy = Xtion(
+            lateral_sigma=round(rng.uniform(*LATERAL_SIGMA), 3), dropout=round(rng.uniform(*DROPOUT), 4)
+        )
+        sensor = Xtion.ideal() if rng.random() < self.ideal else noisy
+        shares = np.array(self.lighting, np.float64)
+        lighting = list(Lighting)[rng.choice(len(shares), p=shares / shares.sum())]
+        dusty = Air(round(rng.uniform(*self.dust), 3))
+        return Conditions(sensor, lighting, Air() if rng.random() < self.clear else dusty)
 
     def scenes(self, index: int, count: int) -> Iterator[SceneRecipe]:
         """The first of these that can be built is scene ``index``; only of random arenas there are several."""

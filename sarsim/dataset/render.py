@@ -1,7 +1,7 @@
-"""Makes one scene: an arena, a drive through it, and what the robot sees at each look."""
+"""Makes one scene: an arena, a drive through it, and what the robot sees at each keyframe."""
 
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,7 +17,6 @@ from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import build_random
 from sarsim.assets import asset
-from sarsim.closing import Closing
 from sarsim.dataset import image_kernels
 from sarsim.dataset.drive import Drive
 from sarsim.dataset.recipe import Recipe, SceneRecipe
@@ -62,8 +61,8 @@ def render_scene(
         poses = world.drive(recipe, recipe.rng(index, "drive")).poses(recipe.frames)
         noise = recipe.rng(index, "noise")
         with SceneWriter(path, recipe.frames, world.content()) as writer:
-            for i, pose in enumerate(poses):
-                writer.write(i, world.capture(pose, noise))
+            for pose in poses:
+                writer.write(world.capture(pose, noise))
                 on_frame()
     return scene, writer.label_points
 
@@ -107,7 +106,7 @@ def arena_of(scene: SceneRecipe) -> ArenaText:
     return ArenaText(root.to_xml_string(), root.get_assets())
 
 
-class World(Closing):
+class World(ExitStack):
     """An arena with a robot that is moved by hand, and what the robot's camera sees.
 
     Attributes:
@@ -120,13 +119,14 @@ class World(Closing):
         self, arena: ArenaText, scene: SceneRecipe, renderer: type[Renderer], width: int, height: int
     ):
         """Images are ``width`` × ``height`` pixels."""
+        super().__init__()
         self._scene = scene
         self._mjcf = arena.mjcf
         self.model = _with_robot(arena)
         physics, names = mjcf.Physics.from_model(wrapper.MjModel(self.model)), _robot_by_name()
         self.data: mujoco.MjData = physics.data.ptr
         set_lighting(physics, names, scene.conditions.lighting)
-        self._renderer = renderer(self.model, width, height)
+        self._renderer = self.enter_context(renderer(self.model, width, height))
         self.camera = RgbdCamera(self._renderer, names.camera.full_identifier)
         self._seat = self.model.jnt_qposadr[self.model.body_jntadr[self.camera.base_body]]
         mujoco.mj_kinematics(self.model, self.data)
@@ -143,29 +143,20 @@ class World(Closing):
         survey = Survey(self.model, self.data, self.camera.base_body)
         surface = survey.surface_from(self._T_world_start[:3, 3])
         wheel_contact = WheelContact(survey.bodies, survey.grid)
-        return Drive(surface, wheel_contact, self._T_world_start, recipe.drive, rng)
+        return Drive(surface, wheel_contact, self._T_world_start, rng, recipe.keyframes)
 
     def capture(self, pose: Pose, rng: np.random.Generator) -> SceneFrame:
         """What the robot sees from there; ``rng`` draws the errors of its sensors."""
         self._move(pose.T_world_base)
         true = self.camera.capture(self.data)
         seen = self._scene.conditions.sense(true, rng)
-        boxes, areas = self._victims_in(true.instance)
-        return SceneFrame(
-            time=pose.time,
-            rgb=seen.rgb,
-            depth=seen.depth,
-            label=seen.label,
-            instance=seen.instance,
-            pose_true=pose.T_world_base,
-            pose_odom=pose.T_odom_base,
-            T_base_camera=seen.T_base_camera,
-            victim_pixels=boxes,
-            victim_area=areas,
-        )
+        boxes = np.full((len(self._victims), 4), NO_BOX, np.int32)
+        areas = np.zeros(len(self._victims), np.int32)
+        image_kernels.victim_boxes(true.instance, self._victim_of_geom, boxes, areas)
+        return SceneFrame(seen.frame(pose.time, pose.T_odom_base), pose.T_world_base, boxes, areas)
 
     def areas_alone(self) -> NDArray[np.int32]:
-        """(V,) pixels that would show each victim at the last look if nothing stood before it."""
+        """(V,) pixels that would show each victim in the last image if nothing stood before it."""
         areas = np.zeros(len(self._victims), np.int32)
         for number, victim in enumerate(self._victims):
             with hidden(self.model, ~np.isin(np.arange(self.model.ngeom), victim.geoms)):
@@ -188,10 +179,6 @@ class World(Closing):
             victim_box=np.array([victim.box for victim in victims]).reshape(-1, 2, 3),
         )
 
-    def close(self) -> None:
-        """Free the OpenGL context."""
-        self._renderer.close()
-
     def _move(self, T_world_base: NDArray[np.float64]) -> None:
         """Put the robot down and find out where its camera and lamp are; nothing is simulated."""
         seat = self.data.qpos[self._seat : self._seat + 7]
@@ -200,13 +187,6 @@ class World(Closing):
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
-
-    def _victims_in(self, instance: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """(V, 4) boxes of the pixels that show each victim, ``NO_BOX`` where none does, and (V,) their number."""
-        boxes = np.full((len(self._victims), 4), NO_BOX, np.int32)
-        areas = np.zeros(len(self._victims), np.int32)
-        image_kernels.victim_boxes(instance, self._victim_of_geom, boxes, areas)
-        return boxes, areas
 
 
 def _with_robot(text: ArenaText) -> mujoco.MjModel:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
-from sarsim.closing import Closing
 from sarsim.dataset import image_kernels
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 
@@ -31,8 +31,15 @@ _IMAGES = {
 }
 """By name: what a pixel is, and its type. Noise makes colour all but incompressible, so it is kept as it is."""
 
-_GROUPED = {"victim_pixels": "victims/pixels", "victim_area": "victims/area"}
-"""Names in the file of what SceneFrame calls otherwise."""
+_CONTENT = {
+    "geoms/name": "geom_name",
+    "geoms/label": "geom_label",
+    "geoms/victim": "geom_victim",
+    "victims/id": "victim_id",
+    "victims/pose": "victim_pose",
+    "victims/box": "victim_box",
+}
+"""By name in the file: what :class:`SceneContent` calls it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,110 +71,91 @@ class SceneContent:
 
 @dataclass(frozen=True, eq=False)
 class SceneFrame:
-    """One look.
+    """One frame of a scene and what is true of it.
 
     Attributes:
-        time: s since the drive began.
-        rgb: (H, W, 3) uint8.
-        depth: (H, W) float32 m, 0 = no return.
-        label: (H, W) uint8 of the surface that each pixel shows.
-        instance: (H, W) int geom id of that surface; -1 = none.
+        frame: with label and instance.
         pose_true: 4×4 T_world_base.
-        pose_odom: 4×4 T_odom_base.
-        T_base_camera: 4×4.
         victim_pixels: (V, 4) int32 first and last column and row + 1 (u0, v0, u1, v1) of what is seen of each victim;
             -1 where nothing is.
         victim_area: (V,) int32 pixels that show each victim.
     """
 
-    time: float
-    rgb: NDArray[np.uint8]
-    depth: NDArray[np.float32]
-    label: NDArray[np.uint8]
-    instance: NDArray[np.integer]
+    frame: Frame
     pose_true: NDArray[np.float64]
-    pose_odom: NDArray[np.float64]
-    T_base_camera: NDArray[np.float64]
     victim_pixels: NDArray[np.int32]
     victim_area: NDArray[np.int32]
 
+    def row(self) -> dict[str, Any]:
+        """All but the images, by name in the file."""
+        return {
+            "time": self.frame.time,
+            "pose_true": self.pose_true,
+            "pose_odom": self.frame.T_odom_base,
+            "T_base_camera": self.frame.T_base_camera,
+            "victims/pixels": self.victim_pixels,
+            "victims/area": self.victim_area,
+        }
 
-class SceneWriter(Closing):
-    """Writes a scene's file, frame by frame; the same frames make the same bytes."""
+
+class SceneWriter(ExitStack):
+    """Writes a scene's file, frame by frame; the same frames make the same bytes.
+
+    Attributes:
+        label_points: (8,) returns so far by label.
+    """
 
     def __init__(self, path: Path, frames: int, content: SceneContent):
         """OSError here or later where the file cannot be written."""
-        self._new = NewFile(path)
+        super().__init__()
+        self._new = self.enter_context(NewFile(path))
         self._file = self._new.file
-        self._label_points = np.zeros(len(Label), np.int64)
-        self._millimetres = np.empty((content.intrinsics.height, content.intrinsics.width), np.uint16)
-        self._file.attrs["format"] = FORMAT
-        self._file.attrs["version"] = VERSION
-        self._file.attrs["settings"] = json.dumps(content.settings)
+        self._rows: list[dict[str, Any]] = []
+        self.callback(self._write_rows)
+        self.label_points = np.zeros(len(Label), np.int64)
         k = content.intrinsics
+        self._millimetres = np.empty((k.height, k.width), np.uint16)
+        self._file.attrs.update(format=FORMAT, version=VERSION, settings=json.dumps(content.settings))
         self._dataset("intrinsics", np.array([k.fx, k.fy, k.cx, k.cy]))
         self._dataset("mjcf", np.frombuffer(content.mjcf.encode(), np.uint8), **FAST)
-        self._geoms(content)
-        self._victims(content)
+        for name, attribute in _CONTENT.items():
+            self._dataset(name, _fixed(getattr(content, attribute)))
         for name, (pixel, dtype) in _IMAGES.items():
             shape = (k.height, k.width, *pixel)
             filters = {} if name == "rgb" else FAST | {"shuffle": np.dtype(dtype).itemsize > 1}
-            self._empty(name, (frames, *shape), dtype, chunks=(1, *shape), **filters)
-        self._rows = _rows(frames, len(content.victim_id))
+            self._file.create_dataset(
+                name, (frames, *shape), dtype, chunks=(1, *shape), track_times=False, **filters
+            )
 
-    @property
-    def label_points(self) -> NDArray[np.int64]:
-        """(8,) returns so far by label."""
-        return self._label_points
-
-    def write(self, index: int, frame: SceneFrame) -> None:
-        """Add one frame."""
+    def write(self, scene_frame: SceneFrame) -> None:
+        """Add the next frame."""
         self._new.check()
-        file = self._file
+        file, index, frame = self._file, len(self._rows), scene_frame.frame
+        assert frame.label is not None and frame.instance is not None
         file["rgb"][index] = frame.rgb
-        image_kernels.to_millimetres(frame.depth, frame.label, self._millimetres, self._label_points)
+        image_kernels.to_millimetres(frame.depth, frame.label, self._millimetres, self.label_points)
         write_noisy(file["depth"], index, self._millimetres)
         file["label"][index] = frame.label
         file["instance"][index] = frame.instance.astype(np.int16)
-        for name, values in self._rows.items():
-            values[index] = getattr(frame, name)
+        self._rows.append(scene_frame.row())
 
-    def close(self) -> None:
-        """Write what is left; nothing more can be added."""
-        for name, values in self._rows.items():
-            self._dataset(_GROUPED.get(name, name), values)
-        self._new.close()
-
-    def _geoms(self, content: SceneContent) -> None:
-        self._dataset("geoms/name", _fixed(content.geom_name))
-        self._dataset("geoms/label", content.geom_label)
-        self._dataset("geoms/victim", content.geom_victim)
-
-    def _victims(self, content: SceneContent) -> None:
-        self._dataset("victims/id", _fixed(content.victim_id))
-        self._dataset("victims/pose", content.victim_pose)
-        self._dataset("victims/box", content.victim_box)
+    def _write_rows(self) -> None:
+        for name in self._rows[0] if self._rows else ():
+            self._dataset(name, np.array([row[name] for row in self._rows]))
 
     def _dataset(self, name: str, data: NDArray, **filters: Any) -> None:
         # A time of writing would make every file another one.
         self._file.create_dataset(name, data=data, track_times=False, **filters)
 
-    def _empty(self, name: str, shape: tuple[int, ...], dtype: Any, **filters: Any) -> None:
-        self._file.create_dataset(name, shape, dtype, track_times=False, **filters)
+
+def _fixed(values: NDArray | list[str]) -> NDArray:
+    """Arrays as they are, and names as bytes of one length."""
+    if isinstance(values, np.ndarray):
+        return values
+    return np.array([name.encode() for name in values], dtype=np.bytes_ if values else "S1")
 
 
-def _rows(frames: int, victims: int) -> dict[str, NDArray]:
-    """Room for what is small of every frame, by its name in :class:`SceneFrame`; written in one go at the end."""
-    poses = {name: np.zeros((frames, 4, 4)) for name in ("pose_true", "pose_odom", "T_base_camera")}
-    boxes, areas = np.zeros((frames, victims, 4), np.int32), np.zeros((frames, victims), np.int32)
-    return {**poses, "time": np.zeros(frames), "victim_pixels": boxes, "victim_area": areas}
-
-
-def _fixed(names: list[str]) -> NDArray[np.bytes_]:
-    return np.array([name.encode() for name in names], dtype=np.bytes_ if names else "S1")
-
-
-class Scene(Closing):
+class Scene(ExitStack):
     """Reads a scene's file.
 
     Attributes:
@@ -186,8 +174,9 @@ class Scene(Closing):
         Raises:
             InputError: it is missing, broken, or no scene of this version.
         """
+        super().__init__()
         self.path = path
-        self._file = open_file(path)
+        self._file = self.enter_context(open_file(path))
         try:
             self._read_head()
         except (KeyError, ValueError, OSError, RuntimeError) as error:
@@ -216,11 +205,7 @@ class Scene(Closing):
         return map(self.frame, range(len(self)))
 
     def frame(self, index: int) -> Frame:
-        """One look, with its labels.
-
-        Raises:
-            InputError: the file is broken there.
-        """
+        """One frame, with its labels; InputError where the file is broken."""
         return Frame(
             time=float(self.time[index]),
             rgb=self._image("rgb", index),
@@ -233,19 +218,11 @@ class Scene(Closing):
         )
 
     def rgb(self, index: int) -> NDArray[np.uint8]:
-        """(H, W, 3) colour image of a frame.
-
-        Raises:
-            InputError: the file is broken there.
-        """
+        """(H, W, 3) colour image of a frame; InputError where the file is broken."""
         return self._image("rgb", index)
 
     def label(self, index: int) -> NDArray[np.uint8]:
-        """(H, W) labels of a frame.
-
-        Raises:
-            InputError: the file is broken there.
-        """
+        """(H, W) labels of a frame; InputError where the file is broken."""
         return self._image("label", index)
 
     def T_world_camera(self, index: int) -> NDArray[np.float64]:
@@ -260,18 +237,10 @@ class Scene(Closing):
     @cached_property
     def content(self) -> SceneContent:
         """All but the frames."""
-        file = self._file
-        return SceneContent(
-            settings=self.settings,
-            mjcf=self.mjcf,
-            intrinsics=self.intrinsics,
-            geom_name=[name.decode() for name in file["geoms/name"][:]],
-            geom_label=file["geoms/label"][:],
-            geom_victim=file["geoms/victim"][:],
-            victim_id=[name.decode() for name in file["victims/id"][:]],
-            victim_pose=file["victims/pose"][:],
-            victim_box=file["victims/box"][:],
-        )
+        arrays = {attribute: self._file[name][:] for name, attribute in _CONTENT.items()}
+        for names in ("geom_name", "victim_id"):
+            arrays[names] = [name.decode() for name in arrays[names]]
+        return SceneContent(settings=self.settings, mjcf=self.mjcf, intrinsics=self.intrinsics, **arrays)
 
     @cached_property
     def victim_pixels(self) -> NDArray[np.int32]:
@@ -282,10 +251,6 @@ class Scene(Closing):
     def victim_area(self) -> NDArray[np.int32]:
         """(M, V) pixels that show each victim."""
         return self._file["victims/area"][:]
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
     def _image(self, name: str, index: int) -> NDArray:
         try:

@@ -19,7 +19,7 @@ CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])
 UNDERSIDE = np.array([(x, y, 0.08) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.1, 0.0, 0.1)])
 """(N, 3) m in ``base_link``: the lowest points of the chassis."""
 REACH = 0.2
-"""m; what is that much higher than the middle of the robot is no ground to it."""
+"""m; a surface that much higher than the middle of the robot does not count as its ground."""
 
 
 class WheelContact:
@@ -30,15 +30,10 @@ class WheelContact:
         self._ground = _ground(bodies, grid)
 
     def stand(self, x: float, y: float, yaw: float, height: float) -> NDArray[np.float64] | None:
-        """4×4 pose of ``base_link`` at (x, y) m that looks along ``yaw`` rad, at rest and without play in the tyres.
+        """4×4 pose of ``base_link`` at (x, y) m that faces along ``yaw`` rad, at rest and without play in the tyres.
 
         None where the robot cannot stand: a wheel is over nothing, or the chassis would touch the ground.
-
-        Args:
-            x: m.
-            y: m.
-            yaw: rad.
-            height: m of the ground near (x, y).
+        ``height``: m of the ground near (x, y).
         """
         below = height + REACH
         z, climb, rise = kernels.stand(self._ground, x, y, yaw, below, AXLES, RADIUS, CENTRE_OF_MASS)
@@ -51,10 +46,11 @@ class WheelContact:
 
 
 def _ground(bodies: ConvexBodies, grid: Grid) -> kernels.Ground:
-    windows = bodies.windows(grid)
-    count = np.zeros(grid.shape, np.int64)
-    kernels.count_bodies(windows, count)
+    """The bodies, listed by the cells over which they lie."""
+    number = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape)
+    cells = [number[i0:i1, j0:j1].ravel() for i0, i1, j0, j1 in bodies.windows(grid)]
+    cell, body = np.concatenate(cells), np.repeat(np.arange(len(cells)), [len(c) for c in cells])
+    count = np.bincount(cell, minlength=number.size).reshape(grid.shape)
     start = count.cumsum().reshape(grid.shape) - count
-    listed = np.empty(count.sum(), np.int64)
-    kernels.list_bodies(windows, start.copy(), listed)
+    listed = body[np.argsort(cell, kind="stable")]
     return kernels.Ground(bodies.planes, bodies.first, start, count, listed, grid.origin, grid.cell)

@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-_UPRIGHT = 1e-4
-"""z of a normal below which a face counts as upright; a mesh's vertices are float32."""
+from sarsim.ground_truth.columns_kernels import vertical_cut
+
 _ITERATIONS = 20
 _SETTLED = 1e-6
 """m that the wheels may still be off the ground."""
@@ -39,23 +39,6 @@ class Ground(NamedTuple):
 
 
 @njit(cache=True)
-def count_bodies(windows, count):
-    """Add to ``count`` (nx, ny) how many bodies lie over each cell; windows are (N, 4) cells i0, i1, j0, j1."""
-    for n in range(len(windows)):
-        count[windows[n, 0] : windows[n, 1], windows[n, 2] : windows[n, 3]] += 1
-
-
-@njit(cache=True)
-def list_bodies(windows, end, bodies):
-    """Write the bodies over each cell to ``bodies`` (K,) from ``end`` (nx, ny) on, which moves on by their number."""
-    for n in range(len(windows)):
-        for i in range(windows[n, 0], windows[n, 1]):
-            for j in range(windows[n, 2], windows[n, 3]):
-                bodies[end[i, j]] = n
-                end[i, j] += 1
-
-
-@njit(cache=True)
 def ground_height(ground, x, y, below):
     """Height in m of the highest place at (x, y) that is not above ``below``; -inf if there is none."""
     i = int(np.floor((x - ground.origin[0]) / ground.cell))
@@ -65,27 +48,10 @@ def ground_height(ground, x, y, below):
         return highest
     for k in range(ground.start[i, j], ground.start[i, j] + ground.number[i, j]):
         n = ground.bodies[k]
-        top = _top(ground.planes[ground.first[n] : ground.first[n + 1]], x, y)
-        if highest < top <= below:
+        low, top, _ = vertical_cut(ground.planes[ground.first[n] : ground.first[n + 1]], x, y)
+        if low <= top and highest < top <= below:
             highest = top
     return highest
-
-
-@njit(cache=True)
-def _top(planes, x, y):
-    """Height of the highest point of a convex body on a vertical line; -inf where the line misses it."""
-    low, high = -np.inf, np.inf
-    for k in range(planes.shape[0]):
-        nz = planes[k, 2]
-        rest = planes[k, 3] - planes[k, 0] * x - planes[k, 1] * y
-        if abs(nz) < _UPRIGHT:
-            if rest < 0:
-                return -np.inf
-        elif nz > 0:
-            high = min(high, rest / nz)
-        else:
-            low = max(low, rest / nz)
-    return high if low <= high else -np.inf
 
 
 @njit(cache=True)
@@ -101,7 +67,7 @@ def axle_height(ground, x, y, c, s, radius, below):
 
 @njit(cache=True)
 def attitude(yaw, climb, rise):
-    """(3, 3) rotation of a body that looks along ``yaw`` on slopes of ``climb`` forwards and ``rise`` leftwards."""
+    """(3, 3) rotation of a body that faces along ``yaw`` on slopes of ``climb`` forwards and ``rise`` leftwards."""
     c, s = np.cos(yaw), np.sin(yaw)
     x = np.array([c, s, climb]) / np.sqrt(1 + climb * climb)
     z = np.array([-climb * c + rise * s, -climb * s - rise * c, 1.0])
@@ -135,18 +101,13 @@ def stand(ground, x, y, yaw, below, axles, radius, centre_of_mass):
         R = attitude(yaw, climb, rise)
         for w in range(4):
             centre = R @ axles[w]
-            bearing = axle_height(
-                ground, x + centre[0], y + centre[1], np.cos(yaw), np.sin(yaw), radius, below
-            )
+            wheel_x, wheel_y = x + centre[0], y + centre[1]
+            bearing = axle_height(ground, wheel_x, wheel_y, np.cos(yaw), np.sin(yaw), radius, below)
             gap[w] = bearing - z - centre[2]
         if not np.isfinite(gap).all():
             return np.nan, np.nan, np.nan
-        _lift(
-            gap,
-            axles,
-            centre_of_mass[0] - centre_of_mass[2] * climb,
-            centre_of_mass[1] - centre_of_mass[2] * rise,
-        )
+        forward = centre_of_mass[0] - centre_of_mass[2] * climb
+        _lift(gap, axles, forward, centre_of_mass[1] - centre_of_mass[2] * rise)
         z += gap.mean()
         climb += (gap[0] + gap[1] - gap[2] - gap[3]) / (4 * half_length)
         rise += (gap[0] + gap[2] - gap[1] - gap[3]) / (4 * half_width)

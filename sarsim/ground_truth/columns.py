@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -11,10 +10,13 @@ from scipy.spatial import ConvexHull, QhullError
 
 from pipeline.grid_map import Grid
 from sarsim.ground_truth import columns_kernels as kernels
+from sarsim.ground_truth.shapes import CUBE, SQUARE, hull_planes, mesh_vertices, swept
 from sarsim.sensors.camera import geom_labels
 
 ENDLESS = 25.0
 """m from its middle that an endless plane counts."""
+SEGMENTS = 32
+"""Sides of the polygon that stands for a circle."""
 _GAP = 1e-3
 """m; bodies that lie nearer to each other stand on each other."""
 _GEOM = mujoco.mjtGeom
@@ -53,11 +55,11 @@ def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | 
 
     A height field counts as the box around it, and a round shape as a polyhedron within 0.5 % of it.
     """
-    labels, turned = geom_labels(model), _TurnedShapes(model)
+    labels = geom_labels(model)
     others = np.flatnonzero(
         model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body)
     )
-    shapes = [turned(int(geom), data.geom_xmat[geom].reshape(3, 3)) for geom in others]
+    shapes = _turned_shapes(model, data, others)
     position = data.geom_xpos[others]
     planes = [
         np.column_stack([s.planes[:, :3], s.planes[:, 3] + s.planes[:, :3] @ p])
@@ -113,22 +115,10 @@ def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
     kernels.count_bodies(bodies.planes, bodies.first, windows, grid.origin, grid.cell, count)
     start = np.cumsum(count.ravel()).reshape(count.shape) - count
     total = int(count.sum())
-    bottom, top, normal_z = np.empty(total), np.empty(total), np.empty(total)
-    owner = np.empty(total, np.int64)
-    kernels.fill_bodies(
-        bodies.planes,
-        bodies.first,
-        windows,
-        grid.origin,
-        grid.cell,
-        start.copy(),
-        bottom,
-        top,
-        normal_z,
-        owner,
-    )
-    kernels.merge_bodies(start, count, bottom, top, normal_z, owner, _GAP)
-    return Columns(grid, start, count, bottom, top, normal_z, owner)
+    arrays = (np.empty(total), np.empty(total), np.empty(total), np.empty(total, np.int64))
+    kernels.fill_bodies(bodies.planes, bodies.first, windows, grid.origin, grid.cell, start.copy(), *arrays)
+    kernels.merge_bodies(start, count, *arrays, _GAP)
+    return Columns(grid, start, count, *arrays)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,23 +139,21 @@ class _TurnedShape:
     high: NDArray[np.float64]
 
 
-class _TurnedShapes:
-    """Shapes of geoms; an arena repeats few of them, so they are kept."""
-
-    def __init__(self, model: mujoco.MjModel):
-        self._model = model
-        self._shapes: dict[tuple[float, ...], _Shape] = {}
-        self._turned: dict[tuple[float, ...], _TurnedShape] = {}
-
-    def __call__(self, geom: int, R: NDArray[np.float64]) -> _TurnedShape:
-        model = self._model
+def _turned_shapes(
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.int64]
+) -> list[_TurnedShape]:
+    """One for each geom; an arena repeats few shapes and rotations, so each is computed once."""
+    shapes: dict[tuple[float, ...], _Shape] = {}
+    turned: dict[tuple[float, ...], _TurnedShape] = {}
+    keys = []
+    for geom in geoms:
         key = (model.geom_type[geom], model.geom_dataid[geom], *model.geom_size[geom])
-        if key not in self._shapes:
-            self._shapes[key] = _shape(model, geom)
-        turned_key = (*key, *R.ravel())
-        if turned_key not in self._turned:
-            self._turned[turned_key] = _turned(self._shapes[key], R)
-        return self._turned[turned_key]
+        keys.append((*key, *data.geom_xmat[geom]))
+        if key not in shapes:
+            shapes[key] = _shape(model, int(geom))
+        if keys[-1] not in turned:
+            turned[keys[-1]] = _turned(shapes[key], data.geom_xmat[geom].reshape(3, 3))
+    return [turned[key] for key in keys]
 
 
 def _turned(shape: _Shape, R: NDArray[np.float64]) -> _TurnedShape:
@@ -192,9 +180,7 @@ def _shape(model: mujoco.MjModel, geom: int) -> _Shape:
     if kind == _GEOM.mjGEOM_PLANE:
         return _plane(np.where(size[:2] > 0, size[:2], ENDLESS))
     if kind in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF):
-        mesh = model.geom_dataid[geom]
-        first = model.mesh_vertadr[mesh]
-        return _hull(model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64))
+        return _hull(mesh_vertices(model, geom))
     if kind in _ROUND:
         return _hull(_ROUND[kind](size))
     return _box(model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:])
@@ -204,29 +190,21 @@ def _plane(half: NDArray[np.float64]) -> _Shape:
     """Everything below a rectangle."""
     normals = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], np.float64)
     distances = np.array([0, half[0], half[0], half[1], half[1]])
-    vertices = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * [*half, 0]
-    return _Shape(np.column_stack([normals, distances]), vertices)
+    return _Shape(np.column_stack([normals, distances]), SQUARE * [*half, 0])
 
 
 def _box(centre: NDArray[np.float64], half: NDArray[np.float64]) -> _Shape:
     normals = np.concatenate([np.eye(3), -np.eye(3)])
-    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return _Shape(np.column_stack([normals, np.tile(half, 2) + normals @ centre]), centre + corners * half)
+    return _Shape(np.column_stack([normals, np.tile(half, 2) + normals @ centre]), centre + CUBE * half)
 
 
 def _hull(vertices: NDArray[np.float64]) -> _Shape:
-    return _Shape(_faces(vertices.tobytes()) * [1, 1, 1, -1], vertices)
-
-
-@lru_cache(256)
-def _faces(points: bytes) -> NDArray[np.float64]:
-    """(M, 4) of the convex hull of (N, 3) float64 points; arenas are surveyed again and again."""
-    return np.unique(ConvexHull(np.frombuffer(points).reshape(-1, 3)).equations.round(6), axis=0)
+    return _Shape(hull_planes(vertices), vertices)
 
 
 def _cylinder(size: NDArray[np.float64]) -> NDArray[np.float64]:
-    circle = _circle() * size[0]
-    return np.concatenate([np.column_stack([circle, np.full(len(circle), z)]) for z in (-size[1], size[1])])
+    radius, half = size[:2]
+    return swept(np.array([(radius, -half), (radius, half)]), SEGMENTS)
 
 
 def _capsule(size: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -236,15 +214,9 @@ def _capsule(size: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _ball() -> NDArray[np.float64]:
     """(N, 3) points on the unit sphere."""
-    latitudes = np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1]
-    rings = [np.column_stack([_circle() * np.cos(a), np.full(32, np.sin(a))]) for a in latitudes]
-    return np.concatenate([*rings, [(0, 0, -1), (0, 0, 1)]])
-
-
-def _circle() -> NDArray[np.float64]:
-    """(32, 2) points on the unit circle."""
-    angle = np.arange(32) * 2 * np.pi / 32
-    return np.column_stack([np.cos(angle), np.sin(angle)])
+    latitudes = np.linspace(-np.pi / 2, np.pi / 2, SEGMENTS // 2 + 1)[1:-1]
+    rings = swept(np.stack([np.cos(latitudes), np.sin(latitudes)], axis=1), SEGMENTS)
+    return np.concatenate([rings, [(0, 0, -1), (0, 0, 1)]])
 
 
 _ROUND: dict[mujoco.mjtGeom, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {

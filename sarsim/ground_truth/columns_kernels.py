@@ -8,7 +8,7 @@ _UPRIGHT = 1e-4
 
 
 @njit(cache=True)
-def _clip(planes, x, y):
+def vertical_cut(planes, x, y):
     """Lowest and highest point of a vertical line in a convex body n·p ≤ d, and the normal's z where it leaves it.
 
     Empty, lowest above highest, where the line misses the body.
@@ -38,7 +38,7 @@ def count_bodies(planes, first, window, origin, cell, count):
         for i in range(window[n, 0], window[n, 1]):
             for j in range(window[n, 2], window[n, 3]):
                 x, y = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
-                low, high, _ = _clip(planes[first[n] : first[n + 1]], x, y)
+                low, high, _ = vertical_cut(planes[first[n] : first[n + 1]], x, y)
                 count[i, j] += low < high
 
 
@@ -49,7 +49,7 @@ def fill_bodies(planes, first, window, origin, cell, start, bottom, top, normal_
         for i in range(window[n, 0], window[n, 1]):
             for j in range(window[n, 2], window[n, 3]):
                 x, y = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
-                low, high, nz = _clip(planes[first[n] : first[n + 1]], x, y)
+                low, high, nz = vertical_cut(planes[first[n] : first[n + 1]], x, y)
                 if low < high:
                     k = start[i, j]
                     bottom[k], top[k], normal_z[k], owner[k] = low, high, nz, n
@@ -175,7 +175,7 @@ def lower_distance(corners, first, window, low, high, origin, cell, height, max_
     """Lower ``distance`` (nx, ny) to that of the nearest convex outline which is in the way on the cell's ground.
 
     Outline n has the corners ``first[n]:first[n + 1]`` of (M, 2), counter-clockwise, and reaches from low[n] to
-    high[n]. What ends at the height of a step or begins above the headroom is in nobody's way.
+    high[n]. What ends at the height of a step or begins above the headroom is not in the way.
     """
     for n in range(len(window)):
         for i in range(window[n, 0], window[n, 1]):

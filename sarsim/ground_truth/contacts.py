@@ -28,7 +28,7 @@ class CollisionCounter:
         self.collisions = 0
 
     def count(self, data: mujoco.MjData) -> None:
-        """Look at the contacts of this moment."""
+        """Add the contacts of this moment."""
         first, second = data.contact.geom1, data.contact.geom2
         hit = (self._is_robot[first] & self._is_obstacle[second]) | (
             self._is_robot[second] & self._is_obstacle[first]

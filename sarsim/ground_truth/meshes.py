@@ -1,4 +1,4 @@
-"""The shapes of a model's geoms as triangles, for whoever draws without MuJoCo."""
+"""The shapes of a model's geoms as triangles, for drawing without MuJoCo."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.transforms import from_rotation
+from sarsim.ground_truth.shapes import SQUARE, rotation, swept
 
 SEGMENTS = 24
 """Sides of a drawn circle."""
@@ -50,9 +51,7 @@ class _Shape:
     def scaled(self, scale: NDArray[np.float64]) -> "_Shape":
         normals = self.normals / scale
         return _Shape(
-            self.vertices * scale,
-            normals / np.linalg.norm(normals, axis=1, keepdims=True),
-            self.triangles,
+            self.vertices * scale, normals / np.linalg.norm(normals, axis=1, keepdims=True), self.triangles
         )
 
 
@@ -64,20 +63,14 @@ def drawn_geoms(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[NDArray[np.float64]]:
     """4×4 poses of geoms in their bodies."""
-    rotation = np.empty(9)
-    poses = []
-    for geom in geoms:
-        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
-        poses.append(from_rotation(rotation.reshape(3, 3), model.geom_pos[geom]))
-    return poses
+    return [from_rotation(rotation(model.geom_quat[geom]), model.geom_pos[geom]) for geom in geoms]
 
 
 def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDArray[np.float64]]) -> Mesh:
     """One mesh of several geoms, each moved by its 4×4 pose."""
-    vertices, normals, triangles, colours = [], [], [], []
-    count = 0
+    vertices, normals, triangles, colours, count = [], [], [], [], 0
     for geom, T in zip(geoms, poses, strict=True):
-        shape = _shape(model, geom)
+        shape = _BUILDERS[mujoco.mjtGeom(model.geom_type[geom])](model, geom)
         vertices.append(shape.vertices @ T[:3, :3].T + T[:3, 3])
         normals.append(shape.normals @ T[:3, :3].T)
         triangles.append(shape.triangles + count)
@@ -106,44 +99,29 @@ def geom_colour(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
     return colour
 
 
-def _shape(model: mujoco.MjModel, geom: int) -> _Shape:
-    """A geom in its own frame."""
-    build = _BUILDERS[mujoco.mjtGeom(model.geom_type[geom])]
-    return build(model, geom)
-
-
 def _plane(model: mujoco.MjModel, geom: int) -> _Shape:
     half = model.geom_size[geom, :2]
     x, y = np.where(half > 0, half, 10 * model.stat.extent)  # 0 stands for endless
-    corners = np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)])
-    return _Shape(corners, np.tile([0.0, 0, 1], (4, 1)), np.array([(0, 1, 2), (0, 2, 3)]))
+    return _Shape(SQUARE * [x, y, 0], np.tile([0.0, 0, 1], (4, 1)), np.array([(0, 1, 2), (0, 2, 3)]))
 
 
 def _box(model: mujoco.MjModel, geom: int) -> _Shape:
-    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], np.float64)
     vertices, normals = [], []
     for axis in range(3):
         u, v, n = (np.eye(3)[(axis + k) % 3] for k in (1, 2, 0))
         for side in (-1, 1):
             # Seen from outside, u × v points at the viewer on one side and away on the other.
-            vertices.append(side * n + square @ [side * u, v])
+            vertices.append(side * n + SQUARE[:, :2] @ [side * u, v])
             normals.append(np.tile(side * n, (4, 1)))
     first = np.arange(0, 24, 4)[:, None, None]
     triangles = (first + np.array([(0, 1, 2), (0, 2, 3)])).reshape(-1, 3)
     return _Shape(np.concatenate(vertices), np.concatenate(normals), triangles).scaled(model.geom_size[geom])
 
 
-def _sphere(model: mujoco.MjModel, geom: int) -> _Shape:
-    return _ball().scaled(np.full(3, model.geom_size[geom, 0]))
-
-
-def _ellipsoid(model: mujoco.MjModel, geom: int) -> _Shape:
-    return _ball().scaled(model.geom_size[geom])
-
-
-def _ball() -> _Shape:
-    outline = _quarters()
-    return _revolved(outline, outline)
+def _ball(model: mujoco.MjModel, geom: int) -> _Shape:
+    """A sphere, of which MuJoCo gives the radius alone, or an ellipsoid."""
+    outline, size = _quarters(), model.geom_size[geom]
+    return _revolved(outline, outline).scaled(np.where(size > 0, size, size[0]))
 
 
 def _capsule(model: mujoco.MjModel, geom: int) -> _Shape:
@@ -169,24 +147,12 @@ def _quarters() -> NDArray[np.float64]:
 
 def _revolved(outline: NDArray[np.float64], normals: NDArray[np.float64]) -> _Shape:
     """The surface that an outline of (r, z), from below to above, sweeps around the z axis."""
-    angle = np.linspace(0, 2 * np.pi, SEGMENTS, endpoint=False)
-    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
-    def swept(rz: NDArray[np.float64]) -> NDArray[np.float64]:
-        xy = rz[:, None, :1] * around
-        z = np.broadcast_to(rz[:, None, 1:], (*xy.shape[:2], 1))
-        return np.concatenate([xy, z], axis=2).reshape(-1, 3)
-
     here = np.arange(SEGMENTS)
     beside = np.roll(here, -1)
-    strip = np.concatenate(
-        [
-            np.stack([here, beside, beside + SEGMENTS], axis=1),
-            np.stack([here, beside + SEGMENTS, here + SEGMENTS], axis=1),
-        ]
-    )
+    above = here + SEGMENTS
+    strip = np.stack([here, beside, beside + SEGMENTS, here, beside + SEGMENTS, above], axis=1).reshape(-1, 3)
     strips = [strip + ring * SEGMENTS for ring in range(len(outline) - 1)]
-    return _Shape(swept(outline), swept(normals), np.concatenate(strips))
+    return _Shape(swept(outline, SEGMENTS), swept(normals, SEGMENTS), np.concatenate(strips))
 
 
 def _mesh(model: mujoco.MjModel, geom: int) -> _Shape:
@@ -225,9 +191,9 @@ def _height_field(model: mujoco.MjModel, geom: int) -> _Shape:
 _BUILDERS: dict[mujoco.mjtGeom, Callable[[mujoco.MjModel, int], _Shape]] = {
     mujoco.mjtGeom.mjGEOM_PLANE: _plane,
     mujoco.mjtGeom.mjGEOM_HFIELD: _height_field,
-    mujoco.mjtGeom.mjGEOM_SPHERE: _sphere,
+    mujoco.mjtGeom.mjGEOM_SPHERE: _ball,
     mujoco.mjtGeom.mjGEOM_CAPSULE: _capsule,
-    mujoco.mjtGeom.mjGEOM_ELLIPSOID: _ellipsoid,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: _ball,
     mujoco.mjtGeom.mjGEOM_CYLINDER: _cylinder,
     mujoco.mjtGeom.mjGEOM_BOX: _box,
     mujoco.mjtGeom.mjGEOM_MESH: _mesh,

@@ -1,49 +1,32 @@
 """The drive's firmware: from a velocity command to the speed of the wheels."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.robot import Velocity
+from sarsim.robots.pioneer3at import PIONEER_3AT
 
-
-@dataclass(frozen=True)
-class SkidSteerConfig:
-    """The P3-AT's drive.
-
-    Attributes:
-        wheel_radius: m, rolling.
-        effective_track: m. A skid-steered vehicle turns as a two-wheeled one with a wider track would, for its
-            tyres slip sideways. With equal loads and Coulomb friction it is
-            ``track + wheelbase² / track`` = 0.398 + 0.270² / 0.398.
-        max_speed: m/s.
-        max_turn_rate: rad/s.
-        max_wheel_speed: rad/s; the surplus over ``max_speed`` is what feedback may use.
-        acceleration: m/s².
-        turn_acceleration: rad/s².
-        heading_gain: 1/s, turn rate per radian of heading error.
-        max_heading_error: rad remembered while the robot cannot turn as commanded.
-        wheel_gain: 1/s, wheel speed per radian by which a wheel lags.
-        max_wheel_lag: rad remembered while a wheel cannot turn as commanded.
-    """
-
-    wheel_radius: float = 0.1105
-    effective_track: float = 0.581
-    max_speed: float = 0.7
-    max_turn_rate: float = math.radians(140)
-    max_wheel_speed: float = 7.5
-    acceleration: float = 0.3
-    turn_acceleration: float = math.radians(100)
-    heading_gain: float = 4.0
-    max_heading_error: float = 0.2
-    wheel_gain: float = 10.0
-    max_wheel_lag: float = 0.03
-
-
-# Below this heading error, in rad, a stopped robot stops correcting.
-_SETTLED = math.radians(0.2)
+WHEEL_RADIUS = 0.1105
+"""m, rolling."""
+EFFECTIVE_TRACK = 0.581
+"""m. A skid-steered vehicle turns as a two-wheeled one with a wider track would, for its tyres slip sideways: with
+equal loads and Coulomb friction ``track + wheelbase² / track`` = 0.398 + 0.270² / 0.398."""
+MAX_SPEED, MAX_TURN_RATE = 0.7, math.radians(140)
+"""m/s and rad/s, of the data sheet."""
+MAX_WHEEL_SPEED = 7.5
+"""rad/s; the surplus over ``MAX_SPEED`` is what feedback may use."""
+HEADING_GAIN = 4.0
+"""1/s, turn rate per radian of heading error."""
+MAX_HEADING_ERROR = 0.2
+"""rad remembered while the robot cannot turn as commanded."""
+WHEEL_GAIN = 10.0
+"""1/s, wheel speed per radian by which a wheel lags."""
+MAX_WHEEL_LAG = 0.03
+"""rad remembered while a wheel cannot turn as commanded."""
+SETTLED = math.radians(0.2)
+"""rad of heading error below which a stopped robot stops correcting."""
 
 
 class SkidSteer:
@@ -53,8 +36,7 @@ class SkidSteer:
     so a turn ends where it should although the tyres slip.
     """
 
-    def __init__(self, config: SkidSteerConfig | None = None) -> None:
-        self.config = config or SkidSteerConfig()
+    def __init__(self) -> None:
         self._v = 0.0
         self._omega = 0.0
         self._heading_error = 0.0
@@ -80,32 +62,28 @@ class SkidSteer:
         self._hold_heading(gyro_z, dt)
         self._follow(velocity, dt)
         lag = self._wheel_lag + (self._wheel_target - wheel_speed) * dt
-        self._wheel_lag = np.clip(lag, -self.config.max_wheel_lag, self.config.max_wheel_lag)
+        self._wheel_lag = np.clip(lag, -MAX_WHEEL_LAG, MAX_WHEEL_LAG)
         self._wheel_target = self._wheels()
-        return self._wheel_target + self.config.wheel_gain * self._wheel_lag
+        return self._wheel_target + WHEEL_GAIN * self._wheel_lag
 
     def _follow(self, velocity: Velocity, dt: float) -> None:
         """Move the reference towards the command, no faster than the acceleration limits."""
-        config = self.config
-        self._v = _approach(self._v, velocity.v, config.max_speed, config.acceleration * dt)
-        self._omega = _approach(
-            self._omega, velocity.omega, config.max_turn_rate, config.turn_acceleration * dt
-        )
+        self._v = _approach(self._v, velocity.v, MAX_SPEED, PIONEER_3AT.acceleration * dt)
+        self._omega = _approach(self._omega, velocity.omega, MAX_TURN_RATE, PIONEER_3AT.turn_acceleration * dt)
 
     def _hold_heading(self, gyro_z: float, dt: float) -> None:
-        limit = self.config.max_heading_error
-        self._heading_error = _clip(self._heading_error + (self._omega - gyro_z) * dt, limit)
+        error = self._heading_error + (self._omega - gyro_z) * dt
+        self._heading_error = _clip(error, MAX_HEADING_ERROR)
         stopped = self._v == 0.0 and self._omega == 0.0
-        if stopped and abs(self._heading_error) < _SETTLED:
+        if stopped and abs(self._heading_error) < SETTLED:
             self._heading_error = 0.0
 
     def _wheels(self) -> NDArray[np.float64]:
         """(2,) rad/s; where one would be too fast both are slowed alike, which keeps the curvature."""
-        config = self.config
-        turn = self._omega + config.heading_gain * self._heading_error
-        side = turn * config.effective_track / 2
-        wheels = np.array([self._v - side, self._v + side]) / config.wheel_radius
-        return wheels / max(1.0, np.abs(wheels).max() / config.max_wheel_speed)
+        turn = self._omega + HEADING_GAIN * self._heading_error
+        side = turn * EFFECTIVE_TRACK / 2
+        wheels = np.array([self._v - side, self._v + side]) / WHEEL_RADIUS
+        return wheels / max(1.0, np.abs(wheels).max() / MAX_WHEEL_SPEED)
 
 
 def _clip(value: float, limit: float) -> float:

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from pipeline.explorer import Explorer, Step
 from pipeline.navigation.navigator import Outcome
 from pipeline.traversability.shortest_paths_kernels import free_rules, shortest_paths
-from sarsim.ground_truth.faces import score_segments, true_faces
+from sarsim.ground_truth.faces import true_faces
 from sarsim.ground_truth.true_surface import true_surface
+from sarsim.scoring.segments import score_segments
 from sarsim.scoring.semantics import SemanticScore
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.trajectory import driven, greatest_tilt, score_localisation, times_tipped
@@ -32,7 +33,7 @@ class EpisodeScore:
         surface: the true ground.
         seen: (nx, ny) bool on its grid, the cells in which a noise-free return fell.
         victims: which of them came into view.
-        progress: after each look, s since the start and the share of the drivable area that was seen.
+        progress: after each step, s since the start and the share of the drivable area that was seen.
     """
 
     def __init__(self, robot: SimulatedRobot, explorer: Explorer):
@@ -47,15 +48,15 @@ class EpisodeScore:
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
-        self._lifts = 0
+        self._kidnaps = 0
         self._frontiers_left = 0
         self.progress: list[tuple[float, float]] = []
 
     def add(self, step: Step) -> None:
-        """Take the newest look into account."""
-        truth = self._robot.true_look
+        """Take the newest step into account."""
+        truth = self._robot.true_frame
         assert truth is not None
-        self._lifts += step.was_kidnapped
+        self._kidnaps += step.was_kidnapped
         self._frontiers_left = len(step.frontiers)
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
@@ -144,7 +145,7 @@ class EpisodeScore:
             "legs": len(legs),
             "reached": sum(leg.outcome is Outcome.REACHED for leg in legs),
             "tipped": times_tipped(trajectory),
-            "lifted": self._lifts,
+            "kidnapped": self._kidnaps,
             "stuck": sum(leg.outcome is Outcome.STUCK for leg in legs),
             "recovered": self._explorer.navigator.recovered,
             "collisions": self._robot.collisions.collisions,

@@ -17,7 +17,7 @@ class SemanticScore:
         self._truth = SemanticMap()
 
     def add(self, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> None:
-        """Add the (N, 3) points that the robot added to its map, with their (N,) true labels."""
+        """Add the (N, 3) points, m, that the robot added to its map, with their (N,) true labels."""
         self._truth.update(points, np.eye(len(Label), dtype=np.float32)[labels])
 
     def report(self, semantic_map: SemanticMap) -> dict[str, Any]:
@@ -45,7 +45,7 @@ def confusion_matrix(truth: NDArray[np.uint8], predicted: NDArray[np.uint8]) -> 
 
 
 def iou_by_label(confusion: NDArray[np.int64]) -> dict[Label, float]:
-    """Intersection over union of the labels that are true of any point."""
+    """Intersection over union, by a confusion (L, L), of the labels that are true of any pixel or point."""
     right = np.diag(confusion)
     union = confusion.sum(axis=0) + confusion.sum(axis=1) - right
     return {label: float(right[label] / union[label]) for label in Label if confusion[label].sum()}

@@ -50,7 +50,7 @@ def times_tipped(trajectory: Sequence[Pose]) -> int:
 
 
 def write_tum(path: Path, times: Sequence[float], poses: Sequence[NDArray[np.float64]]) -> None:
-    """Write a trajectory in the TUM format: time, position, quaternion (x y z w)."""
+    """Write 4×4 poses at times in s in the TUM format: time, position, quaternion (x y z w)."""
     lines = []
     for time, T in zip(times, poses, strict=True):
         numbers = [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()]

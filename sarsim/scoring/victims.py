@@ -2,7 +2,7 @@
 
 A victim's position is the middle of the box around the whole person in its own frame, hidden parts included
 (:attr:`sarsim.victims.victims.Victim.centre`). One that the robot confirmed is of the victim next to it, within
-``NEAR``, each of one only: someone reported twice is found once, and a false alarm once.
+``NEAR``, each of one only: a person reported twice is found once, and a false alarm once.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ from sarsim.victims.victims import victims_of
 NEAR = 0.5
 """m from the true position within which a victim counts as found."""
 VISIBLE = 400
-"""Pixels, with a depth within the sensor's range of 3.5 m, that make someone visible in a look."""
+"""Pixels, with a depth within the sensor's range of 3.5 m, that make a person visible in a frame."""
 
 
 class VictimScore:
@@ -26,7 +26,7 @@ class VictimScore:
 
     Attributes:
         positions: (V, 3) the true ones, m in the world.
-        visible: (V,) bool, who was visible in a look so far.
+        visible: (V,) bool, who was visible in a frame so far.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
@@ -39,7 +39,7 @@ class VictimScore:
             self._victim_of_geom[victim.geoms] = number
 
     def add(self, image: LabelledImage) -> None:
-        """Take a noise-free look into account, which is clipped to the sensor's range."""
+        """Take a noise-free image, clipped to the sensor's range, into account."""
         shown = self._victim_of_geom[image.instance[image.depth > 0]]
         pixels = np.bincount(shown, minlength=len(self.visible) + 1)[:-1]
         self.visible |= pixels >= VISIBLE

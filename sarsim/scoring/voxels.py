@@ -22,7 +22,7 @@ class VoxelScore:
         self._surface = np.zeros((0, 0, 0), np.bool_)
 
     def add(self, points: NDArray[np.float32], camera: NDArray[np.float64]) -> None:
-        """Follow the noise-free rays of a look: (N, 3) end points and (3,) camera, m in the world."""
+        """Follow the noise-free rays of a frame: (N, 3) end points and (3,) camera, m in the world."""
         if not len(points):
             return
         ends = (points.astype(np.float64) - self._corner) / self._size

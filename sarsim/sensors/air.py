@@ -17,6 +17,8 @@ GREY = np.array((0.62, 0.60, 0.56), np.float32)
 """Colour of dust in white light."""
 LAMP_VEIL = 0.5
 """Radiance of endless dust in the lamp's beam, of a white surface's at 1 m."""
+SPECK_RATE = 0.05
+"""Chance, in the densest dust, that a ray without end returns from a speck."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +27,9 @@ class Air:
 
     Attributes:
         dust: concentration, from 0 for clear air to 1.
-        speck_rate: chance, in the densest dust, that a ray without end returns from a speck.
     """
 
     dust: float = 0.0
-    speck_rate: float = 0.05
 
     def __post_init__(self) -> None:
         if not 0 <= self.dust <= 1:
@@ -66,12 +66,12 @@ class Air:
         """The measured image without the returns that dust swallows, and with those that it makes.
 
         A return from distance r comes through with probability e^(−2 β r). A ray that travels r returns from a
-        speck before that with probability ``dust * speck_rate`` (1 − e^(−2 β r)), by the same law; specks are
+        speck before that with probability ``dust * SPECK_RATE`` (1 − e^(−2 β r)), by the same law; specks are
         unlabelled.
 
         Args:
             measured: by the depth sensor in clear air.
-            truth: the same look before the sensor.
+            truth: the same image before the sensor.
             min_range: m, nearer specks do not return.
             rng: drawn from once.
         """
@@ -84,7 +84,7 @@ class Air:
             stretch(truth.intrinsics),
             random_bits(key, *measured.depth.shape),
             self.extinction,
-            self.dust * self.speck_rate,
+            self.dust * SPECK_RATE,
             min_range,
         )
         label = np.where(specks, np.uint8(0), measured.label)

@@ -2,19 +2,10 @@
 
 import numpy as np
 from numba import njit, uint64
-from numpy.typing import NDArray
 
 
 @njit(cache=True)
-def thin(
-    depth: NDArray[np.float32],
-    distance: NDArray[np.float32],
-    stretch: NDArray[np.float32],
-    bits: NDArray[np.uint64],
-    extinction: float,
-    speck_rate: float,
-    min_range: float,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def thin(depth, distance, stretch, bits, extinction, speck_rate, min_range):
     """Take returns away and put specks of dust before them.
 
     Args:

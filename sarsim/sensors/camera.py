@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.frame import Intrinsics
+from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation, inverse
 from sarsim.sensors.rendering import Renderer, fixed_camera
@@ -18,7 +18,7 @@ _MUJOCO_OPTICAL = np.diag([1.0, -1.0, -1.0])
 
 @dataclass(frozen=True, eq=False)
 class LabelledImage:
-    """What the camera sees in one look.
+    """What the camera sees from one place.
 
     Attributes:
         rgb: (H, W, 3) uint8.
@@ -37,6 +37,19 @@ class LabelledImage:
     intrinsics: Intrinsics
     T_world_camera: NDArray[np.float64]
     T_base_camera: NDArray[np.float64]
+
+    def frame(self, time: float, T_odom_base: NDArray[np.float64]) -> Frame:
+        """The image with the labels, as the robot's software takes it: at ``time`` s from a 4×4 odometry pose."""
+        return Frame(
+            time=time,
+            rgb=self.rgb,
+            depth=self.depth,
+            intrinsics=self.intrinsics,
+            T_base_camera=self.T_base_camera,
+            T_odom_base=T_odom_base,
+            label=self.label,
+            instance=self.instance,
+        )
 
 
 class RgbdCamera:
@@ -62,7 +75,7 @@ class RgbdCamera:
         self._instance = np.append(np.where(other, np.arange(model.ngeom), -1), -1).astype(np.int32)
 
     def capture(self, data: mujoco.MjData) -> LabelledImage:
-        """Take one noise-free look, at whatever range."""
+        """The image without noise or limit of range."""
         geom, depth = self._renderer.segmentation_and_depth(data, self.camera_id)
         instance = self._instance.take(geom)
         return LabelledImage(

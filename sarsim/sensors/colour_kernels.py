@@ -2,22 +2,16 @@
 
 import numpy as np
 from numba import njit, uint64
-from numpy.typing import NDArray
 
 from sarsim.sensors.xtion_kernels import NORMAL
 
 
 @njit(cache=True)
-def expose(
-    radiance: NDArray[np.float32],
-    bits: NDArray[np.uint64],
-    gain: float,
-    full_well: float,
-    read_noise: float,
-) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 values of a sensor that counts ``full_well`` electrons where the radiance is 1.
+def expose(radiance, bits, gain, full_well, read_noise):
+    """(H, W, 3) uint8 values of (H, W, 3) float32 radiance, by a sensor that counts ``full_well`` electrons at 1.
 
-    Photon noise is Poisson's, here normal of the same variance; ``read_noise`` is in electrons.
+    Photon noise is Poisson's, here normal of the same variance; ``read_noise`` is in electrons. ``bits``: (H, W)
+    uint64 random numbers.
     """
     height, width, channels = radiance.shape
     values = np.empty((height, width, channels), np.uint8)

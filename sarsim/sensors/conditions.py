@@ -1,4 +1,4 @@
-"""What the robot's sensors make of a look: light, air, and their own errors."""
+"""What the robot's sensors make of a true image: light, air, and their own errors."""
 
 from dataclasses import dataclass, field, replace
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage
-from sarsim.sensors.colour_sensor import ColourSensor
+from sarsim.sensors.colour_sensor import expose
 from sarsim.sensors.lighting import Lighting, radiance
 from sarsim.sensors.xtion import Xtion
 
@@ -19,13 +19,11 @@ class Conditions:
         depth_sensor: its range and errors.
         lighting: which the model must be set to, see :func:`sarsim.sensors.lighting.set_lighting`.
         air: and the dust in it.
-        colour_sensor: exposure and noise.
     """
 
     depth_sensor: Xtion = field(default_factory=Xtion)
     lighting: Lighting = Lighting.normal
     air: Air = field(default_factory=Air)
-    colour_sensor: ColourSensor = field(default_factory=ColourSensor)
 
     def sense(self, truth: LabelledImage, rng: np.random.Generator) -> LabelledImage:
         """The image as the sensors see it.
@@ -37,4 +35,4 @@ class Conditions:
         measured = self.depth_sensor.apply(truth, rng)
         thinned = self.air.thin(measured, truth, self.depth_sensor.min_range, dust_rng)
         seen = self.air.veil(radiance(truth, self.lighting), truth, self.lighting)
-        return replace(thinned, rgb=self.colour_sensor.expose(seen, colour_rng))
+        return replace(thinned, rgb=expose(seen, colour_rng))

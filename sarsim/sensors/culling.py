@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 def in_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(ngeom,) bool, the geoms that may be seen between the ``planes`` of :func:`frustum`."""
-    outside = _outside(data.geom_xpos, _radius(model), planes)
-    return np.logical_not(outside.any(axis=1))
+    return np.logical_not(_outside(data.geom_xpos, _radius(model), planes).any(axis=1))
 
 
 def in_lit_picture(
@@ -27,7 +26,7 @@ def in_lit_picture(
 
 
 def floors(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the planes that look up and have no geom (its middle) below: nothing is in their shadow."""
+    """(ngeom,) bool, the planes that face up and have no geom (its middle) below: nothing is in their shadow."""
     upright = data.geom_xmat[:, 8] > 1 - 1e-9
     height = data.geom_xpos[:, 2]
     return (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & upright & (height <= height.min(initial=np.inf))

@@ -68,7 +68,7 @@ def set_lighting(physics: mjcf.Physics, robot: Pioneer3AT, lighting: Lighting) -
 
 
 def radiance(image: LabelledImage, lighting: Lighting) -> NDArray[np.float32]:
-    """(H, W, 3) float32 radiance of what a look shows; 1 for white in normal light.
+    """(H, W, 3) float32 radiance of what an image shows; 1 for white in normal light.
 
     ``image`` is a true one, of a model that :func:`set_lighting` has set to the same lighting.
     """

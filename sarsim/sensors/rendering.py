@@ -3,7 +3,7 @@
 import importlib
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import mujoco
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from sarsim.closing import Closing
 from sarsim.sensors import culling
 
 COLOUR_QUALITY = {"offsamples": 0, "shadowsize": 1024, "numslices": 24, "numstacks": 12}
@@ -25,7 +24,7 @@ _NOT_DRAWN = 5  # a group of geoms
 _SCENE = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
 
 
-class Renderer(Closing):
+class Renderer(ExitStack):
     """Draws one model in one OpenGL context, without a screen.
 
     Two contexts in one process get in each other's way, so there is one renderer for all the cameras of a model.
@@ -34,6 +33,7 @@ class Renderer(Closing):
 
     def __init__(self, model: mujoco.MjModel, width: int = 640, height: int = 480) -> None:
         """Pictures are ``width`` × ``height`` pixels, whatever the model's own offscreen size."""
+        super().__init__()
         self.model = model
         self.width = width
         self.height = height
@@ -47,6 +47,8 @@ class Renderer(Closing):
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 1000)
         self._option = mujoco.MjvOption()
         self._option.sitegroup[:] = 0
+        for last_first in (self._gl.free, self._ids.free, self._colours.free, self._gl.make_current):
+            self.callback(last_first)
 
     def colour(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB."""
@@ -72,13 +74,6 @@ class Renderer(Closing):
         self._draw(self._ids, pixels, buffer)
         geom = self._geom_ids(pixels[::-1])
         return geom, np.where(geom < 0, np.float32(0), self._metres(buffer[::-1]))
-
-    def close(self) -> None:
-        """Free the OpenGL context."""
-        self._gl.make_current()
-        self._colours.free()
-        self._ids.free()
-        self._gl.free()
 
     def _update(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera, *, ids: bool) -> None:
         """Take over from ``data`` what the picture needs."""
@@ -170,7 +165,7 @@ def hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
 
 
 def _leave_out_shadows(scene: mujoco.MjvScene, floors: NDArray[np.bool_]) -> None:
-    """Leave out the shadows that nobody can see: of lights that are out, and of floors, (ngeom,) bool.
+    """Leave out the shadows that no picture shows: of lights that are out, and of floors, (ngeom,) bool.
 
     Shadows take most of a picture's time, even where none falls into it.
     """

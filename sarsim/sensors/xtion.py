@@ -10,7 +10,14 @@ from pipeline.frame import Intrinsics
 from sarsim.sensors import xtion_kernels as kernels
 from sarsim.sensors.camera import LabelledImage
 
-EDGE = 0.25  # pixels of disparity, two of the sensor's steps: what breaks less is no edge to it
+EDGE = 0.25
+"""pixels of disparity, two of the sensor's steps: what breaks less is no edge to it."""
+DISPARITY_STEP = np.float32(1 / 8)
+"""pixels."""
+BASELINE = 0.075
+"""m from the camera to the projector, which stands to its right."""
+MAX_INCIDENCE = 82.0
+"""degrees between the line of sight and the surface's normal beyond which nothing returns."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +41,8 @@ class Xtion:
     """pixels."""
     quantisation: bool = True
     """Depth in steps of disparity, so coarser the farther."""
-    disparity_step: float = 1 / 8
-    """pixels."""
-    baseline: float = 0.075
-    """m from the camera to the projector, which stands to its right."""
     grazing: bool = True
     """No return from surfaces that are seen at a grazing angle."""
-    max_incidence: float = 82.0
-    """degrees between the line of sight and the surface's normal."""
     shadow: bool = True
     """No return where the projector's light does not reach: left of near edges."""
     dropout: float = 0.0
@@ -50,15 +51,8 @@ class Xtion:
     @classmethod
     def ideal(cls, min_range: float = 0.8, max_range: float = 3.5) -> Self:
         """A sensor with a range and no errors."""
-        return cls(
-            min_range=min_range,
-            max_range=max_range,
-            axial_noise=False,
-            lateral_noise=False,
-            quantisation=False,
-            grazing=False,
-            shadow=False,
-        )
+        off = dict.fromkeys(("axial_noise", "lateral_noise", "quantisation", "grazing", "shadow"), False)
+        return cls(min_range=min_range, max_range=max_range, **off)
 
     def apply(self, image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
         """The image with measured depth; label and instance are of the surface that each depth comes from."""
@@ -84,10 +78,12 @@ class Xtion:
         """
         key = rng.integers(1 << 64, dtype=np.uint64)
         source = np.arange(depth.size).reshape(depth.shape)
-        if self._has_no_error():
+        if self == self.ideal(self.min_range, self.max_range):
             return self._in_range(depth), source
         bits = kernels.random_bits(key, *depth.shape)
-        disparity = self._disparity(depth, intrinsics)
+        disparity = np.divide(
+            np.float32(intrinsics.fx * BASELINE), depth, out=np.zeros_like(depth), where=depth > 0
+        )
         slopes = kernels.slopes(disparity)
         cosine = kernels.cosine_of_incidence(
             disparity, *slopes, intrinsics.rays, intrinsics.fx, intrinsics.fy
@@ -98,20 +94,11 @@ class Xtion:
         if self.axial_noise:
             kernels.add_noise(measured, kernels.axial_sigma(depth, cosine).ravel()[source], bits)
         if self.quantisation:
-            focal_baseline = np.float32(intrinsics.fx * self.baseline)
-            kernels.quantise(measured, focal_baseline, np.float32(self.disparity_step))
+            kernels.quantise(measured, np.float32(intrinsics.fx * BASELINE), DISPARITY_STEP)
         return self._in_range(measured), source
-
-    def _has_no_error(self) -> bool:
-        return self == self.ideal(self.min_range, self.max_range)
 
     def _in_range(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.where((depth >= self.min_range) & (depth <= self.max_range), depth, np.float32(0))
-
-    def _disparity(self, depth: NDArray[np.float32], intrinsics: Intrinsics) -> NDArray[np.float32]:
-        """(H, W) float32 disparity in pixels of depth in metres, or the other way round; 0 stays 0."""
-        product = np.float32(intrinsics.fx * self.baseline)
-        return np.divide(product, depth, out=np.zeros_like(depth), where=depth > 0)
 
     def _returns(
         self, disparity: NDArray[np.float32], cosine: NDArray[np.float32], bits: NDArray[np.uint64]
@@ -119,7 +106,7 @@ class Xtion:
         """(H, W) bool, the pixels whose surface sends the projector's light back."""
         returns = disparity > 0
         if self.grazing:
-            returns &= cosine > np.cos(np.radians(self.max_incidence))
+            returns &= cosine > np.cos(np.radians(MAX_INCIDENCE))
         if self.shadow:
             returns &= ~kernels.projector_shadow(disparity)
         if self.dropout > 0:

@@ -2,7 +2,6 @@
 
 import numpy as np
 from numba import njit, uint64
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 NORMAL = ndtri((np.arange(1 << 16) + 0.5) / (1 << 16)).astype(np.float32)
@@ -10,7 +9,7 @@ NORMAL = ndtri((np.arange(1 << 16) + 0.5) / (1 << 16)).astype(np.float32)
 
 
 @njit(cache=True)
-def random_bits(key: np.uint64, height: int, width: int) -> NDArray[np.uint64]:
+def random_bits(key, height, width):
     """(H, W) uint64: the stream of ``key`` by splitmix64 (Steele, Lea & Flood, OOPSLA 2014).
 
     What a pixel draws depends on its place alone, not on the order in which the pixels are visited.
@@ -26,7 +25,7 @@ def random_bits(key: np.uint64, height: int, width: int) -> NDArray[np.uint64]:
 
 
 @njit(cache=True)
-def slopes(values: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def slopes(values):
     """(H, W) float32 change of an image per column and per row, each on the smoother side of the pixel.
 
     Beside an edge that is the side of the surface itself. Disparity is linear over the picture of a plane: there
@@ -49,24 +48,18 @@ def slopes(values: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np
 
 
 @njit(cache=True)
-def smaller(a: np.float32, b: np.float32) -> np.float32:
+def smaller(a, b):
     """The one of the smaller magnitude."""
     return a if abs(a) < abs(b) else b
 
 
 @njit(cache=True)
-def lateral_source(
-    disparity: NDArray[np.float32],
-    per_column: NDArray[np.float32],
-    per_row: NDArray[np.float32],
-    bits: NDArray[np.uint64],
-    sigma: float,
-    edge: float,
-) -> NDArray[np.int64]:
-    """(H, W) int64 flat index of the pixel that each pixel really looks at.
+def lateral_source(disparity, per_column, per_row, bits, sigma, edge):
+    """(H, W) int64 flat index of the pixel whose depth each pixel measures.
 
-    It is a random neighbour, ``sigma`` pixels away, if that lies off the pixel's own plane by ``edge`` pixels
-    of disparity or more, so across a depth edge. On its own plane a pixel keeps its place.
+    Disparity and its slopes are (H, W) float32, ``bits`` (H, W) uint64. The source is a random neighbour, ``sigma``
+    pixels away, if that lies off the pixel's own plane by ``edge`` pixels of disparity or more, so across a depth
+    edge. On its own plane a pixel keeps its place.
     """
     height, width = disparity.shape
     source = np.empty((height, width), np.int64)
@@ -83,8 +76,8 @@ def lateral_source(
 
 
 @njit(cache=True)
-def projector_shadow(disparity: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W) bool, the pixels that the projector's light does not reach.
+def projector_shadow(disparity):
+    """(H, W) bool, the pixels of (H, W) float32 disparity that the projector's light does not reach.
 
     The projector stands to the camera's right and has the point of column u at its own column u - disparity. Its
     light ends on another surface if one further right in the image has that column, or one left of it.
@@ -101,18 +94,11 @@ def projector_shadow(disparity: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 @njit(cache=True, error_model="numpy")
-def cosine_of_incidence(
-    disparity: NDArray[np.float32],
-    per_column: NDArray[np.float32],
-    per_row: NDArray[np.float32],
-    rays: NDArray[np.float32],
-    fx: float,
-    fy: float,
-) -> NDArray[np.float32]:
+def cosine_of_incidence(disparity, per_column, per_row, rays, fx, fy):
     """(H, W) float32 cosine between the line of sight and the surface's normal.
 
     A plane a X + b Y + c Z = 1 has, but for a factor, the disparity a x + b y + c at the picture point
-    x = X / Z, y = Y / Z.
+    x = X / Z, y = Y / Z. Disparity and its slopes per column and row are (H, W) float32, ``rays`` (H, W, 3).
     """
     height, width = disparity.shape
     cosine = np.empty((height, width), np.float32)
@@ -129,8 +115,8 @@ def cosine_of_incidence(
 
 
 @njit(cache=True, error_model="numpy")
-def axial_sigma(depth: NDArray[np.float32], cosine: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W) float32 standard deviation of depth in metres: Nguyen, Izadi & Lovell 2012, equation 3."""
+def axial_sigma(depth, cosine):
+    """(H, W) float32 standard deviation of (H, W) depth in m: Nguyen, Izadi & Lovell 2012, equation 3."""
     sigma = np.empty_like(depth)
     for v in range(depth.shape[0]):
         z, cos, result = depth[v], cosine[v], sigma[v]
@@ -144,7 +130,7 @@ def axial_sigma(depth: NDArray[np.float32], cosine: NDArray[np.float32]) -> NDAr
 
 
 @njit(cache=True)
-def add_noise(depth: NDArray[np.float32], sigma: NDArray[np.float32], bits: NDArray[np.uint64]) -> None:
+def add_noise(depth, sigma, bits):
     """Add normal noise of so many m to the returns of (H, W) float32 depth, in place."""
     for v in range(depth.shape[0]):
         z, spread, row = depth[v], sigma[v], bits[v]
@@ -154,7 +140,7 @@ def add_noise(depth: NDArray[np.float32], sigma: NDArray[np.float32], bits: NDAr
 
 
 @njit(cache=True, error_model="numpy")
-def quantise(depth: NDArray[np.float32], focal_baseline: np.float32, step: np.float32) -> None:
+def quantise(depth, focal_baseline, step):
     """Round (H, W) float32 depth to whole steps of disparity, in place; no return stays 0."""
     for v in range(depth.shape[0]):
         row = depth[v]

@@ -44,6 +44,8 @@ SPACING = {"stripes": 0.11, "bands": 0.24}
 """m from one stripe or band to the next of its colour."""
 CHECK, CLOTH = 0.11, 0.4
 """m that a texture of checks, or of plain cloth, covers."""
+PATTERNS, PATTERN_SHARES = ("plain", "stripes", "checks"), (0.6, 0.25, 0.15)
+"""Of the tops that are no overalls, and how often each is worn."""
 REFLECTIVE = (0.92, 0.95, 0.35)
 EYE, IRIS = (0.93, 0.92, 0.90), (0.12, 0.09, 0.07)
 LIPS = np.array((0.85, 0.55, 0.52))
@@ -97,9 +99,7 @@ class Outfit:
             bottom=top if overall else one_of(BOTTOMS),
             shoes=one_of(SHOES),
             hair_style="bald" if bald else "long" if long_hair else "short",
-            top_pattern="bands"
-            if overall
-            else str(rng.choice(["plain", "stripes", "checks"], p=[0.6, 0.25, 0.15])),
+            top_pattern="bands" if overall else str(rng.choice(PATTERNS, p=PATTERN_SHARES)),
             long_sleeves=bool(overall or rng.random() < 0.5),
             long_legs=bool(overall or rng.random() < 0.75),
         )
@@ -126,9 +126,8 @@ def person_mjcf(name: str, figure: Figure, outfit: Outfit) -> tuple[list[Element
     if outfit.hair_style != "bald":
         hair = figure.hair[outfit.hair_style]
         assets.append(_mesh(f"{name}_hair", hair, vertex_normals(hair)))
-        geoms.append(
-            geom(f"{name}_hair", Label.VICTIM, type="mesh", mesh=f"{name}_hair", material=f"{name}_hair")
-        )
+        mesh = f"{name}_hair"
+        geoms.append(geom(mesh, Label.VICTIM, type="mesh", mesh=mesh, material=mesh))
     return assets, geoms + _face(name, figure)
 
 
@@ -143,35 +142,24 @@ def _materials(name: str, outfit: Outfit) -> list[Element]:
             Element("texture", {"type": "2d", "width": size, "height": size} | pattern, name=texture),
             Element("material", name=texture, texture=texture, specular="0.05", shininess="0.05"),
         ]
-    colours = {
-        "skin": outfit.skin,
-        "hair": outfit.hair,
-        "shoes": outfit.shoes,
-        "lips": LIPS * outfit.skin,
-        "eye": EYE,
-        "iris": IRIS,
-    }
-    for what, colour in colours.items():
-        rgba = numbers((*colour, 1))
-        materials.append(
-            Element("material", name=f"{name}_{what}", rgba=rgba, specular="0.1", shininess="0.2")
+    colours = {"skin": outfit.skin, "hair": outfit.hair, "shoes": outfit.shoes}
+    colours |= {"lips": tuple(LIPS * outfit.skin), "eye": EYE, "iris": IRIS}
+    return materials + [
+        Element(
+            "material", name=f"{name}_{what}", rgba=numbers((*colour, 1)), specular="0.1", shininess="0.2"
         )
-    return materials
+        for what, colour in colours.items()
+    ]
 
 
 def _pattern(outfit: Outfit) -> dict[str, str]:
     """Attributes of the top's texture."""
     top = np.array(outfit.top)
+    flat = {"builtin": "flat", "rgb1": numbers(top)}
     if outfit.top_pattern == "plain":
-        return {
-            "builtin": "flat",
-            "rgb1": numbers(top),
-            "mark": "random",
-            "markrgb": numbers(top * 0.88),
-            "random": "0.15",
-        }
+        return flat | {"mark": "random", "markrgb": numbers(top * 0.88), "random": "0.15"}
     if outfit.top_pattern == "bands":
-        return {"builtin": "flat", "rgb1": numbers(top), "mark": "edge", "markrgb": numbers(REFLECTIVE)}
+        return flat | {"mark": "edge", "markrgb": numbers(REFLECTIVE)}
     other = top * 0.45 if top.mean() > 0.45 else top * 0.4 + 0.55
     return {"builtin": "checker", "rgb1": numbers(top), "rgb2": numbers(other)}
 
@@ -190,13 +178,8 @@ def _mesh(
 ) -> Element:
     """A mesh of those vertices that the faces use."""
     used, faces = np.unique(shape.faces, return_inverse=True)
-    mesh = Element(
-        "mesh",
-        name=name,
-        inertia="shell",
-        vertex=numbers(shape.vertices[used]),
-        normal=numbers(normals[used], 3),
-    )
+    corners = {"vertex": numbers(shape.vertices[used]), "normal": numbers(normals[used], 3)}
+    mesh = Element("mesh", {"name": name, "inertia": "shell"} | corners)
     if texture_places is not None:
         mesh.set("texcoord", numbers(texture_places[used], 3))
     mesh.set("face", " ".join(map(str, faces.ravel())))

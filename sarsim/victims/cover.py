@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
-from sarsim.victims.mjcf import geom, quaternion
+from sarsim.victims.mjcf import about_z, geom, quaternion
 
 PANEL = 0.02
 """m thickness of boards and panels."""
@@ -19,6 +19,8 @@ GAP, RIM = 0.03, 0.05
 """m between a person and what surrounds it, and between a hole and the panel's edge."""
 MAX_DEPTH = 0.6
 """m; what of a person is further out sticks out of the box."""
+BOARDS = (("back", 0, -1), ("left", 1, 1), ("right", 1, -1), ("top", 2, 1), ("bottom", 2, -1))
+"""Of a box: name, axis, and on which side of the middle."""
 WOOD = (0.62, 0.48, 0.33)
 CONCRETE = (0.55, 0.54, 0.52)
 
@@ -44,7 +46,7 @@ def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> 
         person: (N, 3) places on the person, whose head is towards +x.
         rng: drawn from.
     """
-    cover = Cover([], np.empty((0, 3)))
+    cover = joined([])
     low, high = person.min(axis=0), person.max(axis=0)
     for n in range(rng.integers(3, 5)):
         for _ in range(10):
@@ -64,14 +66,8 @@ def box(name: str, person: NDArray[np.float64]) -> Cover:
     low, high = person.min(axis=0) - GAP, person.max(axis=0) + GAP
     high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL / 2
     middle, half = (low + high) / 2, (high - low) / 2
-    cover = Cover([], np.empty((0, 3)))
-    for side, axis, sign in (
-        ("back", 0, -1),
-        ("left", 1, 1),
-        ("right", 1, -1),
-        ("top", 2, 1),
-        ("bottom", 2, -1),
-    ):
+    cover = joined([])
+    for side, axis, sign in BOARDS:
         centre, size = middle.copy(), half.copy()
         centre[axis] += sign * (half[axis] + PANEL / 2)
         size[axis] = PANEL / 2
@@ -93,7 +89,7 @@ def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.floa
         "above": ((y - wide, y + wide), (z + high, WALL)),
         "below": ((y - wide, y + wide), (0, z - high)),
     }
-    cover = Cover([], np.empty((0, 3)))
+    cover = joined([])
     for piece, (across, up) in pieces.items():
         if up[1] - up[0] > 0.01:
             centre = np.array([x, sum(across) / 2, sum(up) / 2])
@@ -126,13 +122,11 @@ def _board(
     along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
     t = (under[:, :2] - middle) @ across
     strip = under[np.abs(t) < width / 2 + 0.02]
-    for reach in (
-        np.arange(0.45, 0.8, 0.05) * length
-    ):  # from the end on the floor to the middle of what it lies on
+    # From the end on the floor to the middle of what it lies on.
+    for reach in np.arange(0.45, 0.8, 0.05) * length:
         s = (strip[:, :2] - middle) @ along + reach
-        slope = np.arctan(
-            np.max(strip[:, 2] / np.maximum(s, 0.02), where=(s > 0) & (s < length), initial=0.0)
-        )
+        rise = np.max(strip[:, 2] / np.maximum(s, 0.02), where=(s > 0) & (s < length), initial=0.0)
+        slope = np.arctan(rise)
         if slope < MAX_SLOPE:
             break
     else:
@@ -141,9 +135,8 @@ def _board(
     rotation = np.stack([x, [*across, 0], np.cross(x, [*across, 0])], axis=1)
     foot = np.array([*(middle - along * reach), 0])
     centre = foot + x * length / 2 + rotation[:, 2] * (PANEL / 2 + 0.001)
-    return _block_of(
-        name, Label.CLUTTER, centre, np.array([length / 2, width / 2, PANEL / 2]), rotation, WOOD, rng
-    )
+    half = np.array([length, width, PANEL]) / 2
+    return _block_of(name, Label.CLUTTER, centre, half, rotation, WOOD, rng)
 
 
 def _block(
@@ -154,14 +147,13 @@ def _block(
     taken = np.concatenate([person, others])
     for _ in range(40):
         size, yaw = rng.uniform(0.03, 0.11, 3), rng.uniform(0, np.pi)
-        place = np.array(
-            [rng.uniform(low[0] - 0.1, (low[0] + high[0]) / 2), rng.uniform(low[1] - 0.2, high[1] + 0.2)]
-        )
-        rotation = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        x = rng.uniform(low[0] - 0.1, (low[0] + high[0]) / 2)
+        place = np.array([x, rng.uniform(low[1] - 0.2, high[1] + 0.2)])
+        rotation = about_z(yaw)
         near = np.abs((taken[:, :2] - place) @ rotation[:2, :2]) < size[:2] + 0.02
         if not near.all(axis=1).any():
             return _block_of(name, Label.CLUTTER, np.array([*place, size[2]]), size, rotation, CONCRETE, rng)
-    return Cover([], np.empty((0, 3)))
+    return joined([])
 
 
 def _block_of(

@@ -25,6 +25,11 @@ def geom(
     return Element("geom", {"name": name, "user": str(int(label)), **words})
 
 
+def about_z(yaw: float) -> NDArray[np.float64]:
+    """(3, 3) rotation to the left by ``yaw`` rad."""
+    return np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+
+
 def quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     """(4,) w x y z of a (3, 3) rotation."""
     quat = np.empty(4)

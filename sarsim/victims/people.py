@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from sarsim.assets import asset
+from sarsim.victims.mjcf import about_z
 
 UNIT = 1e-4
 """m; vertices are kept as whole numbers of it."""
@@ -98,16 +99,14 @@ class Figure:
         vertices, rest = self.body.vertices, self.rest
         for face, corners in _holes(body):
             cap = np.stack([corners[:, 1], corners[:, 0], np.full(len(corners), len(vertices))], axis=1)
-            body, face_parts = (
-                np.concatenate([body, cap]),
-                np.append(face_parts, np.full(len(cap), face_parts[face])),
-            )
+            body = np.concatenate([body, cap])
+            face_parts = np.append(face_parts, np.full(len(cap), face_parts[face]))
             vertices, rest = (np.vstack([v, v[corners[:, 0]].mean(axis=0)]) for v in (vertices, rest))
         return replace(self, body=Shape(vertices, body), rest=rest, face_parts=face_parts, parts=parts)
 
     def moved(self, yaw: float, shift: NDArray[np.float64]) -> "Figure":
         """The person turned left about the origin, then shifted."""
-        R = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        R = about_z(yaw)
         return replace(
             self,
             body=self.body.moved(R, shift),

@@ -1,15 +1,11 @@
 """Victims: people who lie, sit or lean in an arena, and where they truly are.
 
-An arena builder asks for one and sets it down::
-
-    victim = make_victim("3", rng, posture="sitting", placement="open")
-    victim.add_to(mujoco_element, position=(1.2, 0.6, 0.0), yaw=0.5)     # plain XML
-    victim.add_to_mjcf(arena.mjcf_model, position=(1.2, 0.6, 0.0), yaw=0.5)  # PyMJCF
-
-and whoever scores asks ``victims_of(model, data)`` where they are. A victim is one body ``victim_<id>`` of the world,
-without joints, all of whose geoms carry label 6; what covers or surrounds it (rubble, a box, a wall with a hole) is
-a second body ``cover_<id>`` with labels 7 and 1. Names of geoms, meshes, materials and textures begin with
-``victim_<id>_``. Nothing refers to a file or a default class, so that the MJCF opens anywhere.
+An arena builder asks for one, ``make_victim("3", rng, "sitting", "open")``, and sets it down,
+``victim.add_to(mujoco_element, position=(1.2, 0.6, 0.0), yaw=0.5)``; a score asks ``victims_of(model, data)`` where
+they are. A victim is one body ``victim_<id>`` of the world, without joints, all of whose geoms carry label 6; what
+covers or surrounds it (rubble, a box, a wall with a hole) is a second body ``cover_<id>`` with labels 7 and 1. Names
+of geoms, meshes, materials and textures begin with ``victim_<id>_``. Nothing refers to a file or a default class, so
+that the MJCF opens anywhere.
 
 A victim's own frame: x, y on the floor, z up. Its footprint is around the origin, unless ``needs_wall``: then the
 origin is at the foot of the wall against which it leans, the wall is the plane x = 0 and the person is on its +x
@@ -24,12 +20,12 @@ from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation
+from sarsim.ground_truth.shapes import mesh_vertices, rotation
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.body import UPPER_BODY, Outfit, person_mjcf
 from sarsim.victims.cover import Cover, box, joined, rubble, seat, wall_with_hole
@@ -86,18 +82,13 @@ class VictimModel:
 
     def add_to(self, root: Element, position: Sequence[float], yaw: float) -> None:
         """Set it down in a ``<mujoco>`` element: its origin at ``position`` (m), turned left by ``yaw`` (rad)."""
-        for parent, children in (("asset", self.assets), ("worldbody", self._set_down(position, yaw))):
+        bodies = self.bodies
+        for body in bodies:
+            body.set("pos", numbers(position))
+            body.set("quat", numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2))))
+        for parent, children in (("asset", self.assets), ("worldbody", bodies)):
             element = root.find(parent)
             (SubElement(root, parent) if element is None else element).extend(children)
-
-    def add_to_mjcf(self, root: mjcf.RootElement, position: Sequence[float], yaw: float) -> None:
-        """Set it down in a PyMJCF model, likewise."""
-        for asset in self.assets:
-            root.asset.add(asset.tag, **asset.attrib)
-        for body in self._set_down(position, yaw):
-            added = root.worldbody.add("body", **body.attrib)
-            for geom in body:
-                added.add(geom.tag, **geom.attrib)
 
     @property
     def assets(self) -> list[Element]:
@@ -107,21 +98,13 @@ class VictimModel:
     @property
     def bodies(self) -> list[Element]:
         """Children for ``<worldbody>``: the person's, then what covers it, each in the victim's own frame."""
-        person = _body(f"{PREFIX}{self.id}", self._person[1])
-        return [person, _body(_cover_name(self.id), self.cover.geoms)] if self.cover.geoms else [person]
+        parts = [(f"{PREFIX}{self.id}", self._person[1]), (_cover_name(self.id), self.cover.geoms)]
+        return [_body(name, geoms) for name, geoms in parts if geoms]
 
     @cached_property
     def _person(self) -> tuple[list[Element], list[Element]]:
         """Assets and geoms; most of the people that an arena draws fit nowhere, and are never written down."""
         return person_mjcf(f"{PREFIX}{self.id}", self.figure, self.outfit)
-
-    def _set_down(self, position: Sequence[float], yaw: float) -> list[Element]:
-        pose = {"pos": numbers(position), "quat": numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
-        moved = []
-        for body in self.bodies:
-            moved.append(Element("body", body.attrib | pose))
-            moved[-1].extend(body)
-        return moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,17 +148,17 @@ def make_victim(
         room: m along x and y that the person must not exceed.
 
     Raises:
-        InputError: a posture that the placement cannot have, or nobody so fits into the room.
+        InputError: the placement cannot have the posture, or no such person fits into the room.
     """
     choice = [p for p in SUITABLE[placement] if posture in (p, None) and (posture or p not in AGAINST_WALL)]
     if not choice:
-        raise InputError(f"victim {id}: nobody is {posture} in placement {placement!r}")
+        raise InputError(f"victim {id}: no one can be {posture} in placement {placement!r}")
     posture = choice[rng.integers(len(choice))]
     figures = _figures(posture, placement, stature, rng)
     fitting = ((f, b) for f, b in figures if np.all(np.subtract(*f.extremes[::-1])[:2] <= room))
     figure, build = next(fitting, (None, ""))
     if figure is None:
-        raise InputError(f"victim {id}: nobody {posture} fits into {room[0]:g} × {room[1]:g} m")
+        raise InputError(f"victim {id}: no {posture} person fits into {room[0]:g} × {room[1]:g} m")
     outfit = Outfit.random(build, rng)
     person = figure.places(outfit.hair_style)
     cover = _cover(_cover_name(id), posture, placement, figure, person, rng)
@@ -204,7 +187,9 @@ def _figures(
 ) -> Iterator[tuple[Figure, str]]:
     """The people of the library in a posture, in random order, of random stature, and their builds."""
     library = people()
-    kept = "sitting" if posture == "bust" else posture  # a bust is the upper half of someone who sits upright
+    kept = (
+        "sitting" if posture == "bust" else posture
+    )  # a bust is the upper half of a person who sits upright
     for pose in rng.permutation(np.flatnonzero(library.postures == kept)):
         build = str(library.builds[pose])
         figure = library.figure(int(pose), stature or rng.uniform(*STATURE[build]))
@@ -253,22 +238,14 @@ def _extremes(places: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _box(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float64]:
     """(2, 3) lowest and highest corner of geoms in the frame of their body, m."""
-    corners = [_extent(model, int(geom)) for geom in geoms]
-    return np.stack(
-        [np.min([low for low, _ in corners], axis=0), np.max([high for _, high in corners], axis=0)]
-    )
+    return _extremes(np.concatenate([_extent(model, int(geom)) for geom in geoms]))
 
 
-def _extent(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest corner of a geom in its body's frame."""
-    rotation = np.empty(9)
-    mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
-    R, position = rotation.reshape(3, 3), model.geom_pos[geom]
+def _extent(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
+    """(2, 3) lowest and highest corner of a geom in its body's frame, m."""
+    R, position = rotation(model.geom_quat[geom]), model.geom_pos[geom]
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = model.geom_dataid[geom]
-        first = model.mesh_vertadr[mesh]
-        vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]] @ R.T + position
-        return vertices.min(axis=0), vertices.max(axis=0)
+        return _extremes(mesh_vertices(model, geom) @ R.T + position)
     middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
     reach = np.abs(R) @ half
-    return R @ middle + position - reach, R @ middle + position + reach
+    return np.stack([R @ middle + position - reach, R @ middle + position + reach])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from sarsim.dataset.drive import DriveConfig
+from sarsim.dataset.drive import KEYFRAMES
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.render import World, arena_of
 from sarsim.sensors.conditions import Conditions
@@ -44,7 +44,7 @@ def drive_through(
     frames: int,
     seed: int,
     lighting: Lighting = Lighting.normal,
-    drive: DriveConfig | None = None,
+    keyframes: tuple[float, float] = KEYFRAMES,
 ) -> Iterator[TrueFrame]:
     """Frames of a drive from the arena's start; the seed decides on the way and on the sensor's errors.
 
@@ -53,25 +53,15 @@ def drive_through(
         frames: their number.
         seed: of everything random.
         lighting: of the arena.
-        drive: how the robot drives, and when it looks.
+        keyframes: m driven and rad turned from one frame to the next.
 
     Raises:
         InputError: the arena cannot be had, or the robot cannot drive in it.
     """
-    recipe = Recipe(seed=seed, frames=frames, drive=drive or DriveConfig())
+    recipe = Recipe(seed=seed, frames=frames, keyframes=keyframes)
     scene = SceneRecipe(0, arena, None, Conditions(lighting=lighting))
     with World(arena_of(scene), scene, Renderer, recipe.width, recipe.height) as world:
         noise = recipe.rng(0, "noise")
         for pose in world.drive(recipe, recipe.rng(0, "drive")).poses(frames):
             seen = world.capture(pose, noise)
-            frame = Frame(
-                time=seen.time,
-                rgb=seen.rgb,
-                depth=seen.depth,
-                intrinsics=world.camera.intrinsics,
-                T_base_camera=seen.T_base_camera,
-                T_odom_base=seen.pose_odom,
-                label=seen.label,
-                instance=seen.instance.astype(np.int32),
-            )
-            yield TrueFrame(frame, seen.pose_true @ seen.T_base_camera)
+            yield TrueFrame(seen.frame, seen.pose_true @ seen.frame.T_base_camera)

@@ -76,7 +76,7 @@ class _Album:
         if pose.time < self._next:
             return
         self._next += self._period
-        depth, truth = self._robot.sense().depth, self._robot.true_look
+        depth, truth = self._robot.sense().depth, self._robot.true_frame
         assert truth is not None
         self._frames.append((truth.image.depth, depth, truth.image.T_world_camera))
         if len(self._frames) == 2 * self._wanted:

@@ -7,7 +7,6 @@ from typing import Any
 from rich.progress import track
 
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
-from sarsim.dataset.drive import DriveConfig
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
 from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
@@ -19,8 +18,8 @@ SHARED = Path(__file__).resolve().parents[2].parent / "shared"
 """Test data beside the checkout."""
 LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}
 """By what is appended to the names of the figures."""
-DRIVE = DriveConfig(look_distance=2.0, look_turn=0.8)
-"""Of the drives on which labels are compared; frames lie far apart, to show more than where an arena begins."""
+KEYFRAMES = (2.0, 0.8)
+"""m and rad between the frames whose labels are compared: far apart, to show more than where an arena begins."""
 
 
 def measure(
@@ -60,7 +59,9 @@ def measure(
     jobs += [(str(path), raf_frames) for path in sorted(raf.glob("*.raf")) if raf_frames]
     lit = [(*job, suffix) for suffix in LIGHTINGS for job in jobs]
     details = {
-        _name(arena) + suffix: accuracy(drive_through(arena, number, seed, LIGHTINGS[suffix], DRIVE), network)
+        _name(arena) + suffix: accuracy(
+            drive_through(arena, number, seed, LIGHTINGS[suffix], KEYFRAMES), network
+        )
         for arena, number, suffix in track(lit, "arenas", transient=True)
     }
     for name, contenders in details.items():

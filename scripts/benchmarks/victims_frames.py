@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.victims.detection.average_precision import AveragePrecision
 from pipeline.victims.detection.detection import Detector
-from sarsim.dataset.drive import DriveConfig
-from sarsim.dataset.recipe import ArenaRange, LightingShares, Recipe
+from sarsim.dataset.recipe import ArenaRange, Recipe
 from sarsim.dataset.render import World, find_scene
 from sarsim.scoring.victims import VISIBLE
 from sarsim.sensors.lighting import Lighting
@@ -53,9 +52,7 @@ class People:
 def recipe(seed: int, frames: int) -> Recipe:
     """Arenas with people, like those of the training data but for the seed; the air is clear in three of four."""
     arenas = ArenaRange(victims=(1, 6), furniture=(0.05, 0.35), bulky=(0.0, 0.4))
-    return Recipe(
-        seed=seed, frames=frames, random=arenas, drive=DriveConfig(look_distance=0.5, look_turn=0.8)
-    )
+    return Recipe(seed=seed, frames=frames, random=arenas, keyframes=(0.5, 0.8))
 
 
 def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[People]:
@@ -72,8 +69,8 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
             frame = world.capture(pose, noise)
             seen = np.flatnonzero(frame.victim_area > 0)
             alone = world.areas_alone()[seen] if len(seen) else np.zeros(0)
-            camera = (frame.pose_true @ frame.T_base_camera)[:3, 3]
-            detections = detector.detect(frame.rgb)
+            camera = (frame.pose_true @ frame.frame.T_base_camera)[:3, 3]
+            detections = detector.detect(frame.frame.rgb)
             yield People(
                 boxes=frame.victim_pixels[seen].astype(np.float64),
                 area=frame.victim_area[seen].astype(np.int64),
@@ -117,6 +114,5 @@ def _average_precision(frames: Sequence[People], counts: Sequence[NDArray[np.boo
 
 def with_lighting(recipe: Recipe, lighting: Lighting) -> Recipe:
     """The same in one light."""
-    return replace(
-        recipe, lighting=LightingShares(**{kind.name: float(kind is lighting) for kind in Lighting})
-    )
+    normal, dim, dark = (float(kind is lighting) for kind in Lighting)
+    return replace(recipe, lighting=(normal, dim, dark))

@@ -118,7 +118,7 @@ def test_a_robot_that_was_lifted_drives_no_old_plan_and_says_so(tmp_path):
     assert diary.said("ended: moved")
     assert diary.said("WARN the robot was kidnapped and set down at (8.00, 0.00) m")
     assert diary.said("WARN the goal (0.00, 0.00) m cannot be reached from")
-    assert diary.report["navigation"]["lifted"] == 1
+    assert diary.report["navigation"]["kidnapped"] == 1
     assert diary.report["navigation"]["collisions"] == 0
     assert diary.report["navigation"]["distance_m"] < 4
     assert diary.report["home"]["reached"] == 0

@@ -57,18 +57,18 @@ def test_a_frame_holds_what_the_camera_sees_and_the_truth_of_it(make_robot):
     assert np.abs(np.median(floor[:, 2])) < 0.005
 
 
-def test_the_true_look_is_free_of_noise(make_robot):
+def test_the_true_frame_is_free_of_noise(make_robot):
     robot = make_robot()
     frame = robot.sense()
-    points = robot.true_look.points()
-    on_floor = robot.true_look.image.label[robot.true_look.image.depth > 0] == Label.TERRAIN
+    points = robot.true_frame.points()
+    on_floor = robot.true_frame.image.label[robot.true_frame.image.depth > 0] == Label.TERRAIN
     assert np.abs(points[on_floor, 2]).max() < 2e-3
-    assert not np.array_equal(frame.depth, robot.true_look.image.depth)
+    assert not np.array_equal(frame.depth, robot.true_frame.image.depth)
 
 
 def test_the_ideal_sensor_measures_the_truth(make_robot):
     robot = make_robot(sensor="ideal")
-    np.testing.assert_array_equal(robot.sense().depth, robot.true_look.image.depth)
+    np.testing.assert_array_equal(robot.sense().depth, robot.true_frame.image.depth)
 
 
 def test_the_same_seed_drives_and_sees_the_same(make_robot):

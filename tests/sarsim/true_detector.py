@@ -23,8 +23,8 @@ class TrueDetector:
 
     def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
         """Those in the look that ``rgb`` is of, which must be the newest."""
-        assert self._robot.true_look is not None
+        assert self._robot.true_frame is not None
         boxes = np.zeros((len(self._victims), 4), np.int32)
         pixels = np.zeros(len(self._victims), np.int32)
-        victim_boxes(self._robot.true_look.image.instance, self._victim_of_geom, boxes, pixels)
+        victim_boxes(self._robot.true_frame.image.instance, self._victim_of_geom, boxes, pixels)
         return [Detection((x0, y0, x1, y1), 0.9) for x0, y0, x1, y1 in boxes[pixels >= self._least].tolist()]

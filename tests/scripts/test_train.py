@@ -11,9 +11,9 @@ from safetensors import safe_open
 
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from sarsim.dataset.generate import generate
-from sarsim.dataset.local_engine import LocalEngine
 from sarsim.dataset.recipe import Recipe
 from sarsim.scripts import train
+from tests.sarsim.dataset.small import InProcess
 
 TRAIN = Path(train.__file__)
 
@@ -21,7 +21,8 @@ TRAIN = Path(train.__file__)
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("data")
-    generate(Recipe(frames=2, width=160, height=120), 5, folder, LocalEngine(2), lambda made: None)
+    recipe = Recipe(frames=2, width=160, height=120, arenas=("nist_6x4",))
+    generate(recipe, 5, folder, InProcess())
     return folder
 
 

@@ -68,7 +68,7 @@ def segment(
     grids: int,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """(M, classes) float32 probabilities of (M, 3) points, the mean over ``grids`` grids of columns."""
+    """(M, classes) float32 probabilities of (M, 3) points, m, the mean over ``grids`` grids of columns."""
     result = np.zeros((len(points), network.classes), np.float32)
     start = rng.uniform()
     for grid in range(grids):

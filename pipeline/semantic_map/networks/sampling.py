@@ -88,7 +88,7 @@ class BlockSampler:
 def augmented(
     cloud: LabelledCloud, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """(M, 3) points of the cloud seen from elsewhere, not quite in place, and (3,) where the camera is then."""
+    """(M, 3) points, m, of the cloud seen from elsewhere, not quite in place, and (3,) where the camera is then."""
     yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, TILT, 2)
     turn = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
     turn[:, 1] *= rng.choice([-1, 1])

@@ -118,7 +118,7 @@ def place(
     ratio: float,
     rng: np.random.Generator,
 ) -> LabelledImage:
-    """Draw an image, ``ratio`` times as large, somewhere in a region of the canvas; returns its boxes there."""
+    """Draw an image, ``ratio`` times as large, somewhere in a region of a canvas (H, W, 3); returns its boxes."""
     x0, y0, x1, y1 = region
     drawn = scaled(image.rgb, ratio)
     rows, columns = drawn.shape[:2]

@@ -67,13 +67,13 @@ def suppress(boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap:
 
 
 def size_overlaps(sizes: NDArray[np.floating], anchors: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(N, K) intersection over union of (N, 2) and (K, 2) widths and heights of boxes in the same place."""
+    """(N, K) intersection over union of (N, 2) and (K, 2) widths and heights, px, of boxes in the same place."""
     common = np.minimum(sizes[:, None], anchors[None]).prod(axis=2, dtype=np.float64)
     return common / (sizes.prod(axis=1)[:, None] + anchors.prod(axis=1)[None] - common)
 
 
 def fit_anchors(sizes: NDArray[np.floating], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(count, 2) widths and heights, from small to large, that overlap (N, 2) sizes well.
+    """(count, 2) widths and heights, px, from small to large, that overlap (N, 2) sizes well.
 
     By k-means on overlap (Redmon and Farhadi, YOLO9000, arXiv:1612.08242, section 2).
 

@@ -38,13 +38,13 @@ class Blocks(Export):
         check("seed", self.seed, 0)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """One file a scene; each look is a room of its own, as the robot sees it."""
+        """One file a scene; each frame is a room of its own."""
         rng = np.random.default_rng([self.seed, entry.index])
         blocks, rooms = [], []
         for index in range(len(scene)):
             new = list(self.of_cloud(Cloud.of_frame(scene, index), rng))
             blocks += new
-            rooms += [f"{AREAS[entry.split]}_{room(entry)}_look_{index}"] * len(new)
+            rooms += [f"{AREAS[entry.split]}_{room(entry)}_frame_{index}"] * len(new)
         name = f"ply_data_all_{entry.index}.h5"
         self._write(folder / name, blocks)
         for list_name, lines in ((FILES, [name]), (LIST, rooms)):

@@ -27,25 +27,19 @@ class Cloud:
 
     @classmethod
     def of_frame(cls, scene: Scene, index: int) -> Self:
-        """All returns of a look, at the true pose."""
+        """All returns of a frame, at the true pose."""
         frame = scene.frame(index)
         assert frame.label is not None and frame.instance is not None
         seen = frame.returns
-        return cls(
-            frame.points(scene.T_world_camera(index)),
-            frame.rgb[seen],
-            frame.label[seen],
-            frame.instance[seen],
-        )
+        points = frame.points(scene.T_world_camera(index))
+        return cls(points, frame.rgb[seen], frame.label[seen], frame.instance[seen])
 
     @classmethod
     def of_scene(cls, scene: Scene, voxel: float) -> Self:
         """The first return in every cube with sides of ``voxel`` m."""
         parts = [cls.of_frame(scene, index).thinned(voxel) for index in range(len(scene))]
-        whole = cls(
-            *(np.concatenate(columns) for columns in zip(*(part.columns for part in parts), strict=True))
-        )
-        return whole.thinned(voxel)
+        columns = zip(*(part.columns for part in parts), strict=True)
+        return cls(*map(np.concatenate, columns)).thinned(voxel)
 
     @property
     def columns(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:

@@ -7,6 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.errors import InputError
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SceneEntry
@@ -48,6 +52,13 @@ def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
     if not low <= value <= high:
         limits = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
         raise InputError(f"--{flag} {value:g}: {limits}")
+
+
+def write_image(path: Path, image: NDArray, *options: int) -> None:
+    """Write (H, W) or (H, W, 3) RGB in the format of the name; raises OSError where it cannot be written."""
+    bgr = image[..., ::-1] if image.ndim == 3 else image
+    _, data = cv2.imencode(path.suffix, np.ascontiguousarray(bgr), options)
+    path.write_bytes(data.tobytes())
 
 
 @contextmanager

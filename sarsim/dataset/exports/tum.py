@@ -5,12 +5,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Intrinsics
-from sarsim.dataset.exports.export import Export
-from sarsim.dataset.exports.images import write_image
+from sarsim.dataset.exports.export import Export, write_image
 from sarsim.dataset.exports.s3dis import room
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
@@ -31,11 +29,8 @@ class Tum(Export):
         lists: dict[str, list[str]] = {"rgb": [], "depth": [], "groundtruth": []}
         for index, frame in enumerate(scene):
             stamp = f"{frame.time:.6f}"
-            images: dict[str, NDArray] = {
-                "rgb": frame.rgb,
-                "depth": np.rint(frame.depth * UNITS).astype(np.uint16),
-            }
-            for kind, image in images.items():
+            depth = np.rint(frame.depth * UNITS).astype(np.uint16)
+            for kind, image in (("rgb", frame.rgb), ("depth", depth)):
                 write_image(sequence / kind / f"{stamp}.png", image, cv2.IMWRITE_PNG_COMPRESSION, 1)
                 lists[kind].append(f"{stamp} {kind}/{stamp}.png")
             T = scene.T_world_camera(index)

@@ -6,8 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sarsim.dataset.exports.export import Export, check
-from sarsim.dataset.exports.images import write_image
+from sarsim.dataset.exports.export import Export, check, write_image
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SPLITS, SceneEntry
 from sarsim.dataset.scene_file import Scene
@@ -27,7 +26,7 @@ class Yolo(Export):
         check("quality", self.quality, 0, 100)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """An image and a text for each look."""
+        """An image and a text for each frame."""
         images, labels = folder / "images" / entry.split, folder / "labels" / entry.split
         for place in (images, labels):
             place.mkdir(parents=True, exist_ok=True)

@@ -42,6 +42,7 @@ class Primitive:
         return (_cone if self.centre.ndim == 2 else _ellipsoid)(points, self.centre, self.radii)
 
     def mirrored(self) -> "Primitive":
+        """The same on the right side of the body."""
         return replace(self, bone="r" + self.bone[1:], centre=self.centre * [-1, 1, 1])
 
 

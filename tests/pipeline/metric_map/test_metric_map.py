@@ -66,13 +66,14 @@ def test_hits_outweigh_crossings_and_both_are_clamped() -> None:
 def test_a_line_of_sight_is_free_up_to_the_target_and_not_through_walls_or_unknown_space() -> None:
     grid, eye = MetricMap(), np.array([0.05, 0, 0.5])
     grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
-    on_wall, behind, aside = (np.array(place) for place in ([2.0, 0, 0.5], [3.0, 0, 0.5], [1.0, 2, 0.5]))
+    on_wall, in_wall, behind = (np.array([x, 0, 0.5]) for x in (2.0, 2.05, 3.0))
+    aside = np.array([1.0, 2, 0.5])
 
     def is_free(end: np.ndarray, **settings: float | bool) -> bool:
         return grid.is_free_along(eye, end, KDTree(end[None]), 0.15, **settings)
 
     assert is_free(np.array([1.5, 0, 0.5]))
-    assert is_free(on_wall) and not grid.is_free_along(eye, on_wall, KDTree(behind[None]), 0.15)
+    assert is_free(on_wall) and not grid.is_free_along(eye, in_wall, KDTree(behind[None]), 0.15)
     assert not is_free(behind) and not is_free(behind, may_be_unknown=True)
     assert not is_free(aside) and is_free(aside, may_be_unknown=True)
     grid.set_log_odds(grid.voxel_index([(0.3, 0, 0.5)])[0], np.full((1, 1, 1), 40, np.int8))

@@ -1,4 +1,4 @@
-"""Planes of synthetic looks."""
+"""Planes of synthetic frames."""
 
 import numpy as np
 import pytest

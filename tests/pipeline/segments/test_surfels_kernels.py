@@ -1,4 +1,4 @@
-"""Thinning a look, and putting pixels back onto planes."""
+"""Thinning a frame, and putting pixels back onto planes."""
 
 import numpy as np
 import pytest

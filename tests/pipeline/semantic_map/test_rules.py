@@ -1,4 +1,4 @@
-"""The rules on looks at simple scenes."""
+"""The rules on frames of simple scenes."""
 
 import numpy as np
 import pytest

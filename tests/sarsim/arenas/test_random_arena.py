@@ -1,4 +1,4 @@
-"""Random arenas: the same again, what they promise, and that a broken promise is noticed."""
+"""Random arenas: the same again, their checks, and that a failed check is noticed."""
 
 import hashlib
 import os
@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from sarsim.arenas.checks import broken_promises
+from sarsim.arenas.checks import failed_checks
 from sarsim.arenas.elements import ArenaBuilder, element_library
 from sarsim.arenas.layout import BLOCKED, YAW, Layout
 from sarsim.arenas.load import load_arena
@@ -70,8 +70,8 @@ def test_the_plan_of_a_seed_stays_the_same_on_every_machine(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_every_promise_is_kept(seed, arenas):
-    assert broken_promises(arenas[seed]) == []
+def test_every_check_passes(seed, arenas):
+    assert failed_checks(arenas[seed]) == []
     model, data = compiled(arenas[seed])
     assert len(victims_of(model, data)) == 3
     surface = true_surface(model, data, None, data.site("start").xpos)
@@ -105,11 +105,14 @@ def test_parameters_say_how_large_how_full_and_whether_there_is_a_ceiling():
 
 
 FURNISHED = RandomArenaConfig(furniture=0.25, bulky=0.2, victims=1)
+HALL = RandomArenaConfig(columns=5, rows=5, wall_density=0, ramps=0, clutter=0, furniture=0.3, victims=1)
+FURNISHED_ARENAS = [(seed, FURNISHED) for seed in (1, 2, 3, 4, 5, 7, 11)] + [(seed, HALL) for seed in (2, 4)]
+"""Few of their plans are drawn again, which takes a second each; the halls have ramps that lead nowhere."""
 
 
 @pytest.fixture(scope="module")
 def furnished():
-    return {seed: build_random(seed, FURNISHED).to_xml() for seed in SEEDS}
+    return [build_random(seed, config).to_xml() for seed, config in FURNISHED_ARENAS]
 
 
 def elements_of(xml):
@@ -118,15 +121,15 @@ def elements_of(xml):
     return {name.rpartition("_")[0] for name in names}
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_furniture_breaks_no_promise(seed, furnished):
-    assert broken_promises(furnished[seed]) == []
+@pytest.mark.parametrize("index", range(len(FURNISHED_ARENAS)))
+def test_furniture_fails_no_check(index, furnished):
+    assert failed_checks(furnished[index]) == []
 
 
 def test_furniture_stands_hangs_and_replaces_walls(furnished):
     # Furniture takes the room of most that hides much.
-    bulky = [build_random(seed, RandomArenaConfig(bulky=0.3, victims=1)).to_xml() for seed in SEEDS]
-    kinds = set().union(*map(elements_of, [*furnished.values(), *bulky]))
+    bulky = [build_random(seed, RandomArenaConfig(bulky=0.3, victims=1)).to_xml() for seed in (1, 3, 11)]
+    kinds = set().union(*map(elements_of, [*furnished, *bulky]))
     standing = {kind for kind, _ in AGAINST_WALL} | set(FREESTANDING)
     for sort in (
         standing,
@@ -162,7 +165,7 @@ def test_below_a_raised_floor_the_robot_drives_and_above_it_cannot():
     builder = room()
     builder.add_element("raised_floor_120", (1.2, 0, 0), 90)
     builder.set_start((0, 0, 0), 0)
-    assert broken_promises(builder.to_xml()) == []
+    assert failed_checks(builder.to_xml()) == []
     model, data = compiled(builder.to_xml())
     surface = true_surface(model, data, None, data.site("start").xpos)
     assert surface.drivable[tuple(surface.grid.cell_of((1.2, 0)))]
@@ -220,24 +223,24 @@ def sitting_at_the_end(builder):
     return builder
 
 
-def test_a_sound_room_breaks_no_promise():
-    assert broken_promises(sitting_at_the_end(room()).to_xml()) == []
+def test_a_sound_room_fails_no_check():
+    assert failed_checks(sitting_at_the_end(room()).to_xml()) == []
 
 
 def test_a_wall_that_cuts_ground_off_is_noticed():
-    (broken,) = broken_promises(room((2, 90)).to_xml())
+    (broken,) = failed_checks(room((2, 90)).to_xml())
     assert re.match(r"0\.\d\d m² of ground are cut off", broken)
 
 
 def test_a_victim_behind_a_wall_is_noticed():
     builder = sitting_at_the_end(room((2, 90)))
-    assert "victim 1 is hidden" in broken_promises(builder.to_xml())
+    assert "victim 1 is hidden" in failed_checks(builder.to_xml())
 
 
 def test_a_start_in_a_wall_is_noticed():
     builder = room()
     builder.set_start((0.6, 0.6, 0), 0)
-    assert broken_promises(builder.to_xml()) == ["the start is not free"]
+    assert failed_checks(builder.to_xml()) == ["the start is not free"]
 
 
 def test_mjcf_without_references_to_files_is_written(arenas):

@@ -20,7 +20,7 @@ def write_people_dataset(folder: Path, scenes: int = 5) -> None:
     for index in range(scenes):
         with SceneWriter(folder / scene_path(index), len(AREAS), content(2)) as writer:
             for number in range(len(AREAS)):
-                writer.write(number, _frame(index, number))
+                writer.write(_frame(index, number))
         manifest.scenes[index] = SceneEntry(
             index, scene_path(index), split_of(index), "", len(AREAS), "toy", "dim", {}
         )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.frame import Intrinsics
+from pipeline.frame import Frame, Intrinsics
 from sarsim.dataset.engine import Event, FrameDone, SceneDone
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.generate import generate
@@ -36,7 +36,7 @@ def content(victims: int = 2) -> SceneContent:
 
 
 def frame(index: int, victims: int = 2) -> SceneFrame:
-    """Some look."""
+    """Some frame."""
     rng = np.random.default_rng(index)
     depth = rng.uniform(0.8, 3.5, (6, 8)).astype(np.float32)
     depth[0, :index] = 0
@@ -49,25 +49,24 @@ def frame(index: int, victims: int = 2) -> SceneFrame:
     area = np.zeros(victims, np.int32)
     if victims:
         boxes[0], area[0] = (1, 2, 5, 6), 120
-    return SceneFrame(
+    image = Frame(
         time=0.2 * index,
         rgb=rng.integers(0, 256, (6, 8, 3), dtype=np.uint8),
         depth=depth,
+        intrinsics=content().intrinsics,
+        T_base_camera=np.array([[0, 0, 1, 0.2], [-1, 0, 0, 0], [0, -1, 0, 0.6], [0, 0, 0, 1]], np.float64),
+        T_odom_base=odom,
         label=content().geom_label[instance],
         instance=instance,
-        pose_true=pose,
-        pose_odom=odom,
-        T_base_camera=np.array([[0, 0, 1, 0.2], [-1, 0, 0, 0], [0, -1, 0, 0.6], [0, 0, 0, 1]], np.float64),
-        victim_pixels=boxes,
-        victim_area=area,
     )
+    return SceneFrame(image, pose, boxes, area)
 
 
 def write_scene(path: Path, frames: int = 3, victims: int = 2) -> None:
     """A scene's file."""
     with SceneWriter(path, frames, content(victims)) as writer:
         for index in range(frames):
-            writer.write(index, frame(index, victims))
+            writer.write(frame(index, victims))
 
 
 class InProcess:

@@ -18,7 +18,7 @@ from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.exports.yolo import Yolo
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.generate import generate
-from sarsim.dataset.recipe import DustRange, Recipe, SensorRange
+from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.scene_file import Scene
 from tests.sarsim.dataset.small import InProcess
 
@@ -28,8 +28,9 @@ RECIPE = Recipe(
     width=96,
     height=72,
     arenas=("nist_6x4",),
-    sensor=SensorRange(ideal=1),
-    air=DustRange(clear=0, dust=(0.2, 0.2)),
+    ideal=1,
+    clear=0,
+    dust=(0.2, 0.2),
 )
 
 
@@ -109,8 +110,8 @@ def test_blocks_are_columns_of_labelled_points(data: Path, tmp_path: Path, scene
         assert data_[..., 2:].min() >= 0 and data_[..., 3:].max() <= 1
         counts.append(len(data_))
     assert sum(counts) == len(rooms)
-    assert rooms[0].startswith("Area_1_arena_0_look_0")
-    first = sum(room == "Area_1_arena_1_look_0" for room in rooms)
+    assert rooms[0].startswith("Area_1_arena_0_frame_0")
+    first = sum(room == "Area_1_arena_1_frame_0" for room in rooms)
     cloud = Cloud.of_frame(scene, 0)
     assert_points_of(cloud, data_[:first], label[:first])
 

@@ -1,4 +1,4 @@
-"""Whole datasets: the same bytes whoever makes them, and nothing lost whoever dies."""
+"""Whole datasets: the same bytes by whichever engine, and nothing lost whichever process dies."""
 
 import json
 import multiprocessing

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.dataset.drive import DriveConfig
-from sarsim.dataset.recipe import ArenaRange, DustRange, LightingShares, Recipe, SceneRecipe, SensorRange
+from sarsim.dataset.recipe import ArenaRange, Recipe, SceneRecipe
 from sarsim.sensors.lighting import Lighting
 
 
@@ -71,9 +70,7 @@ def test_every_kind_of_light_air_and_sensor_is_drawn() -> None:
 
 
 def test_what_has_no_share_is_never_drawn() -> None:
-    recipe = Recipe(
-        lighting=LightingShares(normal=0, dim=0, dark=2), air=DustRange(clear=1), sensor=SensorRange(ideal=1)
-    )
+    recipe = Recipe(lighting=(0, 0, 2), clear=1, ideal=1)
     drawn = [recipe.conditions(index) for index in range(20)]
     assert {c.lighting for c in drawn} == {Lighting.dark}
     assert all(c.air.dust == 0 and not c.depth_sensor.axial_noise for c in drawn)
@@ -91,22 +88,20 @@ def test_purposes_have_numbers_of_their_own() -> None:
     ("make", "message"),
     [
         (lambda: Recipe(frames=0), "--frames 0: at least 1"),
-        (lambda: SensorRange(dropout=(-1, 0)), "--sensor.dropout -1: a share is from 0 to 1"),
-        (lambda: SensorRange(dropout=(0, 5)), "--sensor.dropout 5: a share is from 0 to 1"),
-        (lambda: SensorRange(lateral_sigma=(-3, -2)), "--sensor.lateral-sigma: from 0 to 10 pixels"),
-        (lambda: SensorRange(lateral_sigma=(0, 1e9)), "--sensor.lateral-sigma: from 0 to 10 pixels"),
-        (lambda: DriveConfig(speed=0), "--drive.speed 0: from 0.01 to 2"),
-        (lambda: DriveConfig(period=float("nan")), "--drive.period nan: from 0.01 to 2"),
-        (lambda: DriveConfig(look_distance=float("inf")), "--drive.look-distance inf: from 0.01 to 10"),
-        (lambda: DriveConfig(tilt_vibration=-1), "--drive.tilt-vibration -1: from 0 to 0.2"),
+        (lambda: Recipe(keyframes=(float("inf"), 0.6)), "--keyframes inf 0.6: from 0.01 to 10 each"),
+        (lambda: Recipe(keyframes=(0.3, float("nan"))), "--keyframes 0.3 nan: from 0.01 to 10 each"),
+        (lambda: Recipe(keyframes=(0.3, -1)), "--keyframes 0.3 -1: from 0.01 to 10 each"),
         (lambda: Recipe(seed=-1), "--seed -1: at least 0"),
         (lambda: Recipe(width=8), "--width 8: at least 16"),
         (lambda: Recipe(arenas=()), "--arenas: name at least one"),
         (lambda: ArenaRange(victims=(3, 1)), "--random.victims 3 1: the lower value comes first"),
         (lambda: ArenaRange(ceilings=float("nan")), "--random.ceilings nan: a share is from 0 to 1"),
-        (lambda: LightingShares(0, 0, 0), r"--lighting: \(0, 0, 0\) are no shares"),
-        (lambda: SensorRange(ideal=2), "--sensor.ideal 2: a share is from 0 to 1"),
-        (lambda: DustRange(dust=(0, 3)), "dust 3: must be from 0 to 1"),
+        (lambda: ArenaRange(painted=-1), "--random.painted -1: a share is from 0 to 1"),
+        (lambda: Recipe(lighting=(0, 0, 0)), r"--lighting: \(0, 0, 0\) are no shares"),
+        (lambda: Recipe(ideal=2), "--ideal 2: a share is from 0 to 1"),
+        (lambda: Recipe(clear=float("nan")), "--clear nan: a share is from 0 to 1"),
+        (lambda: Recipe(dust=(0.5, 0.1)), "--dust 0.5 0.1: the lower value comes first"),
+        (lambda: Recipe(dust=(0, 3)), "dust 3: must be from 0 to 1"),
     ],
 )
 def test_what_cannot_be_made_is_an_input_error(make, message: str) -> None:

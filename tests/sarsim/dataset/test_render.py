@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from sarsim.dataset.recipe import ArenaRange, DustRange, Recipe, SensorRange
+from sarsim.dataset.recipe import ArenaRange, Recipe
 from sarsim.dataset.render import render_scene
 from sarsim.dataset.scene_file import Scene
 
@@ -18,8 +18,8 @@ CLEAR = Recipe(
     width=160,
     height=120,
     arenas=("nist_6x4",),
-    sensor=SensorRange(ideal=1),
-    air=DustRange(clear=1),
+    ideal=1,
+    clear=1,
 )
 
 

@@ -1,6 +1,7 @@
 """A scene's file: round trip, its bytes, and what is no such file."""
 
 import errno
+import io
 from pathlib import Path
 
 import h5py
@@ -28,17 +29,18 @@ def test_what_was_written_is_read(file: Path) -> None:
     with Scene(file) as scene:
         assert len(scene) == len(list(scene)) == 3
         for index, read in enumerate(scene):
-            written = frame(index)
+            scene_frame = frame(index)
+            written = scene_frame.frame
             np.testing.assert_array_equal(read.rgb, written.rgb)
             np.testing.assert_allclose(read.depth, written.depth, atol=5.01e-4)
             assert ((read.depth == 0) == (written.depth == 0)).all()
             np.testing.assert_array_equal(read.label, written.label)
             np.testing.assert_array_equal(read.instance, written.instance)
             np.testing.assert_array_equal(read.T_base_camera, written.T_base_camera)
-            np.testing.assert_array_equal(read.T_odom_base, written.pose_odom)
-            np.testing.assert_array_equal(scene.pose_true[index], written.pose_true)
-            np.testing.assert_array_equal(scene.victim_pixels[index], written.victim_pixels)
-            np.testing.assert_array_equal(scene.victim_area[index], written.victim_area)
+            np.testing.assert_array_equal(read.T_odom_base, written.T_odom_base)
+            np.testing.assert_array_equal(scene.pose_true[index], scene_frame.pose_true)
+            np.testing.assert_array_equal(scene.victim_pixels[index], scene_frame.victim_pixels)
+            np.testing.assert_array_equal(scene.victim_area[index], scene_frame.victim_area)
             assert read.time == written.time
         assert scene.intrinsics == content().intrinsics
         assert scene.settings == content().settings
@@ -63,8 +65,8 @@ def test_a_scene_without_victims(tmp_path: Path) -> None:
 def test_returns_are_counted_by_label(tmp_path: Path) -> None:
     with SceneWriter(tmp_path / "scene.h5", 2, content()) as writer:
         for index in range(2):
-            writer.write(index, frame(index))
-    frames = [frame(0), frame(1)]
+            writer.write(frame(index))
+    frames = [frame(0).frame, frame(1).frame]
     for label in range(8):
         expected = sum(((f.label == label) & (f.depth > 0)).sum() for f in frames)
         assert writer.label_points[label] == expected
@@ -154,22 +156,14 @@ def test_a_flipped_bit_in_an_image(file: Path) -> None:
 def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     limit = 5000
 
-    class FullDisk(hdf5.FileSink):
-        def __init__(self, path: Path):
-            super().__init__(path)
-            self._file = Limited(self._file)
-
-    class Limited:
-        def __init__(self, file):
-            self._inner = file
-
-        def __getattr__(self, name):
-            return getattr(self._inner, name)
-
+    class Limited(io.FileIO):
         def write(self, data):
-            if self._inner.tell() + len(data) > limit:
+            if self.tell() + len(data) > limit:
                 raise OSError(errno.ENOSPC, "No space left on device")
-            return self._inner.write(data)
+            return super().write(data)
+
+    class FullDisk(hdf5.FileSink, Limited):
+        pass
 
     monkeypatch.setattr(hdf5, "FileSink", FullDisk)
     with (

@@ -21,11 +21,11 @@ def test_frames_come_with_their_boxes(data: Path) -> None:
     images = VictimImages([data], "train")
     assert len(images) == 4 * 4
     first, second, third, fourth = (images[4 + i] for i in range(4))  # scene 1
-    np.testing.assert_array_equal(second.rgb, frame(1).rgb)
+    np.testing.assert_array_equal(second.rgb, frame(1).frame.rgb)
     np.testing.assert_array_equal(first.boxes, [[1, 2, 4, 4], [0, 1, 6, 4]])
     assert first.ignored.tolist() == [False, True]
     assert second.ignored.tolist() == [False]
-    np.testing.assert_array_equal(first.shown, frame(0).label == 6)
+    np.testing.assert_array_equal(first.shown, frame(0).frame.label == 6)
     assert len(third.boxes) == 0
     assert third.shown is None
     assert fourth.ignored.tolist() == [True]
@@ -45,7 +45,7 @@ def test_splits_and_strides(data: Path) -> None:
     assert len(VictimImages([data, data], "val")) == 8
     strided = VictimImages([data], "train", stride=3)
     assert len(strided) == 4 * 2
-    np.testing.assert_array_equal(strided[1].rgb, frame(3).rgb)
+    np.testing.assert_array_equal(strided[1].rgb, frame(3).frame.rgb)
 
 
 def test_a_missing_scene_is_noticed(data: Path) -> None:

@@ -16,7 +16,8 @@ from pipeline.transforms import from_rotation, inverse, tilt_of, wrap_angle, yaw
 from sarsim.assets import asset
 from sarsim.robots.pioneer3at import PIONEER_3AT, WHEELS, Pioneer3AT
 from sarsim.robots.skid_steer import SkidSteer
-from sarsim.sensors.odometry import OdometryConfig, WheelOdometry
+from sarsim.sensors.odometry import WheelOdometry
+from tests.sarsim.sensors.no_noise import NoNoise
 
 MODEL = asset("robots", "pioneer3at", "pioneer3at.xml")
 SCENE = asset("robots", "pioneer3at", "scene.xml")
@@ -70,7 +71,7 @@ class Drive:
         with self.physics.reset_context():
             self.robot.set_pose(self.physics, (x, 0, z), (np.cos(pitch / 2), 0, np.sin(pitch / 2), 0))
         self.firmware = SkidSteer()
-        self.odometry = WheelOdometry(np.random.default_rng(0), OdometryConfig.ideal())
+        self.odometry = WheelOdometry(NoNoise())
         self.poses: list[NDArray[np.float64]] = []
         self.turned = 0.0
         self.go(1.0)

@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from pipeline.robot import Velocity
-from sarsim.robots.skid_steer import SkidSteer, SkidSteerConfig
+from sarsim.robots import skid_steer
+from sarsim.robots.pioneer3at import MODEL
+from sarsim.robots.skid_steer import SkidSteer
 
 DT = 0.02
-CONFIG = SkidSteerConfig()
 STILL = np.zeros(2)
 
 speeds = st.floats(-2, 2)
@@ -20,8 +21,8 @@ rates = st.floats(-5, 5)
 class Body:
     """A robot whose wheels obey at once and that turns ``obedience`` times as it should."""
 
-    def __init__(self, config: SkidSteerConfig = CONFIG, obedience: float = 1.0) -> None:
-        self.firmware = SkidSteer(config)
+    def __init__(self, obedience: float = 1.0) -> None:
+        self.firmware = SkidSteer()
         self.obedience = obedience
         self.wheels, self.gyro = STILL, 0.0
 
@@ -37,8 +38,8 @@ class Body:
 
 def forward_and_turn(wheels: np.ndarray) -> np.ndarray:
     """(..., 2) m/s and rad/s that these wheel speeds mean."""
-    left, right = np.moveaxis(wheels * CONFIG.wheel_radius, -1, 0)
-    return np.stack([(left + right) / 2, (right - left) / CONFIG.effective_track], axis=-1)
+    left, right = np.moveaxis(wheels * skid_steer.WHEEL_RADIUS, -1, 0)
+    return np.stack([(left + right) / 2, (right - left) / skid_steer.EFFECTIVE_TRACK], axis=-1)
 
 
 def test_straight_command_turns_both_wheels_alike():
@@ -53,40 +54,44 @@ def test_turn_command_turns_the_wheels_against_each_other():
 
 
 def test_effective_track_is_that_of_four_equally_loaded_tyres():
-    assert_allclose(CONFIG.effective_track, 0.398 + 0.270**2 / 0.398, atol=1e-3)
+    assert_allclose(skid_steer.EFFECTIVE_TRACK, 0.398 + 0.270**2 / 0.398, atol=1e-3)
 
 
 def test_top_speed_of_the_wheels_gives_the_data_sheets_turn_rate():
-    rate = CONFIG.max_speed / (CONFIG.effective_track / 2)
+    rate = skid_steer.MAX_SPEED / (skid_steer.EFFECTIVE_TRACK / 2)
     assert_allclose(math.degrees(rate), 140, atol=3)
 
 
 def test_speed_ramps_up_at_the_acceleration_limit():
     moved = forward_and_turn(Body().drive(1.0, v=0.6))[:, 0]
-    assert_allclose(np.diff(moved), CONFIG.acceleration * DT)
+    assert_allclose(np.diff(moved), MODEL.acceleration * DT)
 
 
 def test_stops_at_the_acceleration_limit():
     body = Body()
     body.drive(2.0, v=0.3)
     wheels = body.drive(1.2)
-    assert_allclose(forward_and_turn(wheels)[24, 0], 0.3 - 25 * DT * CONFIG.acceleration)
+    assert_allclose(forward_and_turn(wheels)[24, 0], 0.3 - 25 * DT * MODEL.acceleration)
     assert_allclose(wheels[-1], 0.0, atol=1e-12)
 
 
 @given(v=speeds, omega=rates)
 def test_limits_hold_for_any_command(v, omega):
     wheels = Body().drive(4.0, v, omega)
-    assert np.abs(wheels).max() <= CONFIG.max_wheel_speed + CONFIG.wheel_gain * CONFIG.max_wheel_lag
+    assert (
+        np.abs(wheels).max() <= skid_steer.MAX_WHEEL_SPEED + skid_steer.WHEEL_GAIN * skid_steer.MAX_WHEEL_LAG
+    )
     moved, turned = np.abs(forward_and_turn(wheels)).max(axis=0)
-    assert moved <= CONFIG.max_speed + 1e-9
-    assert turned <= CONFIG.max_turn_rate * 1.1
+    assert moved <= skid_steer.MAX_SPEED + 1e-9
+    assert turned <= skid_steer.MAX_TURN_RATE * 1.1
 
 
 @given(v=st.floats(0.3, 0.7), omega=st.floats(1.5, 2.4))
 def test_saturated_wheels_keep_the_curvature(v, omega):
-    config = SkidSteerConfig(max_wheel_speed=4.0, heading_gain=0.0)
-    wheels = Body(config).drive(4.0, v, omega)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(skid_steer, "MAX_WHEEL_SPEED", 4.0)
+        patch.setattr(skid_steer, "HEADING_GAIN", 0.0)
+        wheels = Body().drive(4.0, v, omega)
     moved, turned = forward_and_turn(wheels)[-1]
     assert_allclose(np.abs(wheels[-1]).max(), 4.0)
     assert_allclose(turned / moved, omega / v)
@@ -111,15 +116,15 @@ def test_heading_error_of_a_blocked_robot_stays_bounded():
     firmware = SkidSteer()
     for _ in range(500):
         firmware.command(Velocity(omega=1.0), STILL, 0.0, DT)
-    assert firmware.heading_error == CONFIG.max_heading_error
+    assert firmware.heading_error == skid_steer.MAX_HEADING_ERROR
 
 
 def test_wheel_that_lags_is_pushed_and_let_go_again():
     firmware = SkidSteer()
     for _ in range(500):
         wheels = firmware.command(Velocity(v=0.2), STILL, 0.0, DT)
-    push = CONFIG.wheel_gain * CONFIG.max_wheel_lag
-    assert_allclose(wheels, 0.2 / CONFIG.wheel_radius + push)
+    push = skid_steer.WHEEL_GAIN * skid_steer.MAX_WHEEL_LAG
+    assert_allclose(wheels, 0.2 / skid_steer.WHEEL_RADIUS + push)
 
 
 def test_wheels_that_roll_back_on_a_slope_are_held():

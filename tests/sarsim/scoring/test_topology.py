@@ -14,9 +14,9 @@ from sarsim.scoring.topology import score_topology
 @pytest.fixture
 def two_rooms():
     """4 × 2 m, a wall in the middle with a door of 0.6 m at its north end."""
-    grid = Grid(np.zeros(2), 0.05, (80, 40))
+    grid = Grid(np.zeros(2), 0.1, (40, 20))
     walls = np.zeros(grid.shape, np.bool_)
-    walls[40, :28] = True
+    walls[20, :14] = True
     return TrueSurface(grid, np.zeros(grid.shape), ~walls, walls)
 
 

@@ -44,7 +44,7 @@ def test_the_true_position_is_the_middle_of_the_whole_person(score):
     np.testing.assert_allclose(score.positions, [A, B], atol=1e-9)
 
 
-def test_someone_near_enough_is_found_and_all_else_is_a_false_alarm(score):
+def test_a_person_near_enough_is_found_and_all_else_is_a_false_alarm(score):
     report = score.report(np.array([(1.2, 0.3, 0.2), (0.0, 2.0, 0.8), (3.0, 3.0, 0.0)]))
     assert report == {
         "present": 2,
@@ -56,7 +56,7 @@ def test_someone_near_enough_is_found_and_all_else_is_a_false_alarm(score):
     }
 
 
-def test_someone_reported_twice_is_found_once(score):
+def test_a_person_reported_twice_is_found_once(score):
     report = score.report(np.array([(1.2, 0.3, 0.2), (1.2, -0.1, 0.2)]))
     assert (report["found"], report["false_alarms"]) == (1, 1)
     assert report["position_error_m"] == pytest.approx(0.1)
@@ -69,7 +69,7 @@ def test_as_many_as_possible_are_found():
     np.testing.assert_allclose(score.matches(np.array([(0.1, 0.0, 0.0), (-0.3, 0.0, 0.0)])), [0.3, 0.3])
 
 
-def test_nobody_found_has_no_error(score):
+def test_no_one_found_has_no_error(score):
     report = score.report(np.zeros((0, 3)))
     assert report["position_error_m"] is None
     assert (report["found"], report["false_alarms"]) == (0, 0)

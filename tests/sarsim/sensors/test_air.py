@@ -8,6 +8,7 @@ from scipy import stats
 
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
+from sarsim.sensors import air as air_module
 from sarsim.sensors.air import GREY, Air
 from sarsim.sensors.camera import LabelledImage
 from sarsim.sensors.lighting import Lighting, distances, radiance
@@ -39,7 +40,7 @@ def test_returns_thin_by_beer_and_lamberts_law(dust: float, depth: float) -> Non
     image = wall(depth)
     result = thinned(air, image)
     passing = np.exp(-2 * air.extinction * distances(image).astype(np.float64))
-    speck = dust * air.speck_rate * (1 - passing)
+    speck = dust * air_module.SPECK_RATE * (1 - passing)
     expected = (1 - speck) * passing
     kept = (result.depth == image.depth) & (result.instance == 9)
     sigma = np.sqrt(np.sum(expected * (1 - expected)))
@@ -49,8 +50,11 @@ def test_returns_thin_by_beer_and_lamberts_law(dust: float, depth: float) -> Non
     assert np.all(result.depth[~kept & ~specks] == 0)
 
 
-def test_specks_lie_before_the_surface_by_the_same_law_and_have_no_label() -> None:
-    air = Air(1.0, speck_rate=1.0)
+def test_specks_lie_before_the_surface_by_the_same_law_and_have_no_label(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(air_module, "SPECK_RATE", 1.0)
+    air = Air(1.0)
     image = wall(2.5)
     result = thinned(air, image)
     specks = result.instance == -1
@@ -61,8 +65,9 @@ def test_specks_lie_before_the_surface_by_the_same_law_and_have_no_label() -> No
     assert stats.kstest(quantile, "uniform").pvalue > 0.01
 
 
-def test_specks_nearer_than_the_sensor_sees_do_not_return() -> None:
-    result = thinned(Air(1.0, speck_rate=1.0), wall(2.5), min_range=0.8)
+def test_specks_nearer_than_the_sensor_sees_do_not_return(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(air_module, "SPECK_RATE", 1.0)
+    result = thinned(Air(1.0), wall(2.5), min_range=0.8)
     assert result.depth[result.depth > 0].min() >= 0.8
 
 
@@ -76,7 +81,9 @@ def test_where_nothing_returns_dust_still_does() -> None:
 @given(st.floats(0.01, 1), st.floats(0.01, 1), st.integers(0, 1000))
 def test_what_comes_through_more_dust_comes_through_less(a: float, b: float, seed: int) -> None:
     image = wall(2.0, Intrinsics(64, 48, 60.0, 60.0, 32.0, 24.0))
-    less, more = (thinned(Air(dust, speck_rate=0), image, seed).depth > 0 for dust in sorted((a, b)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(air_module, "SPECK_RATE", 0.0)
+        less, more = (thinned(Air(dust), image, seed).depth > 0 for dust in sorted((a, b)))
     assert not np.any(more & ~less)
 
 

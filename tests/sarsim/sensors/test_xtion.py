@@ -10,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from pipeline.frame import Intrinsics
+from sarsim.sensors import xtion
 from sarsim.sensors import xtion_kernels as kernels
 from sarsim.sensors.camera import LabelledImage
 from sarsim.sensors.xtion import Xtion
@@ -153,8 +154,9 @@ def test_projector_shadow_needs_an_edge() -> None:
         np.testing.assert_array_equal(measured, depth)
 
 
-def test_grazing_surfaces_do_not_return() -> None:
-    sensor = replace(NO_ERROR, grazing=True, max_incidence=70.0)
+def test_grazing_surfaces_do_not_return(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(xtion, "MAX_INCIDENCE", 70.0)
+    sensor = replace(NO_ERROR, grazing=True)
     rays = INTRINSICS.rays
     depth = plane(1.5, np.radians(65))
     normal = np.array([-np.sin(np.radians(65)), 0, np.cos(np.radians(65))])

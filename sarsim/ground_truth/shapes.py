@@ -1,0 +1,51 @@
+"""The shapes of a model's geoms, in their own frames: corners, hulls, and surfaces swept around the z axis."""
+
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+SQUARE = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float64)
+"""(4, 3) corners of a plane of half sizes 1, counter-clockwise from above."""
+CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
+"""(8, 3) corners of a box of half sizes 1."""
+
+
+def rotation(quat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) rotation of a (4,) quaternion w x y z."""
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, quat)
+    return matrix.reshape(3, 3)
+
+
+def mesh_vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
+    """(N, 3) m, the vertices of a geom that is a mesh."""
+    mesh = model.geom_dataid[geom]
+    first = model.mesh_vertadr[mesh]
+    return model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
+
+
+def hull_planes(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(M, 4) planes (n, d) around the convex hull of (N, 3) vertices, n·p ≤ d inside, to 1 µm, each once."""
+    return _hull_planes(vertices.tobytes())
+
+
+@lru_cache(256)
+def _hull_planes(vertices: bytes) -> NDArray[np.float64]:
+    """Kept, because arenas repeat few shapes and are surveyed again and again."""
+    return np.unique(ConvexHull(np.frombuffer(vertices).reshape(-1, 3)).equations.round(6), axis=0) * [
+        1,
+        1,
+        1,
+        -1,
+    ]
+
+
+def swept(outline: NDArray[np.float64], segments: int) -> NDArray[np.float64]:
+    """(K · segments, 3) the points that (K, 2) points (r, z) sweep around the z axis, point by point."""
+    angle = np.arange(segments) * 2 * np.pi / segments
+    xy = outline[:, None, :1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    z = np.broadcast_to(outline[:, None, 1:], (*xy.shape[:2], 1))
+    return np.concatenate([xy, z], axis=2).reshape(-1, 3)

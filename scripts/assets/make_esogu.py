@@ -18,7 +18,7 @@ from sarsim.victims.mjcf import numbers
 from sarsim.victims.victims import make_victim
 
 SEED = 52
-"""of the victims' looks."""
+"""of the victims' builds, clothes and poses."""
 HALF_TILE = 0.6
 FLOOR_GRID = 0.8
 """m; the robot's lamp shines on the corners of such squares."""

@@ -191,4 +191,4 @@ VICTIMS = (
 """Victim ``n`` is number ``n``, from 1."""
 
 START = (-25.0, 0.7)
-"""x, y in m at the corridor's west end; the robot looks along it."""
+"""x, y in m at the corridor's west end; the robot faces along it."""

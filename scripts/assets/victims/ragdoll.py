@@ -24,7 +24,7 @@ BLOCK = (0.26, 0.3, 0.25)
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a posture is brought about, and what it must look like in the end.
+    """How a posture is brought about, and what must hold at rest.
 
     Attributes:
         turn: about the person's own x, y, z before the fall: most likely angles, degrees.

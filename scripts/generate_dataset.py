@@ -59,7 +59,8 @@ def generate_dataset(settings: GenerateDataset) -> None:
     from sarsim.dataset.generate import generate
     from sarsim.dataset.recipe import Recipe
 
-    recipe = Recipe(**{f.name: getattr(settings, f.name) for f in fields(Recipe)})
+    names = {f.name for f in fields(Recipe)} & {f.name for f in fields(settings)}
+    recipe = Recipe(**{name: getattr(settings, name) for name in names})
     with progress() as bars:
         bar = bars.add_task("frames", total=settings.scenes * settings.frames)
         engine = make_engine(settings.engine, settings.workers)

@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 SUBJECT ?= camera
 
-.PHONY: help setup episode test lint benchmark clean
+.PHONY: help setup episode test lint benchmark docs clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
@@ -27,6 +27,14 @@ lint: setup ## check style and types
 
 benchmark: setup ## measure against peers: make benchmark SUBJECT=camera
 	$(PYTHON) scripts/benchmark.py $(SUBJECT)
+
+docs: setup .venv/docs-installed ## build the documentation's site in build/site
+	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet
+	@echo "to read it: $(PYTHON) -m http.server --bind 127.0.0.1 --directory build/site"
+
+.venv/docs-installed: docs/requirements.txt
+	$(PYTHON) -m pip --disable-pip-version-check --quiet install --no-deps --requirement $<
+	@touch $@
 
 clean: ## remove all that was built, .venv too; runs/ stays
 	rm -rf .venv build dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -51,7 +51,7 @@ class RescueTask(composer.Task):
     def before_step(
         self, physics: mjcf.Physics, action: NDArray, random_state: np.random.RandomState
     ) -> None:
-        """Let the drive's firmware turn the command into wheel speeds."""
+        """Let the drive's firmware turn the command (2,), m/s and rad/s, into wheel speeds."""
         wheels = self._drive.command(
             Velocity(float(action[0]), float(action[1])),
             self.robot.wheel_speed(physics),

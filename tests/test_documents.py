@@ -1,30 +1,122 @@
-"""Links and pictures in the documents lead somewhere."""
+"""What the documents name is there: files, headings, pictures, flags, imports, the site's pages."""
 
+import ast
 import re
+import tomllib
+from importlib import import_module
 from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("[a-z]*/**/*.md")])
+from sarsim.arenas.load import load_arena
+from tests.source_tree import ROOT, modules
+
+DOCUMENTS = sorted(
+    [*ROOT.glob("*.md"), *(p for top in ("assets", "docs") for p in (ROOT / top).rglob("*.md"))]
+)
+PAGES = sorted((ROOT / "docs").glob("*.md"))
 CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 TARGET = re.compile(r"\]\(<?([^)\s>]+)|^\[[^\]]+\]:\s*(\S+)|(?:src|href)=\"([^\"]+)\"", re.MULTILINE)
-ELSEWHERE = re.compile(r"[a-z]+:|#")
+ELSEWHERE = re.compile(r"[a-z]+:")
+HEADING = re.compile(r"^#+ +(.+)$", re.MULTILINE)
+FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+NAMED = re.compile(r"(?<![\w/.])((?:pipeline|sarsim|scripts|tests|docs|assets)/(?!NAME)[\w./-]*\w/?)")
+FLAG = re.compile(r"scripts/\w+\.py[^`#\n]*?--[^`#\n]*")
+PYTHON = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+PIN = re.compile(r"^([\w.-]+)==(\S+)", re.MULTILINE)
+
+document = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 
 
 def targets(text: str) -> list[str]:
-    """Relative paths that a Markdown text links to or shows."""
+    """What a Markdown text links to or shows in this repository: a path, a path#heading or a #heading."""
     found = ["".join(match) for match in TARGET.findall(CODE.sub("", text))]
-    return [unquote(target.partition("#")[0]) for target in found if not ELSEWHERE.match(target)]
+    return [unquote(target) for target in found if not ELSEWHERE.match(target)]
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def anchors(text: str) -> set[str]:
+    """Anchors of the headings, as GitHub and mkdocs name them."""
+    plain = [re.sub(r"[^\w\- ]", "", heading.lower()) for heading in HEADING.findall(FENCED.sub("", text))]
+    return {heading.strip().replace(" ", "-") for heading in plain}
+
+
+def leads_somewhere(target: str, document: Path) -> bool:
+    """Whether the file is there and has the heading."""
+    path, _, anchor = target.partition("#")
+    file = document.parent / path if path else document
+    return file.exists() and (not anchor or anchor in anchors(file.read_text()))
+
+
+@document
 def test_links_lead_somewhere(document: Path) -> None:
-    broken = [t for t in targets(document.read_text()) if not (document.parent / t).exists()]
+    broken = [t for t in targets(document.read_text()) if not leads_somewhere(t, document)]
     assert not broken
 
 
-def test_targets_are_found() -> None:
+@document
+def test_paths_that_are_named_are_there(document: Path) -> None:
+    assert not [path for path in NAMED.findall(document.read_text()) if not (ROOT / path).exists()]
+
+
+@pytest.fixture(scope="module")
+def settings() -> set[str]:
+    """Names of parameters and typed fields in the code, of which commands make flags, spelt like flags."""
+    nodes = [node for module in modules("pipeline", "sarsim", "scripts") for node in ast.walk(module.tree)]
+    fields = {n.target.id for n in nodes if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
+    names = fields | {node.arg for node in nodes if isinstance(node, ast.arg)}
+    return {f"--{name.replace('_', '-')}" for name in names} | {"--help"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_flags_are_settings(page: Path, settings: set[str]) -> None:
+    commands = " ".join(FLAG.findall(page.read_text()))
+    flags = {re.sub(r"--[\w-]+\.", "--", flag) for flag in re.findall(r"--[a-z][\w.-]*", commands)}
+    unknown = {re.sub("^--no-", "--", flag) for flag in flags} - settings
+    assert not unknown
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_python_in_pages_imports_what_is_there(page: Path) -> None:
+    for block in PYTHON.findall(page.read_text()):
+        for node in ast.parse(block).body:
+            if isinstance(node, ast.ImportFrom) and node.module:
+                module = import_module(node.module)
+                assert all(hasattr(module, alias.name) for alias in node.names), ast.unparse(node)
+
+
+def test_targets_and_headings_are_found() -> None:
     text = '[a](a.md#part) ![b](b%20c.png "title") <img src="d.jpg"> [e](https://e.org) [f](#f) `[g](g)`\n[h]: h.md\n'
-    assert targets(text) == ["a.md", "b c.png", "d.jpg", "h.md"]
+    assert targets(text) == ["a.md#part", "b c.png", "d.jpg", "#f", "h.md"]
+    assert anchors("# `a.raf` files\n```sh\n# none\n```\n## On the map\n") == {"araf-files", "on-the-map"}
+
+
+def test_every_picture_is_shown_in_the_gallery_and_on_a_page() -> None:
+    pictures = {f"images/{path.name}" for path in (ROOT / "docs" / "images").iterdir()}
+    shown = {page.name: set(targets(page.read_text())) for page in PAGES}
+    assert pictures <= shown["gallery.md"]
+    others = (targets for name, targets in shown.items() if name not in ("gallery.md", "index.md"))
+    assert pictures <= set().union(*others)
+
+
+def test_every_page_opens_with_something_to_do() -> None:
+    without = [p.name for p in PAGES if not re.search(r"```(sh|python)", p.read_text()[:1600])]
+    assert without == ["gallery.md"]
+
+
+@pytest.mark.parametrize("name", ["first.raf", "example.raf"])
+def test_arenas_of_the_tutorial_have_a_start(name: str) -> None:
+    assert load_arena(str(ROOT / "docs" / name)).T_world_start.shape == (4, 4)
+
+
+def test_the_site_is_made_with_pinned_tools() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    asked = dict(PIN.findall("\n".join(project["optional-dependencies"]["docs"])))
+    locked, shared = (dict(PIN.findall((ROOT / d / "requirements.txt").read_text())) for d in ("docs", "."))
+    assert asked.items() <= locked.items()
+    assert locked.keys().isdisjoint(shared)
+
+
+def test_the_site_has_every_page_once() -> None:
+    listed = re.findall(r": ([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
+    assert sorted(listed) == [page.name for page in PAGES]

@@ -1,4 +1,4 @@
-"""Draw the pictures of arenas.md: ``python docs/figures/draw_arenas.py``."""
+"""Draw the pictures of arenas.md and tutorial-arena.md: ``python docs/figures/draw_arenas.py``."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,6 +27,8 @@ def main() -> None:
         "arena-raf.jpg",
         [overview(str(DOCS / "example.raf")), eye(str(DOCS / "example.raf"), (6.0, 1.1, 100.0))],
     )
+    first = str(DOCS / "first.raf")
+    save("arena-first.jpg", [overview(first), eye(first, None)])
     flat, decks, clutter, fields = (overview(f"random:{seed}") for seed in (8, 1, 6, 7))
     save("arenas-random.jpg", [flat, decks], [clutter, fields])
     large = RandomArenaConfig(columns=12, rows=9, victims=6, difficulty=3)

@@ -38,12 +38,12 @@ def titled(picture: NDArray[np.uint8], title: str) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Put the robot down, look once, draw."""
+    """Put the robot down, take a frame, draw."""
     simulation = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(sensor="ideal"), seed=0)
     quaternion = (np.cos(YAW / 2), 0, 0, np.sin(YAW / 2))
     simulation.robot.set_pose(simulation.physics, POSITION, quaternion)
     simulation.physics.forward()
-    ideal = RgbdCamera(simulation.renderer, simulation.robot.camera.full_identifier).step(
+    ideal = RgbdCamera(simulation.renderer, simulation.robot.camera.full_identifier).capture(
         simulation.physics.data.ptr
     )
     noisy = Xtion().apply(ideal, np.random.default_rng(0))

@@ -64,7 +64,7 @@ def robots_eye(places: list[tuple[float, float, float]], config: SimulationConfi
     for x, y, yaw in places:
         robot.robot.set_pose(robot.physics, (x, y, 0), (np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))
         robot.physics.forward()
-        label = camera.step(robot.physics.data.ptr).label
+        label = camera.capture(robot.physics.data.ptr).label
         small = [
             cv2.resize(p[..., ::-1], (400, 300), interpolation=cv2.INTER_AREA)
             for p in (robot.sense().rgb, COLOURS[label])

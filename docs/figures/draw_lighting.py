@@ -22,11 +22,11 @@ CONDITIONS = {
 }
 
 GRAIN = (slice(60, 380), slice(1480, 1800))
-"""Rows and columns of a row of looks: the woman at full size."""
+"""Rows and columns of a row of pictures: the woman at full size."""
 
 
 def main() -> None:
-    rows = [steps(title, config) for title, config in CONDITIONS.items()]
+    rows = [row_of(title, config) for title, config in CONDITIONS.items()]
     save("lighting.jpg", cv2.resize(np.vstack(rows), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
     save("lighting-grain.jpg", np.hstack([row[GRAIN] for row in rows[:3]]))
 
@@ -35,7 +35,7 @@ def save(name: str, picture: NDArray[np.uint8]) -> None:
     cv2.imwrite(str(IMAGES / name), picture, [cv2.IMWRITE_JPEG_QUALITY, 85])
 
 
-def steps(title: str, config: SimulationConfig) -> NDArray[np.uint8]:
+def row_of(title: str, config: SimulationConfig) -> NDArray[np.uint8]:
     """Colour and depth at each place, side by side, (H, W, 3) BGR."""
     robot = SimulatedRobot(load_arena("nist_6x4"), config, seed=0)
     pictures = []

@@ -23,7 +23,7 @@ SIZE = (800, 560)  # width, height of a panel
 BRIGHTNESS = (0.62, 0.8, 1.0)  # of faces across x, y and z
 
 
-class Mapper:
+class PeriodicMaps:
     """Maps what the robot sees every few seconds of its way, and draws the map now and then."""
 
     def __init__(self, robot: SimulatedRobot):
@@ -97,14 +97,14 @@ def to_pixels(points: NDArray) -> NDArray[np.int32]:
 def main() -> None:
     """Explore and draw."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    explorer, mapper = Explorer(robot, TruthClassifier(), seed=0), Mapper(robot)
-    robot.on_motion = mapper.step
+    explorer, maps = Explorer(robot, TruthClassifier(), seed=0), PeriodicMaps(robot)
+    robot.on_motion = maps.step
     step = explorer.step()
-    while step.plan is not None and len(mapper.panels) < len(FRAMES):
+    while step.plan is not None and len(maps.panels) < len(FRAMES):
         explorer.drive(step)
         step = explorer.step()
     robot.close()
-    rows = [np.hstack(mapper.panels[:2]), np.hstack(mapper.panels[2:])]
+    rows = [np.hstack(maps.panels[:2]), np.hstack(maps.panels[2:])]
     path = Path(__file__).parents[1] / "images" / "metric-map.jpg"
     cv2.imwrite(str(path), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 80])
 

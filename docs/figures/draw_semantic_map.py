@@ -1,4 +1,4 @@
-"""Draw docs/images/semantic-map.jpg: points and segments after a round of looks in the NIST arena, from above."""
+"""Draw docs/images/semantic-map.jpg: points and segments after a round of frames in the NIST arena, from above."""
 
 from itertools import product
 from pathlib import Path
@@ -58,7 +58,7 @@ def segments_picture(segments: Segments) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Put the robot down here and there, look around, draw."""
+    """Put the robot at several places, take frames all around, draw."""
     simulation = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(sensor="xtion"), seed=0)
     classifier, semantic_map, segments = TruthClassifier(), SemanticMap(), Segments()
     for step, ((x, y), yaw) in enumerate(product(PLACES, YAWS)):

@@ -18,23 +18,23 @@ from sarsim.arenas.load import load_arena
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 CELL = 8  # pixels a cell
-MARGIN = 10  # cells around the drivable ground
-UNKNOWN, KNOWN, HAZARD, DRIVABLE, RAMP = (255,) * 3, (215,) * 3, (90,) * 3, (248,) * 3, (250, 225, 190)
+MARGIN = 10  # cells around the traversable ground
+UNKNOWN, KNOWN, HAZARD, TRAVERSABLE, RAMP = (255,) * 3, (215,) * 3, (90,) * 3, (248,) * 3, (250, 225, 190)
 TREE, LOOP, PLAN = (40, 40, 40), (0, 140, 255), (60, 160, 30)
 
 
 class Picture:
     """The ground from above, and what is drawn over it."""
 
-    def __init__(self, surface: Traversability):
-        """Paint the ground: unknown, hazards, drivable, ramps."""
-        ground = np.full((*surface.grid.shape, 3), UNKNOWN, np.uint8)
-        ground[~np.isnan(surface.elevation)] = KNOWN
-        ground[surface.drivable] = DRIVABLE
-        ground[surface.drivable & surface.ramp] = RAMP
-        ground[surface.hazard] = HAZARD
-        cells = np.argwhere(surface.drivable)
-        self._grid, self._low = surface.grid, cells.min(axis=0) - MARGIN
+    def __init__(self, traversability: Traversability):
+        """Paint the ground: unknown, hazards, traversable, ramps."""
+        ground = np.full((*traversability.grid.shape, 3), UNKNOWN, np.uint8)
+        ground[~np.isnan(traversability.elevation)] = KNOWN
+        ground[traversability.traversable] = TRAVERSABLE
+        ground[traversability.traversable & traversability.ramp] = RAMP
+        ground[traversability.hazard] = HAZARD
+        cells = np.argwhere(traversability.traversable)
+        self._grid, self._low = traversability.grid, cells.min(axis=0) - MARGIN
         high = cells.max(axis=0) + MARGIN
         ground = ground[self._low[0] : high[0], self._low[1] : high[1]]
         self.image = np.ascontiguousarray(
@@ -74,12 +74,12 @@ def explored() -> tuple[Explorer, Step]:
     return explorer, step
 
 
-def farthest_plan(topology: TopologicalMap, surface: Traversability) -> NDArray[np.float64]:
+def farthest_plan(topology: TopologicalMap, traversability: Traversability) -> NDArray[np.float64]:
     """(N, 2) the plan between the two nodes with the longest way between them."""
     ways = dict(nx.all_pairs_dijkstra_path_length(topology.graph))
     a, b = max(((a, b) for a in ways for b in ways[a]), key=lambda pair: ways[pair[0]][pair[1]])
-    paths = ShortestPaths(surface, topology.nodes[a].position)
-    plan = plan_path(topology, surface, paths, topology.nodes[b].position)
+    paths = ShortestPaths(traversability, topology.nodes[a].position)
+    plan = plan_path(topology, traversability, paths, topology.nodes[b].position)
     assert plan is not None
     assert paths.start is not None
     return np.vstack([paths.start, plan.way_points[:, :2]])
@@ -89,9 +89,9 @@ def main() -> None:
     """Explore and draw."""
     explorer, step = explored()
     topology = explorer.mapper.topological_map
-    tree, roadmap = Picture(step.surface), Picture(step.surface)
+    tree, roadmap = Picture(step.traversability), Picture(step.traversability)
     tree.edges(topology, topology.tree)
-    roadmap.line(farthest_plan(topology, step.surface), PLAN, 9)
+    roadmap.line(farthest_plan(topology, step.traversability), PLAN, 9)
     roadmap.edges(topology, topology.graph)
     for picture in (tree, roadmap):
         picture.nodes(topology)

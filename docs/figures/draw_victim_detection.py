@@ -20,8 +20,8 @@ from sarsim.sensors.rendering import Renderer
 from sarsim.settings import DETECTOR
 
 IMAGE = Path(__file__).parents[1] / "images" / "victim-detections.jpg"
-SEED, LOOKS, A_ROW, LEAST = 2026, 4, 3, 3000
-"""Of the arenas; looks at each; pictures for each light; pixels that show people in a picture."""
+SEED, FRAMES, A_ROW, LEAST = 2026, 4, 3, 3000
+"""Of the arenas; frames of each; pictures for each light; pixels that show people in a picture."""
 FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
 """RGB of a box that is a person by its depth, and of one that is none; the person's pixels are tinted."""
 
@@ -35,15 +35,15 @@ def main() -> None:
 
 
 def frames(light: Lighting) -> Iterator[Frame]:
-    """The look of each arena in which people are largest, of the first arenas that show any."""
-    arenas, shown = with_lighting(recipe(SEED, LOOKS), light), 0
+    """The frame of each arena in which people are largest, of the first arenas that show any."""
+    arenas, shown = with_lighting(recipe(SEED, FRAMES), light), 0
     for index in count():
         scene, arena = find_scene(arenas, index)
         with World(arena, scene, Renderer, arenas.width, arenas.height) as world:
-            poses = world.drive(arenas, arenas.rng(index, "drive")).poses(LOOKS)
+            poses = world.drive(arenas, arenas.rng(index, "drive")).poses(FRAMES)
             intrinsics, noise = world.content().intrinsics, arenas.rng(index, "noise")
-            steps = [world.capture(pose, noise) for pose in poses]
-        best = max(steps, key=lambda step: step.victim_area.sum())
+            captured = [world.capture(pose, noise) for pose in poses]
+        best = max(captured, key=lambda frame: frame.victim_area.sum())
         if best.victim_area.sum() < LEAST:
             continue
         yield Frame(0.0, best.rgb, best.depth, intrinsics, best.T_base_camera, np.eye(4))

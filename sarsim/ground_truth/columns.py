@@ -98,7 +98,7 @@ class Columns:
     owner: NDArray[np.int64]
 
     def place_near(self, xy: NDArray[np.float64], height: float, reach: float, headroom: float) -> int | None:
-        """The top nearest to a height, of those within ``reach`` that have headroom; None if there is none."""
+        """The top at (2,) nearest to a height, of those within ``reach`` m with headroom; None if there is none."""
         i, j = self.grid.cell_of(xy)
         if not (0 <= i < self.grid.shape[0] and 0 <= j < self.grid.shape[1]):
             return None

@@ -11,7 +11,7 @@ _UPRIGHT = 1e-4
 def vertical_cut(planes, x, y):
     """Lowest and highest point of a vertical line in a convex body n·p ≤ d, and the normal's z where it leaves it.
 
-    Empty, lowest above highest, where the line misses the body.
+    Empty, lowest above highest, where the line misses the body. ``planes``: (F, 4) n and d.
     """
     low, high, normal_z = -np.inf, np.inf, 1.0
     for k in range(planes.shape[0]):
@@ -58,7 +58,7 @@ def fill_bodies(planes, first, window, origin, cell, start, bottom, top, normal_
 
 @njit(cache=True)
 def merge_bodies(start, count, bottom, top, normal_z, owner, gap):
-    """Sort the bodies of every cell from below to above and join those less than ``gap`` m apart, in place.
+    """Sort the bodies (B,) of every cell from below to above and join those less than ``gap`` m apart, in place.
 
     What is joined keeps the highest top, and its normal and owner. ``count`` becomes the number that is left.
     """
@@ -88,7 +88,7 @@ def merge_bodies(start, count, bottom, top, normal_z, owner, gap):
 
 @njit(cache=True)
 def place_near(start, count, bottom, top, i, j, height, reach, headroom):
-    """Index of the top nearest to ``height`` within ``reach`` that has headroom; -1 if there is none."""
+    """Index in (B,) of the top nearest to ``height`` within ``reach`` that has headroom; -1 if there is none."""
     best, best_distance = -1, reach
     a, n = start[i, j], count[i, j]
     for k in range(a, a + n):

@@ -44,7 +44,7 @@ def _hull_planes(vertices: bytes) -> NDArray[np.float64]:
 
 
 def swept(outline: NDArray[np.float64], segments: int) -> NDArray[np.float64]:
-    """(K · segments, 3) the points that (K, 2) points (r, z) sweep around the z axis, point by point."""
+    """(K · segments, 3) the points that (K, 2) points (r, z), m, sweep around the z axis, point by point."""
     angle = np.arange(segments) * 2 * np.pi / segments
     xy = outline[:, None, :1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     z = np.broadcast_to(outline[:, None, 1:], (*xy.shape[:2], 1))

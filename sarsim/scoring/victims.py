@@ -54,7 +54,7 @@ class VictimScore:
         return found
 
     def report(self, confirmed: NDArray[np.float64]) -> dict[str, Any]:
-        """Of the confirmed positions (N, 3); ``position_error_m`` is the median, null where no one was found."""
+        """Of the confirmed positions (N, 3), m; ``position_error_m`` is the median, null where no one was found."""
         errors = self.matches(confirmed)
         found = np.isfinite(errors)
         return {

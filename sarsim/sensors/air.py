@@ -43,7 +43,7 @@ class Air:
     def veil(
         self, radiance: NDArray[np.float32], truth: LabelledImage, lighting: Lighting
     ) -> NDArray[np.float32]:
-        """(H, W, 3) float32 radiance seen through the dust: blended by distance to the light that it scatters.
+        """(H, W, 3) float32 radiance seen through the dust: blended by distance, m, to the light that it scatters.
 
         What the lamp lights loses on the way there as well, and dust in the beam shines back.
         """

@@ -155,7 +155,7 @@ def _offscreen_context(width: int, height: int) -> Any:
 
 @contextmanager
 def hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
-    """Put geoms into a group that is not drawn, for a while."""
+    """Put geoms, (ngeom,) bool, into a group that is not drawn, for a while."""
     groups = model.geom_group.copy()
     model.geom_group[geoms] = _NOT_DRAWN
     try:

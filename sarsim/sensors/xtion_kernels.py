@@ -141,7 +141,7 @@ def add_noise(depth, sigma, bits):
 
 @njit(cache=True, error_model="numpy")
 def quantise(depth, focal_baseline, step):
-    """Round (H, W) float32 depth to whole steps of disparity, in place; no return stays 0."""
+    """Round (H, W) float32 depth, m, to whole steps of disparity, px, in place; no return stays 0."""
     for v in range(depth.shape[0]):
         row = depth[v]
         for u in range(len(row)):

@@ -43,7 +43,7 @@ def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> 
 
     Args:
         name: what the geoms' names begin with.
-        person: (N, 3) places on the person, whose head is towards +x.
+        person: (N, 3) m, places on the person, whose head is towards +x.
         rng: drawn from.
     """
     cover = joined([])
@@ -62,7 +62,7 @@ def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> 
 
 
 def box(name: str, person: NDArray[np.float64]) -> Cover:
-    """A box around a person that is open towards +x; legs may stick out of it."""
+    """A box around a person, (N, 3) points in m, that is open towards +x; legs may stick out of it."""
     low, high = person.min(axis=0) - GAP, person.max(axis=0) + GAP
     high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL / 2
     middle, half = (low + high) / 2, (high - low) / 2
@@ -76,7 +76,7 @@ def box(name: str, person: NDArray[np.float64]) -> Cover:
 
 
 def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.float64]) -> Cover:
-    """A wall panel before a person, 1.2 m high and wide or wider, with a hole before head and chest."""
+    """A wall panel before (N, 3) a person, 1.2 m high and wide or wider, with a hole before head and chest."""
     left = max(WALL / 2, person[:, 1].max() + RIM)
     right = min(-WALL / 2, person[:, 1].min() - RIM)
     x = person[:, 0].max() + GAP + PANEL
@@ -99,7 +99,7 @@ def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.floa
 
 
 def seat(name: str, half_sizes: NDArray[np.float64]) -> Cover:
-    """The block that a seated person sits on, with its back to the wall."""
+    """The block of ``half_sizes`` (3,), m, that a seated person sits on, with its back to the wall."""
     centre = np.array([half_sizes[0], 0, half_sizes[2]])
     return _block_of(f"{name}_seat", Label.CLUTTER, centre, half_sizes, np.eye(3), CONCRETE)
 

@@ -11,7 +11,7 @@ from pipeline.labels import Label
 
 
 def numbers(values: float | Iterable[float] | NDArray[np.floating], decimals: int = 4) -> str:
-    """A number, or a list of them."""
+    """A number, or a list (N,) of them."""
     return " ".join(
         f"{value:.{decimals}f}".rstrip("0").rstrip(".") for value in np.ravel(np.asarray(values, np.float64))
     )
@@ -20,7 +20,7 @@ def numbers(values: float | Iterable[float] | NDArray[np.floating], decimals: in
 def geom(
     name: str, label: Label, **attributes: str | int | Iterable[float] | NDArray[np.floating]
 ) -> Element:
-    """A geom that carries a label; attributes are words or numbers."""
+    """A geom that carries a label; attributes are words or numbers (N,)."""
     words = {key: value if isinstance(value, str) else numbers(value) for key, value in attributes.items()}
     return Element("geom", {"name": name, "user": str(int(label)), **words})
 

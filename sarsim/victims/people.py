@@ -87,7 +87,7 @@ class Figure:
 
     @property
     def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lowest and highest corner of the body."""
+        """(3,) lowest and (3,) highest corner of the body, m."""
         shown = self.places("bald")
         return shown.min(axis=0), shown.max(axis=0)
 
@@ -172,7 +172,7 @@ def people() -> People:
 def bone_motions(
     rest: NDArray[np.floating], pose: NDArray[np.floating]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(B, 3, 3) rotations and (B, 3) translations that take bones from rest to a pose.
+    """(B, 3, 3) rotations and (B, 3) translations, m, that take bones from rest to a pose.
 
     Both are (B, 7): place and quaternion w x y z.
     """

@@ -55,8 +55,9 @@ class Nobody:
 
 def test_the_same_people_are_seen_in_every_light():
     normal, dark = (
-        list(scene_frames(recipe(3, 3), 0, light, Nobody())) for light in (Lighting.normal, Lighting.dark)
+        list(scene_frames(recipe(1, 3), 0, light, Nobody())) for light in (Lighting.normal, Lighting.dark)
     )
+    assert sum(len(people.boxes) for people in normal) > 0
     for a, b in zip(normal, dark, strict=True):
         np.testing.assert_array_equal(a.boxes, b.boxes)
         np.testing.assert_array_equal(a.hidden, b.hidden)

@@ -43,7 +43,7 @@ class Cloud:
 
     @property
     def columns(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Points, colours, labels and instances."""
+        """Points (N, 3) in m, colours (N, 3), labels (N,) and instances (N,)."""
         return self.points, self.rgb, self.label, self.instance
 
     def thinned(self, voxel: float) -> Self:

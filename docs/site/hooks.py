@@ -1,0 +1,70 @@
+"""What mkdocs does beside its plugins: writes the pages of the API reference, and leads links to code there."""
+
+import os
+import re
+from pathlib import Path
+from posixpath import normpath
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("pipeline", "sarsim")
+OUTSIDE = re.compile(r"\[([^\]]*)\]\((\.\./[^)#\s]+)(?:#[^)]*)?\)")
+"""Markdown links that leave ``docs/``."""
+
+
+def packages(top: str) -> list[Path]:
+    """The folders of a package that hold modules, the package's own first; links to other folders are left out."""
+    found = [Path(folder) for folder, _, _ in os.walk(ROOT / top)]
+    return sorted(folder.relative_to(ROOT) for folder in found if (folder / "__init__.py").exists())
+
+
+def dotted(path: Path) -> str:
+    """``pipeline.metric_map`` of ``pipeline/metric_map`` or ``pipeline/metric_map/__init__.py``."""
+    return ".".join(p for p in path.with_suffix("").parts if p != "__init__")
+
+
+def page_of(package: Path) -> str:
+    """File of a package's page, from ``docs/``."""
+    return f"api/{dotted(package)}.md"
+
+
+def reference(package: Path) -> str:
+    """The page of a package: its own docstring, then every module with every public name."""
+    modules = sorted(dotted(p.relative_to(ROOT)) for p in (ROOT / package).glob("[!_]*.py"))
+    own = f"# {dotted(package)}\n\n::: {dotted(package)}\n    options:\n      members: false\n"
+    own += "      show_root_heading: false\n      show_root_toc_entry: false\n"
+    return own + "".join(f"\n::: {module}\n" for module in modules)
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Put the reference at the end of the navigation."""
+    assert config.nav is not None
+    rooms = {top: [{dotted(p): page_of(p)} for p in packages(top)] for top in PACKAGES}
+    config.nav.append({"API": [{top: pages} for top, pages in rooms.items()]})
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the reference's pages, which no file in ``docs/`` holds."""
+    for top in PACKAGES:
+        for package in packages(top):
+            files.append(File.generated(config, page_of(package), content=reference(package)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Lead links to modules into the reference; other files of the repository are named, not linked."""
+    return OUTSIDE.sub(lambda link: inside(link[1], normpath(f"docs/{link[2]}")), markdown)
+
+
+def inside(text: str, path: str) -> str:
+    """A link with this text to this path of the repository, as the site has it."""
+    target = Path(path)
+    if target.parts[0] not in PACKAGES:
+        return text
+    if target.suffix == ".py":
+        return f"[{text}]({page_of(target.parent)}#{dotted(target)})"
+    return f"[{text}]({page_of(target)})"

@@ -96,11 +96,9 @@ def _add_materials(root: Element) -> None:
 def _add_surroundings(root: Element) -> None:
     """Light and cameras. A shadow would take a picture of its own, and the ceiling would keep the light out."""
     SubElement(root, "statistic", center="0 0 0.5", extent="15")
-    quality = root.find("visual/quality")
-    assert quality is not None
+    quality, world = root.find("visual/quality"), root.find("worldbody")
+    assert quality is not None and world is not None
     quality.set("numquads", QUADS)
-    world = root.find("worldbody")
-    assert world is not None
     for name, direction, diffuse in LIGHTS:
         attributes = {"name": name, "directional": "true", "castshadow": "false"}
         colours = {"diffuse": numbers(diffuse), "specular": "0.1 0.1 0.1"}

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Strategy, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_figures import group_figures, pairs, reports, seen90_ratio
-from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, rich_table
+from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, rich_table, sections
 from sarsim.settings import EpisodeConfig, Labels, LightingName, Odometry
 
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
@@ -54,7 +54,8 @@ def measure(
     rafs = sorted(raf.glob("*.raf")) if raf else []
     if raf and not rafs:
         raise InputError(f"--raf {raf}: no .raf file is there")
-    jobs = list(jobs_of(base, nist, esogu, random, rafs, BASELINES if baselines else ()))
+    peers = BASELINES if baselines else ()
+    jobs = jobs_of(base, nist, esogu, random, rafs, peers)
     if not jobs:
         raise InputError("no arena is to be explored")
     results = run_jobs(jobs, runs, workers)
@@ -67,7 +68,7 @@ def measure(
         for group, strategy in dict.fromkeys((job.group, job.strategy) for job in jobs)
     }
     figures, details = figures_of(found), _details(jobs, results)
-    table = rich_table(figures, BASELINES if baselines else ())
+    table = rich_table("exploration", figures, sections(figures, peers))
     table.caption = _caption(figures, details)
     pictures = tuple(runs / f"{name}.png" for names in details["worst"].values() for name in names)
     return Result(figures, details, table, pictures)

@@ -6,7 +6,7 @@ All of them use one thread; its processor time is what counts, so that other wor
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pyoctomap
@@ -160,32 +160,21 @@ def _accuracy(recording: Recording) -> dict[str, float]:
 
 def _copy(source: MetricMap, target: MetricMap) -> None:
     """Make the voxels of the target those of the source."""
-    corners = np.array([*source.bounds(), *target.bounds()])
-    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    lower, upper = _bounds(source, target)
     target.set_log_odds(lower, source.log_odds(lower, upper))
 
 
 def agreement(first: MetricMap, second: MetricMap) -> float:
     """Share of the voxels known to either map that have the same state in both."""
-    corners = np.array([*first.bounds(), *second.bounds()])
-    lower, upper = corners.min(axis=0), corners.max(axis=0)
-    a, b = np.sign(first.log_odds(lower, upper)), np.sign(second.log_odds(lower, upper))
+    a, b = (np.sign(metric_map.log_odds(*_bounds(first, second))) for metric_map in (first, second))
     known = (a != 0) | (b != 0)
     return float((a == b)[known].mean())
 
 
-class Contender(Protocol):
-    """A way to map."""
-
-    def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
-        """What adds frame ``n`` to the map; everything before is not timed."""
-
-    def metric_map(self) -> MetricMap:
-        """The states of its voxels on the grid of the metric map."""
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of its voxels."""
+def _bounds(first: MetricMap, second: MetricMap) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(3,) lowest and (3,) one past the highest voxel of either map."""
+    corners = np.array([*first.bounds(), *second.bounds()])
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 class Projective:
@@ -249,3 +238,7 @@ class OctoMap:
     def nbytes(self) -> int:
         """What it says of itself."""
         return self._tree.memoryUsage()
+
+
+Contender = Projective | OctoMap
+"""A way to map: ``prepare`` gives what adds a frame, and alone is timed; then the map and its memory."""

@@ -14,6 +14,7 @@ from pipeline.victims.detection.weights import load_network
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_figures import group_figures, pairs
+from sarsim.scripts.benchmarks.exploration_table import groups_in, rich_table, rows_of
 from sarsim.scripts.benchmarks.victims_frames import (
     DISTANCES,
     HIDDEN,
@@ -154,13 +155,9 @@ def _times(group: str, found: Results, without: Results) -> dict[str, float]:
 
 def _table(figures: Mapping[str, float]) -> Table | None:
     """The groups side by side; speed and precision below. None without episodes."""
-    groups = [group for group in GROUPS if f"{group}.runs" in figures]
-    if not groups:
+    if not groups_in(figures):
         return None
-    table = Table("", *groups, title="victims")
-    for row, key in ROWS.items():
-        values = [figures.get(f"{group}.{key}") for group in groups]
-        table.add_row(row, *("–" if value is None else f"{value:.4g}" for value in values))
+    table = rich_table("victims", figures, [rows_of(figures, ROWS)])
     general = {name: value for name, value in figures.items() if name.split(".")[0] not in GROUPS}
     table.caption = "\n".join(f"{name} {value:.4g}" for name, value in general.items())
     return table

@@ -109,7 +109,7 @@ def test_the_same_seed_gives_the_same_episode(tmp_path):
     ).read_bytes()
 
 
-def test_victims_are_told_of_if_someone_looks_for_them(tmp_path):
+def test_victims_are_reported_if_there_is_a_detector(tmp_path):
     assert "victims" not in short_report(tmp_path / "a", 0, detector=None)
     files = tmp_path / "a.cfg", tmp_path / "a.weights"
     files[0].write_text(SMALL)

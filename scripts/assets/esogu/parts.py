@@ -20,7 +20,7 @@ class Part:
 
     Attributes:
         label: name of its default class.
-        material: what it looks like.
+        material: name of its colour or texture.
         middle: x, y, z in m.
         extent: whole lengths along its own x, y, z in m; of a cylinder its diameter twice, and its length.
         yaw: deg, how far it is turned left.

@@ -128,9 +128,7 @@ class GridMap:
         self.revision = 0
         self._kinds = dict(layers)
         self._layers = {name: kind.array((0, 0)) for name, kind in layers.items()}
-        self._stamps = {
-            name: np.zeros((0, 0), np.int64) for name, kind in layers.items() if not kind.in_place
-        }
+        self._stamps = {name: np.zeros((0, 0), np.int64) for name, kind in layers.items() if not kind.in_place}
 
     def __getitem__(self, name: str) -> NDArray:
         """(nx, ny, ...) a layer as it is now."""

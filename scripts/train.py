@@ -170,9 +170,7 @@ def _clouds(settings: TrainDgcnn, worker: "Worker", voxel_size: float) -> dict[s
                 pose = scene.T_world_camera(index)
                 clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size))
     if not clouds["val"]:
-        raise InputError(
-            f"--data {settings.data}: no scene of the split val, which one in ten is: make 5 at least"
-        )
+        raise InputError(f"--data {settings.data}: no scene of the split val, which one in ten is: make 5 at least")
     return clouds
 
 

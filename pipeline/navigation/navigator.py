@@ -142,9 +142,7 @@ class Navigator:
             self.legs.append(Leg(way_points[0][:2], Outcome.MOVED, 0.0))
             return False
         for n, target in enumerate(way_points, start=1):
-            if not self._drive_leg(
-                np.asarray(target)[:2], back_up if n == len(way_points) else None, is_clear
-            ):
+            if not self._drive_leg(np.asarray(target)[:2], back_up if n == len(way_points) else None, is_clear):
                 return False
         return heading is None or self._turn_to_viewpoint(heading)
 
@@ -187,9 +185,7 @@ class Navigator:
     @property
     def _on_ramp(self) -> bool:
         """Whether the robot leans, or did right before: on the crest of a ridge it stands level."""
-        return self._leaned_at is not None and bool(
-            np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < CREST
-        )
+        return self._leaned_at is not None and bool(np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < CREST)
 
     @property
     def _limits(self) -> tuple[float, float]:

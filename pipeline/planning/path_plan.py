@@ -146,10 +146,7 @@ def _seconds_between(
 
 
 def _nodes_between(
-    topology: TopologicalMap,
-    traversability: Traversability,
-    start: NDArray[np.float64],
-    goal: NDArray[np.float64],
+    topology: TopologicalMap, traversability: Traversability, start: NDArray[np.float64], goal: NDArray[np.float64]
 ) -> list[int] | None:
     """Ids of the nodes on the quickest way, by Dijkstra's algorithm; None if there is no way over nodes."""
     graph = topology.graph.copy()
@@ -167,24 +164,14 @@ def _way_over(topology: TopologicalMap, nodes: list[int]) -> NDArray[np.float64]
     return np.vstack([topology.nodes[nodes[0]].position[None, :2], *legs])
 
 
-def _is_quicker(
-    way: NDArray[np.float64],
-    other: NDArray[np.float64],
-    traversability: Traversability,
-) -> bool:
+def _is_quicker(way: NDArray[np.float64], other: NDArray[np.float64], traversability: Traversability) -> bool:
     """Whether a way (N, 2) that can be driven takes less time than another one by more than the greatest detour."""
     seconds, longer = (drive_seconds(traversability, w[:-1], w[1:]).sum() for w in (way, other))
-    return bool(
-        MAX_DETOUR * seconds < longer and traversability.lines_are_traversable(way[:-1], way[1:]).all()
-    )
+    return bool(MAX_DETOUR * seconds < longer and traversability.lines_are_traversable(way[:-1], way[1:]).all())
 
 
 def _link(
-    graph: nx.Graph,
-    name: str,
-    xy: NDArray[np.float64],
-    topology: TopologicalMap,
-    traversability: Traversability,
+    graph: nx.Graph, name: str, xy: NDArray[np.float64], topology: TopologicalMap, traversability: Traversability
 ) -> None:
     """Join a place (2,) to every node that a straight drive reaches."""
     graph.add_node(name)

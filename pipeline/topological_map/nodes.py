@@ -41,9 +41,7 @@ class Place:
 def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: Cover) -> list[Place]:
     """The places by segment, moved to where the robot can stand and turn."""
     wanted = [(p, s.label) for s in segments for p in segment_nodes(s)]
-    wanted += [
-        (np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN
-    ]
+    wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
     places = []
     for place, label in wanted:
         level = np.abs(cover.traversability.elevation - place[2]) < LEVEL

@@ -54,9 +54,7 @@ def _open(way: NDArray[np.float64], i: int, j: int, weight: float) -> None:
     np.minimum(way, through, out=way)
 
 
-def add_passages(
-    drives: nx.Graph, nodes: Mapping[int, Node], traversability: Traversability, links: Links
-) -> None:
+def add_passages(drives: nx.Graph, nodes: Mapping[int, Node], traversability: Traversability, links: Links) -> None:
     """Join neighbours that no straight drive joins by the shortest way between them.
 
     Neighbours are nodes whose shares of the ground touch, each cell being the share of the node nearest to it by

@@ -47,11 +47,7 @@ class TopologicalMap:
         return self._set.nodes
 
     def update(
-        self,
-        patches: Sequence[PlanePatch],
-        segments: Segments,
-        traversability: Traversability,
-        paths: ShortestPaths,
+        self, patches: Sequence[PlanePatch], segments: Segments, traversability: Traversability, paths: ShortestPaths
     ) -> None:
         """Take a keyframe into account.
 

@@ -83,10 +83,7 @@ def renew_dropout(direction, dropouts, returns, min_points, camera, origin, cell
             dx, dy = dx / distance, dy / distance
             if dropouts[i, j] >= min_points:
                 direction[i, j, 0], direction[i, j, 1] = dx, dy
-            elif (
-                dropouts[i, j] == 0
-                and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < cos_other_side
-            ):
+            elif dropouts[i, j] == 0 and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < cos_other_side:
                 direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
 
 
@@ -200,13 +197,7 @@ def gradients(elevation, cell, radius):
                     if np.isnan(dz) or abs(dz) > 1.2 * np.sqrt(x * x + y * y) + 0.02:
                         continue
                     n, sx, sy, sz = n + 1, sx + x, sy + y, sz + dz
-                    sxx, sxy, syy, sxz, syz = (
-                        sxx + x * x,
-                        sxy + x * y,
-                        syy + y * y,
-                        sxz + x * dz,
-                        syz + y * dz,
-                    )
+                    sxx, sxy, syy, sxz, syz = (sxx + x * x, sxy + x * y, syy + y * y, sxz + x * dz, syz + y * dz)
             if n < 4:
                 continue
             sxx, sxy, syy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n

@@ -80,9 +80,7 @@ class ElevationMap:
         """(nx, ny) where the middle of the robot has been."""
         return self.layers["driven"]
 
-    def assume_ground(
-        self, T_map_base: NDArray[np.float64], radius: float, ahead: float, width: float
-    ) -> None:
+    def assume_ground(self, T_map_base: NDArray[np.float64], radius: float, ahead: float, width: float) -> None:
         """Take the ground under the robot and just before it for flat until it is measured.
 
         Args:
@@ -136,13 +134,7 @@ class ElevationMap:
             points, grid.origin, CELL, Z_MIN, Z_BIN, layers["height"], layers["hits"], returns
         )  # fmt: skip
         kernels.extract_elevation(
-            layers["height"],
-            layers["hits"],
-            returns,
-            MIN_HITS,
-            self.robot.headroom,
-            Z_BIN,
-            layers["returned"],
+            layers["height"], layers["hits"], returns, MIN_HITS, self.robot.headroom, Z_BIN, layers["returned"]
         )
         changed = returns > 0
         if dropouts is not None and camera is not None:
@@ -153,11 +145,7 @@ class ElevationMap:
         self, dropouts: NDArray[np.float32], camera: NDArray[np.float64], returns: NDArray[np.int32]
     ) -> NDArray[np.bool_]:
         """(nx, ny) the cells with dropouts in this keyframe."""
-        grid, direction, count = (
-            self.grid,
-            self.layers["dropout_direction"],
-            np.zeros(self.grid.shape, np.int32),
-        )
+        grid, direction, count = (self.grid, self.layers["dropout_direction"], np.zeros(self.grid.shape, np.int32))
         kernels.count_points(dropouts, grid.origin, CELL, self.layers["returned"], DROPOUT_HEIGHT, count)
         kernels.renew_dropout(
             direction, count, returns, MIN_HITS, camera, grid.origin, CELL, COS_OTHER_SIDE

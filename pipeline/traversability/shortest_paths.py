@@ -45,9 +45,7 @@ class ShortestPaths:
         weight = np.where(traversability.turnable, 1.0, NARROW_COST)
         weight[traversability.ramp] = RAMP_COST
         cell, rules = self._grid.cell, traversability.rules(RAMP_ALIGNMENT)
-        cost, self._parent = kernels.shortest_paths(
-            self._grid.cell_of(starts), weight, TIGHT_TURN / cell, rules
-        )
+        cost, self._parent = kernels.shortest_paths(self._grid.cell_of(starts), weight, TIGHT_TURN / cell, rules)
         self.cost = cost.min(axis=0) * np.float32(cell)
         self._arrives_across = cost[1] < cost[0]
 

@@ -56,11 +56,7 @@ def is_allowed(dx, dy, i, j, rules):
 @njit(cache=True)
 def is_traversable(i, j, rules):
     """Whether (i, j) is a cell of the grid and traversable."""
-    return (
-        0 <= i < rules.traversable.shape[0]
-        and 0 <= j < rules.traversable.shape[1]
-        and rules.traversable[i, j]
-    )
+    return 0 <= i < rules.traversable.shape[0] and 0 <= j < rules.traversable.shape[1] and rules.traversable[i, j]
 
 
 @njit(cache=True)
@@ -163,9 +159,7 @@ def shortest_paths(starts, weight, turn, rules):
             length = np.sqrt(di * di + dj * dj)
             ux, uy = di / length, dj / length
             if not (
-                is_traversable(a, b, rules)
-                and is_allowed(ux, uy, a, b, rules)
-                and is_allowed(ux, uy, i, j, rules)
+                is_traversable(a, b, rules) and is_allowed(ux, uy, a, b, rules) and is_allowed(ux, uy, i, j, rules)
             ):
                 continue
             across = not (is_aligned(ux, uy, a, b, rules) and is_aligned(ux, uy, i, j, rules))

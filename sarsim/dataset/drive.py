@@ -130,9 +130,7 @@ class Drive:
         share = np.arange(1, steps + 1) / max(steps, 1)
         return np.column_stack([np.tile(at, (steps, 1)), yaw + share * angle])
 
-    def _straight(
-        self, a: NDArray[np.float64], b: NDArray[np.float64], heading: float
-    ) -> NDArray[np.float64]:
+    def _straight(self, a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
         """(K, 3) from one place to another."""
         steps = int(np.ceil(np.linalg.norm(b - a) / (SPEED * PERIOD)))
         share = np.arange(1, steps + 1)[:, None] / max(steps, 1)

@@ -66,11 +66,7 @@ def make_victims(seed: int = 0, out: Path = LIBRARY) -> None:
             poses += [set_down(people, build, pose, RECIPES[recipe]) for pose in found]
             postures += ["lying" if recipe == "straight" else recipe] * len(found)
             builds += [build] * len(found)
-    people |= {
-        "poses": np.array(poses, np.float32),
-        "postures": np.array(postures),
-        "builds": np.array(builds),
-    }
+    people |= {"poses": np.array(poses, np.float32), "postures": np.array(postures), "builds": np.array(builds)}
     with whole_file(out) as path, path.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **people)
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB")

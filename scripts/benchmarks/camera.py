@@ -68,9 +68,7 @@ def summary(times: dict[str, list[Times]]) -> dict[str, float]:
     """Medians: of the ratio between two frames of a round, and of frames and parts in milliseconds."""
     frame = {name: np.array([row.frame for row in rows]) for name, rows in times.items()}
     figures = {
-        f"frame_vs_{name}": float(np.median(frame[name] / frame["ours"]))
-        for name in CONTENDERS
-        if name != "ours"
+        f"frame_vs_{name}": float(np.median(frame[name] / frame["ours"])) for name in CONTENDERS if name != "ours"
     }
     for name, rows in times.items():
         figures[f"{name}.frame_ms"] = float(np.median(frame[name]))

@@ -48,9 +48,7 @@ def measure(
     """
     at_least(0, nist=nist, esogu=esogu, random=random)
     at_least(1, workers=workers)
-    base = EpisodeConfig(
-        odometry=odometry, lighting=lighting, labels=labels, weights=weights, detector=detector
-    )
+    base = EpisodeConfig(odometry=odometry, lighting=lighting, labels=labels, weights=weights, detector=detector)
     rafs = sorted(raf.glob("*.raf")) if raf else []
     if raf and not rafs:
         raise InputError(f"--raf {raf}: no .raf file is there")
@@ -75,12 +73,7 @@ def measure(
 
 
 def jobs_of(
-    base: EpisodeConfig,
-    nist: int,
-    esogu: int,
-    random: int,
-    rafs: Sequence[Path],
-    baselines: Sequence[Strategy],
+    base: EpisodeConfig, nist: int, esogu: int, random: int, rafs: Sequence[Path], baselines: Sequence[Strategy]
 ) -> list[Job]:
     """The episodes of ours and of each baseline."""
     strategies: tuple[Strategy, ...] = ("ours", *baselines)
@@ -154,7 +147,5 @@ def _caption(figures: Mapping[str, float], details: Mapping[str, Any]) -> str:
     told += [f"{name} failed, see its log" for name in details["failed"]]
     if RATIO in figures:
         count = figures[f"{RATIO}.pairs"]
-        told.append(
-            f"time to see 90 % over the nearest frontier's: {figures[RATIO]:.2f}, median of {count:.0f}"
-        )
+        told.append(f"time to see 90 % over the nearest frontier's: {figures[RATIO]:.2f}, median of {count:.0f}")
     return "\n".join(told)

@@ -28,10 +28,7 @@ WARM_UP = 5
 
 
 def measure(
-    frames: int = 160,
-    seed: int = 0,
-    arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"),
-    baselines: bool = True,
+    frames: int = 160, seed: int = 0, arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"), baselines: bool = True
 ) -> Result:
     """Times, memory, accuracy, and times over the size of the environment.
 
@@ -89,10 +86,7 @@ def _frame_times(
     for n in range(WARM_UP):
         contender.prepare(recording, depth, n)()
     return np.array(
-        [
-            _timed(contender.prepare(recording, depth, n))
-            for n in track(range(len(depth)), name, transient=True)
-        ]
+        [_timed(contender.prepare(recording, depth, n)) for n in track(range(len(depth)), name, transient=True)]
     )
 
 
@@ -144,11 +138,7 @@ def _accuracy(recording: Recording) -> dict[str, float]:
     figures: dict[str, float] = {}
     for sensor, depth in (("ideal", recording.ideal), ("xtion", recording.xtion)):
         maps = {}
-        for name, contender in (
-            ("ours", Projective(0.1)),
-            ("rays", Rays(0.1)),
-            ("octomap", OctoMap(0.1, True)),
-        ):
+        for name, contender in (("ours", Projective(0.1)), ("rays", Rays(0.1)), ("octomap", OctoMap(0.1, True))):
             for n in track(range(len(depth)), f"{name}, {sensor}", transient=True):
                 contender.prepare(recording, depth, n)()
             maps[name] = contender.metric_map()

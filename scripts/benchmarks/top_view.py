@@ -53,9 +53,7 @@ def top_view(
         *((c, CONTACT, cv2.MARKER_TILTED_CROSS) for c in contacts),
         *((f, FAILED, cv2.MARKER_DIAMOND) for f in failed),
     ):
-        cv2.drawMarker(
-            picture, _pixels(surface.grid, scale, place).tolist(), colour, marker, 10, 2, cv2.LINE_AA
-        )
+        cv2.drawMarker(picture, _pixels(surface.grid, scale, place).tolist(), colour, marker, 10, 2, cv2.LINE_AA)
     return np.vstack([picture, _caption(text, picture.shape[1])])
 
 

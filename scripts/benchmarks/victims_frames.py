@@ -62,9 +62,7 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
     with World(arena, scene, Renderer, recipe.width, recipe.height) as world:
         content = world.content()
         middle = content.victim_box.mean(axis=1)
-        places = (
-            np.einsum("vij,vj->vi", content.victim_pose[:, :3, :3], middle) + content.victim_pose[:, :3, 3]
-        )
+        places = np.einsum("vij,vj->vi", content.victim_pose[:, :3, :3], middle) + content.victim_pose[:, :3, 3]
         for pose in world.drive(recipe, recipe.rng(index, "drive")).poses(recipe.frames):
             frame = world.capture(pose, noise)
             seen = np.flatnonzero(frame.victim_area > 0)

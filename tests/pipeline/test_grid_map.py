@@ -12,9 +12,7 @@ from pipeline.grid_map import BLOCK, Grid, GridMap, Layer
 @given(hnp.arrays(np.bool_, (4, 5)))
 def test_the_distance_is_that_to_the_nearest_of_all_cells(mask):
     cells = np.argwhere(mask)
-    expected = [
-        [min((np.hypot(i - a, j - b) for a, b in cells), default=np.inf) for j in range(5)] for i in range(4)
-    ]
+    expected = [[min((np.hypot(i - a, j - b) for a, b in cells), default=np.inf) for j in range(5)] for i in range(4)]
     grid = Grid(np.zeros(2, np.int64), 0.05, (4, 5))
     np.testing.assert_allclose(grid.distance_to(mask), 0.05 * np.array(expected))
 
@@ -93,9 +91,7 @@ def test_what_was_given_out_stays_as_it_was_and_what_is_changed_in_place_does_no
 
 cells = st.tuples(st.integers(-12, 12), st.integers(-12, 12))
 changes = st.lists(
-    st.tuples(
-        cells, st.integers(1, 6), st.integers(1, 6), st.sampled_from([0.0, 1.0, np.nan]), st.booleans()
-    ),
+    st.tuples(cells, st.integers(1, 6), st.integers(1, 6), st.sampled_from([0.0, 1.0, np.nan]), st.booleans()),
     min_size=1,
     max_size=8,
 )

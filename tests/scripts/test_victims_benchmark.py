@@ -55,8 +55,7 @@ class FindsNothing:
 
 def test_the_same_people_are_seen_in_every_light():
     normal, dark = (
-        list(scene_frames(recipe(1, 3), 0, light, FindsNothing()))
-        for light in (Lighting.normal, Lighting.dark)
+        list(scene_frames(recipe(1, 3), 0, light, FindsNothing())) for light in (Lighting.normal, Lighting.dark)
     )
     assert sum(len(people.boxes) for people in normal) > 0
     for a, b in zip(normal, dark, strict=True):
@@ -110,11 +109,7 @@ def test_what_is_left_out_has_no_figures(network, tmp_path):
 
 @pytest.mark.parametrize(
     ("flags", "message"),
-    [
-        ({"scenes": -1}, "--scenes"),
-        ({"frames": 0}, "--frames 0"),
-        ({"detector": (Path("a"), Path("b"))}, "a: "),
-    ],
+    [({"scenes": -1}, "--scenes"), ({"frames": 0}, "--frames 0"), ({"detector": (Path("a"), Path("b"))}, "a: ")],
 )
 def test_what_cannot_be_measured_is_refused(flags, message, network, tmp_path):
     with pytest.raises(InputError, match=message):

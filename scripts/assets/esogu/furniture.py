@@ -115,10 +115,7 @@ PIECES: dict[str, list[Part]] = {
     # Four lockers side by side.
     "lockers": [
         _box("steel", (0.0, 0.43), (-0.6, 0.6), (0.0, 1.8)),
-        *(
-            _box("locker_door", (0.43, 0.45), (y + 0.01, y + 0.29), (0.06, 1.77))
-            for y in (-0.6, -0.3, 0.0, 0.3)
-        ),
+        *(_box("locker_door", (0.43, 0.45), (y + 0.01, y + 0.29), (0.06, 1.77)) for y in (-0.6, -0.3, 0.0, 0.3)),
     ],
     # An open shelf with books and boxes.
     "shelf": [
@@ -177,10 +174,7 @@ PIECES: dict[str, list[Part]] = {
     # For waste paper.
     "waste_bin": [_box("grey", (0.03, 0.27), (-0.15, 0.15), (0.0, 0.4))],
     # In a pot.
-    "plant": [
-        _post("terracotta", 0.2, 0.0, (0.0, 0.36), 0.36),
-        _post("leaf", 0.2, 0.0, (0.36, 1.2), 0.4),
-    ],
+    "plant": [_post("terracotta", 0.2, 0.0, (0.0, 0.36), 0.36), _post("leaf", 0.2, 0.0, (0.36, 1.2), 0.4)],
     # On the wall.
     "extinguisher": [
         _post("red", 0.1, 0.0, (0.55, 1.0), 0.16),

@@ -37,14 +37,10 @@ COLUMNS = tuple((x, y) for x in (-19.5, -13.0, -6.5, 0.0, 6.5, 13.0, 19.5) for y
 """x, y of their middles."""
 
 
-def _row(
-    kind: str, first: tuple[float, float], last: tuple[float, float], count: int, yaw: float
-) -> list[Place]:
+def _row(kind: str, first: tuple[float, float], last: tuple[float, float], count: int, yaw: float) -> list[Place]:
     """Equally spaced things between two places, both included."""
     steps = [n / (count - 1) for n in range(count)]
-    return [
-        (kind, first[0] + t * (last[0] - first[0]), first[1] + t * (last[1] - first[1]), yaw) for t in steps
-    ]
+    return [(kind, first[0] + t * (last[0] - first[0]), first[1] + t * (last[1] - first[1]), yaw) for t in steps]
 
 
 FURNITURE: dict[str, list[Place]] = {

@@ -136,9 +136,7 @@ def fitted(primitives: list[Primitive], vertices: Points) -> Points:
     return vertices
 
 
-def level_set(
-    distance: Callable[[Points], NDArray[np.float64]], triangles: int
-) -> tuple[Points, NDArray[np.int64]]:
+def level_set(distance: Callable[[Points], NDArray[np.float64]], triangles: int) -> tuple[Points, NDArray[np.int64]]:
     """Vertices and faces of the surface where a distance is 0, with about so many triangles.
 
     Naive surface nets: a vertex in each cell that the surface crosses, a quad for each edge that it crosses.
@@ -183,9 +181,7 @@ def _quads(inside: NDArray[np.bool_], index: NDArray[np.int64], axis: int) -> ND
     turned = np.moveaxis(index, axis, 0)
     edges = np.argwhere(before != after)
     i, j, k = edges[np.all(edges[:, 1:] > 0, axis=1)].T
-    quad = np.stack(
-        [turned[i, j - 1, k - 1], turned[i, j, k - 1], turned[i, j, k], turned[i, j - 1, k]], axis=1
-    )
+    quad = np.stack([turned[i, j - 1, k - 1], turned[i, j, k - 1], turned[i, j, k], turned[i, j - 1, k]], axis=1)
     flip = before[i, j, k] == (axis == 1)
     quad[flip] = quad[flip][:, ::-1]
     return np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])

@@ -227,9 +227,7 @@ def test_it_backs_to_what_lies_right_behind_it_and_near(target, backs):
 @pytest.mark.parametrize("back_up", [True, False])
 def test_it_looks_back_or_ahead_at_the_end_as_told_even_if_the_other_were_nearer(back_up, pitch):
     robot = KinematicRobot(pitch=lambda x, y: pitch)
-    assert Navigator(robot, hold_gain=0.0).follow(
-        np.array([(0.5 if back_up else -0.5, 0.0)]), back_up=back_up
-    )
+    assert Navigator(robot, hold_gain=0.0).follow(np.array([(0.5 if back_up else -0.5, 0.0)]), back_up=back_up)
     assert abs(wrap_angle(yaw_of(robot.T) - np.pi)) < np.deg2rad(3)
 
 

@@ -86,9 +86,7 @@ def test_a_person_is_drawn_where_the_map_has_them() -> None:
     root = read(draw_map(situation))
     paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
     (disc,) = root.all("circle", "person")
-    assert (float(disc.attributes["cx"]), float(disc.attributes["cy"])) == pytest.approx(
-        paper((1.6, 0.3)), abs=0.2
-    )
+    assert (float(disc.attributes["cx"]), float(disc.attributes["cy"])) == pytest.approx(paper((1.6, 0.3)), abs=0.2)
     (ellipse,) = root.all("ellipse")
     assert float(ellipse.attributes["rx"]) == pytest.approx(0.2448 * paper.scale, rel=1e-3)
     (way,) = root.all("path", "way")

@@ -25,9 +25,7 @@ def patch(label: Label, points: NDArray, seen_from: tuple[float, float, float]) 
     return PlanePatch(label, plane, moments, points, cells_of(points)[0])
 
 
-def room(
-    x: tuple[float, float], y: tuple[float, float], walls: list[Wall]
-) -> tuple[Traversability, Segments]:
+def room(x: tuple[float, float], y: tuple[float, float], walls: list[Wall]) -> tuple[Traversability, Segments]:
     """Level ground with walls in it, as its traversability and as segments."""
     clouds = [wall_points(a, b) for a, b in walls]
     segments = Segments()
@@ -36,10 +34,7 @@ def room(
 
 
 def topology_of(
-    traversability: Traversability,
-    segments: Segments,
-    start: tuple[float, float],
-    graph: GraphKind = "roadmap",
+    traversability: Traversability, segments: Segments, start: tuple[float, float], graph: GraphKind = "roadmap"
 ) -> TopologicalMap:
     topology = TopologicalMap(graph)
     topology.update([], segments, traversability, ShortestPaths(traversability, start))

@@ -142,9 +142,7 @@ def test_the_map_grows_with_the_ground_and_stays_few():
     topology = topology_of(first, segments, (-2, 0))
     before = topology.nodes.copy()
     for x in (5, 7, 9):
-        traversability, segments = room(
-            (-3, x), (-2, 2), [((3, -2), (3, 0.8)), ((6, -0.8), (6, 2))][: x // 3]
-        )
+        traversability, segments = room((-3, x), (-2, 2), [((3, -2), (3, 0.8)), ((6, -0.8), (6, 2))][: x // 3])
         topology.update([], segments, traversability, ShortestPaths(traversability, (-2, 0)))
         assert nx.is_connected(topology.graph)
     assert any(node is before.get(n) for n, node in topology.nodes.items())

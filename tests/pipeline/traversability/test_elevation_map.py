@@ -14,12 +14,8 @@ def column(*heights: float, hits: int = 5) -> np.ndarray:
 
 
 def test_a_cell_has_the_mean_height_of_its_returns():
-    elevation_map = surface_of(
-        np.array([(0.01, 0.01, 0.02), (0.02, 0.04, 0.0), (0.04, 0.02, 0.01)], np.float32)
-    )
-    assert elevation_map.grid.at(elevation_map.measured, [0.025, 0.025], np.nan) == pytest.approx(
-        0.01, abs=1e-6
-    )
+    elevation_map = surface_of(np.array([(0.01, 0.01, 0.02), (0.02, 0.04, 0.0), (0.04, 0.02, 0.01)], np.float32))
+    assert elevation_map.grid.at(elevation_map.measured, [0.025, 0.025], np.nan) == pytest.approx(0.01, abs=1e-6)
 
 
 def test_two_returns_are_not_enough():
@@ -55,9 +51,7 @@ def test_it_grows_in_every_direction_without_losing_anything():
     before = np.isfinite(elevation_map.measured).sum()
     for corner in ((-9, 3), (20, 0), (0, -30)):
         elevation_map.update(column(0.3) + np.array([*corner, 0], np.float32))
-        assert elevation_map.grid.at(
-            elevation_map.measured, corner + np.array([0.025, 0.025])
-        ) == pytest.approx(0.3)
+        assert elevation_map.grid.at(elevation_map.measured, corner + np.array([0.025, 0.025])) == pytest.approx(0.3)
     assert np.isfinite(elevation_map.measured).sum() == before + 3
     assert elevation_map.grid.at(elevation_map.measured, [0.525, 0.525], np.nan) == 0
 
@@ -100,9 +94,7 @@ def test_where_ground_drops_out_it_is_unknown_whatever_the_returns():
 @pytest.mark.parametrize(("camera", "is_cleared"), [((0.0, -2.0), True), ((-2.0, -0.3), False)])
 def test_a_dropout_is_cleared_by_a_keyframe_from_another_side(camera, is_cleared):
     elevation_map = seen_along_a_panel()
-    elevation_map.update(
-        ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera)
-    )
+    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera))
     assert np.isfinite(elevation_map.grid.at(elevation_map.elevation, [0.0, 0.005], np.nan)) == is_cleared
 
 
@@ -161,9 +153,7 @@ def test_assumed_ground_gives_way_to_returns():
 
 @settings(max_examples=25, deadline=None)
 @given(
-    st.lists(
-        st.tuples(*[st.floats(-3, 3, width=32)] * 2, st.floats(-0.5, 2, width=32)), min_size=1, max_size=60
-    ),
+    st.lists(st.tuples(*[st.floats(-3, 3, width=32)] * 2, st.floats(-0.5, 2, width=32)), min_size=1, max_size=60),
     st.randoms(),
 )
 def test_order_of_points_does_not_matter(points, random):

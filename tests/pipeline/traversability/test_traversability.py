@@ -44,9 +44,7 @@ def test_a_block_that_ends_within_a_cell_is_a_hazard_up_to_its_edge(height):
     face = wall_points((0.02, -0.5), (0.02, 0.5), height)
     outside = (ground[:, 0] < 0.02) | (np.abs(ground[:, 1]) > 0.5)
     traversability = assess_map(surface_of(ground[outside], block, face))
-    assert traversability.grid.at(
-        traversability.hazard, [(0.025, y) for y in np.arange(-0.475, 0.5, 0.05)]
-    ).all()
+    assert traversability.grid.at(traversability.hazard, [(0.025, y) for y in np.arange(-0.475, 0.5, 0.05)]).all()
 
 
 def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point():

@@ -20,9 +20,7 @@ pieces = st.tuples(
 def step(elevation_map, piece):
     """Show a piece of ground, or a wall, somewhere; perhaps with a stripe of it missing."""
     height, x, y, drops_out = piece
-    points = (
-        wall_points((0, 0), (0.8, 0.3)) if height is None else ground_points(height, (-1.2, 1.2), (-0.8, 0.8))
-    )
+    points = wall_points((0, 0), (0.8, 0.3)) if height is None else ground_points(height, (-1.2, 1.2), (-0.8, 0.8))
     points = points + np.array([x, y, 0], np.float32)
     missing = points[np.abs(points[:, 0] - x) < 0.03] if drops_out else np.zeros((0, 3), np.float32)
     elevation_map.update(points, missing, np.array([x - 2, y]))
@@ -48,9 +46,7 @@ def test_gaps_are_bridged_keyframe_by_keyframe_as_on_the_whole_map(steps):
     for piece in steps:
         step(elevation_map, piece)
     known = elevation_map.measured
-    np.testing.assert_array_equal(
-        elevation_map.elevation, kernels.bridge_gaps(known, elevation_map.dropout, 3, 0.05)
-    )
+    np.testing.assert_array_equal(elevation_map.elevation, kernels.bridge_gaps(known, elevation_map.dropout, 3, 0.05))
 
 
 def test_what_was_given_out_stays_as_it_was():

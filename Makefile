@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 SUBJECT ?= camera
 
-.PHONY: help setup episode test lint benchmark docs clean
+.PHONY: help setup episode test endurance lint benchmark docs clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
@@ -19,6 +19,9 @@ episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a repor
 # Each core begins with tests that stand together, which share fixtures, and takes over others' when it is done.
 test: setup ## run every test, on every core
 	$(PYTHON) -m pytest -n logical --dist worksteal
+
+endurance: setup ## check 200 random arenas, and kill a dataset generator 10 times
+	SEEDS=200 KILLS=10 $(PYTHON) -m pytest tests/sarsim/arenas/test_random_arena.py tests/sarsim/dataset/test_disturbed.py
 
 lint: setup ## check style and types
 	$(PYTHON) -m ruff check

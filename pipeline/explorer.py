@@ -83,7 +83,7 @@ class Explorer:
         self.robot = robot
         self.mapper = Mapper(robot.model, classifier, detector, voxel_size, graph, seed)
         self.reobservation = Reobservation(self.mapper.victims, self.mapper.metric_map)
-        exploration = Exploration()
+        exploration = Exploration(robot.model)
         exploration.rewards = self.reobservation
         self.mission = Mission(exploration)
         self.navigator = Navigator(robot)

@@ -42,9 +42,7 @@ def save_checkpoint(path: Path, settings: str, state: dict[str, Any]) -> None:
         torch.save({"settings": settings} | state, file)
 
 
-def resume(
-    path: Path, settings: str, device: "torch.device", restore: Callable[[dict[str, Any]], object]
-) -> None:
+def resume(path: Path, settings: str, device: "torch.device", restore: Callable[[dict[str, Any]], object]) -> None:
     """Hand the state that :func:`save_checkpoint` wrote to ``restore``, its tensors on ``device``.
 
     Raises:

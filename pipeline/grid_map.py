@@ -1,32 +1,49 @@
-"""A regular grid over the xy plane of ``map``."""
+"""Regular grids over the xy plane of ``map``: where cells lie, and named layers that grow and tell what changed."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property, reduce
+from types import EllipsisType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy import ndimage
+
+Box = tuple[slice, slice]
+"""A rectangle of cells of a grid."""
+
+BLOCK = 128
+"""Cells along each side of the blocks in which a grid map grows where points fall: 6.4 m of cells of 5 cm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
     """Where the cells of a layer lie; layers are indexed [i, j] along x and y.
 
+    Every cell has absolute indices as well, which stay the same when the grid grows: the cell (i, j) covers
+    [i·cell, (i + 1)·cell) m along x and [j·cell, (j + 1)·cell) m along y. It is the element [i, j] - ``low``.
+
     Attributes:
-        origin: (2,) xy of the corner of cell [0, 0], m.
+        low: (2,) int64 absolute indices of the element [0, 0].
         cell: side of a cell, m.
         shape: number of cells along x and y.
     """
 
-    origin: NDArray[np.float64]
+    low: NDArray[np.int64]
     cell: float
     shape: tuple[int, int]
 
+    @cached_property
+    def origin(self) -> NDArray[np.float64]:
+        """(2,) xy of the corner of the element [0, 0], m."""
+        return np.asarray(self.low * self.cell, np.float64)
+
     def cell_of(self, xy: ArrayLike) -> NDArray[np.int64]:
-        """(..., 2) indices of the cells that hold the points (..., 2 or 3); may lie outside the grid."""
+        """(..., 2) elements that hold the points (..., 2 or 3); may lie outside the grid."""
         return np.floor((np.asarray(xy)[..., :2] - self.origin) / self.cell).astype(np.int64)
 
     def centre_of(self, cells: ArrayLike) -> NDArray[np.float64]:
-        """(..., 2) centres of cells (..., 2), m."""
+        """(..., 2) centres of elements (..., 2), m."""
         return self.origin + (np.asarray(cells) + 0.5) * self.cell
 
     def at(self, layer: NDArray, xy: ArrayLike, outside: float = 0) -> NDArray:
@@ -58,8 +75,124 @@ class Grid:
         distance = np.linalg.norm(centres - xy, axis=1)
         return centres[distance.argmin()] if len(distance) and distance.min() <= within else None
 
+    def part(self, box: Box) -> "Grid":
+        """The grid of the cells in a box."""
+        i, j = (s.indices(n) for s, n in zip(box, self.shape, strict=True))
+        return Grid(self.low + np.array([i[0], j[0]]), self.cell, (i[1] - i[0], j[1] - j[0]))
 
-def box_around(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
+    def box_of(self, part: "Grid") -> Box:
+        """Where another grid of the same cells lies that this one holds whole."""
+        i, j = (slice(int(s), int(s) + n) for s, n in zip(part.low - self.low, part.shape, strict=True))
+        return i, j
+
+    def is_same(self, other: "Grid") -> bool:
+        """Whether another grid has the very same cells."""
+        return self.cell == other.cell and self.shape == other.shape and bool((self.low == other.low).all())
+
+
+@dataclass(frozen=True)
+class Layer:
+    """What the cells of a layer hold.
+
+    Attributes:
+        dtype: of its values.
+        fill: value of a cell of which nothing is known.
+        per_cell: shape of a cell's value; () is a single number.
+        in_place: its owner changes the array itself: it is not copied, and no changes of it are told.
+    """
+
+    dtype: DTypeLike
+    fill: float = 0
+    per_cell: tuple[int, ...] = ()
+    in_place: bool = False
+
+    def array(self, shape: tuple[int, int]) -> NDArray:
+        """(nx, ny, ...) cells of which nothing is known."""
+        return np.full((*shape, *self.per_cell), self.fill, self.dtype)
+
+
+class GridMap:
+    """Named layers on one grid that grows; beyond it every cell holds its layer's ``fill``.
+
+    Arrays that were given out stay as they were, since a layer is copied before it is written, unless it is one that
+    is changed in place.
+
+    Attributes:
+        grid: where the cells lie now.
+        revision: counts growth and the writes that changed anything.
+    """
+
+    def __init__(self, cell: float, layers: Mapping[str, Layer]):
+        """Begin without cells; ``cell``: their side, m."""
+        self.grid = Grid(np.zeros(2, np.int64), cell, (0, 0))
+        self.revision = 0
+        self._kinds = dict(layers)
+        self._layers = {name: kind.array((0, 0)) for name, kind in layers.items()}
+        self._stamps = {name: np.zeros((0, 0), np.int64) for name, kind in layers.items() if not kind.in_place}
+
+    def __getitem__(self, name: str) -> NDArray:
+        """(nx, ny, ...) a layer as it is now."""
+        return self._layers[name]
+
+    def cover(self, xy: NDArray) -> None:
+        """Grow in whole blocks until the bounding box of the points (N, 2 or 3) m lies on the grid."""
+        first, last = (self.grid.low + self.grid.cell_of(side) for side in (xy.min(axis=0), xy.max(axis=0)))
+        self._grow(
+            np.minimum(first // BLOCK * BLOCK, self.grid.low),
+            np.maximum((last // BLOCK + 1) * BLOCK, self.grid.low + self.grid.shape),
+        )
+
+    def match(self, grid: Grid) -> None:
+        """Grow until another grid of the same cells lies on this one."""
+        self._grow(grid.low, grid.low + grid.shape)
+
+    def write(self, name: str, values: ArrayLike, where: Box | NDArray | tuple | EllipsisType = ...) -> None:
+        """Set a layer, or the cells of it that ``where`` selects as an index of the array does."""
+        old = self._layers[name]
+        values = np.asarray(values, old.dtype)
+        differs = old[where] != values
+        if old.dtype.kind == "f":
+            differs &= ~(np.isnan(old[where]) & np.isnan(values))
+        differs = differs.any(axis=tuple(range(-len(self._kinds[name].per_cell), 0)))
+        if not differs.any():
+            return
+        self.revision += 1
+        self._layers[name] = old.copy()
+        self._layers[name][where] = values
+        stamps = self._stamps[name]
+        stamps[where] = np.where(differs, self.revision, stamps[where])
+
+    def changed_since(self, revision: int, *names: str) -> NDArray[np.bool_]:
+        """(nx, ny) the cells that writes after a revision changed in one of these layers, or in any if none is named.
+
+        Cells that the grid has gained since then count as changed only if they were written.
+        """
+        stamps = [self._stamps[name] for name in names or self._stamps]
+        return reduce(np.maximum, stamps) > revision
+
+    def _grow(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
+        """Let the grid reach from cell ``low`` up to before cell ``high``, (2,) absolute indices, and further."""
+        old = self.grid
+        if all(old.shape):
+            low, high = np.minimum(low, old.low), np.maximum(high, old.low + old.shape)
+        nx, ny = (high - low).tolist()
+        if (nx, ny) == old.shape:
+            return
+        self.grid = Grid(low, old.cell, (nx, ny))
+        self.revision += 1
+        for name, kind in self._kinds.items():
+            self._layers[name] = _grown(self._layers[name], kind.array((nx, ny)), self.grid.box_of(old))
+        for name, stamps in self._stamps.items():
+            self._stamps[name] = _grown(stamps, np.zeros((nx, ny), np.int64), self.grid.box_of(old))
+
+
+def _grown(values: NDArray, layer: NDArray, box: Box) -> NDArray:
+    """The larger layer with the values in a box of it."""
+    layer[box] = values
+    return layer
+
+
+def box_around(mask: NDArray[np.bool_], margin: int) -> Box:
     """The bounding box of a mask (nx, ny) that is not empty, ``margin`` cells larger where the grid allows."""
     slices = []
     for axis in (0, 1):
@@ -68,7 +201,7 @@ def box_around(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
     return slices[0], slices[1]
 
 
-def inside(inner: tuple[slice, slice], outer: tuple[slice, slice]) -> tuple[slice, slice]:
+def inside(inner: Box, outer: Box) -> Box:
     """A box as seen from the first corner of another one that holds it."""
     i, j = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(inner, outer, strict=True))
     return i, j

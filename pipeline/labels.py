@@ -22,6 +22,9 @@ THESIS_FOUR = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RA
 PLANAR = (*THESIS_FOUR, Label.CEILING)
 """Classes made of planes."""
 
+RAMP_TILT = np.deg2rad(8)
+"""rad; ground that leans more is a ramp."""
+
 COLOURS = np.array(
     [
         (128, 128, 128),  # unlabelled: grey

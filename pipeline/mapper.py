@@ -18,7 +18,7 @@ from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
-from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
+from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.shortest_paths import ShortestPaths
@@ -105,11 +105,11 @@ class Mapper:
         self.classifier, self.detector = classifier, detector
         self.localisation = OdometryLocalisation()
         self.metric_map = MetricMap(voxel_size)
-        self.elevation_map = ElevationMap()
-        self.traversability_layer = TraversabilityLayer()
+        self.elevation_map = ElevationMap(robot)
+        self.traversability_layer = TraversabilityLayer(robot)
         self.semantic_map = SemanticMap()
         self.segments = Segments()
-        self.topological_map = TopologicalMap(TopologicalMapConfig(graph=graph))
+        self.topological_map = TopologicalMap(graph)
         self.victims = Victims()
         self.stopwatch = Stopwatch()
         self.keyframes = 0

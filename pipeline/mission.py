@@ -130,9 +130,7 @@ class Goals:
             if np.linalg.norm(place - context.T_map_base[:2, 3]) <= ARRIVED:
                 self._end(goal, None)
             elif self._set_out and goal is self._goal and self._was_in_vain(context.paths.cost_to(place)):
-                self._end(
-                    goal, f"{goal_name(goal)} is given up: {PATIENCE} drives brought the robot no nearer"
-                )
+                self._end(goal, f"{goal_name(goal)} is given up: {PATIENCE} drives brought the robot no nearer")
         self._set_out = False
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
@@ -147,9 +145,7 @@ class Goals:
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember to which goal the robot sets out."""
         places = [self._place(goal, context.traversability) for goal in self.left]
-        goal = next(
-            g for g, place in zip(self.left, places, strict=True) if (place == viewpoint.position).all()
-        )
+        goal = next(g for g, place in zip(self.left, places, strict=True) if (place == viewpoint.position).all())
         self._set_out = True
         if goal is not self._goal:
             self._goal, self._in_vain = goal, 0

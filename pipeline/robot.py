@@ -97,6 +97,24 @@ class RobotModel:
         """Of the circle that the corners sweep in a turn in place, m."""
         return hypot(self.half_length, self.half_width)
 
+    @property
+    def driven_clearance(self) -> float:
+        """From its middle to what it must not touch where it has been, m: it has passed what stands beside."""
+        return self.half_width
+
+    @property
+    def straight_clearance(self) -> float:
+        """From its middle to what it must not touch while it drives straight, m."""
+        return self.half_width + 0.05
+
+    @property
+    def turning_clearance(self) -> float:
+        """From its middle to what it must not touch while it turns in place, m.
+
+        The corners sweep a circle, and it stands up to 0.04 m beside where it was sent.
+        """
+        return self.corner_radius + 0.04
+
 
 class Robot(Protocol):
     """A body with an RGB-D camera that can be driven."""

@@ -36,13 +36,9 @@ class Episode:
         """Raises InputError where the arena, the output folder or the viewer cannot be had."""
         self.config = config
         if config.steps < 1 or config.seed < 0:
-            raise InputError(
-                f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed"
-            )
+            raise InputError(f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed")
         if not np.isfinite(config.goals).all():
-            raise InputError(
-                f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there"
-            )
+            raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there")
         classifier = make_classifier(config.labels, config.weights)
         detector = VictimDetector.load(*config.detector) if config.detector else None
         arena = load_arena(config.arena, config.start, config.random)
@@ -52,12 +48,7 @@ class Episode:
         self.robot = SimulatedRobot(arena, simulation, config.seed)
         self.robot.model = replace(self.robot.model, speed=config.speed)
         self.explorer = Explorer(
-            self.robot,
-            classifier,
-            detector,
-            voxel_size=config.voxel_size,
-            graph=config.graph,
-            seed=config.seed,
+            self.robot, classifier, detector, voxel_size=config.voxel_size, graph=config.graph, seed=config.seed
         )
         self.mission = self.explorer.mission
         self.score = EpisodeScore(self.robot, self.explorer)
@@ -121,8 +112,7 @@ class Episode:
         self._log_news()
         if step.was_kidnapped:
             self.recorder.log_message(
-                "WARN",
-                f"the robot was kidnapped and set down at {place_name(step.keyframe.T_map_base[:2, 3])}",
+                "WARN", f"the robot was kidnapped and set down at {place_name(step.keyframe.T_map_base[:2, 3])}"
             )
         self.recorder.log_message("INFO" if step.can_drive else "WARN", self._tell(step))
         if step.plan is None:
@@ -145,9 +135,7 @@ class Episode:
         if not step.viewpoint.gain:
             return f"{explored}; next to {place}, {way}"
         heading = np.degrees(step.viewpoint.heading)
-        return (
-            f"{explored}; next from {place} towards {heading:.0f}°, {way}, for {step.viewpoint.gain:.2f} m²"
-        )
+        return f"{explored}; next from {place} towards {heading:.0f}°, {way}, for {step.viewpoint.gain:.2f} m²"
 
     def _finish(self) -> None:
         wall_time, sim_time = perf_counter() - self._wall_start, self.robot.time - self._sim_start
@@ -200,9 +188,7 @@ def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
     if labels == "truth":
         return TruthClassifier()
     if not weights.exists():
-        raise InputError(
-            f"--weights {weights}: no such file; train.py dgcnn makes one, --labels truth needs none"
-        )
+        raise InputError(f"--weights {weights}: no such file; train.py dgcnn makes one, --labels truth needs none")
     return DgcnnClassifier(weights)
 
 

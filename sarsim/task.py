@@ -48,9 +48,7 @@ class RescueTask(composer.Task):
         self.robot.set_pose(physics, T[:3, 3], quat)
         self._drive = SkidSteer()
 
-    def before_step(
-        self, physics: mjcf.Physics, action: NDArray, random_state: np.random.RandomState
-    ) -> None:
+    def before_step(self, physics: mjcf.Physics, action: NDArray, random_state: np.random.RandomState) -> None:
         """Let the drive's firmware turn the command (2,), m/s and rad/s, into wheel speeds."""
         wheels = self._drive.command(
             Velocity(float(action[0]), float(action[1])),

@@ -51,11 +51,7 @@ def drive_by_keyboard(environment: composer.Environment) -> None:
     throttle = Throttle(*environment.action_spec().maximum)
     physics = environment.physics
     with mujoco.viewer.launch_passive(
-        physics.model.ptr,
-        physics.data.ptr,
-        key_callback=throttle.press,
-        show_left_ui=False,
-        show_right_ui=False,
+        physics.model.ptr, physics.data.ptr, key_callback=throttle.press, show_left_ui=False, show_right_ui=False
     ) as window:
         _follow(window.cam, physics.bind(environment.task.robot.base).element_id)
         while window.is_running():

@@ -132,9 +132,7 @@ def machine() -> dict[str, Any]:
         "processor": processor(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
-        "packages": {
-            name: importlib.metadata.version(name) for name in ("mujoco", "numba", "numpy", "torch")
-        },
+        "packages": {name: importlib.metadata.version(name) for name in ("mujoco", "numba", "numpy", "torch")},
     }
 
 

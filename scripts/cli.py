@@ -23,7 +23,7 @@ from pipeline.errors import InputError
 BAD_INPUT = 2
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 UNREAD = 141  # 128 + SIGPIPE
-HELP_INDENT = 9 * " "
+HELP_INDENT = 8 * " "
 """before the help of a flag in tyro's messages about wrong ones."""
 
 
@@ -55,9 +55,9 @@ def parse(command_line: Callable[[], Any]) -> Any:
 
 def unboxed(text: str) -> str:
     """What a box of tyro's says, as one line: its message, and the flags that it suggests, without their help."""
-    inside = [line.strip()[1:-1] for line in text.strip().splitlines()[1:-1]]
+    inside = [line[2:].rstrip(" │") for line in text.splitlines()[1:]]  # without the title and the border
     lines = [line.strip() for line in inside if not line.startswith(HELP_INDENT)]
-    parts = [part.strip() for part in re.split("(?m)^[─-]{3,}$", "\n".join(lines))]
+    parts = [part.strip() for part in re.split("(?m)^[─-]{3,}╯?$", "\n".join(lines))]
     suggestions = [part for part in parts if part.startswith(("Perhaps you meant", "Arguments similar"))]
     flags = [flag for part in suggestions for flag in re.findall(r"^--[\w.-]+", part, re.MULTILINE)]
     said = [part for part in parts if part not in suggestions and not part.startswith("For full helptext")]

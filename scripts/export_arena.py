@@ -27,7 +27,7 @@ class ExportArena:
 
 
 def export_arena(settings: ExportArena) -> None:
-    """Write an arena without the robot; look at it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
+    """Write an arena without the robot; view it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
     from sarsim.arenas.export import write_mjcf
     from sarsim.arenas.load import load_arena
 

@@ -1,19 +1,18 @@
 """Write the map of an episode for other programs: ``export_map.py EPISODE --out FILE.bt|.ot|.ply|.pgm``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
-import open3d
 import tyro
-from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.metric_map.io.exports import save_map_server, save_ply
-from pipeline.metric_map.io.npz import load_metric_map
-from pipeline.metric_map.io.octomap import voxel_labels, write_bt, write_ot
-from pipeline.metric_map.metric_map import MetricMap
 from sarsim.scripts.cli import run
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pipeline.metric_map.metric_map import MetricMap
 
 
 def export_map(path: Annotated[Path, tyro.conf.Positional], out: Path) -> None:
@@ -27,6 +26,10 @@ def export_map(path: Annotated[Path, tyro.conf.Positional], out: Path) -> None:
     """
     if out.suffix not in (".bt", ".ot", ".ply", ".pgm"):
         raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply or .pgm")
+    from pipeline.metric_map.io.exports import save_map_server, save_ply
+    from pipeline.metric_map.io.npz import load_metric_map
+    from pipeline.metric_map.io.octomap import write_bt, write_ot
+
     path = path / "metric_map.npz" if path.is_dir() else path
     metric_map = load_metric_map(path)
     semantic_map = path.with_name("semantic_map.ply")
@@ -41,14 +44,18 @@ def export_map(path: Annotated[Path, tyro.conf.Positional], out: Path) -> None:
             save_ply(out, metric_map, _labels(metric_map, semantic_map))
 
 
-def _labels(metric_map: MetricMap, path: Path) -> NDArray[np.uint8] | None:
+def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":
     """Classes of the occupied voxels, from a semantic map if there is one."""
     if not path.exists():
         return None
+    import open3d
+
+    from pipeline.metric_map.io.octomap import voxel_labels
+
     cloud = open3d.t.io.read_point_cloud(path).point
     if "label" not in cloud:
         raise InputError(f"{path}: not a semantic map: its points have no label")
-    labels: NDArray[np.uint8] = cloud.label.numpy().reshape(-1).astype(np.uint8)
+    labels = cloud.label.numpy().reshape(-1).astype("uint8")
     return voxel_labels(metric_map, cloud.positions.numpy(), labels)
 
 

@@ -1,7 +1,7 @@
 """Generate a labelled RGB-D dataset in random rescue arenas."""
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -59,9 +59,8 @@ def generate_dataset(settings: GenerateDataset) -> None:
     from sarsim.dataset.generate import generate
     from sarsim.dataset.recipe import Recipe
 
-    names = ("seed", "frames", "width", "height", "arenas", "random", "lighting", "dust", "keyframes")
-    given = {name: getattr(settings, name) for name in names}
-    recipe = Recipe(**given)
+    names = {f.name for f in fields(Recipe)} & {f.name for f in fields(settings)}
+    recipe = Recipe(**{name: getattr(settings, name) for name in names})
     with progress() as bars:
         bar = bars.add_task("frames", total=settings.scenes * settings.frames)
         engine = make_engine(settings.engine, settings.workers)

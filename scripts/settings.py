@@ -69,9 +69,7 @@ def settings_from(
         ],
     )
     return parse(
-        lambda: tyro.cli(
-            flags, prog=prog, description=description, args=args, config=(tyro.conf.SuppressFixed,)
-        )
+        lambda: tyro.cli(flags, prog=prog, description=description, args=args, config=(tyro.conf.SuppressFixed,))
     ).settings
 
 
@@ -115,10 +113,7 @@ def _settings(kind: Any, content: Any, where: str) -> Any:
     hints = get_type_hints(kind)
     if unknown := [key for key in given if key not in hints]:
         raise InputError(f"{where}: unknown setting {', '.join(unknown)}")
-    values = {
-        name: _value(hints[name], value, f"{where}: {name.replace('_', '-')}")
-        for name, value in given.items()
-    }
+    values = {name: _value(hints[name], value, f"{where}: {name.replace('_', '-')}") for name, value in given.items()}
     required = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
     return kind(**dict.fromkeys(required, tyro.MISSING) | values)
 

@@ -19,9 +19,7 @@ def teleop(arena: str = "nist_6x4", start: StartPose | None = None) -> None:
 
     environment = rescue_environment(load_arena(arena, start), seed=0)
     if not has_display():
-        raise InputError(
-            "there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)"
-        )
+        raise InputError("there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)")
     print(KEYS, flush=True)
     drive_by_keyboard(environment)
 

@@ -3,7 +3,7 @@
 On several GPUs, or a process for each core of a CPU: ``torchrun --nproc-per-node N scripts/train.py ...``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -95,8 +95,7 @@ def train_dgcnn(settings: TrainDgcnn) -> None:
     from pipeline.semantic_map.networks.parallel import Worker
     from pipeline.semantic_map.networks.training import Trainer, TrainingConfig
 
-    names = ("steps", "seed", "batch", "learning_rate", "validate_every")
-    config = TrainingConfig(**{name: getattr(settings, name) for name in names})
+    config = TrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(TrainingConfig)})
     about: dict[str, Any] = {"data": str(settings.data), "scenes": _scenes(settings.data)}
     about["stride"] = settings.stride
     initial = None
@@ -125,8 +124,7 @@ def train_yolo(settings: TrainYolo) -> None:
     from pipeline.victims.detection.training import Trainer, TrainingConfig
     from sarsim.dataset.victim_images import VictimImages
 
-    names = ("network", "width", "height", "steps", "seed", "batch", "learning_rate", "validate_every")
-    config = TrainingConfig(**{name: getattr(settings, name) for name in names})
+    config = TrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(TrainingConfig)})
     images = [VictimImages(settings.data, split, settings.stride) for split in ("train", "val")]
     try:
         about = {"data": list(map(str, settings.data)), "images": [len(source) for source in images]}
@@ -172,9 +170,7 @@ def _clouds(settings: TrainDgcnn, worker: "Worker", voxel_size: float) -> dict[s
                 pose = scene.T_world_camera(index)
                 clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size))
     if not clouds["val"]:
-        raise InputError(
-            f"--data {settings.data}: no scene of the split val, which one in ten is: make 5 at least"
-        )
+        raise InputError(f"--data {settings.data}: no scene of the split val, which one in ten is: make 5 at least")
     return clouds
 
 

@@ -198,15 +198,11 @@ def private_access(module: Module) -> Iterator[str]:
     own = own_privates(module)
     for node in ast.walk(module.tree):
         if isinstance(node, ast.Attribute) and is_private(node.attr):
-            is_own = (
-                isinstance(node.value, ast.Name) and node.value.id in ("self", "cls") and node.attr in own
-            )
+            is_own = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls") and node.attr in own
             yield from [] if is_own else [ast.unparse(node)]
         elif isinstance(node, ast.ImportFrom):
             yield from (alias.name for alias in node.names if is_private(alias.name))
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(
-            ("setattr", "getattr", "delattr")
-        ):
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("setattr", "getattr", "delattr")):
             names = [argument.value for argument in node.args if is_text(argument)]
             yield from (name for name in names if any(map(is_private, name.split("."))))
 

@@ -12,9 +12,7 @@ import pytest
 from sarsim.arenas.load import load_arena
 from tests.source_tree import ROOT, modules
 
-DOCUMENTS = sorted(
-    [*ROOT.glob("*.md"), *(p for top in ("assets", "docs") for p in (ROOT / top).rglob("*.md"))]
-)
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *(p for top in ("assets", "docs") for p in (ROOT / top).rglob("*.md"))])
 PAGES = sorted((ROOT / "docs").glob("*.md"))
 CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 TARGET = re.compile(r"\]\(<?([^)\s>]+)|^\[[^\]]+\]:\s*(\S+)|(?:src|href)=\"([^\"]+)\"", re.MULTILINE)

@@ -23,10 +23,7 @@ SIZE = (800, 600)
 def main() -> None:
     draw_library()
     save("arena-nist.jpg", [overview("nist_6x4"), eye("nist_6x4", None)])
-    save(
-        "arena-raf.jpg",
-        [overview(str(DOCS / "example.raf")), eye(str(DOCS / "example.raf"), (6.0, 1.1, 100.0))],
-    )
+    save("arena-raf.jpg", [overview(str(DOCS / "example.raf")), eye(str(DOCS / "example.raf"), (6.0, 1.1, 100.0))])
     first = str(DOCS / "first.raf")
     save("arena-first.jpg", [overview(first), eye(first, None)])
     flat, decks, clutter, fields = (overview(f"random:{seed}") for seed in (8, 1, 6, 7))

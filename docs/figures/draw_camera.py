@@ -56,10 +56,7 @@ def main() -> None:
             titled(bgr[ideal.label], "label"),
         ],
         [
-            titled(
-                error_picture(noisy.depth - ideal.depth, returns),
-                f"error, red and blue: {ERROR * 100:.0f} cm",
-            ),
+            titled(error_picture(noisy.depth - ideal.depth, returns), f"error, red and blue: {ERROR * 100:.0f} cm"),
             titled(depth_picture(noisy.depth), "depth of the Xtion"),
             titled(bgr[noisy.label] * returns[..., None], "labels of its points"),
         ],

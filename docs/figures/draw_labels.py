@@ -25,9 +25,7 @@ def label_picture(seen: TrueFrame, labels: NDArray[np.integer]) -> NDArray[np.ui
 
 def column(seen: TrueFrame, networks: list[DgcnnClassifier]) -> NDArray[np.uint8]:
     """Colour, true labels and given ones, one above the other."""
-    given = [
-        network.classify(seen.frame, seen.points, seen.T_map_camera).argmax(axis=1) for network in networks
-    ]
+    given = [network.classify(seen.frame, seen.points, seen.T_map_camera).argmax(axis=1) for network in networks]
     colour = seen.frame.rgb[..., ::-1]
     return np.vstack([colour, *(label_picture(seen, labels) for labels in (seen.labels, *given))])
 

@@ -50,9 +50,7 @@ class PeriodicMaps:
         points, labels = self._semantic_map.points(), self._semantic_map.labels()
         picture = draw(self._metric_map, voxel_labels(self._metric_map, points, labels))
         text = f"step {self._frames}"
-        cv2.putText(
-            picture, text, (20, SIZE[1] - 20), cv2.FONT_HERSHEY_SIMPLEX, 1.0, (60, 60, 60), 2, cv2.LINE_AA
-        )
+        cv2.putText(picture, text, (20, SIZE[1] - 20), cv2.FONT_HERSHEY_SIMPLEX, 1.0, (60, 60, 60), 2, cv2.LINE_AA)
         return picture
 
 
@@ -61,9 +59,7 @@ def draw(metric_map: MetricMap, labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     picture = np.full((SIZE[1], SIZE[0], 3), 255, np.uint8)
     centres, side = metric_map.occupied_centres(), metric_map.voxel_size
     colours = COLOURS[labels][:, ::-1]
-    toward = np.array(
-        [np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)]
-    )
+    toward = np.array([np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)])
     for n in np.argsort(centres @ toward):
         draw_cube(picture, centres[n], side, colours[n], np.sign(toward))
     return picture
@@ -86,9 +82,7 @@ def draw_cube(
 def to_pixels(points: NDArray) -> NDArray[np.int32]:
     """(N, 2) pixels of (N, 3) points, seen from afar."""
     right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0])
-    up = np.array(
-        [-np.sin(ELEVATION) * np.cos(AZIMUTH), -np.sin(ELEVATION) * np.sin(AZIMUTH), np.cos(ELEVATION)]
-    )
+    up = np.array([-np.sin(ELEVATION) * np.cos(AZIMUTH), -np.sin(ELEVATION) * np.sin(AZIMUTH), np.cos(ELEVATION)])
     x, y = (points - [0, 0, 0.3]) @ right, (points - [0, 0, 0.3]) @ up
     centred = np.column_stack([x, -y]) * PIXELS_PER_METRE
     return np.rint(centred + np.array(SIZE) / 2).astype(np.int32)

@@ -48,9 +48,7 @@ def segments_picture(segments: Segments) -> NDArray[np.uint8]:
     picture = blank()
     for segment in sorted(segments, key=lambda s: s.box.T_map_box[2, 3]):
         colour = BGR[segment.label].tolist()
-        cv2.polylines(
-            picture, [cv2.convexHull(to_pixels(corners(segment.box)))], True, colour, 3, cv2.LINE_AA
-        )
+        cv2.polylines(picture, [cv2.convexHull(to_pixels(corners(segment.box)))], True, colour, 3, cv2.LINE_AA)
         middle = segment.box.T_map_box[:3, 3]
         a, b = to_pixels(np.stack([middle, middle + 0.15 * segment.plane.normal])).tolist()
         cv2.arrowedLine(picture, a, b, (60, 60, 60), 2, cv2.LINE_AA, tipLength=0.3)

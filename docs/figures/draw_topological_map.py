@@ -37,9 +37,7 @@ class Picture:
         self._grid, self._low = traversability.grid, cells.min(axis=0) - MARGIN
         high = cells.max(axis=0) + MARGIN
         ground = ground[self._low[0] : high[0], self._low[1] : high[1]]
-        self.image = np.ascontiguousarray(
-            np.kron(ground, np.ones((CELL, CELL, 1), np.uint8)).swapaxes(0, 1)[::-1]
-        )
+        self.image = np.ascontiguousarray(np.kron(ground, np.ones((CELL, CELL, 1), np.uint8)).swapaxes(0, 1)[::-1])
 
     def line(self, way: NDArray[np.float64], colour: tuple[int, int, int], width: int) -> None:
         """A way (N, 2 or 3)."""

@@ -62,9 +62,7 @@ def picture(frame: Frame, detector: VictimDetector) -> NDArray[np.uint8]:
         colour = FOUND if isinstance(seen, Observation) else REFUSED
         x0, y0, x1, y1 = (round(edge) for edge in detection.box)
         cv2.rectangle(result, (x0, y0), (x1, y1), colour, 2)
-        text = f"{detection.confidence:.2f}" + (
-            "" if isinstance(seen, Observation) else f" {seen.reason[:24]}"
-        )
+        text = f"{detection.confidence:.2f}" + ("" if isinstance(seen, Observation) else f" {seen.reason[:24]}")
         cv2.putText(result, text, (x0 + 4, max(y0 - 6, 18)), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 2)
     return np.asarray(cv2.resize(result, (480, 360), interpolation=cv2.INTER_AREA), np.uint8)
 

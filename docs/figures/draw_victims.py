@@ -51,9 +51,7 @@ DISTANCE = {"box": 1.7, "hole": 2.7}
 def main() -> None:
     rng = np.random.default_rng(4)
     sheet = [
-        picture(
-            make_victim(str(n), rng, posture, placement), azimuth, DISTANCE.get(placement, 2.1), (320, 240)
-        )
+        picture(make_victim(str(n), rng, posture, placement), azimuth, DISTANCE.get(placement, 2.1), (320, 240))
         for n, (posture, placement, azimuth) in enumerate(SHEET)
     ]
     save("victims.jpg", tiled(sheet, 6))

@@ -33,9 +33,7 @@ def paired_constants(module: ast.Module) -> Iterator[tuple[str, griffe.Attribute
         for k, name in enumerate(names.elts):
             if isinstance(name, ast.Name):
                 value = ast.unparse(values[k]) if len(values) == len(names.elts) else None
-                attribute = griffe.Attribute(
-                    name.id, value=value, lineno=name.lineno, endlineno=name.end_lineno
-                )
+                attribute = griffe.Attribute(name.id, value=value, lineno=name.lineno, endlineno=name.end_lineno)
                 attribute.docstring = docstring_of(after)
                 attribute.labels.add("module-attribute")
                 yield name.id, attribute

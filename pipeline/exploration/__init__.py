@@ -1,1 +1,1 @@
-"""Exploration: the next best view, its baselines, and what a view should show."""
+"""Exploration: the next best view, its baselines, and what a viewpoint should show."""

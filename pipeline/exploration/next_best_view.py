@@ -1,20 +1,43 @@
-"""Frontier exploration on the metric map: where to look next."""
+"""Frontier exploration on the metric map: the next best view."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.view_areas import ViewAreas
 from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.exploration.visibility import BEARINGS, RAYS, STRIDE
+from pipeline.grid_map import GridMap, Layer
+from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle, wrap_angles, yaw_of
+from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability
 
+MIN_GAIN = 0.03
+"""m²; a viewpoint that should show less is not worth the drive."""
+WALL_MARGIN = 0.25
+"""m; unknown ground nearer to a hazard cannot be driven on and is not worth a keyframe."""
+SHOW_PROBABILITY = 0.6
+"""Of a cell in view and missed before to be shown by the next keyframe, for each miss."""
+MAX_MISSES = 6
+"""After so many a cell is given up."""
+LONGEST_STRAIGHT = 2.0
+"""m, drive to a place where the robot cannot turn."""
+TURN_RATE = 0.5
+"""rad/s, expected."""
+RAMP_TURN = 3.0
+"""A turn on a ramp counts as so many on the level: it is slow, and the robot slides."""
+FRONTIER_WIDTH = 0.35
+"""m from unseen ground; reachable ground so near is a frontier."""
+KEYFRAME_TIME = 2.0
+"""s that a keyframe costs whatever the way."""
+STRAY = 0.02
+"""m added to each half of the robot's size on a straight way: it heads a few degrees off the line that it follows."""
 _ALONG = np.cos(np.deg2rad(35))
 """Cosine of how far off its heading or its tail the robot drives where it cannot turn."""
 _NEVER = -np.inf
@@ -23,65 +46,16 @@ _HERE = 0.05
 """m; nothing nearer is worth turning towards first."""
 
 
-@dataclass(frozen=True)
-class ExplorationConfig:
-    """How views are weighed.
-
-    Attributes:
-        camera_height, camera_ahead: of the camera above the ground and before the robot's middle, m.
-        near, far: distances from the camera at which it sees the ground, m.
-        field_of_view: of the camera along the horizon, less a margin, rad.
-        lower_edge, upper_edge: of the view of a robot that stands level, rad above the horizon, less a margin.
-        min_grazing: angle between a ray and ground that sends it back, rad.
-        max_unknown: a ray is believed to see no further than this into unknown ground, m.
-        rays: directions around a view.
-        spacing: of the points from which views are considered, m.
-        longest_straight: drive to a place where the robot cannot turn, m.
-        wall_margin: unknown ground nearer to a hazard cannot be driven on and is not worth a look, m.
-        min_gain: a view that promises less is not worth the drive, m².
-        blind_radius: ground that a look should have shown and did not is not looked for from as near to where that
-            look was taken, m.
-        hope: with each such miss it counts for so much less.
-        max_misses: after so many it is given up.
-        speed: expected, m/s.
-        turn_rate: expected, rad/s.
-        ramp_turn: a turn on a ramp counts as so many on the level: it is slow, and the robot slides.
-        look_time: that a look costs whatever the way, s.
-    """
-
-    camera_height: float = 0.6
-    camera_ahead: float = 0.17
-    near: float = 0.9
-    far: float = 3.1
-    field_of_view: float = np.deg2rad(54)
-    lower_edge: float = np.deg2rad(-34)
-    upper_edge: float = np.deg2rad(9)
-    min_grazing: float = np.deg2rad(8.5)
-    max_unknown: float = 1.0
-    rays: int = 180
-    spacing: float = 0.25
-    longest_straight: float = 2.0
-    wall_margin: float = 0.25
-    min_gain: float = 0.03
-    blind_radius: float = 0.35
-    hope: float = 0.6
-    max_misses: int = 6
-    speed: float = 0.2
-    turn_rate: float = 0.5
-    ramp_turn: float = 3.0
-    look_time: float = 2.0
-
-
 class ViewpointRewards(Protocol):
-    """What else than unseen ground is worth a look."""
+    """What else than unseen ground makes a viewpoint worth a drive."""
 
     @property
     def wanted(self) -> Sequence[object]:
-        """What is; if empty, nothing."""
+        """What is to be seen; if empty, nothing."""
         ...
 
     def gains(self, places: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, M) m² that viewpoints at (N, 3) places on the ground along (M,) bearings (rad) count for."""
+        """(N, M) m² that keyframes from (N, 3) places on the ground along (M,) bearings (rad) count for."""
         ...
 
     def aim(self, place: NDArray[np.float64], heading: float) -> None:
@@ -89,277 +63,205 @@ class ViewpointRewards(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class _Miss:
-    """How often a cell was looked for in vain, and where from the last time."""
-
-    count: int
-    position: NDArray[np.float64]
-
-
 class Exploration:
-    """Chooses viewpoints by what would be seen per second of driving.
+    """Chooses the viewpoint that should show most per second of driving.
 
     Attributes:
-        rewards: what else is worth a look.
+        rewards: what else is worth a keyframe.
     """
 
-    def __init__(self, config: ExplorationConfig | None = None):
-        self.config = config or ExplorationConfig()
+    def __init__(self, robot: RobotModel):
+        """``robot``: its size keeps it off hazards on straight ways, its speed tells how long they take."""
         self.rewards: ViewpointRewards | None = None
-        self._misses: dict[tuple[float, float], _Miss] = {}
-        self._expected: NDArray[np.float64] = np.zeros((0, 2))
-        self._areas: ViewAreas | None = None
+        self._robot = robot
+        self._layers = GridMap(
+            CELL,
+            {
+                "elevation": Layer(np.float32, np.nan),
+                "gradient": Layer(np.float32, per_cell=(2,)),
+                "target": Layer(np.bool_),
+                "probability": Layer(np.float32, 1),
+                "misses": Layer(np.uint8),
+                "missed_from": Layer(np.float32, np.inf, per_cell=(2,)),
+            },
+        )
+        self._expected = np.zeros((0, 2), np.int64)
+        self._ray_gains, self._revision = visibility.RayGains(), 0
 
     def observe(self, context: Context) -> None:
-        """Remember which cells the last keyframe should have shown and did not."""
-        grid, position = context.traversability.grid, context.T_map_base[:2, 3]
-        for cell in self._expected[np.isnan(grid.at(context.measured, self._expected))]:
-            key = (round(cell[0], 3), round(cell[1], 3))
-            count = self._misses[key].count + 1 if key in self._misses else 1
-            self._misses[key] = _Miss(count, position)
-        self._expected = np.zeros((0, 2))
+        """Remember which cells the last keyframe should have shown and did not, and where unseen ground is left."""
+        self._layers.match(context.traversability.grid)
+        self._count_misses(context.measured, context.T_map_base[:2, 3])
+        self._write_terrain(context)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The viewpoint that shows most per second; None when nothing is left that is worth a keyframe."""
-        traversability, paths = context.traversability, context.paths
-        ground = self._ground(traversability, context.measured)
-        if paths.start is None or not (ground.target.any() or (self.rewards and self.rewards.wanted)):
+        is_left = self._terrain.target.any() or (self.rewards and self.rewards.wanted)
+        if context.paths.start is None or not is_left:
             return None
-        best = self._best_view(traversability, paths, ground, context.T_map_base)
-        return best or self._straight_view(traversability, paths, ground)
+        camera = visibility.camera_view(context.frame, self._robot)
+        return self._best_viewpoint(context, camera) or self._straight_viewpoint(context, camera)
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe from this viewpoint should show."""
-        traversability = context.traversability
-        ground = self._ground(traversability, context.measured)
-        in_view = self._in_view(viewpoint, ground)
-        self._expected = traversability.grid.centre_of(np.argwhere(in_view))
+        camera = visibility.camera_view(context.frame, self._robot)
+        in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
+        self._expected = self._layers.grid.low + np.argwhere(in_view)
         if self.rewards is not None:
-            self.rewards.aim(traversability.on_ground(viewpoint.position[None])[0], viewpoint.heading)
+            place = context.traversability.on_ground(viewpoint.position[None])[0]
+            self.rewards.aim(place, viewpoint.heading)
 
     def find_frontiers(self, context: Context) -> NDArray[np.float64]:
         """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
-        target = self._ground(context.traversability, context.measured).target
-        return _frontiers(context.traversability, context.paths, target)
+        traversability, target = context.traversability, self._terrain.target
+        reach = round(FRONTIER_WIDTH / traversability.grid.cell)
+        around = ndimage.binary_dilation(target, np.ones((3, 3)), iterations=reach)
+        pieces, _ = ndimage.label(around & context.paths.reachable & ~target, np.ones((3, 3)))
+        centres = []
+        for piece, box in enumerate(ndimage.find_objects(pieces), start=1):
+            cells = np.argwhere(pieces[box] == piece) + [side.start for side in box]
+            middle = cells[np.linalg.norm(cells - cells.mean(axis=0), axis=1).argmin()]
+            centres.append([*traversability.grid.centre_of(middle), traversability.elevation[tuple(middle)]])
+        return np.array(centres).reshape(-1, 3)
 
-    def _best_view(
-        self,
-        traversability: Traversability,
-        paths: ShortestPaths,
-        ground: kernels.Ground,
-        T_map_base: NDArray[np.float64],
-    ) -> Viewpoint | None:
-        """The best view from here and from a coarse grid of places where the robot can turn, or on ramps."""
+    def worth(
+        self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(N, RAYS) by which viewpoints are chosen: 0 where none is worth the drive.
+
+        Args:
+            gains: (N, RAYS) m² that each should show.
+            distance: (N,) m to their places, ramps and narrow places counted dearer.
+            seconds: (N, RAYS) s until the keyframe is taken.
+        """
+        return np.where(gains >= MIN_GAIN, gains / seconds, 0.0)
+
+    def _best_viewpoint(self, context: Context, camera: kernels.CameraView) -> Viewpoint | None:
+        """The best viewpoint from here and from a coarse grid of places where the robot can turn, or on ramps."""
+        traversability, paths, T_map_base = context.traversability, context.paths, context.T_map_base
         assert paths.start is not None
-        cells = self._lattice(traversability, paths)
+        cells = _lattice(traversability, paths)
         candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
-        arrival = self._arrival(candidates, traversability, paths, yaw_of(T_map_base))
-        gains = self._gains(paths.start, cells, ground)
+        arrival = arrival_headings(candidates, traversability, paths, yaw_of(T_map_base))
+        gains = self._gains(paths.start, cells, camera)
         if self.rewards and self.rewards.wanted:
-            gains = gains + self.rewards.gains(traversability.on_ground(candidates), self._bearings)
-        gains = np.where(self._possible(arrival), gains, 0.0)
+            gains = gains + self.rewards.gains(traversability.on_ground(candidates), BEARINGS)
+        gains = np.where(visibility.possible_bearings(arrival), gains, 0.0)
         distance = np.append(0.0, traversability.grid.at(paths.cost, candidates[1:]))
-        seconds = self._seconds(candidates, distance, traversability, T_map_base)
-        worth = self._worth(gains, distance, seconds)
+        worth = self.worth(gains, distance, self._seconds(candidates, distance, context))
         n, m = np.unravel_index(worth.argmax(), worth.shape)
         if worth[n, m] <= 0:
             return None
-        heading = wrap_angle(m * 2 * np.pi / self.config.rays)
         turns = bool(np.isnan(arrival[n]))
-        return Viewpoint(
-            candidates[n], heading, turns, float(gains[n, m]), backwards=None if turns else False
-        )
+        backwards = None if turns else False
+        return Viewpoint(candidates[n], _heading(m), turns, float(gains[n, m]), backwards)
 
-    def _straight_view(
-        self, traversability: Traversability, paths: ShortestPaths, ground: kernels.Ground
-    ) -> Viewpoint | None:
-        """The best view from where the robot cannot turn, but drives to straight from where it can, or backs up to.
+    def _straight_viewpoint(self, context: Context, camera: kernels.CameraView) -> Viewpoint | None:
+        """The best one from where the robot cannot turn, but drives to straight from where it can, or backs up to.
 
-        Only ground that was taken for flat when the robot was set down is looked for like this: with its back to the
+        Only ground that was taken for flat when the robot was set down is sought like this: with its back to the
         wall of a small room the robot sees what is otherwise nearer than the camera sees, and from a ramp that it
         backs up what lies before the ramp.
         """
-        config, grid = self.config, traversability.grid
-        ground = ground._replace(target=ground.target & paths.reachable)
-        places = self._narrow_places(traversability, paths, ground)
+        traversability, paths = context.traversability, context.paths
+        grid, reachable = traversability.grid, paths.reachable
+        terrain = self._terrain._replace(target=self._terrain.target & reachable)
+        # Where the robot can stand but not turn, and something unseen is in reach.
+        narrow = reachable & (paths.cost > 0) & ~traversability.turnable & ~traversability.slidable
+        places = grid.centre_of(np.argwhere(narrow & (grid.distance_to(terrain.target) <= camera.reach)))
         ways = kernels.straight_ways(
             places,
-            config.rays,
-            config.longest_straight,
-            traversability.turnable & paths.reachable,
+            RAYS,
+            LONGEST_STRAIGHT,
+            traversability.turnable & reachable,
+            np.array([self._robot.half_length, self._robot.half_width]) + STRAY,
             traversability.hazard,
-            traversability.rules(traversability.ramp_alignment),
+            traversability.rules(),
             grid.origin,
             grid.cell,
         )
         # Backwards the robot comes from where it looks.
-        ways = np.stack([ways, np.roll(ways, config.rays // 2, axis=1)])
-        areas = kernels.ray_areas(places, config.rays, self._sight, ground)
-        gains = kernels.view_gains(areas, self._rays_in_view)
-        seconds = config.look_time + grid.at(paths.cost, places) / config.speed
-        worth = np.where(np.isfinite(ways) & (gains >= config.min_gain), gains / seconds[:, None], 0.0)
+        ways = np.stack([ways, np.roll(ways, RAYS // 2, axis=1)])
+        gains = visibility.gains(kernels.ray_gains(places, RAYS, camera, terrain), camera)
+        seconds = KEYFRAME_TIME + grid.at(paths.cost, places) / self._robot.speed
+        worth = np.where(np.isfinite(ways) & (gains >= MIN_GAIN), gains / seconds[:, None], 0.0)
         if not worth.any():
             return None
         b, n, m = np.unravel_index(worth.argmax(), worth.shape)
-        heading = wrap_angle(m * 2 * np.pi / config.rays)
+        heading = _heading(m)
         ahead = np.array([np.cos(heading), np.sin(heading)]) * (-1 if b else 1)
         via = places[n] - ways[b, n, m] * ahead
         return Viewpoint(places[n], heading, False, float(gains[n, m]), bool(b), via)
 
-    def _narrow_places(
-        self, traversability: Traversability, paths: ShortestPaths, ground: kernels.Ground
-    ) -> NDArray[np.float64]:
-        """(N, 2) m where the robot can stand but not turn, and something unseen is in reach."""
-        stands = paths.reachable & (paths.cost > 0) & ~traversability.turnable & ~traversability.slidable
-        near = traversability.grid.distance_to(ground.target) <= self._sight.reach
-        return traversability.grid.centre_of(np.argwhere(stands & near))
+    def _count_misses(self, measured: NDArray[np.float32], position: NDArray[np.float64]) -> None:
+        """Remember which cells the last keyframe should have shown and did not."""
+        cells = self._expected - self._layers.grid.low
+        missed = tuple(cells[np.isnan(measured[tuple(cells.T)])].T)
+        self._layers.write("misses", self._layers["misses"][missed] + 1, missed)
+        self._layers.write("missed_from", position, missed)
+        self._expected = np.zeros((0, 2), np.int64)
 
-    def _worth(
-        self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """(N, rays) by which views are chosen: 0 where none is worth the drive.
-
-        Args:
-            gains: (N, rays) m² that each should show.
-            distance: (N,) m to their places, ramps and narrow places counted dearer.
-            seconds: (N, rays) s until the look is taken.
-        """
-        return np.where(gains >= self.config.min_gain, gains / seconds, 0.0)
-
-    def _ground(self, traversability: Traversability, measured: NDArray[np.float32]) -> kernels.Ground:
-        """What is known of the ground; what nobody has seen and may be drivable is worth a look until given up."""
-        grid = traversability.grid
-        target = np.isnan(measured) & (traversability.to_hazard >= self.config.wall_margin)
-        hope = np.ones(grid.shape, np.float32)
-        missed_from = np.full((*grid.shape, 2), np.inf, np.float32)
-        if self._misses:
-            i, j = grid.cell_of(list(self._misses)).T
-            count = np.array([miss.count for miss in self._misses.values()])
-            target[i, j] &= count < self.config.max_misses
-            hope[i, j] = self.config.hope**count
-            missed_from[i, j] = [miss.position for miss in self._misses.values()]
-        blind_radius = self.config.blind_radius
-        return kernels.Ground(
-            grid.origin,
-            grid.cell,
-            traversability.elevation,
-            traversability.gradient,
-            target,
-            hope,
-            missed_from,
-            blind_radius,
-        )
+    def _write_terrain(self, context: Context) -> None:
+        """Write what is known of the ground; unseen ground that may be traversable is a target until given up."""
+        layers, misses = self._layers, self._layers["misses"].astype(np.int64)
+        may_be_driven = context.traversability.to_hazard >= WALL_MARGIN
+        layers.write("elevation", context.traversability.elevation)
+        layers.write("gradient", context.traversability.gradient)
+        layers.write("target", np.isnan(context.measured) & may_be_driven & (misses < MAX_MISSES))
+        layers.write("probability", SHOW_PROBABILITY**misses)
 
     @property
-    def _sight(self) -> kernels.Sight:
-        config = self.config
-        return kernels.Sight(
-            config.camera_height,
-            config.camera_ahead,
-            config.near,
-            config.far,
-            config.lower_edge,
-            config.upper_edge,
-            config.min_grazing,
-            config.max_unknown,
-        )
-
-    def _lattice(self, traversability: Traversability, paths: ShortestPaths) -> NDArray[np.int64]:
-        """(N, 2) cells of a coarse grid to look from."""
-        stride = self._stride(traversability.grid.cell)
-        sparse = (slice(None, None, stride),) * 2
-        stands = paths.reachable[sparse] & (paths.cost[sparse] > 0)
-        return np.argwhere(stands & (traversability.turnable[sparse] | traversability.ramp[sparse])) * stride
-
-    def _stride(self, cell: float) -> int:
-        return max(1, round(self.config.spacing / cell))
-
-    def _arrival(
-        self,
-        candidates: NDArray[np.float64],
-        traversability: Traversability,
-        paths: ShortestPaths,
-        yaw: float,
-    ) -> NDArray[np.float64]:
-        """(N,) the heading at which the robot arrives at places, here first, where it cannot turn; NaN elsewhere.
-
-        ``_NEVER`` where it would have to turn on the way but cannot.
-        """
-        can_turn = traversability.turnable | traversability.slidable
-        ahead = paths.arrival_at(candidates[1:])
-        # Who cannot turn on the way arrives as it stands now, forwards or backwards.
-        stays, along = ~paths.pass_by(can_turn, candidates[1:]), np.cos(ahead - yaw)
-        ahead = np.where(stays & (along < 0), ahead + np.pi, ahead)
-        ahead[stays & (np.abs(along) < _ALONG)] = _NEVER
-        return np.where(traversability.grid.at(can_turn, candidates), np.nan, np.append(yaw, ahead))
-
-    def _possible(self, arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N, rays) the directions in which the robot can look from each place."""
-        fixed = np.isfinite(arrival)
-        off = wrap_angles(self._bearings - np.where(fixed, arrival, 0.0)[:, None])
-        nearest = fixed[:, None] & (np.abs(off) <= np.pi / self.config.rays)
-        return np.isnan(arrival)[:, None] | nearest
+    def _terrain(self) -> kernels.Terrain:
+        """What is known of the ground by the last keyframe."""
+        names = ("elevation", "gradient", "target", "probability", "missed_from")
+        return kernels.Terrain(self._layers.grid.origin, CELL, *(self._layers[name] for name in names))
 
     def _gains(
-        self, here: NDArray[np.float64], cells: NDArray[np.int64], ground: kernels.Ground
+        self, here: NDArray[np.float64], cells: NDArray[np.int64], camera: kernels.CameraView
     ) -> NDArray[np.float64]:
-        """(1 + N, rays) m² that each view should show, from here and from the cells (N, 2)."""
-        rays = self.config.rays
-        if self._areas is None:
-            self._areas = ViewAreas(rays, self._stride(ground.cell), self._sight)
-        areas = [kernels.ray_areas(here[None], rays, self._sight, ground), self._areas.of(cells, ground)]
-        return kernels.view_gains(np.vstack(areas), self._rays_in_view)
-
-    @property
-    def _bearings(self) -> NDArray[np.float64]:
-        """(rays,) rad, along which views look."""
-        return np.arange(self.config.rays) * 2 * np.pi / self.config.rays
-
-    @property
-    def _rays_in_view(self) -> int:
-        return round(self.config.field_of_view / (2 * np.pi) * self.config.rays)
-
-    def _in_view(self, viewpoint: Viewpoint, ground: kernels.Ground) -> NDArray[np.bool_]:
-        """(nx, ny) the target cells that the view should show."""
-        rays, half = self.config.rays, self._rays_in_view // 2
-        middle = round(viewpoint.heading / (2 * np.pi) * rays)
-        # The very rays that promised the gain, bit for bit: one may slip through where two cells meet at a corner.
-        # Those in between find what lies between them.
-        step = 2 * np.pi / rays
-        first = np.arange(middle - half, middle + half + 1) % rays * step
-        bearings = (first[:, None] + np.arange(4) / 4 * step).ravel()
-        return kernels.cells_in_view(*viewpoint.position, bearings, self._sight, ground)
+        """(1 + N, RAYS) m² that each viewpoint should show, from here and from the cells (N, 2)."""
+        changed, self._revision = self._layers.changed_since(self._revision), self._layers.revision
+        around = self._ray_gains.of(cells, camera, self._terrain, changed)
+        from_here = kernels.ray_gains(here[None], RAYS, camera, self._terrain)
+        return visibility.gains(np.vstack([from_here, around]), camera)
 
     def _seconds(
-        self,
-        candidates: NDArray[np.float64],
-        distance: NDArray[np.float64],
-        traversability: Traversability,
-        T_map_base: NDArray[np.float64],
+        self, candidates: NDArray[np.float64], distance: NDArray[np.float64], context: Context
     ) -> NDArray[np.float64]:
-        """(N, rays) time to each view, the way to whose place costs ``distance`` (N,) m."""
-        config = self.config
-        way = candidates - T_map_base[:2, 3]
+        """(N, RAYS) time to each viewpoint, the way to whose place costs ``distance`` (N,) m."""
+        traversability, yaw = context.traversability, yaw_of(context.T_map_base)
+        way = candidates - context.T_map_base[:2, 3]
         moves = distance > _HERE
-        first = np.where(moves, np.arctan2(way[:, 1], way[:, 0]), yaw_of(T_map_base))
-        turn = np.abs(wrap_angles(first - yaw_of(T_map_base)))[:, None]
-        turn = turn + np.abs(wrap_angles(self._bearings - first[:, None]))
-        slow = np.where(traversability.grid.at(traversability.slidable, candidates), config.ramp_turn, 1.0)
-        return config.look_time + distance[:, None] / config.speed + turn * slow[:, None] / config.turn_rate
+        first = np.where(moves, np.arctan2(way[:, 1], way[:, 0]), yaw)
+        turn = np.abs(wrap_angles(first - yaw))[:, None]
+        turn = turn + np.abs(wrap_angles(BEARINGS - first[:, None]))
+        slow = np.where(traversability.grid.at(traversability.slidable, candidates), RAMP_TURN, 1.0)
+        return KEYFRAME_TIME + distance[:, None] / self._robot.speed + turn * slow[:, None] / TURN_RATE
 
 
-def _frontiers(
-    traversability: Traversability, paths: ShortestPaths, target: NDArray[np.bool_]
+def arrival_headings(
+    candidates: NDArray[np.float64], traversability: Traversability, paths: ShortestPaths, yaw: float
 ) -> NDArray[np.float64]:
-    """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground."""
-    around = ndimage.binary_dilation(
-        target, np.ones((3, 3)), iterations=round(0.35 / traversability.grid.cell)
-    )
-    pieces, _ = ndimage.label(around & paths.reachable & ~target, np.ones((3, 3)))
-    centres = []
-    for piece, box in enumerate(ndimage.find_objects(pieces), start=1):
-        cells = np.argwhere(pieces[box] == piece) + [side.start for side in box]
-        middle = cells[np.linalg.norm(cells - cells.mean(axis=0), axis=1).argmin()]
-        centres.append([*traversability.grid.centre_of(middle), traversability.elevation[tuple(middle)]])
-    return np.array(centres).reshape(-1, 3)
+    """(N,) rad, at which the robot arrives at places (N, 2), here first, where it cannot turn; NaN where it can.
+
+    -inf where it would have to turn on the way but cannot. ``yaw`` is its heading now.
+    """
+    can_turn = traversability.turnable | traversability.slidable
+    ahead = paths.arrival_at(candidates[1:])
+    # Without a place to turn on the way it arrives as it stands now, forwards or backwards.
+    stays, along = ~paths.pass_by(can_turn, candidates[1:]), np.cos(ahead - yaw)
+    ahead = np.where(stays & (along < 0), ahead + np.pi, ahead)
+    ahead[stays & (np.abs(along) < _ALONG)] = _NEVER
+    return np.where(traversability.grid.at(can_turn, candidates), np.nan, np.append(yaw, ahead))
+
+
+def _lattice(traversability: Traversability, paths: ShortestPaths) -> NDArray[np.int64]:
+    """(N, 2) cells of a coarse grid to look from."""
+    sparse = (slice(None, None, STRIDE),) * 2
+    stands = paths.reachable[sparse] & (paths.cost[sparse] > 0)
+    return np.argwhere(stands & (traversability.turnable[sparse] | traversability.ramp[sparse])) * STRIDE
+
+
+def _heading(bearing: np.intp) -> float:
+    """rad of one of the bearings."""
+    return wrap_angle(bearing * 2 * np.pi / RAYS)

@@ -6,39 +6,50 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.labels import RAMP_TILT
 from pipeline.traversability.shortest_paths_kernels import is_aligned, is_traversable
 
-RAMP = 0.14
+RAMP = np.tan(RAMP_TILT)
 """Slope above which ground that rises is a ramp."""
 SUSPECTED_FALL = 0.28
-"""Slope at which ground that a look did not show may fall away: a NIST ramp's, 16°."""
+"""Slope at which ground that a keyframe missed may fall away: a NIST ramp's, 16°."""
 FORGET = 0.3
 """1/m, how fast level ground after a ramp takes away the expectation that it falls again."""
 
-HALF_LENGTH, HALF_WIDTH = 0.274, 0.269
-"""m of a Pioneer 3-AT, and 0.02 m more: it heads a few degrees off the line that it follows."""
+MIN_GRAZING = np.deg2rad(8.5)
+"""rad, between a ray and ground that sends it back."""
+MAX_UNKNOWN = 1.0
+"""m; a ray is believed to see no further into unknown terrain."""
+MISSED_RADIUS = 0.35
+"""m; from no nearer to where a cell was missed last is it expected to be seen."""
 
 
-class Sight(NamedTuple):
-    """How the camera sees the ground: see :class:`pipeline.exploration.next_best_view.ExplorationConfig`."""
+class CameraView(NamedTuple):
+    """What the camera sees of the ground from a robot that stands level.
 
-    camera_height: float
-    camera_ahead: float
+    Attributes:
+        height, ahead: of the camera above the ground and before the robot's middle, m.
+        near, far: distances from the camera at which it sees the ground, m.
+        lower_edge, upper_edge: of the image, rad above the horizon.
+        field_of_view: along the horizon, rad.
+    """
+
+    height: float
+    ahead: float
     near: float
     far: float
     lower_edge: float
     upper_edge: float
-    min_grazing: float
-    max_unknown: float
+    field_of_view: float
 
     @property
     def reach(self) -> float:
         """m; nothing farther from the robot is seen, however it leans."""
-        return self.far + self.camera_height + self.camera_ahead
+        return self.far + self.height + self.ahead
 
 
-class Ground(NamedTuple):
-    """What is known of the ground, and what is worth a look; layers are (nx, ny) on one grid.
+class Terrain(NamedTuple):
+    """What is known of the ground, and what is worth a keyframe; layers are (nx, ny) on one grid.
 
     Attributes:
         origin: (2,) corner of cell [0, 0], m.
@@ -46,9 +57,9 @@ class Ground(NamedTuple):
         elevation: float32 m, NaN where unknown.
         gradient: (nx, ny, 2) float32 slope along x and y.
         target: bool, unseen ground that counts.
-        hope: float32, how likely a look shows a target at all: it counts for so much.
-        missed_from: (nx, ny, 2) float32, from where the last look for a target was in vain, m.
-        blind_radius: around it the target does not count, m.
+        probability: float32 that a keyframe with the cell in view shows it.
+        missed_from: (nx, ny, 2) float32, from where the last keyframe with it in view missed it, m; inf if none did.
+            From within ``MISSED_RADIUS`` of there its probability is 0.
     """
 
     origin: NDArray[np.float64]
@@ -56,49 +67,48 @@ class Ground(NamedTuple):
     elevation: NDArray[np.float32]
     gradient: NDArray[np.float32]
     target: NDArray[np.bool_]
-    hope: NDArray[np.float32]
+    probability: NDArray[np.float32]
     missed_from: NDArray[np.float32]
-    blind_radius: float
 
 
 @njit(cache=True)
-def cast_ray(x, y, bearing, sight, ground, seen):
+def cast_ray(x, y, bearing, view, terrain, seen):
     """What a ray of the camera of a robot at (x, y) is expected to show for the first time.
 
     The ray runs over the known ground; a cell is hidden where something before it rises higher in the view. Unknown
     ground is believed to go on at the last known height, but behind the crest of a ramp to fall as it rose, and
-    so is ground that was looked for in vain. What is met at a grazing angle sends nothing back.
+    so is ground that a keyframe missed. What is met at a grazing angle sends nothing back.
 
-    Returns the summed distances of the target cells in view, weighed by hope, and their number; times the step and
-    the angle between rays the sum is an area. Their flat indices go to ``seen``.
+    Returns the summed distances of the target cells in view, weighed by their probability, and their number; times
+    the step and the angle between rays the sum is an area. Their flat indices go to ``seen``.
     """
-    nx, ny = ground.elevation.shape
-    origin, cell = ground.origin, ground.cell
+    nx, ny = terrain.elevation.shape
+    origin, cell = terrain.origin, terrain.cell
     i, j = int((x - origin[0]) / cell), int((y - origin[1]) / cell)
-    level = ground.elevation[i, j]
+    level = terrain.elevation[i, j]
     dx, dy = np.cos(bearing), np.sin(bearing)
-    # On a slope the robot looks up or down along it.
-    tilt = np.arctan(ground.gradient[i, j, 0] * dx + ground.gradient[i, j, 1] * dy)
-    camera = level + sight.camera_height * np.cos(tilt) + sight.camera_ahead * np.sin(tilt)
-    ahead = sight.camera_ahead * np.cos(tilt) - sight.camera_height * np.sin(tilt)
-    horizon, ceiling = np.tan(tilt + sight.lower_edge), np.tan(tilt + sight.upper_edge)
+    # On a slope the camera points up or down along it.
+    tilt = np.arctan(terrain.gradient[i, j, 0] * dx + terrain.gradient[i, j, 1] * dy)
+    camera = level + view.height * np.cos(tilt) + view.ahead * np.sin(tilt)
+    ahead = view.ahead * np.cos(tilt) - view.height * np.sin(tilt)
+    horizon, ceiling = np.tan(tilt + view.lower_edge), np.tan(tilt + view.upper_edge)
     unknown, fall = 0.0, np.tan(tilt) if np.tan(tilt) > RAMP else 0.0
     total, count = 0.0, 0
     d = max(0.35 - ahead, 0.5 * cell)
-    while d < sight.far and unknown < sight.max_unknown:
+    while d < view.far and unknown < MAX_UNKNOWN:
         d += cell
         r = d + ahead
         i = int(np.floor((x + r * dx - origin[0]) / cell))
         j = int(np.floor((y + r * dy - origin[1]) / cell))
         if not (0 <= i < nx and 0 <= j < ny):
             break
-        is_unknown = np.isnan(ground.elevation[i, j])
+        is_unknown = np.isnan(terrain.elevation[i, j])
         if is_unknown:
             level -= fall * cell
             rise = -fall
         else:
-            level = ground.elevation[i, j]
-            rise = ground.gradient[i, j, 0] * dx + ground.gradient[i, j, 1] * dy
+            level = terrain.elevation[i, j]
+            rise = terrain.gradient[i, j, 0] * dx + terrain.gradient[i, j, 1] * dy
             fall = max(rise if rise > RAMP else 0.0, fall - FORGET * cell)
         slope = (level - camera) / d
         if slope > ceiling:
@@ -108,43 +118,46 @@ def cast_ray(x, y, bearing, sight, ground, seen):
         horizon = max(horizon, slope)
         if is_unknown:
             unknown += cell
-        if not ground.target[i, j] or is_blind(x, y, i, j, ground):
+        if not terrain.target[i, j] or is_missed_from(x, y, i, j, terrain):
             continue
-        if ground.hope[i, j] < 1:
+        if terrain.probability[i, j] < 1:
             rise = min(rise, -SUSPECTED_FALL)
         grazing = np.arctan(rise) - np.arctan(slope)
-        if grazing >= sight.min_grazing and d * np.sqrt(1 + slope * slope) >= sight.near:
-            total += d * ground.hope[i, j]
+        if grazing >= MIN_GRAZING and d * np.sqrt(1 + slope * slope) >= view.near:
+            total += d * terrain.probability[i, j]
             seen[count] = i * ny + j
             count += 1
     return total, count
 
 
 @njit(cache=True)
-def is_blind(x, y, i, j, ground):
-    """Whether an earlier look from near (x, y) did not show cell (i, j)."""
-    ex, ey = x - ground.missed_from[i, j, 0], y - ground.missed_from[i, j, 1]
-    return ex * ex + ey * ey < ground.blind_radius**2
+def is_missed_from(x, y, i, j, terrain):
+    """Whether the last keyframe that missed cell (i, j) was taken near (x, y)."""
+    ex, ey = x - terrain.missed_from[i, j, 0], y - terrain.missed_from[i, j, 1]
+    return ex * ex + ey * ey < MISSED_RADIUS**2
 
 
 @njit(cache=True)
-def ray_areas(places, rays, sight, ground):
+def ray_gains(places, rays, view, terrain):
     """(N, rays) m² of target area that each ray of the circle is expected to show from each of (N, 2) points."""
-    areas = np.zeros((len(places), rays))
-    seen = np.zeros(int(sight.far / ground.cell) + 9, np.int64)
+    result = np.zeros((len(places), rays))
+    seen = np.zeros(int(view.far / terrain.cell) + 9, np.int64)
     step = 2 * np.pi / rays
     for n in range(len(places)):
         for m in range(rays):
-            total, _ = cast_ray(places[n, 0], places[n, 1], m * step, sight, ground, seen)
-            areas[n, m] = total * ground.cell * step
-    return areas
+            total, _ = cast_ray(places[n, 0], places[n, 1], m * step, view, terrain, seen)
+            result[n, m] = total * terrain.cell * step
+    return result
 
 
 @njit(cache=True)
-def touches(x, y, dx, dy, hazard):
-    """Whether a corner of the chassis of a robot at (x, y) cells that heads along (dx, dy) cells/m is in a hazard."""
-    for ahead in (-HALF_LENGTH, HALF_LENGTH):
-        for left in (-HALF_WIDTH, HALF_WIDTH):
+def touches(x, y, dx, dy, half_size, hazard):
+    """Whether a corner of a robot at (x, y) cells that heads along (dx, dy) cells/m is in a hazard.
+
+    ``half_size`` (2,) is half of its length and of its width, m.
+    """
+    for ahead in (-half_size[0], half_size[0]):
+        for left in (-half_size[1], half_size[1]):
             i = int(np.floor(x + ahead * dx - left * dy))
             j = int(np.floor(y + ahead * dy + left * dx))
             if 0 <= i < hazard.shape[0] and 0 <= j < hazard.shape[1] and hazard[i, j]:
@@ -153,12 +166,12 @@ def touches(x, y, dx, dy, hazard):
 
 
 @njit(cache=True)
-def straight_ways(places, rays, longest, turnable, hazard, rules, origin, cell):
+def straight_ways(places, rays, longest, turnable, half_size, hazard, rules, origin, cell):
     """(N, rays) m that the robot drives straight to (N, 2) points from the nearest place where it can turn.
 
     Along each ray of the circle, from behind; inf where no straight way no longer than ``longest`` leads from such a
     place. ``turnable`` (nx, ny) says where it can turn, ``hazard`` (nx, ny) what the corners of its chassis must not
-    meet on the way. It meets ramps head-on.
+    meet on the way, ``half_size`` (2,) m ahead of its middle and beside. It meets ramps head-on.
     """
     ways = np.full((len(places), rays), np.inf)
     for n in range(len(places)):
@@ -170,7 +183,7 @@ def straight_ways(places, rays, longest, turnable, hazard, rules, origin, cell):
                 i, j = int(np.floor(x / cell)), int(np.floor(y / cell))
                 if not is_traversable(i, j, rules) or not is_aligned(dx, dy, i, j, rules):
                     break
-                if touches(x / cell, y / cell, dx / cell, dy / cell, hazard):
+                if touches(x / cell, y / cell, dx / cell, dy / cell, half_size, hazard):
                     break
                 if turnable[i, j]:
                     ways[n, m] = s
@@ -179,24 +192,24 @@ def straight_ways(places, rays, longest, turnable, hazard, rules, origin, cell):
 
 
 @njit(cache=True)
-def view_gains(areas, rays_in_view):
+def viewpoint_gains(ray_gains, rays_in_view):
     """(N, rays) m² in view along each ray of the circle, the middle one of ``rays_in_view``."""
-    gains = np.zeros_like(areas)
-    rays, half = areas.shape[1], rays_in_view // 2
-    for n in range(len(areas)):
+    gains = np.zeros_like(ray_gains)
+    rays, half = ray_gains.shape[1], rays_in_view // 2
+    for n in range(len(ray_gains)):
         for m in range(rays):
             for k in range(-half, half + 1):
-                gains[n, m] += areas[n, (m + k) % rays]
+                gains[n, m] += ray_gains[n, (m + k) % rays]
     return gains
 
 
 @njit(cache=True)
-def cells_in_view(x, y, bearings, sight, ground):
+def cells_in_view(x, y, bearings, view, terrain):
     """(nx, ny) bool, the target cells that rays along ``bearings`` from (x, y) are expected to show."""
-    result = np.zeros(ground.target.size, np.bool_)
-    seen = np.zeros(int(sight.far / ground.cell) + 9, np.int64)
+    result = np.zeros(terrain.target.size, np.bool_)
+    seen = np.zeros(int(view.far / terrain.cell) + 9, np.int64)
     for bearing in bearings:
-        _, count = cast_ray(x, y, bearing, sight, ground, seen)
+        _, count = cast_ray(x, y, bearing, view, terrain, seen)
         for n in range(count):
             result[seen[n]] = True
-    return result.reshape(ground.target.shape)
+    return result.reshape(terrain.target.shape)

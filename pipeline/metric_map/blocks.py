@@ -80,9 +80,7 @@ class BlockArray:
         Raises:
             InputError: if the box would exceed the bound on memory; then nothing is written.
         """
-        written = [
-            part for part in parts(lower, values.shape) if values[part[1]].any() or part[0] in self._blocks
-        ]
+        written = [part for part in parts(lower, values.shape) if values[part[1]].any() or part[0] in self._blocks]
         self.reserve(key for key, _, _ in written)
         for key, in_box, in_block in written:
             self._blocks[key][in_block] = values[in_box]

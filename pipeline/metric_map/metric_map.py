@@ -185,9 +185,7 @@ class MetricMap:
             may_be_unknown: whether unknown space counts as free.
         """
         length = np.linalg.norm(end - start)
-        line = start + (np.arange(skip, length, step or self.voxel_size / 2) / length)[:, None] * (
-            end - start
-        )
+        line = start + (np.arange(skip, length, step or self.voxel_size / 2) / length)[:, None] * (end - start)
         to_target, _ = target.query(line)
         line = line[np.logical_and.accumulate(to_target > margin)]
         return bool((self.state_at(line) >= (UNKNOWN if may_be_unknown else FREE)).all())
@@ -220,9 +218,7 @@ def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
     if depth.shape != expected or not depth.size:
         raise InputError(f"a depth image of shape {depth.shape} does not fit intrinsics for {expected}")
     if not (0.01 <= intrinsics.fx <= 1e6 and 0.01 <= intrinsics.fy <= 1e6):
-        raise InputError(
-            f"focal lengths must be proper numbers of pixels, got {intrinsics.fx}, {intrinsics.fy}"
-        )
+        raise InputError(f"focal lengths must be proper numbers of pixels, got {intrinsics.fx}, {intrinsics.fy}")
     if not (abs(intrinsics.cx) <= 1e6 and abs(intrinsics.cy) <= 1e6):
         raise InputError(f"the principal point must be pixels, got {intrinsics.cx}, {intrinsics.cy}")
 
@@ -231,9 +227,7 @@ def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:
     """A float64 copy of a pose. InputError if it is none."""
     T = np.array(T, np.float64)
     if T.shape != (4, 4) or not is_rigid(T):
-        raise InputError(
-            "a pose must be a rigid 4×4 transform: finite, orthonormal, not mirroring, last row 0 0 0 1"
-        )
+        raise InputError("a pose must be a rigid 4×4 transform: finite, orthonormal, not mirroring, last row 0 0 0 1")
     if max(map(abs, T[:3, 3].tolist())) > FARTHEST:
         raise InputError(f"the pose of the camera must lie within {FARTHEST:.0f} m of the map's origin")
     return T

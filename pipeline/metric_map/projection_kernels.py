@@ -206,9 +206,7 @@ def _mark_free(depth, camera, marks, high):
                 r = metric[0, 0] * x + metric[0, 1] * y + metric[0, 2] * z
                 d = metric[1, 0] * x + metric[1, 1] * y + metric[1, 2] * z
                 w = metric[2, 0] * x + metric[2, 1] * y + metric[2, 2] * z
-                if _may_be_seen(
-                    r + middle[0], d + middle[1], w + middle[2], spread, depth.shape, camera, high
-                ):
+                if _may_be_seen(r + middle[0], d + middle[1], w + middle[2], spread, depth.shape, camera, high):
                     _project_corners(r, d, w, offsets, depth.shape, camera, pixel, deep)
                     _see_corners(depth.reshape(-1), camera, pixel, deep, reach, seen)
                     _join_corners(seen)
@@ -269,12 +267,7 @@ def _deepest(high, u0, u1, v0, v1):
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
     """Fill the flat pixel and the depth of a block's corners; out of the picture the depth is NaN."""
-    fx, fy, cx, cy = (
-        np.float32(camera.fx),
-        np.float32(camera.fy),
-        np.float32(camera.cx),
-        np.float32(camera.cy),
-    )
+    fx, fy, cx, cy = (np.float32(camera.fx), np.float32(camera.fy), np.float32(camera.cx), np.float32(camera.cy))
     r0, d0, w0 = np.float32(r0), np.float32(d0), np.float32(w0)
     zero, one, nowhere = np.float32(0), np.float32(1), np.float32(np.nan)
     right, bottom, row = np.float32(shape[1]), np.float32(shape[0]), np.int32(shape[1])

@@ -45,9 +45,7 @@ class Updater:
         self._max_bytes = min(max_bytes, 2**31 - 1)  # the kernels count marks in 32 bits
         self._memory = np.zeros(0, np.uint8)
 
-    def project(
-        self, depth: NDArray[np.float32], intrinsics: Intrinsics, T_grid_camera: NDArray[np.float64]
-    ) -> Scan:
+    def project(self, depth: NDArray[np.float32], intrinsics: Intrinsics, T_grid_camera: NDArray[np.float64]) -> Scan:
         """The voxels that the rays of a depth image end in and cross, by projecting voxels into the image.
 
         Args:

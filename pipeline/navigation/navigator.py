@@ -7,13 +7,14 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.labels import RAMP_TILT
 from pipeline.navigation.attitude import Attitude
 from pipeline.navigation.progress import Progress, Turn
 from pipeline.robot import Motion, Robot, Velocity
 from pipeline.transforms import wrap_angle, yaw_of
 
-RAMP_TILT = np.deg2rad(6)
-"""A robot that leans further is on a ramp."""
+LEAN = RAMP_TILT - np.deg2rad(2)
+"""rad; a robot that leans further is on a ramp, with its first wheels before the others."""
 CREST = 0.1
 """m; so is one that did no farther from here."""
 TURN_GAIN = 1.5
@@ -141,9 +142,7 @@ class Navigator:
             self.legs.append(Leg(way_points[0][:2], Outcome.MOVED, 0.0))
             return False
         for n, target in enumerate(way_points, start=1):
-            if not self._drive_leg(
-                np.asarray(target)[:2], back_up if n == len(way_points) else None, is_clear
-            ):
+            if not self._drive_leg(np.asarray(target)[:2], back_up if n == len(way_points) else None, is_clear):
                 return False
         return heading is None or self._turn_to_viewpoint(heading)
 
@@ -186,9 +185,7 @@ class Navigator:
     @property
     def _on_ramp(self) -> bool:
         """Whether the robot leans, or did right before: on the crest of a ridge it stands level."""
-        return self._leaned_at is not None and bool(
-            np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < CREST
-        )
+        return self._leaned_at is not None and bool(np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < CREST)
 
     @property
     def _limits(self) -> tuple[float, float]:
@@ -289,7 +286,7 @@ class Navigator:
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)
         self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
-        if self.attitude.tilt_in(0.0) > RAMP_TILT:
+        if self.attitude.tilt_in(0.0) > LEAN:
             self._leaned_at = self.T_map_base[:3, 3]
         self.track.append(self.T_map_base[:2, 3])
         return self.T_map_base

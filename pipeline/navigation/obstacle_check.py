@@ -35,9 +35,7 @@ class ObstacleCheck:
         obstacles: (N, 3) what stands in the way that the map does not show, m in ``map``.
     """
 
-    def __init__(
-        self, returns: Callable[[], NDArray[np.float32]], traversability: Traversability, robot: RobotModel
-    ):
+    def __init__(self, returns: Callable[[], NDArray[np.float32]], traversability: Traversability, robot: RobotModel):
         """``returns``: gives (N, 3) the returns that the camera has now, m in ``map``."""
         self.obstacles = np.zeros((0, 3), np.float32)
         self._returns, self._traversability, self._robot = returns, traversability, robot
@@ -55,9 +53,7 @@ class ObstacleCheck:
             return True
         if is_new or np.linalg.norm(position - self._last) >= STRIDE:
             self._target, self._last = target, position
-            self.obstacles = obstacles_between(
-                position, target, self._returns(), self._traversability, self._robot
-            )
+            self.obstacles = obstacles_between(position, target, self._returns(), self._traversability, self._robot)
         return not len(self.obstacles)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.planning.visiting_order import visiting_order
 from pipeline.topological_map.links import drive_seconds
-from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
+from pipeline.topological_map.topological_map import MAX_DETOUR, TopologicalMap
 from pipeline.traversability.shortest_paths import ShortestPaths, may_cut, simplify
 from pipeline.traversability.traversability import Traversability
 
@@ -68,9 +68,7 @@ def plan_path(
     if nodes is None:
         return _plan(traversability, over_grid, [])
     over_nodes = _shortened(traversability, np.vstack([paths.start, _way_over(topology, nodes), goal]))
-    if topology.config.graph == "roadmap" and _is_quicker(
-        over_grid, over_nodes, traversability, topology.config
-    ):
+    if topology.kind == "roadmap" and _is_quicker(over_grid, over_nodes, traversability):
         return _plan(traversability, over_grid, nodes)
     return _plan(traversability, over_nodes, nodes)
 
@@ -138,7 +136,7 @@ def _seconds_between(
     for k, name in enumerate(names):
         others = np.array(places)
         starts = np.repeat(places[k][None], len(others), axis=0)
-        straight = drive_seconds(traversability, starts, others, topology.config.links)
+        straight = drive_seconds(traversability, starts, others)
         reach = nx.single_source_dijkstra_path_length(graph, name)
         over = np.array([reach.get(other, np.inf) for other in names])
         direct = np.where(traversability.lines_are_traversable(starts, others), straight, np.inf)
@@ -148,10 +146,7 @@ def _seconds_between(
 
 
 def _nodes_between(
-    topology: TopologicalMap,
-    traversability: Traversability,
-    start: NDArray[np.float64],
-    goal: NDArray[np.float64],
+    topology: TopologicalMap, traversability: Traversability, start: NDArray[np.float64], goal: NDArray[np.float64]
 ) -> list[int] | None:
     """Ids of the nodes on the quickest way, by Dijkstra's algorithm; None if there is no way over nodes."""
     graph = topology.graph.copy()
@@ -169,25 +164,14 @@ def _way_over(topology: TopologicalMap, nodes: list[int]) -> NDArray[np.float64]
     return np.vstack([topology.nodes[nodes[0]].position[None, :2], *legs])
 
 
-def _is_quicker(
-    way: NDArray[np.float64],
-    other: NDArray[np.float64],
-    traversability: Traversability,
-    config: TopologicalMapConfig,
-) -> bool:
+def _is_quicker(way: NDArray[np.float64], other: NDArray[np.float64], traversability: Traversability) -> bool:
     """Whether a way (N, 2) that can be driven takes less time than another one by more than the greatest detour."""
-    seconds, longer = (drive_seconds(traversability, w[:-1], w[1:], config.links).sum() for w in (way, other))
-    return bool(
-        config.max_detour * seconds < longer and traversability.lines_are_traversable(way[:-1], way[1:]).all()
-    )
+    seconds, longer = (drive_seconds(traversability, w[:-1], w[1:]).sum() for w in (way, other))
+    return bool(MAX_DETOUR * seconds < longer and traversability.lines_are_traversable(way[:-1], way[1:]).all())
 
 
 def _link(
-    graph: nx.Graph,
-    name: str,
-    xy: NDArray[np.float64],
-    topology: TopologicalMap,
-    traversability: Traversability,
+    graph: nx.Graph, name: str, xy: NDArray[np.float64], topology: TopologicalMap, traversability: Traversability
 ) -> None:
     """Join a place (2,) to every node that a straight drive reaches."""
     graph.add_node(name)

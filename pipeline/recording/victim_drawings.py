@@ -75,9 +75,7 @@ def ways(strips: Sequence[NDArray[np.float64]]) -> rr.LineStrips3D:
 
 def photo_sheet(victims: Victims) -> rr.EncodedImage:
     """The victims' photos with their display ids, row by row."""
-    cells = [
-        _photo(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)
-    ]
+    cells = [_photo(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)]
     rows = -(-len(cells) // COLUMNS) or 1
     columns = min(len(cells), COLUMNS) or 1
     width, height = PHOTO[0], PHOTO[1] + CAPTION_HEIGHT

@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.grid_map import Grid
+from pipeline.labels import RAMP_TILT
 from pipeline.rescue_report.places import Place, places
 from pipeline.traversability.traversability import Traversability
 
-SLOPE = np.deg2rad(8)
-"""rad; steeper ground counts as a slope."""
 DROP = 0.1
 """m that the ground falls at a drop, at least: a robot that takes stairs climbs lower steps back up."""
 EDGE = 0.06
@@ -56,10 +55,7 @@ class Hazards:
 
 
 def find_hazards(
-    traversability: Traversability,
-    reachable: NDArray[np.bool_],
-    points: NDArray[np.float32],
-    robot_headroom: float,
+    traversability: Traversability, reachable: NDArray[np.bool_], points: NDArray[np.float32], robot_headroom: float
 ) -> Hazards:
     """The dangers of the ground that the robot can reach.
 
@@ -71,7 +67,7 @@ def find_hazards(
     """
     slope = np.arctan(np.linalg.norm(traversability.gradient.astype(np.float64), axis=-1))
     # Opening drops single noisy cells.
-    is_steep = ndimage.binary_opening((slope > SLOPE) & ~traversability.hazard, np.ones((3, 3))) & reachable
+    is_steep = ndimage.binary_opening((slope > RAMP_TILT) & ~traversability.hazard, np.ones((3, 3))) & reachable
     drop = _drops(traversability, reachable)
     headroom = _headroom(traversability, points, robot_headroom)
     low = reachable & (headroom < LOW)
@@ -100,9 +96,7 @@ def _drops(traversability: Traversability, reachable: NDArray[np.bool_]) -> NDAr
     return np.where(_long(drop >= DROP, round(EDGE_LENGTH / cell)), drop, 0.0)
 
 
-def _lowest_beyond(
-    grid: Grid, elevation: NDArray[np.float64], edges: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _lowest_beyond(grid: Grid, elevation: NDArray[np.float64], edges: NDArray[np.int64]) -> NDArray[np.float64]:
     """(E,) m, the lowest ground beyond cells (E, 2).
 
     The search in a direction ends where the map is no lower than the edge: at more of the same ground, or at a wall,
@@ -136,9 +130,7 @@ def _long(edges: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:
     return edges & (sizes[pieces] >= cells)
 
 
-def _headroom(
-    traversability: Traversability, points: NDArray[np.float32], at_least: float
-) -> NDArray[np.float64]:
+def _headroom(traversability: Traversability, points: NDArray[np.float32], at_least: float) -> NDArray[np.float64]:
     """(nx, ny) m from the ground to the lowest point ``at_least`` so far above it."""
     headroom = np.full(traversability.grid.shape, np.inf)
     above = points[:, 2] - traversability.grid.at(traversability.elevation, points, outside=np.nan)

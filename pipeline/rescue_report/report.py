@@ -34,9 +34,7 @@ class RescueReport:
     def situation(self) -> Situation:
         """What the explorer knows now; at least one step must have been added."""
         explorer = self._explorer
-        return situation_of(
-            explorer.mapper, explorer.robot.model, self._poses, self._camera_height, self._finished
-        )
+        return situation_of(explorer.mapper, explorer.robot.model, self._poses, self._camera_height, self._finished)
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:

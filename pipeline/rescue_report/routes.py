@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from pipeline.labels import RAMP_TILT
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.path_plan import plan_path
-from pipeline.rescue_report.hazards import APART, SLOPE, Hazards
+from pipeline.rescue_report.hazards import APART, Hazards
 from pipeline.rescue_report.places import Place, places
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle, wrap_angles
@@ -48,7 +49,7 @@ class Leg:
     @property
     def is_steep(self) -> bool:
         """Whether it leads over a slope."""
-        return self.steepest > SLOPE
+        return self.steepest > RAMP_TILT
 
 
 @dataclass(frozen=True, eq=False)

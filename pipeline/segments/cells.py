@@ -109,6 +109,4 @@ def keys(cells: NDArray) -> NDArray[np.int64]:
 
 def _from_keys(packed: NDArray[np.int64]) -> Cells:
     mask = (1 << BITS) - 1
-    return (np.stack([packed >> 2 * BITS, packed >> BITS & mask, packed & mask], axis=1) - HALF).astype(
-        np.int32
-    )
+    return (np.stack([packed >> 2 * BITS, packed >> BITS & mask, packed & mask], axis=1) - HALF).astype(np.int32)

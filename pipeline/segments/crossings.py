@@ -46,9 +46,7 @@ def crossings(
     return result
 
 
-def _near_boxes(
-    a: Floats, b: Floats, boxes: Sequence[Box], margin: float, height: float
-) -> NDArray[np.bool_]:
+def _near_boxes(a: Floats, b: Floats, boxes: Sequence[Box], margin: float, height: float) -> NDArray[np.bool_]:
     """(N, S) where the upright box around a line and what moves along it meets that around a segment's box."""
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
@@ -58,9 +56,7 @@ def _near_boxes(
     return above & (high[:, None] >= T[:, :3, 3] - reach).all(axis=2)
 
 
-def _cross(
-    a: Floats, b: Floats, segments: Sequence[Segment], margin: float, height: float
-) -> NDArray[np.bool_]:
+def _cross(a: Floats, b: Floats, segments: Sequence[Segment], margin: float, height: float) -> NDArray[np.bool_]:
     """:func:`crossings` of lines and segments that are near each other."""
     result = np.zeros(len(a), np.bool_)
     boxes = [segment.box for segment in segments]

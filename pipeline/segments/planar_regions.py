@@ -123,9 +123,7 @@ def _ransac_regions(
     return result, planes
 
 
-def plane_inliers(
-    points: NDArray[np.float32], max_distance: float, samples: int, seed: int
-) -> NDArray[np.bool_]:
+def plane_inliers(points: NDArray[np.float32], max_distance: float, samples: int, seed: int) -> NDArray[np.bool_]:
     """Which points lie near the plane that has most of them near it, by RANSAC (Fischler & Bolles 1981).
 
     The same seed gives the same plane, bit for bit. For that Open3D must try all samples, hence the probability of 1:

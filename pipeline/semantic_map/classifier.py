@@ -9,14 +9,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.labels import Label
 
-CLASSES = (
-    Label.WALL,
-    Label.TERRAIN,
-    Label.INCLINED_RAMP,
-    Label.STRAIGHT_RAMP,
-    Label.CEILING,
-    Label.CLUTTER,
-)
+CLASSES = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.CEILING, Label.CLUTTER)
 """What a network tells apart, in the order of its outputs."""
 
 
@@ -47,7 +40,5 @@ class TruthClassifier:
     ) -> NDArray[np.float32]:
         """(N, 8) float32 one-hot of ``frame.label`` at the returns; InputError if the frame has none."""
         if frame.label is None:
-            raise InputError(
-                f"the frame at {frame.time:.2f} s carries no true labels: only a simulator knows them"
-            )
+            raise InputError(f"the frame at {frame.time:.2f} s carries no true labels: only a simulator knows them")
         return np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]]

@@ -14,12 +14,7 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.segments.planar_regions import planar_regions
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.planar_vote_kernels import (
-    mean_logs,
-    normalised_products,
-    planes_of_pixels,
-    possible_logs,
-)
+from pipeline.semantic_map.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels, possible_logs
 
 MAX_ANGLE = np.deg2rad(6)
 """rad, between a surfel's normal and its region's: small, as no labels tell planes apart."""

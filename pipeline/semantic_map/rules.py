@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.frame import Frame
-from pipeline.labels import Label
+from pipeline.labels import RAMP_TILT, Label
 from pipeline.semantic_map.voxels import VoxelCloud
 
 VOXEL = 0.03
@@ -14,8 +14,6 @@ NEIGHBOURS = 30
 """Points that a normal is fitted to."""
 WALL_TILT = np.radians(60)
 """rad; a surface at least as steep is a wall."""
-RAMP_TILT = np.radians(8)
-"""rad; a surface between this and a wall is an inclined ramp."""
 ROUGHNESS = 0.03
 """m, standard deviation from the fitted plane; a surface that is rougher is clutter."""
 DECK_HEIGHT = 0.08

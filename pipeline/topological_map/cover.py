@@ -1,23 +1,36 @@
-"""Which nodes see which ground: the set that the nodes must cover."""
+"""The ground that the nodes are to see: what of it they see, what hides it, and where they may lie."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
+from pipeline.grid_map import Box, Grid, GridMap, Layer, box_around
+from pipeline.segments.cells import centres
+from pipeline.segments.segments import Segment
 from pipeline.topological_map import sight_kernels as kernels
-from pipeline.topological_map.ground import Ground
+from pipeline.traversability.elevation_map import CELL
+from pipeline.traversability.traversability import Traversability
+
+SIGHT = 2.0
+"""m from which a node covers the ground that it sees."""
+_REACH = round(SIGHT / CELL)
+_TALL = 0.4
+"""m above the ground around it; what is taller hides what is behind it, decks and ramps do not."""
+_BLOCK = 4
+"""Cells along each side of a block that has one candidate for a node."""
 
 
 @dataclass(frozen=True, eq=False)
-class Views:
+class VisibleCells:
     """What K places see.
 
     Attributes:
         places: (K, 2) m in ``map``.
         seen: (K, S, S) bool, cells of a square window around each place.
-        corners: (K, 2) int64 grid indices of the windows' first cells.
+        corners: (K, 2) int64 absolute indices of the windows' first cells.
     """
 
     places: NDArray[np.float64]
@@ -28,104 +41,174 @@ class Views:
         """Number of places."""
         return len(self.places)
 
-    def __getitem__(self, rows: slice | NDArray) -> "Views":
-        """The views of some of the places."""
-        return Views(self.places[rows], self.seen[rows], self.corners[rows])
+    def __getitem__(self, rows: slice | NDArray) -> "VisibleCells":
+        """What some of the places see."""
+        return VisibleCells(self.places[rows], self.seen[rows], self.corners[rows])
 
 
 class Cover:
-    """The ground that nodes see, and how many see it.
+    """A grid map of the ground that nodes are to see, and how many see it.
 
     Attributes:
-        ground: as last renewed.
-        count: (nx, ny) int32, number of nodes that see each target cell.
+        traversability: as of the last update.
     """
 
-    def __init__(self, ground: Ground, sight: float):
-        """``sight``: m, how far a node sees."""
-        self.ground = ground
-        self.count = np.zeros(ground.grid.shape, np.int32)
-        self._reach = round(sight / ground.grid.cell)
-        self._views: dict[int, Views] = {}
+    traversability: Traversability
 
-    def renewed(self, ground: Ground, changed: NDArray[np.bool_]) -> "Cover":
-        """The same nodes' cover of changed ground; only those look again that had a changed cell in their window."""
-        new = Cover(ground, self._reach * ground.grid.cell)
-        shift = np.round((self.ground.grid.origin - ground.grid.origin) / ground.grid.cell).astype(np.int64)
-        for node, viewpoint in self._views.items():
-            corners = viewpoint.corners + shift
-            if changed[new._window(corners[0])].any():
-                new.add(node, viewpoint.places[0])
-            else:
-                new._insert(node, Views(viewpoint.places, viewpoint.seen, corners))
-        return new
+    def __init__(self) -> None:
+        mask = Layer(np.bool_)
+        count = Layer(np.int32, in_place=True)
+        self._layers = GridMap(CELL, {"target": mask, "standable": mask, "walls": mask, "count": count})
+        self._seen_by: dict[int, VisibleCells] = {}
+
+    def update(
+        self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
+    ) -> NDArray[np.bool_]:
+        """Follow the ground; only those nodes look again in whose window a cell changed.
+
+        Args:
+            traversability: what may be driven on.
+            reachable: (nx, ny) where the robot can go: what nodes are to see.
+            walls: they hide what is behind them, and so does all that stands tall.
+
+        Returns:
+            (nx, ny) bool, the cells that changed.
+        """
+        self.traversability = traversability
+        layers, revision = self._layers, self._layers.revision
+        layers.match(traversability.grid)
+        layers.write("target", traversability.traversable & reachable)
+        layers.write("standable", traversability.turnable & reachable)
+        layers.write("walls", _tall(traversability) | _cells(traversability.grid, walls))
+        changed = layers.changed_since(revision)
+        for node, visible in list(self._seen_by.items()):
+            if changed[self._window(visible)].any():
+                self.remove(node)
+                self.add(node, visible.places[0])
+        return changed
+
+    @property
+    def grid(self) -> Grid:
+        """Where the cells lie."""
+        return self._layers.grid
+
+    @property
+    def target(self) -> NDArray[np.bool_]:
+        """(nx, ny) cells that the robot can reach, which nodes are to see."""
+        return self._layers["target"]
+
+    @property
+    def standable(self) -> NDArray[np.bool_]:
+        """(nx, ny) cells of these where it can stand and turn."""
+        return self._layers["standable"]
+
+    @property
+    def count(self) -> NDArray[np.int32]:
+        """(nx, ny) number of nodes that see each target cell."""
+        return self._layers["count"]
 
     @property
     def missing(self) -> NDArray[np.bool_]:
         """(nx, ny) target cells that no node sees."""
-        return self.ground.target & (self.count == 0)
+        return self.target & (self.count == 0)
 
-    def see(self, places: NDArray[np.float64]) -> Views:
+    def visible_from(self, places: NDArray[np.float64]) -> VisibleCells:
         """What (K, 2) places see."""
-        grid = self.ground.grid
-        cells = np.ascontiguousarray((places - grid.origin) / grid.cell)
-        seen, corners = kernels.viewpoints(cells, self.ground.target, self.ground.walls, self._reach)
-        return Views(places, seen, corners)
+        cells = np.ascontiguousarray((places - self.grid.origin) / CELL)
+        seen, corners = kernels.visible_cells(cells, self.target, self._layers["walls"], _REACH)
+        return VisibleCells(places, seen, corners + self.grid.low)
 
     def add(self, node: int, place: NDArray[np.float64]) -> None:
         """Let a node at ``place`` (2,) see."""
-        self._insert(node, self.see(place[None]))
+        self._seen_by[node] = self.visible_from(place[None])
+        self._count(node, 1)
 
     def remove(self, node: int) -> None:
         """Forget a node."""
-        self._change(self._views.pop(node), -1)
+        self._count(node, -1)
+        del self._seen_by[node]
 
-    def gains(self, viewpoints: Views) -> NDArray[np.int64]:
-        """(K,) how many cells each of the views would add."""
-        return kernels.count_in(viewpoints.seen, viewpoints.corners, self.missing)
+    def gains(self, visible: VisibleCells) -> NDArray[np.int64]:
+        """(K,) how many cells each of the places would add."""
+        return kernels.count_in(visible.seen, visible.corners - self.grid.low, self.missing)
 
     def lost_without(self, nodes: Collection[int]) -> NDArray[np.int64]:
         """(M, 2) the cells that only these nodes see, outermost first."""
         for n in nodes:
-            self._change(self._views[n], -1)
-        lost = [self._unseen(self._views[n]) for n in nodes]
+            self._count(n, -1)
+        lost = [self._unseen(self._seen_by[n]) for n in nodes]
         for n in nodes:
-            self._change(self._views[n], 1)
+            self._count(n, 1)
         cells = np.unique(np.concatenate(lost), axis=0)
         if not len(cells):
             return cells
         return cells[np.argsort(-np.linalg.norm(cells - cells.mean(axis=0), axis=1), kind="stable")]
 
-    def see_all(self, viewpoints: Views, cells: NDArray[np.int64], spare: int) -> NDArray[np.bool_]:
-        """(K,) which of the views hold all but ``spare`` of the cells (M, 2)."""
-        return kernels.see_all(viewpoints.seen, viewpoints.corners, cells, spare)
+    def see_all(self, visible: VisibleCells, cells: NDArray[np.int64], spare: int) -> NDArray[np.bool_]:
+        """(K,) which of the places see all but ``spare`` of the cells (M, 2)."""
+        return kernels.see_all(visible.seen, visible.corners - self.grid.low, cells, spare)
 
     def is_near(self, node: int, mask: NDArray[np.bool_]) -> bool:
         """Whether a mask (nx, ny) has a cell in a node's window."""
-        return bool(mask[self._window(self._views[node].corners[0])].any())
+        return bool(mask[self._window(self._seen_by[node])].any())
 
-    def _insert(self, node: int, viewpoint: Views) -> None:
-        self._views[node] = viewpoint
-        self._change(viewpoint, 1)
+    def candidates(self, mask: NDArray[np.bool_], within: float) -> NDArray[np.float64]:
+        """(K, 2) m, places near a mask: of every block of standable cells the one farthest from hazards."""
+        if not mask.any():
+            return np.zeros((0, 2))
+        # From one corner of a block on, to another where the grid allows.
+        i, j = box_around(mask, round(within / CELL))
+        window = slice(i.start // _BLOCK * _BLOCK, i.stop), slice(j.start // _BLOCK * _BLOCK, j.stop)
+        near = ndimage.distance_transform_edt(~mask[window]) * CELL <= within
+        room = np.where(near & self.standable[window], self.traversability.to_hazard[window], 0)
+        blocks = _blocks(room)
+        wanted = blocks.any(axis=2)
+        best = np.stack(np.divmod(blocks.argmax(axis=2)[wanted], _BLOCK), axis=-1)
+        corner = (window[0].start, window[1].start)
+        return self.grid.centre_of(np.argwhere(wanted) * _BLOCK + best + corner)
 
-    def _change(self, viewpoint: Views, by: int) -> None:
-        window = self._window(viewpoint.corners[0])
-        self.count[window] += by * viewpoint.seen[0][self._inside(viewpoint.corners[0], window)]
+    def _count(self, node: int, by: int) -> None:
+        """Let so many more nodes see what this one sees."""
+        visible = self._seen_by[node]
+        self.count[self._window(visible)] += by * self._on_grid(visible)
 
-    def _unseen(self, viewpoint: Views) -> NDArray[np.int64]:
-        """(M, 2) the cells of a view that no node sees."""
-        window = self._window(viewpoint.corners[0])
-        unseen = viewpoint.seen[0][self._inside(viewpoint.corners[0], window)] & (self.count[window] == 0)
+    def _unseen(self, visible: VisibleCells) -> NDArray[np.int64]:
+        """(M, 2) the cells that a place sees and no node does."""
+        window = self._window(visible)
+        unseen = self._on_grid(visible) & (self.count[window] == 0)
         return np.argwhere(unseen) + np.array([w.start for w in window])
 
-    def _window(self, corner: NDArray[np.int64]) -> tuple[slice, slice]:
-        """The part of a window that lies on the grid."""
-        size = 2 * self._reach + 1
+    def _window(self, visible: VisibleCells) -> Box:
+        """The part of a place's window that lies on the grid."""
+        corner = visible.corners[0] - self.grid.low
         low = np.maximum(corner, 0)
-        high = np.maximum(np.minimum(corner + size, self.ground.grid.shape), low)
+        high = np.maximum(np.minimum(corner + 2 * _REACH + 1, self.grid.shape), low)
         return slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
 
-    @staticmethod
-    def _inside(corner: NDArray[np.int64], window: tuple[slice, slice]) -> tuple[slice, ...]:
-        """The same part in the window's own indices."""
-        return tuple(slice(w.start - int(c), w.stop - int(c)) for w, c in zip(window, corner, strict=True))
+    def _on_grid(self, visible: VisibleCells) -> NDArray[np.bool_]:
+        """(I, J) what a place sees in that part."""
+        corner = visible.corners[0] - self.grid.low
+        i, j = (slice(w.start - c, w.stop - c) for w, c in zip(self._window(visible), corner, strict=True))
+        return visible.seen[0][i, j]
+
+
+def _blocks(layer: NDArray) -> NDArray:
+    """(⌈nx / B⌉, ⌈ny / B⌉, B²) the cells of every block of a layer, 0 beyond its end."""
+    layer = np.pad(layer, [(0, -n % _BLOCK) for n in layer.shape])
+    nx, ny = np.array(layer.shape) // _BLOCK
+    return layer.reshape(nx, _BLOCK, ny, _BLOCK).swapaxes(1, 2).reshape(nx, ny, -1)
+
+
+def _tall(traversability: Traversability) -> NDArray[np.bool_]:
+    known = np.where(np.isnan(traversability.elevation), np.inf, traversability.elevation)
+    return traversability.hazard & (traversability.elevation > ndimage.minimum_filter(known, 5) + _TALL)
+
+
+def _cells(grid: Grid, segments: Sequence[Segment]) -> NDArray[np.bool_]:
+    """(nx, ny) the cells over which segments lie."""
+    mask = np.zeros(grid.shape, np.bool_)
+    for segment in segments:
+        cells = grid.cell_of(centres(segment.cells))
+        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+        mask[cells[inside, 0], cells[inside, 1]] = True
+    return mask

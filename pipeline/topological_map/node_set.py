@@ -1,6 +1,6 @@
 """The nodes, what they see and which of them straight drives join: three things that must always agree."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import networkx as nx
@@ -8,9 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
+from pipeline.segments.segments import Segment
 from pipeline.topological_map.cover import Cover
-from pipeline.topological_map.ground import Ground
 from pipeline.topological_map.links import Links
+from pipeline.traversability.traversability import Traversability
+
+SNAP = 0.3
+"""m that a node moves when the map changes under it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,35 +42,39 @@ class NodeSet:
         links: which straight lines can be driven.
     """
 
-    def __init__(self, cover: Cover, links: Links):
+    links: Links
+
+    def __init__(self) -> None:
         self.nodes: dict[int, Node] = {}
         self.free = nx.Graph()
-        self.cover, self.links = cover, links
+        self.cover = Cover()
         self._next_id = 0
 
-    @property
-    def ground(self) -> Ground:
-        """As last renewed."""
-        return self.cover.ground
+    def renew(
+        self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
+    ) -> NDArray[np.bool_]:
+        """Follow the changes of the ground; nodes that can no longer stand move up to ``SNAP`` m or go.
 
-    def renew(self, ground: Ground, links: Links, changed: NDArray[np.bool_], snap: float) -> None:
-        """Follow the changes of the ground; nodes that can no longer stand move up to ``snap`` m or go."""
-        self.cover, self.links = self.cover.renewed(ground, changed), links
+        See :meth:`Cover.update` for the arguments and what it returns: (nx, ny) the cells that changed.
+        """
+        changed = self.cover.update(traversability, reachable, walls)
+        self.links = Links(traversability, walls)
         for node in list(self.nodes.values()):
-            self._settle(node, snap)
+            self._settle(node)
         self._retest(changed)
+        return changed
 
-    def _settle(self, node: Node, snap: float) -> None:
+    def _settle(self, node: Node) -> None:
         """Move a node to where the robot can turn; a joint in a passage too narrow for that stays in it."""
-        ground = self.ground
-        xy = ground.grid.nearest(ground.standable, node.position, snap)
+        cover = self.cover
+        xy = cover.grid.nearest(cover.standable, node.position, SNAP)
         if xy is not None and (xy == node.position[:2]).all():
             return
         parts = len(self.parts())
         self.remove(node.id)
         if xy is not None:
             self._put(node.id, node.label, xy)
-        if len(self.parts()) > parts and ground.grid.at(ground.target, node.position):
+        if len(self.parts()) > parts and cover.grid.at(cover.target, node.position):
             if xy is not None:
                 self.remove(node.id)
             self._put(node.id, node.label, node.position[:2])
@@ -87,7 +95,7 @@ class NodeSet:
         """For each of the places (K, 2) the ids of the nodes, but for some, that a straight drive joins to it."""
         ids = [n for n in self.nodes if n not in without]
         ends = np.array([self.nodes[n].position for n in ids]).reshape(-1, 3)
-        starts = self.ground.traversability.on_ground(places)
+        starts = self.cover.traversability.on_ground(places)
         free = self.links.are_free(np.repeat(starts, len(ids), axis=0), np.tile(ends, (len(places), 1)))
         return [[ids[k] for k in np.flatnonzero(row)] for row in free.reshape(len(places), len(ids))]
 
@@ -98,7 +106,7 @@ class NodeSet:
 
     def _put(self, node: int, label: Label, xy: NDArray[np.float64]) -> None:
         linked = self.links_from(xy[None])[0]
-        self.nodes[node] = Node(node, label, self.ground.traversability.on_ground(xy[None])[0])
+        self.nodes[node] = Node(node, label, self.cover.traversability.on_ground(xy[None])[0])
         self.cover.add(node, xy)
         self.free.add_node(node)
         self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))
@@ -108,10 +116,7 @@ class NodeSet:
         if not changed.any() or len(self.nodes) < 2:
             return
         cells = np.argwhere(changed)
-        low, high = (
-            self.ground.grid.centre_of(cells.min(axis=0)),
-            self.ground.grid.centre_of(cells.max(axis=0)),
-        )
+        low, high = (self.cover.grid.centre_of(side) for side in (cells.min(axis=0), cells.max(axis=0)))
         ids = np.array(list(self.nodes))
         places = np.array([self.nodes[n].position for n in ids])
         i, j = np.triu_indices(len(ids), 1)

@@ -1,4 +1,4 @@
-"""As few nodes as see all the ground and hang together: a set cover, kept up look by look.
+"""As few nodes as see all the ground and hang together: a set cover, kept up step by step.
 
 A greedy cover alone commits itself to what was in view first. So nodes near new ground are thinned out after it: one
 goes when others see its share and hold the rest together, and two become one where a single place does for both.
@@ -6,7 +6,6 @@ goes when others see its share and hold the rest together, and two become one wh
 
 from collections import deque
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -14,65 +13,55 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.labels import Label
 from pipeline.segments.segments import Segments
-from pipeline.topological_map.cover import Views
+from pipeline.topological_map.cover import SIGHT, VisibleCells
 from pipeline.topological_map.node_set import NodeSet
 from pipeline.topological_map.nodes import Place, label_at
+from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.shortest_paths import ShortestPaths, simplify
 
-
-@dataclass(frozen=True)
-class CoverConfig:
-    """What nodes must see.
-
-    Attributes:
-        sight: m from which a node expresses the ground that it sees.
-        min_gain: ground that is not worth a node, m².
-        place_gain: ground that a place of the thesis's rules must add to become a node, m².
-        linked: a place that a straight drive joins to a node is taken before one that would add more, if it adds at
-            least this share.
-        joint_reach: so near to the shortest way between two nodes a third one is looked for that joins them, m.
-        snap: nodes move so far when the map changes under them, m.
-    """
-
-    sight: float = 2.0
-    min_gain: float = 0.01
-    place_gain: float = 1.0
-    linked: float = 0.7
-    joint_reach: float = 0.6
-    snap: float = 0.3
+MIN_GAIN = 0.01
+"""m²; less ground is not worth a node."""
+PLACE_GAIN = 1.0
+"""m² of ground that a place of the thesis's rules must add to become a node."""
+LINKED = 0.7
+"""A place that a straight drive joins to a node is taken before one that would add more, if it adds at least this
+share."""
+JOINT_REACH = 0.6
+"""m; so near to the shortest way between two nodes a third one is sought that joins them."""
+_SPARE = int(MIN_GAIN / CELL**2)
+"""Cells that are not worth a node."""
 
 
 class Placement:
-    """Places nodes on the ground of one look."""
+    """Places nodes on the ground as of one step."""
 
-    def __init__(self, nodes: NodeSet, places: Sequence[Place], segments: Segments, config: CoverConfig):
+    def __init__(self, nodes: NodeSet, places: Sequence[Place], segments: Segments):
         """``places``: where the thesis's rules want nodes; they come before all others."""
-        self._nodes, self._places, self._segments, self._config = nodes, places, segments, config
-        self._spare = int(config.min_gain / nodes.ground.grid.cell**2)
+        self._nodes, self._cover, self._places, self._segments = nodes, nodes.cover, places, segments
 
     def add_places(self) -> None:
         """Nodes by the type of segment, where they add enough."""
-        least = self._config.place_gain / self._nodes.ground.grid.cell**2
+        least = PLACE_GAIN / CELL**2
         for place in self._places:
-            if self._nodes.cover.gains(self._nodes.cover.see(place.xy[None]))[0] >= least:
+            if self._cover.gains(self._cover.visible_from(place.xy[None]))[0] >= least:
                 self._nodes.add(place.label, place.xy)
 
     def cover_rest(self) -> None:
         """Nodes for what no node sees, those first that add most."""
-        cover = self._nodes.cover
-        viewpoints = cover.see(self._nodes.ground.candidates(cover.missing, self._config.sight))
-        while len(viewpoints):
-            gains = cover.gains(viewpoints)
-            if gains.max() <= self._spare:
+        cover = self._cover
+        visible = cover.visible_from(cover.candidates(cover.missing, SIGHT))
+        while len(visible):
+            gains = cover.gains(visible)
+            if gains.max() <= _SPARE:
                 return
-            xy = viewpoints.places[self._best(viewpoints, gains)]
+            xy = visible.places[self._best(visible.places, gains)]
             self._nodes.add(self._label(xy), xy)
 
-    def _best(self, viewpoints: Views, gains: NDArray[np.int64]) -> int:
-        """The place that adds most; a little less will do for one that is linked to a node."""
+    def _best(self, places: NDArray[np.float64], gains: NDArray[np.int64]) -> int:
+        """The row of the place that adds most; a little less will do for one that is linked to a node."""
         order = np.argsort(-gains, kind="stable")
-        for k in order[gains[order] >= self._config.linked * gains.max()][:20]:
-            if self._nodes.links_from(viewpoints.places[[k]])[0]:
+        for k in order[gains[order] >= LINKED * gains.max()][:20]:
+            if self._nodes.links_from(places[[k]])[0]:
                 return int(k)
         return int(order[0])
 
@@ -90,14 +79,14 @@ class Placement:
 
     def _joints(self, part: set[int], others: Sequence[set[int]]) -> NDArray[np.float64]:
         """(N, 2) places that join a group of nodes to another one: a single one, or else the bends of the way."""
-        traversability, nodes = self._nodes.ground.traversability, self._nodes.nodes
+        traversability, nodes = self._cover.traversability, self._nodes.nodes
         paths = ShortestPaths(traversability, [nodes[n].position for n in sorted(part)])
         targets = [nodes[n].position for other in others for n in sorted(other)]
         nearest = min(targets, key=paths.cost_to)
         if not np.isfinite(paths.cost_to(nearest)):
             return np.zeros((0, 2))
         way = paths.path_to(nearest)
-        places = self._roomiest(self._nodes.ground.candidates(self._mask(way), self._config.joint_reach))
+        places = self._roomiest(self._cover.candidates(self._mask(way), JOINT_REACH))
         for xy, links in zip(places, self._nodes.links_from(places), strict=True):
             if part & set(links) and not part >= set(links):
                 return xy[None]
@@ -105,31 +94,30 @@ class Placement:
 
     def _roomiest(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """The same places (K, 2), those first that are farthest from hazards."""
-        ground = self._nodes.ground
-        room = ground.grid.at(ground.traversability.to_hazard, places)
+        room = self._cover.grid.at(self._cover.traversability.to_hazard, places)
         return places[np.argsort(-room, kind="stable")]
 
     def _mask(self, places: ArrayLike) -> NDArray[np.bool_]:
         """(nx, ny) the cells of places (N, 2 or 3)."""
-        mask = np.zeros(self._nodes.ground.grid.shape, np.bool_)
-        cells = self._nodes.ground.grid.cell_of(places)
+        mask = np.zeros(self._cover.grid.shape, np.bool_)
+        cells = self._cover.grid.cell_of(places)
         mask[cells[:, 0], cells[:, 1]] = True
         return mask
 
     def thin_out(self, active: set[int]) -> None:
         """Drop and merge nodes, of those named and their neighbours, as long as nothing is lost."""
-        cover = self._nodes.cover
+        cover = self._cover
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
-            if len(cover.lost_without([n])) <= self._spare and not self._holds_together(n):
+            if len(cover.lost_without([n])) <= _SPARE and not self._holds_together(n):
                 self._nodes.remove(n)
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
             return
-        viewpoints = cover.see(self._candidates(active))
+        visible = cover.visible_from(self._candidates(active))
         pairs = deque(p for p in combinations(self._nodes.nodes, 2) if active & set(p))
         while pairs:
             pair = pairs.popleft()
-            new = self._merge(pair, viewpoints) if self._nodes.nodes.keys() >= set(pair) else None
+            new = self._merge(pair, visible) if self._nodes.nodes.keys() >= set(pair) else None
             if new is not None:
                 pairs.extend((new, n) for n in self._nodes.nodes if n != new)
 
@@ -140,15 +128,15 @@ class Placement:
     def _candidates(self, active: Collection[int]) -> NDArray[np.float64]:
         """(K, 2) the thesis's places and those around the active nodes."""
         around = self._mask([self._nodes.nodes[n].position for n in active])
-        lattice = self._nodes.ground.candidates(around, self._config.sight)
+        lattice = self._cover.candidates(around, SIGHT)
         return np.vstack([*(place.xy[None] for place in self._places), lattice])
 
-    def _merge(self, pair: tuple[int, int], viewpoints: Views) -> int | None:
+    def _merge(self, pair: tuple[int, int], visible: VisibleCells) -> int | None:
         """Put one node in the place of two; its id, or None if no place does for both."""
         a, b = (self._nodes.nodes[n].position[:2] for n in pair)
-        if np.linalg.norm(a - b) > 2 * self._config.sight:
+        if np.linalg.norm(a - b) > 2 * SIGHT:
             return None
-        good = self._stand_ins(pair, viewpoints)
+        good = self._stand_ins(pair, visible)
         rest, parts = self._nodes.parts(pair), len(self._nodes.parts())
         for xy, links in zip(good, self._nodes.links_from(good, pair), strict=True):
             if 1 + sum(not part & set(links) for part in rest) <= parts:
@@ -157,20 +145,19 @@ class Placement:
                 return self._nodes.add(self._label(xy), xy)
         return None
 
-    def _stand_ins(self, pair: tuple[int, int], viewpoints: Views) -> NDArray[np.float64]:
+    def _stand_ins(self, pair: tuple[int, int], visible: VisibleCells) -> NDArray[np.float64]:
         """(K, 2) the places that see what only these two nodes see; first the thesis's, then those that see most."""
-        cover, ground = self._nodes.cover, self._nodes.ground
-        lost = cover.lost_without(pair)
+        lost = self._cover.lost_without(pair)
         middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
-        centre = ground.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
-        near = np.flatnonzero(np.linalg.norm(viewpoints.places - centre, axis=1) <= self._config.sight)
-        good = near[cover.see_all(viewpoints[near], lost, self._spare)]
-        worth = viewpoints.seen[good].sum(axis=(1, 2)) + 1e6 * (good < len(self._places))
-        return viewpoints.places[good[np.argsort(-worth, kind="stable")]]
+        centre = self._cover.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
+        near = np.flatnonzero(np.linalg.norm(visible.places - centre, axis=1) <= SIGHT)
+        good = near[self._cover.see_all(visible[near], lost, _SPARE)]
+        worth = visible.seen[good].sum(axis=(1, 2)) + 1e6 * (good < len(self._places))
+        return visible.places[good[np.argsort(-worth, kind="stable")]]
 
     def _label(self, xy: NDArray[np.float64]) -> Label:
         """Of the place itself, if it is one of the thesis's, or of the ground."""
         for place in self._places:
             if (place.xy == xy).all():
                 return place.label
-        return label_at(self._nodes.ground.traversability.on_ground(xy[None])[0], self._segments)
+        return label_at(self._cover.traversability.on_ground(xy[None])[0], self._segments)

@@ -1,4 +1,4 @@
-"""The roadmap: the spanning tree and those loops that shorten detours."""
+"""The graphs for plans: the spanning tree (thesis 3.3), and the roadmap with loops that shorten detours."""
 
 from collections.abc import Mapping
 
@@ -10,6 +10,19 @@ from pipeline.topological_map.links import Links
 from pipeline.topological_map.node_set import Node
 from pipeline.traversability.shortest_paths import ShortestPaths, simplify
 from pipeline.traversability.traversability import Traversability
+
+
+def collision_free_tree(free: nx.Graph) -> nx.Graph:
+    """The minimum spanning tree of the edges that meet nothing, for each group of nodes that such edges join.
+
+    The thesis spans the complete graph, adds a huge number to the weight of every edge of the tree that meets a
+    wall, and spans again until none does. That ends with this tree, so where all edges are tested anyway, one pass
+    over the free ones is enough.
+
+    Args:
+        free: the nodes, and the edges that can be driven, with ``weight``.
+    """
+    return nx.minimum_spanning_tree(free)
 
 
 def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
@@ -41,9 +54,7 @@ def _open(way: NDArray[np.float64], i: int, j: int, weight: float) -> None:
     np.minimum(way, through, out=way)
 
 
-def add_passages(
-    drives: nx.Graph, nodes: Mapping[int, Node], traversability: Traversability, links: Links
-) -> None:
+def add_passages(drives: nx.Graph, nodes: Mapping[int, Node], traversability: Traversability, links: Links) -> None:
     """Join neighbours that no straight drive joins by the shortest way between them.
 
     Neighbours are nodes whose shares of the ground touch, each cell being the share of the node nearest to it by

@@ -1,11 +1,11 @@
-"""Compiled loops: what a place sees of the ground, and how much of it others do not see."""
+"""Compiled loops over the ground that places see."""
 
 import numpy as np
 from numba import njit
 
 
 @njit(cache=True)
-def viewpoints(places, target, walls, reach):
+def visible_cells(places, target, walls, reach):
     """Which target cells each place sees.
 
     Rays run to every cell on the rim of a square window around the place, in steps of half a cell, and end at walls.
@@ -47,7 +47,7 @@ def _cast(place, corner, rim_i, rim_j, target, walls, reach, seen):
 
 @njit(cache=True)
 def count_in(seen, corners, mask):
-    """(K,) int64, how many cells of a mask (nx, ny) each view (K, S, S) holds; see :func:`viewpoints`."""
+    """(K,) int64, how many cells of a mask (nx, ny) places see, by their windows (K, S, S)."""
     counts = np.zeros(len(seen), np.int64)
     size = seen.shape[1]
     for k in range(len(seen)):
@@ -62,7 +62,7 @@ def count_in(seen, corners, mask):
 
 @njit(cache=True)
 def see_all(seen, corners, cells, spare):
-    """(K,) bool, whether a view (K, S, S) holds all but ``spare`` of the cells (M, 2)."""
+    """(K,) bool, whether a place sees all but ``spare`` of the cells (M, 2), by its window (K, S, S)."""
     result = np.ones(len(seen), np.bool_)
     size = seen.shape[1]
     for k in range(len(seen)):

@@ -2,97 +2,71 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import networkx as nx
 import numpy as np
-import tyro
 from numpy.typing import NDArray
 
 from pipeline.files import whole_file
 from pipeline.labels import Label
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
-from pipeline.topological_map.cover import Cover
-from pipeline.topological_map.ground import Ground
-from pipeline.topological_map.links import LinkConfig, Links, drive_seconds
+from pipeline.topological_map.links import drive_seconds
 from pipeline.topological_map.node_set import Node, NodeSet
-from pipeline.topological_map.nodes import NodeConfig, thesis_places
-from pipeline.topological_map.placement import CoverConfig, Placement
-from pipeline.topological_map.roadmap import add_passages, roadmap
-from pipeline.topological_map.spanning_tree import collision_free_tree
+from pipeline.topological_map.nodes import thesis_places
+from pipeline.topological_map.placement import Placement
+from pipeline.topological_map.roadmap import add_passages, collision_free_tree, roadmap
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability
 
-
-@dataclass(frozen=True)
-class TopologicalMapConfig:
-    """How the ground becomes nodes and edges.
-
-    Attributes:
-        graph: what plans are made on: the thesis's minimum spanning tree, or the tree and the loops that shorten
-            detours.
-        max_detour: of the roadmap against all drives there are.
-        nodes: the thesis's rules.
-        cover: what the nodes must see.
-        links: the edges.
-    """
-
-    graph: Annotated[Literal["mst", "roadmap"], tyro.conf.arg(prefix_name=False)] = "roadmap"
-    max_detour: float = 1.1
-    nodes: NodeConfig = field(default_factory=NodeConfig)
-    cover: CoverConfig = field(default_factory=CoverConfig)
-    links: LinkConfig = field(default_factory=LinkConfig)
+GraphKind = Literal["mst", "roadmap"]
+"""What plans are made on: the thesis's minimum spanning tree, or the tree and the loops that shorten detours."""
+MAX_DETOUR = 1.1
+"""Of the roadmap: its greatest detour against all drives there are."""
 
 
 class TopologicalMap:
-    """Nodes and edges, renewed with every look where it changed the ground.
+    """Nodes and edges, renewed with every step where it changed the ground.
 
     Attributes:
+        kind: of graph that plans are made on.
         tree: networkx graph of node ids, the minimum spanning tree: ``weight`` in s, ``length`` in m.
         graph: what plans are made on, the tree itself or the roadmap, whose loops may have ``bends`` as well.
     """
 
-    def __init__(self, config: TopologicalMapConfig | None = None):
-        self.config = config or TopologicalMapConfig()
+    def __init__(self, graph: GraphKind = "roadmap"):
+        self.kind: GraphKind = graph
         self.tree = self.graph = nx.Graph()
-        self._set: NodeSet | None = None
+        self._set = NodeSet()
 
     @property
     def nodes(self) -> Mapping[int, Node]:
         """By id."""
-        return self._set.nodes if self._set else {}
+        return self._set.nodes
 
     def update(
-        self,
-        patches: Sequence[PlanePatch],
-        segments: Segments,
-        traversability: Traversability,
-        paths: ShortestPaths,
+        self, patches: Sequence[PlanePatch], segments: Segments, traversability: Traversability, paths: ShortestPaths
     ) -> None:
-        """Take a look into account.
+        """Take a keyframe into account.
 
         Args:
-            patches: the planes of this look; a terrain patch has a node in its middle.
+            patches: the planes of this keyframe; a terrain patch has a node in its middle.
             segments: all segments so far.
             traversability: where the robot can stand and drive.
             paths: shortest paths from where the robot is.
         """
-        walls = segments.of(Label.WALL)
-        ground = Ground.of(traversability, self._reachable(traversability, paths), walls)
-        changed = ground.changed_since(self._set.ground if self._set else None)
-        nodes = self._renewed(ground, Links(traversability, walls, self.config.links), changed)
-        places = thesis_places(patches, segments, ground, self.config.nodes)
-        placement = Placement(nodes, places, segments, self.config.cover)
+        nodes, walls = self._set, segments.of(Label.WALL)
+        changed = nodes.renew(traversability, self._reachable(traversability, paths), walls)
+        placement = Placement(nodes, thesis_places(patches, segments, nodes.cover), segments)
         old = set(nodes.nodes)
         placement.add_places()
         placement.cover_rest()
         placement.join()
         placement.thin_out({n for n in nodes.nodes if n not in old or nodes.cover.is_near(n, changed)})
         self.tree = collision_free_tree(nodes.free)
-        self.graph = self.tree if self.config.graph == "mst" else self._roadmap(nodes)
+        self.graph = self.tree if self.kind == "mst" else self._roadmap()
 
     def way(self, a: int, b: int) -> NDArray[np.float64]:
         """(N, 3) m, the points that an edge leads over, from node ``a`` to node ``b``."""
@@ -104,7 +78,7 @@ class TopologicalMap:
         ids = list(self.nodes)
         ends = np.array([self.nodes[n].position[:2] for n in ids]).reshape(-1, 2)
         starts = np.repeat(xy[None], len(ids), axis=0)
-        seconds = drive_seconds(traversability, starts, ends, self.config.links)
+        seconds = drive_seconds(traversability, starts, ends)
         free = traversability.lines_are_traversable(starts, ends)
         return {n: float(s) for n, s, is_free in zip(ids, seconds, free, strict=True) if is_free}
 
@@ -134,15 +108,8 @@ class TopologicalMap:
             return paths.reachable
         return paths.reachable | ShortestPaths(traversability, places).reachable
 
-    def _renewed(self, ground: Ground, links: Links, changed: NDArray[np.bool_]) -> NodeSet:
-        if self._set is None:
-            self._set = NodeSet(Cover(ground, self.config.cover.sight), links)
-        else:
-            self._set.renew(ground, links, changed, self.config.cover.snap)
-        return self._set
-
-    def _roadmap(self, nodes: NodeSet) -> nx.Graph:
-        drives = nodes.free.copy()
-        if len(nodes.nodes) > 1:
-            add_passages(drives, nodes.nodes, nodes.ground.traversability, nodes.links)
-        return roadmap(self.tree, drives, self.config.max_detour)
+    def _roadmap(self) -> nx.Graph:
+        drives = self._set.free.copy()
+        if len(self.nodes) > 1:
+            add_passages(drives, self.nodes, self._set.cover.traversability, self._set.links)
+        return roadmap(self.tree, drives, MAX_DETOUR)

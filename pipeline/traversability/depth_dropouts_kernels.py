@@ -1,4 +1,4 @@
-"""Compiled search of a depth image for ground that ought to be seen."""
+"""Compiled search of a depth image for gaps in the ground."""
 
 import numpy as np
 from numba import njit
@@ -8,12 +8,12 @@ _ROWS = 4
 
 
 @njit(cache=True)
-def missing_depth(depth, focal, max_gap, min_gap, tolerance, min_grazing, row_step, missing):
+def dropout_depth(depth, focal, max_gap, min_gap, tolerance, min_grazing, row_step, dropouts):
     """Depth of the surface that goes on to the left and to the right of a narrow gap, over the gap's pixels.
 
-    A gap are ``min_gap`` to ``max_gap`` pixels of a row without a return, or with one from something nearer, between
-    two returns whose depths differ by no more than the share ``tolerance``. No gap is what lies on a surface that is
-    itself seen at less than ``min_grazing`` rad. Every ``row_step``-th row is looked at; ``missing`` (H, W) is set
+    A gap is ``min_gap`` to ``max_gap`` pixels of a row without a return, or with one from something nearer, between
+    two returns whose depths differ by no more than the share ``tolerance``. Nothing is a gap on a surface that is
+    itself seen at less than ``min_grazing`` rad. Every ``row_step``-th row is searched; ``dropouts`` (H, W) is set
     where the result is not 0. ``focal`` is the vertical focal length in pixels.
     """
     height, width = depth.shape
@@ -30,7 +30,7 @@ def missing_depth(depth, focal, max_gap, min_gap, tolerance, min_grazing, row_st
                 angle = min(grazing(depth, v, at, focal), grazing(depth, v, u, focal)) if goes_on else 0.0
                 if goes_on and angle >= min_grazing:
                     for k in range(at + 1, u):
-                        missing[v, k] = left + (z - left) * (k - at) / (u - at)
+                        dropouts[v, k] = left + (z - left) * (k - at) / (u - at)
             left, at = z, u
 
 

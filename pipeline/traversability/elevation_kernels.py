@@ -1,4 +1,4 @@
-"""Compiled loops of the surface layer."""
+"""Compiled loops of the elevation map and of the traversability."""
 
 import numpy as np
 from numba import njit
@@ -8,17 +8,8 @@ NOISE = 0.1
 
 
 @njit(cache=True)
-def accumulate(
-    points,
-    origin,
-    cell,
-    z_min,
-    z_bin,
-    height,
-    hits,
-    touched,
-):
-    """Fold points into the mean height of their bin of their column; ``touched`` (nx, ny) counts them."""
+def accumulate(points, origin, cell, z_min, z_bin, height, hits, returns):
+    """Fold points into the mean height of their bin of their column; ``returns`` (nx, ny) counts them."""
     nx, ny, nz = height.shape
     for n in range(points.shape[0]):
         i = int(np.floor((points[n, 0] - origin[0]) / cell))
@@ -30,7 +21,7 @@ def accumulate(
         if hits[i, j, k] < 1000:
             hits[i, j, k] += 1
         height[i, j, k] += (points[n, 2] - height[i, j, k]) / hits[i, j, k]
-        touched[i, j] += 1
+        returns[i, j] += 1
 
 
 @njit(cache=True)
@@ -74,42 +65,35 @@ def count_points(points, origin, cell, elevation, max_distance, count):
 
 
 @njit(cache=True)
-def renew_dropout(dropout, missing, returns, min_points, camera, origin, cell, cos_sure):
-    """Doubt the cells where ``min_points`` were missing, and clear those that another look has shown whole.
+def renew_dropout(direction, dropouts, returns, min_points, camera, origin, cell, cos_other_side):
+    """Mark the cells with ``min_points`` dropouts, and clear those that another keyframe has shown whole.
 
-    ``dropout`` (nx, ny, 2) is the level direction from which a cell was last doubted, 0 where it is not. A look
-    clears a cell if it shows ``min_points`` there and misses none, from a direction whose cosine to that one is
-    less than ``cos_sure``. ``missing`` and ``returns`` (nx, ny) count the points of the look from ``camera`` (2,).
+    ``direction`` (nx, ny, 2) is the level direction from which a cell's last dropout was seen, 0 where there is none.
+    A keyframe clears a cell if it has ``min_points`` returns and no dropout there, from a direction whose cosine to
+    that one is less than ``cos_other_side``. ``dropouts`` and ``returns`` (nx, ny) count the points of the keyframe
+    from ``camera`` (2,).
     """
-    nx, ny = missing.shape
+    nx, ny = dropouts.shape
     for i in range(nx):
         for j in range(ny):
-            if missing[i, j] < min_points and returns[i, j] < min_points:
+            if dropouts[i, j] < min_points and returns[i, j] < min_points:
                 continue
             dx, dy = origin[0] + (i + 0.5) * cell - camera[0], origin[1] + (j + 0.5) * cell - camera[1]
             distance = np.sqrt(dx * dx + dy * dy) + 1e-9
             dx, dy = dx / distance, dy / distance
-            if missing[i, j] >= min_points:
-                dropout[i, j, 0], dropout[i, j, 1] = dx, dy
-            elif missing[i, j] == 0 and abs(dx * dropout[i, j, 0] + dy * dropout[i, j, 1]) < cos_sure:
-                dropout[i, j, 0], dropout[i, j, 1] = 0.0, 0.0
+            if dropouts[i, j] >= min_points:
+                direction[i, j, 0], direction[i, j, 1] = dx, dy
+            elif dropouts[i, j] == 0 and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < cos_other_side:
+                direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
 
 
 @njit(cache=True)
-def extract_elevation(
-    height,
-    hits,
-    touched,
-    min_hits,
-    headroom,
-    z_bin,
-    elevation,
-):
-    """Refresh ``elevation`` (nx, ny) where a column was touched."""
+def extract_elevation(height, hits, returns, min_hits, headroom, z_bin, elevation):
+    """Renew ``elevation`` (nx, ny) of the columns with ``returns`` (nx, ny)."""
     nx, ny = elevation.shape
     for i in range(nx):
         for j in range(ny):
-            if touched[i, j] > 0:
+            if returns[i, j] > 0:
                 elevation[i, j] = column_height(height[i, j], hits[i, j], min_hits, headroom, z_bin)
 
 
@@ -213,13 +197,7 @@ def gradients(elevation, cell, radius):
                     if np.isnan(dz) or abs(dz) > 1.2 * np.sqrt(x * x + y * y) + 0.02:
                         continue
                     n, sx, sy, sz = n + 1, sx + x, sy + y, sz + dz
-                    sxx, sxy, syy, sxz, syz = (
-                        sxx + x * x,
-                        sxy + x * y,
-                        syy + y * y,
-                        sxz + x * dz,
-                        syz + y * dz,
-                    )
+                    sxx, sxy, syy, sxz, syz = (sxx + x * x, sxy + x * y, syy + y * y, sxz + x * dz, syz + y * dz)
             if n < 4:
                 continue
             sxx, sxy, syy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n

@@ -1,6 +1,4 @@
-"""Shortest drivable paths on the surface grid: they tell what is reachable and join what the nodes leave apart."""
-
-from dataclasses import dataclass
+"""Shortest traversable paths on the grid: they tell what is reachable and join what the nodes leave apart."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,6 +6,17 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.traversability import shortest_paths_kernels as kernels
 from pipeline.traversability.traversability import Traversability
 
+RAMP_ALIGNMENT = np.deg2rad(23)
+"""rad, largest angle between a path over a ramp and its slope: on eight neighbours none can be met more exactly than
+22.5°."""
+RAMP_COST = 2.0
+"""A metre on a ramp counts as much as so many on the level."""
+NARROW_COST = 1.5
+"""The same for a metre where the robot cannot turn, which keeps paths off the corners of walls."""
+TIGHT_TURN = 3.0
+"""m that a turn along or across the slope of a ramp counts without room to slide."""
+SNAP = 0.5
+"""m; a point off the traversable ground is moved onto it from no further."""
 SHAVE = 0.3
 """m; so much further a straight drive may lead where the robot cannot turn: 0.37 m beside the end of a thin wall, of
 which the camera may have missed the last few centimetres."""
@@ -15,56 +24,28 @@ LAST = 0.3
 """m of a path that tell in which direction it ends."""
 
 
-@dataclass(frozen=True)
-class PathConfig:
-    """How paths over the grid are weighed.
-
-    Attributes:
-        ramp_alignment: largest angle between a drive over a ramp and its slope, rad. On eight neighbours no
-            ramp can be met more exactly than 22.5°.
-        ramp_cost: a metre on a ramp counts as much as so many on the level.
-        narrow_cost: the same for a metre where the robot cannot turn, which keeps paths off the corners of walls.
-        tight_turn: to turn along or across the slope of a ramp without room to slide counts as so many metres.
-        snap: a point off the drivable surface is moved onto it from no further than this, m.
-    """
-
-    ramp_alignment: float = np.deg2rad(23)
-    ramp_cost: float = 2.0
-    narrow_cost: float = 1.5
-    tight_turn: float = 3.0
-    snap: float = 0.5
-
-
 class ShortestPaths:
-    """All shortest paths over the drivable surface from one point, or from the nearest of several.
+    """All shortest paths over the traversable ground from one point, or from the nearest of several.
 
     Attributes:
-        start: (2,) the point on the surface that stands for the (first) wanted one, m; None where there is none near.
+        start: (2,) the traversable point that stands for the (first) wanted one, m; None where there is none near.
         cost: (nx, ny) float32 m, ramps and narrow places counted dearer; inf where no path leads.
     """
 
-    def __init__(self, traversability: Traversability, start: ArrayLike, config: PathConfig | None = None):
+    def __init__(self, traversability: Traversability, start: ArrayLike):
         """``start``: (2,) or (K, 2) points, m; more columns are ignored."""
-        self._config = config or PathConfig()
-        self._surface = traversability
+        self._grid = traversability.grid
         wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
-        snapped = [
-            traversability.grid.nearest(traversability.traversable, xy, self._config.snap) for xy in wanted
-        ]
+        snapped = [self._grid.nearest(traversability.traversable, xy, SNAP) for xy in wanted]
         starts = [xy for xy in snapped if xy is not None]
         self.start = snapped[0]
         if not starts:
             self.cost = np.full(traversability.traversable.shape, np.inf, np.float32)
             return
-        weight = np.where(traversability.turnable, 1.0, self._config.narrow_cost)
-        weight[traversability.ramp] = self._config.ramp_cost
-        cell = traversability.grid.cell
-        cost, self._parent = kernels.shortest_paths(
-            traversability.grid.cell_of(starts),
-            weight,
-            self._config.tight_turn / cell,
-            traversability.rules(self._config.ramp_alignment),
-        )
+        weight = np.where(traversability.turnable, 1.0, NARROW_COST)
+        weight[traversability.ramp] = RAMP_COST
+        cell, rules = self._grid.cell, traversability.rules(RAMP_ALIGNMENT)
+        cost, self._parent = kernels.shortest_paths(self._grid.cell_of(starts), weight, TIGHT_TURN / cell, rules)
         self.cost = cost.min(axis=0) * np.float32(cell)
         self._arrives_across = cost[1] < cost[0]
 
@@ -75,7 +56,7 @@ class ShortestPaths:
 
     def cost_to(self, xy: ArrayLike) -> float:
         """Cost to a point, m; inf where no path leads."""
-        return float(self._surface.grid.at(self.cost, xy, outside=np.inf))
+        return float(self._grid.at(self.cost, xy, outside=np.inf))
 
     def arrival_at(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N,) heading in rad at which the paths to (N, 2) reachable points end; 0 at the start itself.
@@ -84,7 +65,7 @@ class ShortestPaths:
         """
         state = self._state(xy)
         cells = self._cell(state)
-        for _ in range(round(LAST / self._surface.grid.cell)):
+        for _ in range(round(LAST / self._grid.cell)):
             before = self._parent[state]
             state = np.where(before >= 0, before, state)
         way = cells - self._cell(state)
@@ -118,11 +99,11 @@ class ShortestPaths:
         while state >= 0:
             states.append(state)
             state = self._parent[state]
-        return self._surface.grid.centre_of(self._cell(np.array(states[::-1])))
+        return self._grid.centre_of(self._cell(np.array(states[::-1])))
 
     def _state(self, xy: ArrayLike) -> NDArray[np.int64]:
         """(...) the state in which the paths to points (..., 2) end."""
-        cell = tuple(np.moveaxis(self._surface.grid.cell_of(xy), -1, 0))
+        cell = tuple(np.moveaxis(self._grid.cell_of(xy), -1, 0))
         flat = np.ravel_multi_index(cell, self.cost.shape)
         return np.asarray(flat + self.cost.size * self._arrives_across[cell])
 
@@ -149,7 +130,7 @@ def may_cut(traversability: Traversability, way: NDArray[np.float64]) -> NDArray
 
 
 def simplify(traversability: Traversability, path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The fewest points of a grid path that straight drivable lines join; bends lie where the robot can turn."""
+    """The fewest points of a grid path that straight traversable lines join; bends lie where the robot can turn."""
     bends = [0]
     while bends[-1] < len(path) - 1:
         rest = np.arange(bends[-1] + 1, len(path))

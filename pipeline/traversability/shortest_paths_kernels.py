@@ -1,4 +1,4 @@
-"""Compiled searches over the drivable surface."""
+"""Compiled searches over the traversable ground."""
 
 import heapq
 from typing import NamedTuple
@@ -55,17 +55,13 @@ def is_allowed(dx, dy, i, j, rules):
 
 @njit(cache=True)
 def is_traversable(i, j, rules):
-    """Whether (i, j) is a cell of the grid and drivable."""
-    return (
-        0 <= i < rules.traversable.shape[0]
-        and 0 <= j < rules.traversable.shape[1]
-        and rules.traversable[i, j]
-    )
+    """Whether (i, j) is a cell of the grid and traversable."""
+    return 0 <= i < rules.traversable.shape[0] and 0 <= j < rules.traversable.shape[1] and rules.traversable[i, j]
 
 
 @njit(cache=True)
 def line_is_traversable(ax, ay, bx, by, origin, cell, rules):
-    """Whether every cell on the straight line is drivable, and ramps are met head-on."""
+    """Whether every cell on the straight line is traversable, and ramps are met head-on."""
     dx, dy = bx - ax, by - ay
     length = np.sqrt(dx * dx + dy * dy)
     steps = int(np.ceil(2 * length / cell)) + 1
@@ -126,7 +122,7 @@ def metres_on(starts, ends, origin, cell, mask):
 
 @njit(cache=True)
 def shortest_paths(starts, weight, turn, rules):
-    """Dijkstra over the eight neighbours of every drivable cell.
+    """Dijkstra over the eight neighbours of every traversable cell.
 
     A move costs its length in cells times the mean ``weight`` (nx, ny) of the two cells, and ``ACROSS`` times that
     across a slope. On a ramp it matters besides whether the robot came along the slope or across it: to change over
@@ -137,7 +133,7 @@ def shortest_paths(starts, weight, turn, rules):
         starts: (K, 2) cells.
         weight: (nx, ny) float64.
         turn: cells.
-        rules: of the surface.
+        rules: where the robot may go.
 
     Returns:
         (2, nx, ny) float32 cost of each state from the nearest of the starts, inf where no path leads, and (2 nx ny)
@@ -163,9 +159,7 @@ def shortest_paths(starts, weight, turn, rules):
             length = np.sqrt(di * di + dj * dj)
             ux, uy = di / length, dj / length
             if not (
-                is_traversable(a, b, rules)
-                and is_allowed(ux, uy, a, b, rules)
-                and is_allowed(ux, uy, i, j, rules)
+                is_traversable(a, b, rules) and is_allowed(ux, uy, a, b, rules) and is_allowed(ux, uy, i, j, rules)
             ):
                 continue
             across = not (is_aligned(ux, uy, a, b, rules) and is_aligned(ux, uy, i, j, rules))

@@ -101,9 +101,7 @@ def _distances(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.flo
     return np.linalg.norm(a[:, None, :2] - b, axis=2)
 
 
-def _angles(
-    a: NDArray[np.float64], b: NDArray[np.float64], target: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _angles(a: NDArray[np.float64], b: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, M) rad between places (N, 2 or 3) and (M, 2) as seen from a target (3,)."""
     to_a, to_b = a[:, :2] - target[:2], b - target[:2]
     bearing_a, bearing_b = np.arctan2(to_a[:, 1], to_a[:, 0]), np.arctan2(to_b[:, 1], to_b[:, 0])

@@ -11,15 +11,7 @@ from pipeline.frame import Frame
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.background import depth_noise
 from pipeline.victims.detection.detection import Detection
-from pipeline.victims.observation import (
-    MAX_SIZE,
-    SKIN_TO_MIDDLE,
-    Observation,
-    Refusal,
-    middle,
-    observe,
-    size_of,
-)
+from pipeline.victims.observation import MAX_SIZE, SKIN_TO_MIDDLE, Observation, Refusal, middle, observe, size_of
 
 GATE = 11.34
 """Largest squared Mahalanobis distance of an observation from its victim: 99 % (χ², three degrees of freedom)."""
@@ -140,9 +132,7 @@ class Victims:
         # Distances and sizes come last: they take longest, and this is asked several times a step.
         return victim.apart >= APART and (victim.evidence >= ENOUGH_OF_PART or victim.size >= WHOLE)
 
-    def update(
-        self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64]
-    ) -> None:
+    def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64]) -> None:
         """Add what a frame's detections and depth show, and count the victims that it ought to show and does not.
 
         Args:

@@ -61,9 +61,7 @@ def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> NDArray[np.float
     return np.column_stack([ground.grid.centre_of(cells), ground.height[tuple(cells.T)] + CAMERA_HEIGHT])
 
 
-def is_visible(
-    model: mujoco.MjModel, data: mujoco.MjData, victim: Victim, places: NDArray[np.float64]
-) -> bool:
+def is_visible(model: mujoco.MjModel, data: mujoco.MjData, victim: Victim, places: NDArray[np.float64]) -> bool:
     """Whether enough of a victim is seen from one of the camera's places (N, 3)."""
     parts = data.geom_xpos[victim.geoms]
     distance = np.linalg.norm(places - parts.mean(axis=0), axis=1)
@@ -75,11 +73,7 @@ def is_visible(
 
 
 def _share_seen(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    place: NDArray[np.float64],
-    parts: NDArray[np.float64],
-    own: set[int],
+    model: mujoco.MjModel, data: mujoco.MjData, place: NDArray[np.float64], parts: NDArray[np.float64], own: set[int]
 ) -> float:
     rays = parts - place
     elevation = np.arctan2(rays[:, 2], np.linalg.norm(rays[:, :2], axis=1))

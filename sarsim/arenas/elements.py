@@ -138,9 +138,7 @@ class ArenaBuilder:
         """Hang a ceiling between two corners (x, y), its underside at ``height``."""
         self._add_slab("ceiling", "ceiling", low, high, height + 0.01, 0.01)
 
-    def _add_slab(
-        self, name: str, label: str, low: ArrayLike, high: ArrayLike, z: float, half_z: float
-    ) -> None:
+    def _add_slab(self, name: str, label: str, low: ArrayLike, high: ArrayLike, z: float, half_z: float) -> None:
         middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
         pose = {"pos": _text([*middle, z]), "size": _text([*half, half_z])}
         SubElement(self._world, "geom", {"name": name, "class": label} | pose)

@@ -24,9 +24,7 @@ MAX_DIGITS = 18
 """of a seed."""
 
 
-def load_arena(
-    name: str, start: StartPose | None = None, random: RandomArenaConfig | None = None
-) -> RescueArena:
+def load_arena(name: str, start: StartPose | None = None, random: RandomArenaConfig | None = None) -> RescueArena:
     """The arena that a command's ``--arena`` names.
 
     Args:
@@ -55,9 +53,7 @@ def load_arena(
 def _seed(name: str) -> int:
     text = name.removeprefix(RANDOM)
     if not text.isdecimal() or len(text) > MAX_DIGITS:
-        raise InputError(
-            f"unknown arena {name!r}: the seed must be a whole number of at most {MAX_DIGITS} digits"
-        )
+        raise InputError(f"unknown arena {name!r}: the seed must be a whole number of at most {MAX_DIGITS} digits")
     return int(text)
 
 

@@ -21,9 +21,7 @@ def place_obstacles(layout: Layout, draws: RandomDraws, share: float, difficulty
     items: list[Item] = []
     for tile in draws.shuffled(layout.tiles()):
         side = draws.pick(SIDES)
-        fitting = [
-            k for k in draws.shuffled(OBSTACLES[difficulty]) if _leaves_no_pocket(layout, tile, k, side)
-        ]
+        fitting = [k for k in draws.shuffled(OBSTACLES[difficulty]) if _leaves_no_pocket(layout, tile, k, side)]
         if len(items) < wanted and fitting and layout.block([tile]):
             items.append(Item(tile, fitting[0], YAW[side]))
     return items
@@ -42,10 +40,7 @@ def scatter_clutter(layout: Layout, draws: RandomDraws, share: float) -> list[It
     """Blocks and pipes along the walls of a share of the tiles."""
     tiles = [t for t in layout.tiles() if layout.is_free(t) and layout.walls_of(t)]
     wanted = round(share * len(layout.tiles()))
-    return [
-        _beside_wall(draws, tile, draws.pick(layout.walls_of(tile)))
-        for tile in draws.shuffled(tiles)[:wanted]
-    ]
+    return [_beside_wall(draws, tile, draws.pick(layout.walls_of(tile))) for tile in draws.shuffled(tiles)[:wanted]]
 
 
 def _beside_wall(draws: RandomDraws, tile: Tile, side: Side) -> Item:

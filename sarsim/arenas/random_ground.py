@@ -131,9 +131,7 @@ def _half_ridge(tile: Tile, uphill: Side) -> Item:
     return Item(tile, f"ramp_{RIDGE}", YAW[opposite(uphill)], (-60 * dx, -60 * dy))
 
 
-def wall_items(
-    layout: Layout, draws: RandomDraws, holes: bool, tall: bool, others: Sequence[str] = ()
-) -> list[Item]:
+def wall_items(layout: Layout, draws: RandomDraws, holes: bool, tall: bool, others: Sequence[str] = ()) -> list[Item]:
     """All walls. ``holes``: some have holes; ``tall``: all panels reach up to the ceiling; some are ``others``."""
     items = []
     for tile in layout.tiles():

@@ -77,9 +77,7 @@ def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) ->
 def _spots(layout: Layout) -> list[_Spot]:
     """Free rectangles of up to two by two tiles."""
     sizes = [(w, h) for w in (1, 2) for h in (1, 2)]
-    rectangles = [
-        [(i + a, j + b) for a in range(w) for b in range(h)] for i, j in layout.tiles() for w, h in sizes
-    ]
+    rectangles = [[(i + a, j + b) for a in range(w) for b in range(h)] for i, j in layout.tiles() for w, h in sizes]
     inside = set(layout.tiles())
     free = [tiles for tiles in rectangles if inside.issuperset(tiles) and all(map(layout.is_free, tiles))]
     return [_Spot(tiles, side) for tiles in free for side in SIDES]

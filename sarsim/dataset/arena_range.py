@@ -38,16 +38,7 @@ class ArenaRange:
     painted: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in (
-            "tiles",
-            "wall_density",
-            "ramps",
-            "clutter",
-            "furniture",
-            "bulky",
-            "victims",
-            "difficulty",
-        ):
+        for name in ("tiles", "wall_density", "ramps", "clutter", "furniture", "bulky", "victims", "difficulty"):
             check_order(f"random.{name}", getattr(self, name))
         check_share("random.ceilings", self.ceilings)
         check_share("random.painted", self.painted)

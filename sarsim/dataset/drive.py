@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from pipeline.traversability.shortest_paths import ShortestPaths, simplify
-from pipeline.traversability.traversability import Traversability, TraversabilityConfig, assess
+from pipeline.traversability.traversability import Traversability, assess
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
 from sarsim.robots.skid_steer import WHEEL_RADIUS
 from sarsim.sensors.odometry import GRAVITY, WheelOdometry
@@ -129,9 +130,7 @@ class Drive:
         share = np.arange(1, steps + 1) / max(steps, 1)
         return np.column_stack([np.tile(at, (steps, 1)), yaw + share * angle])
 
-    def _straight(
-        self, a: NDArray[np.float64], b: NDArray[np.float64], heading: float
-    ) -> NDArray[np.float64]:
+    def _straight(self, a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
         """(K, 3) from one place to another."""
         steps = int(np.ceil(np.linalg.norm(b - a) / (SPEED * PERIOD)))
         share = np.arange(1, steps + 1)[:, None] / max(steps, 1)
@@ -167,6 +166,6 @@ class DeadReckoning:
 def _roads(surface: TrueSurface) -> Traversability:
     """The true ground as the robot's own planner sees a measured one: ramps are met head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
-    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, TraversabilityConfig())
+    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, PIONEER_3AT)
     traversable, turnable = roads.traversable & surface.drivable, roads.turnable & surface.drivable
     return replace(roads, traversable=traversable, turnable=turnable)

@@ -42,9 +42,7 @@ Event = FrameDone | SceneDone | SceneLost
 class Engine(Protocol):
     """Makes scenes."""
 
-    def render(
-        self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock
-    ) -> Iterator[Event]:
+    def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
         """Make scenes, in any order, and put their files into a dataset's folder; closing the iterator stops it all.
 
         Args:

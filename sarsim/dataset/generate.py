@@ -16,11 +16,7 @@ _log = logging.getLogger(__name__)
 
 
 def generate(
-    recipe: Recipe,
-    scenes: int,
-    folder: Path,
-    engine: Engine,
-    on_frames: Callable[[int], object] = lambda count: None,
+    recipe: Recipe, scenes: int, folder: Path, engine: Engine, on_frames: Callable[[int], object] = lambda count: None
 ) -> Manifest:
     """Make the first ``scenes`` scenes of a recipe; those that are already whole are kept.
 

@@ -30,13 +30,7 @@ def write_noisy(dataset: h5py.Dataset, index: int, image: NDArray[np.uint16]) ->
     """
     low, high = np.ascontiguousarray(image.astype("<u2").view(np.uint8).reshape(-1, 2).T)
     keep, shrink = (zlib.compressobj(level, wbits=_RAW) for level in (0, 1))
-    stream = [
-        _ZLIB_HEAD,
-        keep.compress(low),
-        keep.flush(zlib.Z_FULL_FLUSH),
-        shrink.compress(high),
-        shrink.flush(),
-    ]
+    stream = [_ZLIB_HEAD, keep.compress(low), keep.flush(zlib.Z_FULL_FLUSH), shrink.compress(high), shrink.flush()]
     checksum = zlib.adler32(high, zlib.adler32(low))
     dataset.id.write_direct_chunk((index, 0, 0), b"".join(stream) + checksum.to_bytes(4, "big"))
 

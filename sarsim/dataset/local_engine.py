@@ -22,9 +22,7 @@ class LocalEngine:
     def __init__(self, workers: int):
         self._count = workers
 
-    def render(
-        self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock
-    ) -> Iterator[Event]:
+    def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
         """See :class:`sarsim.dataset.engine.Engine`."""
         todo, deaths = deque(indices), Counter[int]()
         workers: list[Worker] = []

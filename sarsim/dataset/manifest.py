@@ -84,9 +84,7 @@ class Manifest:
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise InputError(f"{path}: not the {FILE} of a dataset")
         if content.get("version") != VERSION:
-            raise InputError(
-                f"{path}: format version {content.get('version')}; this program reads version {VERSION}"
-            )
+            raise InputError(f"{path}: format version {content.get('version')}; this program reads version {VERSION}")
         try:
             entries = [SceneEntry(**entry) for entry in content["scenes"]]
             recipe = dict(**content["recipe"])
@@ -107,8 +105,7 @@ class Manifest:
             "recipe": self.recipe,
             "sensor": {"name": "ASUS Xtion PRO LIVE", "depth_unit_m": 0.001},
             "labels": [
-                {"id": int(label), "name": label.name.lower(), "colour": COLOURS[label].tolist()}
-                for label in Label
+                {"id": int(label), "name": label.name.lower(), "colour": COLOURS[label].tolist()} for label in Label
             ],
             "scenes": [asdict(self.scenes[index]) for index in sorted(self.scenes)],
         }
@@ -118,9 +115,7 @@ class Manifest:
     def check_same(self, other: "Manifest", folder: Path) -> None:
         """Raises InputError if the other one's scenes would not be the same."""
         if self.generator != other.generator:
-            raise InputError(
-                f"{folder}: made by {self.generator}, this is {other.generator}: choose another folder"
-            )
+            raise InputError(f"{folder}: made by {self.generator}, this is {other.generator}: choose another folder")
         for name in other.recipe:
             if self.recipe.get(name) != other.recipe[name]:
                 raise InputError(

@@ -39,9 +39,7 @@ class RayEngine:
         except ConnectionError as error:
             raise InputError(f"RAY_ADDRESS {address}: no Ray cluster there") from error
 
-    def render(
-        self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock
-    ) -> Iterator[Event]:
+    def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
         """See :class:`sarsim.dataset.engine.Engine`; here one process alone writes into the folder."""
         task = self._ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_make)
         todo = list(indices)

@@ -117,9 +117,7 @@ class Recipe:
     def conditions(self, index: int) -> Conditions:
         """Of scene ``index``."""
         rng = self.rng(index, "conditions")
-        noisy = Xtion(
-            lateral_sigma=round(rng.uniform(*LATERAL_SIGMA), 3), dropout=round(rng.uniform(*DROPOUT), 4)
-        )
+        noisy = Xtion(lateral_sigma=round(rng.uniform(*LATERAL_SIGMA), 3), dropout=round(rng.uniform(*DROPOUT), 4))
         sensor = Xtion.ideal() if rng.random() < self.ideal else noisy
         shares = np.array(self.lighting, np.float64)
         lighting = list(Lighting)[rng.choice(len(shares), p=shares / shares.sum())]

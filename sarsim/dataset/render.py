@@ -115,9 +115,7 @@ class World(ExitStack):
         camera: the robot's.
     """
 
-    def __init__(
-        self, arena: ArenaText, scene: SceneRecipe, renderer: type[Renderer], width: int, height: int
-    ):
+    def __init__(self, arena: ArenaText, scene: SceneRecipe, renderer: type[Renderer], width: int, height: int):
         """Images are ``width`` × ``height`` pixels."""
         super().__init__()
         self._scene = scene

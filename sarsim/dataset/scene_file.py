@@ -23,12 +23,7 @@ VERSION = 1
 MILLIMETRE = np.float32(0.001)
 NO_BOX = -1
 
-_IMAGES = {
-    "rgb": ((3,), np.uint8),
-    "depth": ((), np.uint16),
-    "label": ((), np.uint8),
-    "instance": ((), np.int16),
-}
+_IMAGES = {"rgb": ((3,), np.uint8), "depth": ((), np.uint16), "label": ((), np.uint8), "instance": ((), np.int16)}
 """By name: what a pixel is, and its type. Noise makes colour all but incompressible, so it is kept as it is."""
 
 _CONTENT = {
@@ -123,9 +118,7 @@ class SceneWriter(ExitStack):
         for name, (pixel, dtype) in _IMAGES.items():
             shape = (k.height, k.width, *pixel)
             filters = {} if name == "rgb" else FAST | {"shuffle": np.dtype(dtype).itemsize > 1}
-            self._file.create_dataset(
-                name, (frames, *shape), dtype, chunks=(1, *shape), track_times=False, **filters
-            )
+            self._file.create_dataset(name, (frames, *shape), dtype, chunks=(1, *shape), track_times=False, **filters)
 
     def write(self, scene_frame: SceneFrame) -> None:
         """Add the next frame."""

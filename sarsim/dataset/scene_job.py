@@ -10,9 +10,7 @@ from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import render_scene
 
 
-def make_scene(
-    recipe: Recipe, index: int, folder: Path, on_frame: Callable[[], object] = lambda: None
-) -> SceneEntry:
+def make_scene(recipe: Recipe, index: int, folder: Path, on_frame: Callable[[], object] = lambda: None) -> SceneEntry:
     """Make a scene's file, whole or not at all.
 
     Raises:

@@ -80,11 +80,7 @@ def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
             frame, labels = scene.frame(index), COLOURS[scene.label(index)]
             boxes = scene.victim_pixels[index][scene.victim_area[index] > 0]
             place = f"{entry.arena}, {entry.lighting}, dust {scene.settings['dust']:g}"
-        images = {
-            "colour": with_boxes(frame.rgb, boxes),
-            "depth": depth_picture(frame.depth),
-            "label": labels,
-        }
+        images = {"colour": with_boxes(frame.rgb, boxes), "depth": depth_picture(frame.depth), "label": labels}
         yield {
             "caption": f"{entry.file}, frame {index}: {place}",
             "pictures": {name: _thumbnail(image) for name, image in images.items()},

@@ -8,9 +8,7 @@ from pipeline.transforms import from_rotation
 from sarsim.dataset import wheel_contact_kernels as kernels
 from sarsim.ground_truth.columns import ConvexBodies
 
-AXLES = np.array(
-    [(0.135, 0.199, 0.111), (0.135, -0.199, 0.111), (-0.135, 0.199, 0.111), (-0.135, -0.199, 0.111)]
-)
+AXLES = np.array([(0.135, 0.199, 0.111), (0.135, -0.199, 0.111), (-0.135, 0.199, 0.111), (-0.135, -0.199, 0.111)])
 """(4, 3) m in ``base_link``: front left, front right, rear left, rear right."""
 RADIUS = 0.110
 """m; a tyre of 0.111 m sinks in by 1 mm under the robot's weight."""

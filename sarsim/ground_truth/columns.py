@@ -56,9 +56,7 @@ def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | 
     A height field counts as the box around it, and a round shape as a polyhedron within 0.5 % of it.
     """
     labels = geom_labels(model)
-    others = np.flatnonzero(
-        model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body)
-    )
+    others = np.flatnonzero(model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body))
     shapes = _turned_shapes(model, data, others)
     position = data.geom_xpos[others]
     planes = [
@@ -102,9 +100,7 @@ class Columns:
         i, j = self.grid.cell_of(xy)
         if not (0 <= i < self.grid.shape[0] and 0 <= j < self.grid.shape[1]):
             return None
-        index = kernels.place_near(
-            self.start, self.count, self.bottom, self.top, i, j, height, reach, headroom
-        )
+        index = kernels.place_near(self.start, self.count, self.bottom, self.top, i, j, height, reach, headroom)
         return None if index < 0 else int(index)
 
 
@@ -139,9 +135,7 @@ class _TurnedShape:
     high: NDArray[np.float64]
 
 
-def _turned_shapes(
-    model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.int64]
-) -> list[_TurnedShape]:
+def _turned_shapes(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.int64]) -> list[_TurnedShape]:
     """One for each geom; an arena repeats few shapes and rotations, so each is computed once."""
     shapes: dict[tuple[float, ...], _Shape] = {}
     turned: dict[tuple[float, ...], _TurnedShape] = {}

@@ -50,9 +50,7 @@ class _Shape:
 
     def scaled(self, scale: NDArray[np.float64]) -> "_Shape":
         normals = self.normals / scale
-        return _Shape(
-            self.vertices * scale, normals / np.linalg.norm(normals, axis=1, keepdims=True), self.triangles
-        )
+        return _Shape(self.vertices * scale, normals / np.linalg.norm(normals, axis=1, keepdims=True), self.triangles)
 
 
 def drawn_geoms(model: mujoco.MjModel) -> NDArray[np.bool_]:

@@ -35,12 +35,7 @@ def hull_planes(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 @lru_cache(256)
 def _hull_planes(vertices: bytes) -> NDArray[np.float64]:
     """Kept, because arenas repeat few shapes and are surveyed again and again."""
-    return np.unique(ConvexHull(np.frombuffer(vertices).reshape(-1, 3)).equations.round(6), axis=0) * [
-        1,
-        1,
-        1,
-        -1,
-    ]
+    return np.unique(ConvexHull(np.frombuffer(vertices).reshape(-1, 3)).equations.round(6), axis=0) * [1, 1, 1, -1]
 
 
 def swept(outline: NDArray[np.float64], segments: int) -> NDArray[np.float64]:

@@ -127,14 +127,10 @@ class Survey:
         """The surface around a robot at ``start`` (3,) m; InputError if it is not drivable there."""
         ground = self.ground_from(start)
         if ground is None:
-            raise InputError(
-                f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m is not above free ground"
-            )
+            raise InputError(f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m is not above free ground")
         piece = ground.pieces[tuple(ground.grid.cell_of(start))]
         if not piece:
-            raise InputError(
-                f"the arena has no free start: the robot cannot stand at ({start[0]:g}, {start[1]:g}) m"
-            )
+            raise InputError(f"the arena has no free start: the robot cannot stand at ({start[0]:g}, {start[1]:g}) m")
         return TrueSurface(ground.grid, ground.height, ground.pieces == piece, ground.walls)
 
     def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
@@ -184,9 +180,9 @@ def _grid_around(bodies: ConvexBodies) -> Grid:
     """A grid over all that the arena is made of."""
     low, high = bodies.low[:, :2].min(axis=0), bodies.high[:, :2].max(axis=0)
     # Rounding errors must not add a row of cells.
-    origin = np.floor((low - MARGIN) / CELL + 1e-6) * CELL
-    nx, ny = np.ceil((high + MARGIN - origin) / CELL - 1e-6).astype(int)
-    return Grid(origin, CELL, (int(nx), int(ny)))
+    first = np.floor((low - MARGIN) / CELL + 1e-6).astype(np.int64)
+    nx, ny = np.ceil((high + MARGIN - first * CELL) / CELL - 1e-6).astype(int)
+    return Grid(first, CELL, (int(nx), int(ny)))
 
 
 def _tilt(height: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -69,9 +69,7 @@ class SkidSteer:
     def _follow(self, velocity: Velocity, dt: float) -> None:
         """Move the reference towards the command, no faster than the acceleration limits."""
         self._v = _approach(self._v, velocity.v, MAX_SPEED, PIONEER_3AT.acceleration * dt)
-        self._omega = _approach(
-            self._omega, velocity.omega, MAX_TURN_RATE, PIONEER_3AT.turn_acceleration * dt
-        )
+        self._omega = _approach(self._omega, velocity.omega, MAX_TURN_RATE, PIONEER_3AT.turn_acceleration * dt)
 
     def _hold_heading(self, gyro_z: float, dt: float) -> None:
         error = self._heading_error + (self._omega - gyro_z) * dt

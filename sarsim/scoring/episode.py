@@ -100,9 +100,7 @@ class EpisodeScore:
     @property
     def _confirmed(self) -> NDArray[np.float64]:
         """(N, 3) where the robot reports victims."""
-        return np.array([victim.position for victim in self._explorer.mapper.victims.confirmed]).reshape(
-            -1, 3
-        )
+        return np.array([victim.position for victim in self._explorer.mapper.victims.confirmed]).reshape(-1, 3)
 
     def _see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells that a noise-free return fell in."""
@@ -119,9 +117,7 @@ class EpisodeScore:
         first, last = grid.nearest(drivable, start, 0.3), grid.nearest(drivable, goal, 0.3)
         if first is None or last is None:
             return float("nan")
-        (cost, _), _ = shortest_paths(
-            grid.cell_of(first)[None], np.ones(drivable.shape), 0.0, free_rules(drivable)
-        )
+        (cost, _), _ = shortest_paths(grid.cell_of(first)[None], np.ones(drivable.shape), 0.0, free_rules(drivable))
         return max(float(grid.at(cost, last)) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:

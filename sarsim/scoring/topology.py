@@ -35,9 +35,7 @@ def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, An
     }
 
 
-def _in_sight(
-    truth: TrueSurface, starts: NDArray[np.float64], ends: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _in_sight(truth: TrueSurface, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N,) whether no wall stands between points (N, 2)."""
     grid = truth.grid
     return lines_are_traversable(starts, ends, grid.origin, grid.cell, free_rules(~truth.walls))

@@ -14,9 +14,7 @@ class VoxelScore:
     def __init__(self, metric_map: MetricMap):
         self._map = metric_map
         self._size = metric_map.voxel_size
-        self._corner = (
-            metric_map.voxel_centre(np.zeros((1, 3), np.int64))[0].astype(np.float64) - self._size / 2
-        )
+        self._corner = metric_map.voxel_centre(np.zeros((1, 3), np.int64))[0].astype(np.float64) - self._size / 2
         self._lower = np.zeros(3, np.int64)
         self._crossed = np.zeros((0, 0, 0), np.bool_)
         self._surface = np.zeros((0, 0, 0), np.bool_)

@@ -40,9 +40,7 @@ class Air:
         """Share of light that a metre takes away, for thin layers: β in Beer and Lambert's e^(−β r), 1/m."""
         return MAX_EXTINCTION * self.dust
 
-    def veil(
-        self, radiance: NDArray[np.float32], truth: LabelledImage, lighting: Lighting
-    ) -> NDArray[np.float32]:
+    def veil(self, radiance: NDArray[np.float32], truth: LabelledImage, lighting: Lighting) -> NDArray[np.float32]:
         """(H, W, 3) float32 radiance seen through the dust: blended by distance, m, to the light that it scatters.
 
         What the lamp lights loses on the way there as well, and dust in the beam shines back.

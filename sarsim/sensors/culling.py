@@ -10,9 +10,7 @@ def in_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.fl
     return np.logical_not(_outside(data.geom_xpos, _radius(model), planes).any(axis=1))
 
 
-def in_lit_picture(
-    model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def in_lit_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(ngeom,) bool, the geoms that may be seen, themselves or by a shadow that they cast."""
     centre, radius = data.geom_xpos, _radius(model)
     outside = _outside(centre, radius, planes)

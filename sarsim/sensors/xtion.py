@@ -81,13 +81,9 @@ class Xtion:
         if self == self.ideal(self.min_range, self.max_range):
             return self._in_range(depth), source
         bits = kernels.random_bits(key, *depth.shape)
-        disparity = np.divide(
-            np.float32(intrinsics.fx * BASELINE), depth, out=np.zeros_like(depth), where=depth > 0
-        )
+        disparity = np.divide(np.float32(intrinsics.fx * BASELINE), depth, out=np.zeros_like(depth), where=depth > 0)
         slopes = kernels.slopes(disparity)
-        cosine = kernels.cosine_of_incidence(
-            disparity, *slopes, intrinsics.rays, intrinsics.fx, intrinsics.fy
-        )
+        cosine = kernels.cosine_of_incidence(disparity, *slopes, intrinsics.rays, intrinsics.fx, intrinsics.fy)
         if self.lateral_noise:
             source = kernels.lateral_source(disparity, *slopes, bits, self.lateral_sigma, EDGE)
         measured = np.where(self._returns(disparity, cosine, bits), depth, np.float32(0)).ravel()[source]

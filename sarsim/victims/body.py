@@ -145,9 +145,7 @@ def _materials(name: str, outfit: Outfit) -> list[Element]:
     colours = {"skin": outfit.skin, "hair": outfit.hair, "shoes": outfit.shoes}
     colours |= {"lips": tuple(LIPS * outfit.skin), "eye": EYE, "iris": IRIS}
     return materials + [
-        Element(
-            "material", name=f"{name}_{what}", rgba=numbers((*colour, 1)), specular="0.1", shininess="0.2"
-        )
+        Element("material", name=f"{name}_{what}", rgba=numbers((*colour, 1)), specular="0.1", shininess="0.2")
         for what, colour in colours.items()
     ]
 

@@ -139,9 +139,7 @@ def _board(
     return _block_of(name, Label.CLUTTER, centre, half, rotation, WOOD, rng)
 
 
-def _block(
-    name: str, person: NDArray[np.float64], others: NDArray[np.float64], rng: np.random.Generator
-) -> Cover:
+def _block(name: str, person: NDArray[np.float64], others: NDArray[np.float64], rng: np.random.Generator) -> Cover:
     """A block on the floor close to the far half of a person, clear of everything."""
     low, high = person.min(axis=0), person.max(axis=0)
     taken = np.concatenate([person, others])
@@ -169,7 +167,5 @@ def _block_of(
     rgba = (*np.array(colour) * (rng.uniform(0.75, 1.15) if rng else 1), 1)
     axes = [np.linspace(-half, half, 2 + int(2 * half / 0.05)) for half in size]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    piece = geom(
-        name, label, type="box", pos=centre, quat=quaternion(rotation), size=size, rgba=np.clip(rgba, 0, 1)
-    )
+    piece = geom(name, label, type="box", pos=centre, quat=quaternion(rotation), size=size, rgba=np.clip(rgba, 0, 1))
     return Cover([piece], grid @ rotation.T + centre)

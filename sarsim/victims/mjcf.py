@@ -17,9 +17,7 @@ def numbers(values: float | Iterable[float] | NDArray[np.floating], decimals: in
     )
 
 
-def geom(
-    name: str, label: Label, **attributes: str | int | Iterable[float] | NDArray[np.floating]
-) -> Element:
+def geom(name: str, label: Label, **attributes: str | int | Iterable[float] | NDArray[np.floating]) -> Element:
     """A geom that carries a label; attributes are words or numbers (N,)."""
     words = {key: value if isinstance(value, str) else numbers(value) for key, value in attributes.items()}
     return Element("geom", {"name": name, "user": str(int(label)), **words})

@@ -187,9 +187,7 @@ def _figures(
 ) -> Iterator[tuple[Figure, str]]:
     """The people of the library in a posture, in random order, of random stature, and their builds."""
     library = people()
-    kept = (
-        "sitting" if posture == "bust" else posture
-    )  # a bust is the upper half of a person who sits upright
+    kept = "sitting" if posture == "bust" else posture  # a bust is the upper half of a person who sits upright
     for pose in rng.permutation(np.flatnonzero(library.postures == kept)):
         build = str(library.builds[pose])
         figure = library.figure(int(pose), stature or rng.uniform(*STATURE[build]))

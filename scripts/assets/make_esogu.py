@@ -18,7 +18,7 @@ from sarsim.victims.mjcf import numbers
 from sarsim.victims.victims import make_victim
 
 SEED = 52
-"""of the victims' looks."""
+"""of the victims' builds, clothes and poses."""
 HALF_TILE = 0.6
 FLOOR_GRID = 0.8
 """m; the robot's lamp shines on the corners of such squares."""
@@ -96,11 +96,9 @@ def _add_materials(root: Element) -> None:
 def _add_surroundings(root: Element) -> None:
     """Light and cameras. A shadow would take a picture of its own, and the ceiling would keep the light out."""
     SubElement(root, "statistic", center="0 0 0.5", extent="15")
-    quality = root.find("visual/quality")
-    assert quality is not None
+    quality, world = root.find("visual/quality"), root.find("worldbody")
+    assert quality is not None and world is not None
     quality.set("numquads", QUADS)
-    world = root.find("worldbody")
-    assert world is not None
     for name, direction, diffuse in LIGHTS:
         attributes = {"name": name, "directional": "true", "castshadow": "false"}
         colours = {"diffuse": numbers(diffuse), "specular": "0.1 0.1 0.1"}
@@ -134,7 +132,7 @@ def _add_building(world: Element) -> None:
 def _add_furniture(world: Element, room: str, places: list[plan.Place]) -> None:
     world.append(Comment(f" {room} "))
     for number, (kind, x, y, yaw) in enumerate(places):
-        _append(world, f"{room.replace(' ', '_')}_{number}_{kind}", moved(PIECES[kind](), x, y, yaw))
+        _append(world, f"{room.replace(' ', '_')}_{number}_{kind}", moved(PIECES[kind], x, y, yaw))
 
 
 def _append(world: Element, name: str, parts: Iterable[Part]) -> None:

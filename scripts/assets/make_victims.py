@@ -66,11 +66,7 @@ def make_victims(seed: int = 0, out: Path = LIBRARY) -> None:
             poses += [set_down(people, build, pose, RECIPES[recipe]) for pose in found]
             postures += ["lying" if recipe == "straight" else recipe] * len(found)
             builds += [build] * len(found)
-    people["poses"], people["postures"], people["builds"] = (
-        np.array(poses, np.float32),
-        np.array(postures),
-        np.array(builds),
-    )
+    people |= {"poses": np.array(poses, np.float32), "postures": np.array(postures), "builds": np.array(builds)}
     with whole_file(out) as path, path.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **people)
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB")
@@ -81,7 +77,7 @@ def bodies() -> dict[str, NDArray]:
     """All of the library but the poses."""
     body, face_parts, parts = cut_into_parts(body_surface(person("man"), TRIANGLES))
     head = body.weights[:, body.bones.index("head")]
-    surfaces = [_of_build(body.vertices, head, build) for build in HEAD_SCALE]
+    surfaces = [fitted(person(b), scaled_head(body.vertices, head, s)) for b, s in HEAD_SCALE.items()]
     arrays = {
         "bones": np.array(body.bones),
         "rest": rest_poses(body.bones).astype(np.float32),
@@ -108,7 +104,8 @@ def set_down(
     if recipe.block:
         return pose  # wall and block stand where they shall
     if not recipe.wall:
-        towards_head = pose[_bone(people, "head"), :2] - pose[_bone(people, "root"), :2]
+        root, head = (list(people["bones"]).index(name) for name in ("root", "head"))
+        towards_head = pose[head, :2] - pose[root, :2]
         yaw = -np.arctan2(towards_head[1], towards_head[0])
         pose = _moved(pose, Rotation.from_euler("z", yaw), np.zeros(3))
     turns, offsets = bone_motions(people["rest"], pose)
@@ -127,16 +124,8 @@ def _moved(pose: NDArray[np.float64], turn: Rotation, shift: NDArray[np.float64]
     return np.concatenate([turn.apply(pose[:, :3]) + shift, quat[:, [3, 0, 1, 2]]], axis=1)
 
 
-def _of_build(vertices: Points, head: NDArray[np.float64], build: str) -> Points:
-    return fitted(person(build), scaled_head(vertices, head, HEAD_SCALE[build]))
-
-
 def _whole(metres: Points) -> NDArray[np.int16]:
     return np.round(metres / UNIT).astype(np.int16)
-
-
-def _bone(people: dict[str, NDArray], name: str) -> int:
-    return list(people["bones"]).index(name)
 
 
 def write_arena_victims(out: Path) -> None:

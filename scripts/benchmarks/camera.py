@@ -22,13 +22,8 @@ from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.xtion import Xtion
 
 POSES = [
-    (-2.4, -1.35, 0.0),
-    (-1.2, -1.4, 0.2),
-    (2.3, -1.2, 2.4),
-    (0.0, -0.1, 0.0),
-    (2.2, 1.2, 3.0),
-    (-1.5, 1.3, -0.2),
-]
+    (-2.4, -1.35, 0.0), (-1.2, -1.4, 0.2), (2.3, -1.2, 2.4), (0.0, -0.1, 0.0), (2.2, 1.2, 3.0), (-1.5, 1.3, -0.2),
+]  # fmt: skip
 """x, y in m and yaw in rad in ``nist_6x4``: at the start, before a ramp, at a victim, on both decks, in a lane."""
 HEIGHT = 0.75  # m; above the decks as high as the robot's mast
 WARM_UP = 2  # rounds that are not counted
@@ -73,9 +68,7 @@ def summary(times: dict[str, list[Times]]) -> dict[str, float]:
     """Medians: of the ratio between two frames of a round, and of frames and parts in milliseconds."""
     frame = {name: np.array([row.frame for row in rows]) for name, rows in times.items()}
     figures = {
-        f"frame_vs_{name}": float(np.median(frame[name] / frame["ours"]))
-        for name in CONTENDERS
-        if name != "ours"
+        f"frame_vs_{name}": float(np.median(frame[name] / frame["ours"])) for name in CONTENDERS if name != "ours"
     }
     for name, rows in times.items():
         figures[f"{name}.frame_ms"] = float(np.median(frame[name]))

@@ -152,9 +152,9 @@ class BenchmarkEpisode(Episode):
     def __init__(self, job: Job, out: Path):
         super().__init__(replace(job.config, out=out))
         if job.strategy == "nearest_frontier":
-            self.explorer.mission.exploration = NearestFrontier()
+            self.explorer.mission.exploration = NearestFrontier(self.robot.model)
         elif job.strategy == "random_walk":
-            self.explorer.mission.exploration = RandomWalk(job.config.seed)
+            self.explorer.mission.exploration = RandomWalk(self.robot.model, job.config.seed)
         self._is_random = job.strategy == "random_walk"
         self.contacts: list[NDArray[np.float64]] = []
         self._collisions = self.robot.collisions.collisions

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Strategy, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_figures import group_figures, pairs, reports, seen90_ratio
-from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, rich_table
+from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, rich_table, sections
 from sarsim.settings import EpisodeConfig, Labels, LightingName, Odometry
 
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
@@ -48,13 +48,12 @@ def measure(
     """
     at_least(0, nist=nist, esogu=esogu, random=random)
     at_least(1, workers=workers)
-    base = EpisodeConfig(
-        odometry=odometry, lighting=lighting, labels=labels, weights=weights, detector=detector
-    )
+    base = EpisodeConfig(odometry=odometry, lighting=lighting, labels=labels, weights=weights, detector=detector)
     rafs = sorted(raf.glob("*.raf")) if raf else []
     if raf and not rafs:
         raise InputError(f"--raf {raf}: no .raf file is there")
-    jobs = list(jobs_of(base, nist, esogu, random, rafs, BASELINES if baselines else ()))
+    peers = BASELINES if baselines else ()
+    jobs = jobs_of(base, nist, esogu, random, rafs, peers)
     if not jobs:
         raise InputError("no arena is to be explored")
     results = run_jobs(jobs, runs, workers)
@@ -67,19 +66,14 @@ def measure(
         for group, strategy in dict.fromkeys((job.group, job.strategy) for job in jobs)
     }
     figures, details = figures_of(found), _details(jobs, results)
-    table = rich_table(figures, BASELINES if baselines else ())
+    table = rich_table("exploration", figures, sections(figures, peers))
     table.caption = _caption(figures, details)
     pictures = tuple(runs / f"{name}.png" for names in details["worst"].values() for name in names)
     return Result(figures, details, table, pictures)
 
 
 def jobs_of(
-    base: EpisodeConfig,
-    nist: int,
-    esogu: int,
-    random: int,
-    rafs: Sequence[Path],
-    baselines: Sequence[Strategy],
+    base: EpisodeConfig, nist: int, esogu: int, random: int, rafs: Sequence[Path], baselines: Sequence[Strategy]
 ) -> list[Job]:
     """The episodes of ours and of each baseline."""
     strategies: tuple[Strategy, ...] = ("ours", *baselines)
@@ -153,7 +147,5 @@ def _caption(figures: Mapping[str, float], details: Mapping[str, Any]) -> str:
     told += [f"{name} failed, see its log" for name in details["failed"]]
     if RATIO in figures:
         count = figures[f"{RATIO}.pairs"]
-        told.append(
-            f"time to see 90 % over the nearest frontier's: {figures[RATIO]:.2f}, median of {count:.0f}"
-        )
+        told.append(f"time to see 90 % over the nearest frontier's: {figures[RATIO]:.2f}, median of {count:.0f}")
     return "\n".join(told)

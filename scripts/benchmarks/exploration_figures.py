@@ -10,23 +10,11 @@ from sarsim.scripts.tables import figures
 Report = Mapping[str, Any]
 
 NOT_FIGURES = ("arena", "seed", "version", "config")
-MORE_IS_BETTER = (
-    "real_time_factor",
-    "occupied_recall",
-    "occupied_precision",
-    "free_recall",
-    "miou_four",
-    "miou",
-    "iou",
-    "accuracy",
-    "matched",
-    "boxes_iou",
-    "coverage",
-    "reached",
-    "recovered",
-    "explored_fraction",
+MORE_IS_BETTER = {
+    "real_time_factor", "occupied_recall", "occupied_precision", "free_recall", "miou_four", "miou",
+    "iou", "accuracy", "matched", "boxes_iou", "coverage", "reached", "recovered", "explored_fraction",
     "found",
-)
+}  # fmt: skip
 """Parts of names of figures whose worst value is the lowest; of all others it is the highest."""
 
 PENALTY = 10.0
@@ -58,7 +46,7 @@ def group_figures(reports: Sequence[Report]) -> dict[str, float]:
     result: dict[str, float] = {}
     for key in dict.fromkeys(name for run in runs for name in run):
         values = np.array([run[key] for run in runs if key in run])
-        worst = values.min() if set(key.split(".")) & set(MORE_IS_BETTER) else values.max()
+        worst = values.min() if MORE_IS_BETTER & set(key.split(".")) else values.max()
         result |= {
             f"{key}.mean": float(values.mean()),
             f"{key}.median": float(np.median(values)),

@@ -1,6 +1,6 @@
 """The table of the exploration's benchmark: a column for each group; ours first, then the baselines."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.table import Table
 
@@ -44,33 +44,48 @@ BASELINE_ROWS = (
 )
 
 
+RATIO_ROWS = {
+    f"time to 90 % over nearest frontier, {what}": f"{RATIO}.{what}" for what in ("median", "worst", "pairs")
+}
+
+Rows = list[tuple[str, list[str]]]
+"""Of a name and a cell for each group."""
+
+
+def rows_of(figures: Mapping[str, float], keys: Mapping[str, str], baseline: str = "") -> Rows:
+    """Rows of those figures that are there for any group, in four digits; a dash stands for none.
+
+    Args:
+        figures: by name.
+        keys: of the figures, without the group, by the names of the rows.
+        baseline: that the figures are of; empty for ours.
+    """
+    groups = groups_in(figures)
+    label, prefix = (f"{baseline.replace('_', ' ')}: ", f"{baseline}.") if baseline else ("", "")
+    rows = [(f"{label}{name}", [f"{prefix}{group}.{key}" for group in groups]) for name, key in keys.items()]
+    return [
+        (name, [f"{figures[key]:.4g}" if key in figures else "–" for key in row])
+        for name, row in rows
+        if any(key in figures for key in row)
+    ]
+
+
 def groups_in(figures: Mapping[str, float]) -> list[str]:
     """The groups that figures are of, in their order."""
     return [group for group in GROUPS if f"{group}.runs" in figures]
 
 
-def sections(figures: Mapping[str, float], baselines: Sequence[str]) -> Iterator[list[tuple[str, list[str]]]]:
-    """Rows of a name and a cell per group: ours, each baseline's, the ratio; rows without a figure are left out."""
-    groups = groups_in(figures)
-    rows = [(row, [f"{group}.{key}" for group in groups]) for row, key in ROWS.items()]
-    yield _filled(figures, rows)
-    for baseline in baselines:
-        names = [(row, [f"{baseline}.{group}.{ROWS[row]}" for group in groups]) for row in BASELINE_ROWS]
-        yield _filled(figures, [(f"{baseline.replace('_', ' ')}: {row}", keys) for row, keys in names])
-    if "nearest_frontier" in baselines:
-        yield [
-            (
-                f"time to 90 % over nearest frontier, {what}",
-                _cells(figures, [f"{g}.{RATIO}.{what}" for g in groups]),
-            )
-            for what in ("median", "worst", "pairs")
-        ]
+def sections(figures: Mapping[str, float], baselines: Sequence[str]) -> list[Rows]:
+    """Rows of ours, of each baseline, and of the ratio."""
+    few = {row: ROWS[row] for row in BASELINE_ROWS}
+    theirs = [rows_of(figures, few, baseline) for baseline in baselines]
+    return [rows_of(figures, ROWS), *theirs, rows_of(figures, RATIO_ROWS)]
 
 
-def rich_table(figures: Mapping[str, float], baselines: Sequence[str]) -> Table:
+def rich_table(title: str, figures: Mapping[str, float], sections: Sequence[Rows]) -> Table:
     """For the terminal."""
-    table = Table("", *groups_in(figures), title="exploration")
-    for section in sections(figures, baselines):
+    table = Table("", *groups_in(figures), title=title)
+    for section in sections:
         for name, cells in section:
             table.add_row(name, *cells)
         table.add_section()
@@ -83,14 +98,3 @@ def markdown_table(figures: Mapping[str, float], baselines: Sequence[str]) -> st
     lines = [["", *groups], ["---"] * (1 + len(groups))]
     lines += [[name, *cells] for section in sections(figures, baselines) for name, cells in section]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _filled(
-    figures: Mapping[str, float], rows: Sequence[tuple[str, Sequence[str]]]
-) -> list[tuple[str, list[str]]]:
-    return [(name, _cells(figures, keys)) for name, keys in rows if any(key in figures for key in keys)]
-
-
-def _cells(figures: Mapping[str, float], keys: Sequence[str]) -> list[str]:
-    """Four digits, a dash where there is no figure."""
-    return [f"{figures[key]:.4g}" if key in figures else "–" for key in keys]

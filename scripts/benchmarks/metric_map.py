@@ -6,7 +6,7 @@ All of them use one thread; its processor time is what counts, so that other wor
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pyoctomap
@@ -28,10 +28,7 @@ WARM_UP = 5
 
 
 def measure(
-    frames: int = 160,
-    seed: int = 0,
-    arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"),
-    baselines: bool = True,
+    frames: int = 160, seed: int = 0, arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"), baselines: bool = True
 ) -> Result:
     """Times, memory, accuracy, and times over the size of the environment.
 
@@ -89,10 +86,7 @@ def _frame_times(
     for n in range(WARM_UP):
         contender.prepare(recording, depth, n)()
     return np.array(
-        [
-            _timed(contender.prepare(recording, depth, n))
-            for n in track(range(len(depth)), name, transient=True)
-        ]
+        [_timed(contender.prepare(recording, depth, n)) for n in track(range(len(depth)), name, transient=True)]
     )
 
 
@@ -144,11 +138,7 @@ def _accuracy(recording: Recording) -> dict[str, float]:
     figures: dict[str, float] = {}
     for sensor, depth in (("ideal", recording.ideal), ("xtion", recording.xtion)):
         maps = {}
-        for name, contender in (
-            ("ours", Projective(0.1)),
-            ("rays", Rays(0.1)),
-            ("octomap", OctoMap(0.1, True)),
-        ):
+        for name, contender in (("ours", Projective(0.1)), ("rays", Rays(0.1)), ("octomap", OctoMap(0.1, True))):
             for n in track(range(len(depth)), f"{name}, {sensor}", transient=True):
                 contender.prepare(recording, depth, n)()
             maps[name] = contender.metric_map()
@@ -160,32 +150,21 @@ def _accuracy(recording: Recording) -> dict[str, float]:
 
 def _copy(source: MetricMap, target: MetricMap) -> None:
     """Make the voxels of the target those of the source."""
-    corners = np.array([*source.bounds(), *target.bounds()])
-    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    lower, upper = _bounds(source, target)
     target.set_log_odds(lower, source.log_odds(lower, upper))
 
 
 def agreement(first: MetricMap, second: MetricMap) -> float:
     """Share of the voxels known to either map that have the same state in both."""
-    corners = np.array([*first.bounds(), *second.bounds()])
-    lower, upper = corners.min(axis=0), corners.max(axis=0)
-    a, b = np.sign(first.log_odds(lower, upper)), np.sign(second.log_odds(lower, upper))
+    a, b = (np.sign(metric_map.log_odds(*_bounds(first, second))) for metric_map in (first, second))
     known = (a != 0) | (b != 0)
     return float((a == b)[known].mean())
 
 
-class Contender(Protocol):
-    """A way to map."""
-
-    def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
-        """What adds frame ``n`` to the map; everything before is not timed."""
-
-    def metric_map(self) -> MetricMap:
-        """The states of its voxels on the grid of the metric map."""
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of its voxels."""
+def _bounds(first: MetricMap, second: MetricMap) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(3,) lowest and (3,) one past the highest voxel of either map."""
+    corners = np.array([*first.bounds(), *second.bounds()])
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 class Projective:
@@ -249,3 +228,7 @@ class OctoMap:
     def nbytes(self) -> int:
         """What it says of itself."""
         return self._tree.memoryUsage()
+
+
+Contender = Projective | OctoMap
+"""A way to map: ``prepare`` gives what adds a frame, and alone is timed; then the map and its memory."""

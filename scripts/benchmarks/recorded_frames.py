@@ -14,7 +14,7 @@ from sarsim.robots.pose import Pose
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 STEPS = 160
-"""Looks of an episode at most."""
+"""Of an episode, at most."""
 
 
 @dataclass(frozen=True, eq=False)

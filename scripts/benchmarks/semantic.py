@@ -59,9 +59,7 @@ def measure(
     jobs += [(str(path), raf_frames) for path in sorted(raf.glob("*.raf")) if raf_frames]
     lit = [(*job, suffix) for suffix in LIGHTINGS for job in jobs]
     details = {
-        _name(arena) + suffix: accuracy(
-            drive_through(arena, number, seed, LIGHTINGS[suffix], KEYFRAMES), network
-        )
+        _name(arena) + suffix: accuracy(drive_through(arena, number, seed, LIGHTINGS[suffix], KEYFRAMES), network)
         for arena, number, suffix in track(lit, "arenas", transient=True)
     }
     for name, contenders in details.items():

@@ -77,8 +77,7 @@ def _block_contest(network: Dgcnn, blocks: list[NDArray[np.float32]]) -> dict[st
     fast(blocks[0])
     _plain(network, blocks[0])
     rows = [
-        (seconds(fast, block), seconds(_plain, network, block))
-        for block in track(blocks, "blocks", transient=True)
+        (seconds(fast, block), seconds(_plain, network, block)) for block in track(blocks, "blocks", transient=True)
     ]
     ours, theirs = np.array(rows).T
     return {
@@ -139,9 +138,7 @@ def robot_blocks(frame: TrueFrame) -> list[Block]:
 
 
 def _plain_frame(network: Dgcnn, blocks: list[Block]) -> float:
-    return sum(
-        seconds(_plain, network, block.points) for block in track(blocks, "as written", transient=True)
-    )
+    return sum(seconds(_plain, network, block.points) for block in track(blocks, "as written", transient=True))
 
 
 def _plain(network: Dgcnn, block: NDArray[np.float32]) -> torch.Tensor:

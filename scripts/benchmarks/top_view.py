@@ -44,8 +44,7 @@ def top_view(
     scale = int(np.clip(WIDTH // max(surface.grid.shape), 1, MOST_PIXELS))
     cells = _cells(surface, seen).transpose(1, 0, 2)[::-1]
     picture = np.ascontiguousarray(cells.repeat(scale, axis=0).repeat(scale, axis=1))
-    pixels = _Pixels(surface.grid, scale)
-    line = pixels(way)
+    line = _pixels(surface.grid, scale, way)
     cv2.polylines(picture, [line], False, WAY, 1, cv2.LINE_AA)
     cv2.circle(picture, line[0].tolist(), 5, START, cv2.FILLED, cv2.LINE_AA)
     cv2.circle(picture, line[0].tolist(), 5, WAY, 1, cv2.LINE_AA)
@@ -54,7 +53,7 @@ def top_view(
         *((c, CONTACT, cv2.MARKER_TILTED_CROSS) for c in contacts),
         *((f, FAILED, cv2.MARKER_DIAMOND) for f in failed),
     ):
-        cv2.drawMarker(picture, pixels(place).tolist(), colour, marker, 10, 2, cv2.LINE_AA)
+        cv2.drawMarker(picture, _pixels(surface.grid, scale, place).tolist(), colour, marker, 10, 2, cv2.LINE_AA)
     return np.vstack([picture, _caption(text, picture.shape[1])])
 
 
@@ -69,16 +68,10 @@ def _cells(surface: TrueSurface, seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return cells
 
 
-class _Pixels:
-    """From m in the world to pixels."""
-
-    def __init__(self, grid: Grid, scale: int):
-        self._grid, self._scale = grid, scale
-
-    def __call__(self, xy: NDArray[np.float64]) -> NDArray[np.int32]:
-        """(..., 2) column and row of points (..., 2)."""
-        column, row = np.moveaxis((np.asarray(xy) - self._grid.origin) / self._grid.cell * self._scale, -1, 0)
-        return np.stack([column, self._grid.shape[1] * self._scale - row], axis=-1).astype(np.int32)
+def _pixels(grid: Grid, scale: int, xy: NDArray[np.float64]) -> NDArray[np.int32]:
+    """(..., 2) column and row of points (..., 2), m in the world."""
+    column, row = np.moveaxis((np.asarray(xy) - grid.origin) / grid.cell * scale, -1, 0)
+    return np.stack([column, grid.shape[1] * scale - row], axis=-1).astype(np.int32)
 
 
 def _caption(text: str, width: int) -> NDArray[np.uint8]:

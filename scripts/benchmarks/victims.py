@@ -14,15 +14,8 @@ from pipeline.victims.detection.weights import load_network
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_figures import group_figures, pairs
-from sarsim.scripts.benchmarks.victims_frames import (
-    DISTANCES,
-    HIDDEN,
-    People,
-    ap50,
-    ap50_by,
-    recipe,
-    scene_frames,
-)
+from sarsim.scripts.benchmarks.exploration_table import groups_in, rich_table, rows_of
+from sarsim.scripts.benchmarks.victims_frames import DISTANCES, HIDDEN, People, ap50, ap50_by, recipe, scene_frames
 from sarsim.scripts.benchmarks.victims_speed import speed, tiny
 from sarsim.sensors.lighting import Lighting
 from sarsim.settings import DETECTOR, EpisodeConfig, Labels, LightingName, Odometry
@@ -75,9 +68,7 @@ def measure(
     at_least(0, scenes=scenes, rounds=rounds, nist=nist, esogu=esogu, random=random, seed=seed)
     at_least(1, frames=frames, workers=workers)
     network = load_network(*detector)
-    base = EpisodeConfig(
-        odometry=odometry, lighting=lighting, labels=labels, weights=weights, detector=detector
-    )
+    base = EpisodeConfig(odometry=odometry, lighting=lighting, labels=labels, weights=weights, detector=detector)
     jobs = [Job(group, "ours", config) for group, config in configs(base, nist, esogu, random)]
     figures = speed(network, rounds) if rounds else {}
     if rounds:
@@ -145,22 +136,16 @@ def _times(group: str, found: Results, without: Results) -> dict[str, float]:
     seen = [(a["exploration"], b["exploration"]) for a, b in both]
     ratios: Mapping[str, list[float]] = {
         "sim_time_vs_without": [a["sim_time_s"] / b["sim_time_s"] for a, b in both],
-        "seen90_vs_without": [
-            a["seen90_s"] / b["seen90_s"] for a, b in seen if "seen90_s" in a and "seen90_s" in b
-        ],
+        "seen90_vs_without": [a["seen90_s"] / b["seen90_s"] for a, b in seen if "seen90_s" in a and "seen90_s" in b],
     }
     return {f"{group}.{name}": float(np.median(values)) for name, values in ratios.items() if values}
 
 
 def _table(figures: Mapping[str, float]) -> Table | None:
     """The groups side by side; speed and precision below. None without episodes."""
-    groups = [group for group in GROUPS if f"{group}.runs" in figures]
-    if not groups:
+    if not groups_in(figures):
         return None
-    table = Table("", *groups, title="victims")
-    for row, key in ROWS.items():
-        values = [figures.get(f"{group}.{key}") for group in groups]
-        table.add_row(row, *("–" if value is None else f"{value:.4g}" for value in values))
+    table = rich_table("victims", figures, [rows_of(figures, ROWS)])
     general = {name: value for name, value in figures.items() if name.split(".")[0] not in GROUPS}
     table.caption = "\n".join(f"{name} {value:.4g}" for name, value in general.items())
     return table

@@ -16,7 +16,7 @@ from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 
 MOST_HIDDEN = 0.6
-"""Share of someone behind other things up to which the person is to be found."""
+"""Share of a person behind other things up to which the person is to be found."""
 DISTANCES = (0.0, 1.5, 2.5, 3.5, 5.0, np.inf)
 """m from the camera to the middle of a person, between which average precision is told apart."""
 HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
@@ -25,7 +25,7 @@ HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class People:
-    """The people whom one frame shows, and what a detector made of it.
+    """The people in one frame, and a detector's boxes.
 
     Attributes:
         boxes: (V, 4) true, pixels.
@@ -56,15 +56,13 @@ def recipe(seed: int, frames: int) -> Recipe:
 
 
 def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[People]:
-    """What the detector makes of every look at one scene in one light; but for that the looks are the same."""
+    """The people and detections in each frame of a scene in one light; all else is the same in every light."""
     scene, arena = find_scene(with_lighting(recipe, lighting), index)
     noise = recipe.rng(index, "noise")
     with World(arena, scene, Renderer, recipe.width, recipe.height) as world:
         content = world.content()
         middle = content.victim_box.mean(axis=1)
-        places = (
-            np.einsum("vij,vj->vi", content.victim_pose[:, :3, :3], middle) + content.victim_pose[:, :3, 3]
-        )
+        places = np.einsum("vij,vj->vi", content.victim_pose[:, :3, :3], middle) + content.victim_pose[:, :3, 3]
         for pose in world.drive(recipe, recipe.rng(index, "drive")).poses(recipe.frames):
             frame = world.capture(pose, noise)
             seen = np.flatnonzero(frame.victim_area > 0)
@@ -82,7 +80,7 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
 
 
 def ap50(frames: Sequence[People]) -> float:
-    """Average precision at an overlap of 0.5; NaN where nobody is to be found."""
+    """Average precision at an overlap of 0.5; NaN where no person is to be found."""
     return _average_precision(frames, [people.counts for people in frames])
 
 

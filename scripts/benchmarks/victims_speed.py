@@ -24,9 +24,7 @@ class PlainNetwork:
     def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
         """What goes into each [yolo], from an (H, W, 3) image of the network's size."""
         with torch.inference_mode():
-            return [
-                head[0].contiguous().numpy() for head in self._network(to_tensor(image[None]).contiguous())
-            ]
+            return [head[0].contiguous().numpy() for head in self._network(to_tensor(image[None]).contiguous())]
 
 
 def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:

@@ -80,9 +80,7 @@ def test_a_robot_that_was_not_lifted_trusts_what_it_saw(explorer):
     explorer.step()
     known = explorer.mapper.elevation_map.elevation.copy()
     explorer.robot.T = from_yaw(-0.25, 0.0, 0, np.pi)
-    explorer.robot.sense = lambda sense=explorer.robot.sense: replace(
-        sense(), depth=np.zeros((120, 160), np.float32)
-    )
+    explorer.robot.sense = lambda sense=explorer.robot.sense: replace(sense(), depth=np.zeros((120, 160), np.float32))
     explorer.step()
     assert np.isnan(explorer.mapper.elevation_map.elevation[np.isnan(known)]).all()
 

@@ -24,9 +24,7 @@ def test_points_fall_in_the_pixels_whose_rays_they_lie_on():
 
 
 def test_points_beside_the_image_or_behind_the_camera_are_not_inside():
-    points = np.array(
-        [[0, 0, 1], [-1.1, 0, 1], [1.1, 0, 1], [0, -0.6, 1], [0, 0.6, 1], [0, 0, -1], [0, 0, 0]]
-    )
+    points = np.array([[0, 0, 1], [-1.1, 0, 1], [1.1, 0, 1], [0, -0.6, 1], [0, 0.6, 1], [0, 0, -1], [0, 0, 0]])
     assert INTRINSICS.project(points)[1].tolist() == [True] + 6 * [False]
 
 

@@ -4,15 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pipeline.transforms import (
-    from_rotation,
-    from_yaw,
-    inverse,
-    tilt_of,
-    transform_points,
-    wrap_angle,
-    yaw_of,
-)
+from pipeline.transforms import from_rotation, from_yaw, inverse, tilt_of, transform_points, wrap_angle, yaw_of
 
 angles = st.floats(-3, 3)
 
@@ -35,8 +27,6 @@ def test_points_move_with_the_frame():
     assert moved.dtype == np.float32
 
 
-@pytest.mark.parametrize(
-    ("angle", "expected"), [(0, 0), (np.pi, -np.pi), (4, 4 - 2 * np.pi), (-7, 2 * np.pi - 7)]
-)
+@pytest.mark.parametrize(("angle", "expected"), [(0, 0), (np.pi, -np.pi), (4, 4 - 2 * np.pi), (-7, 2 * np.pi - 7)])
 def test_angles_wrap(angle, expected):
     assert wrap_angle(angle) == pytest.approx(expected)

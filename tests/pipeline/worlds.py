@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.traversability.elevation_map import ElevationMap
+from tests.pipeline.robot_model import PIONEER
 
 Height = Callable[[NDArray, NDArray], NDArray]
 
@@ -28,10 +29,10 @@ def wall_points(a: tuple[float, float], b: tuple[float, float], height: float = 
 
 
 def surface_of(*clouds: NDArray[np.float32]) -> ElevationMap:
-    """The surface map of some clouds."""
-    traversability = ElevationMap()
-    traversability.update(np.vstack(clouds))
-    return traversability
+    """The elevation map of some clouds."""
+    elevation_map = ElevationMap(PIONEER)
+    elevation_map.update(np.vstack(clouds))
+    return elevation_map
 
 
 def flat(x: NDArray, y: NDArray) -> NDArray:

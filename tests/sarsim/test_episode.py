@@ -52,10 +52,7 @@ class Diary:
         settings = {"labels": "truth", "detector": None, "out": folder} | config
         self.episode = episode = Episode(EpisodeConfig(arena=str(path), **settings))
         log, drive = episode.recorder.log_message, episode.explorer.drive
-        episode.recorder.log_message = lambda level, text: (
-            self.lines.append(f"{level} {text}"),
-            log(level, text),
-        )
+        episode.recorder.log_message = lambda level, text: (self.lines.append(f"{level} {text}"), log(level, text))
         episode.explorer.drive = lambda step: (meddle(episode, step), drive(step))[1]
         assert episode.run()
         self.report = json.loads((folder / "report.json").read_text())
@@ -70,11 +67,7 @@ def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp
     diary = Diary(room((-1.0, 2.8), (-1.3, 1.3), deck), tmp_path, goals=goals, home=True, steps=12)
     task = diary.report["goals"]
     assert (task["given"], task["reached"]) == (4, 1)
-    for reason in (
-        "(2.10, -0.65) m cannot be reached",
-        "(50.00, 0.00) m is off the map",
-        "(2.80, 0.60) m is in a",
-    ):
+    for reason in ("(2.10, -0.65) m cannot be reached", "(50.00, 0.00) m is off the map", "(2.80, 0.60) m is in a"):
         assert any(reason in line for line in task["refused"])
         assert diary.said(f"WARN the goal {reason}")
     assert diary.said("INFO the goal (1.00, 0.70) m is reached")

@@ -37,7 +37,7 @@ def test_a_built_in_arena_is_written_whole(name, tmp_path):
     assert (model.geom_user[:, 0] > 0).all()
 
 
-def test_a_raf_file_is_written_with_the_start_wished_for(tmp_path):
+def test_a_raf_file_is_written_with_the_start_that_is_asked_for(tmp_path):
     path = tmp_path / "arena.raf"
     path.write_text(RAF)
     model = exported(tmp_path, "--arena", str(path), "--start", "-0.1", "-0.2", "90")

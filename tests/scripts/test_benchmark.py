@@ -71,10 +71,7 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path, toys: Path
     ],
 )
 def test_what_cannot_be_measured_is_status_2(
-    flags: list[str],
-    complaint: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    flags: list[str], complaint: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.argv", ["benchmark.py", *flags])
     with pytest.raises(SystemExit) as raised:

@@ -32,11 +32,7 @@ def exit_status(args: list[str]) -> int | str | None:
     ],
 )
 def test_bad_flags_are_status_2_and_one_line(
-    flags: str,
-    message: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    flags: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess())
     out = [] if "--out" in flags else ["--out", str(tmp_path / "data")]

@@ -108,9 +108,7 @@ class Pretended:
         if job.name not in fails:
             seconds = None if job.name in slow else 40.0 if job.strategy == "ours" else 80.0
             content = report(0.95, seconds, collisions=job.config.seed)
-            (folder / f"{job.name}.json").write_text(
-                json.dumps({"settings": job.settings, "report": content})
-            )
+            (folder / f"{job.name}.json").write_text(json.dumps({"settings": job.settings, "report": content}))
             (folder / f"{job.name}.png").write_bytes(b"picture")
 
     sentinel = 0
@@ -164,12 +162,7 @@ def test_a_baseline_that_never_saw_enough_is_told_instead_of_a_ratio(tmp_path, p
 
 
 def test_the_table_has_a_row_for_what_was_measured_and_none_for_what_was_not():
-    figures = {
-        "random.runs": 2,
-        "random.victims.found.sum": 3,
-        "raf.runs": 1,
-        "random_walk.raf.seen90_runs": 0,
-    }
+    figures = {"random.runs": 2, "random.victims.found.sum": 3, "raf.runs": 1, "random_walk.raf.seen90_runs": 0}
     lines = markdown_table(figures, ["random_walk"]).splitlines()
     assert lines == [
         "|  | raf | random |",
@@ -229,7 +222,7 @@ def test_the_picture_shows_what_is_where():
     seen[5:20] = True
     walls = np.zeros_like(drivable)
     walls[0] = True
-    surface = TrueSurface(Grid(np.array([-1.0, 0.0]), 0.05, (40, 20)), np.zeros((40, 20)), drivable, walls)
+    surface = TrueSurface(Grid(np.array([-20, 0]), 0.05, (40, 20)), np.zeros((40, 20)), drivable, walls)
     way = np.array([(-0.5, 0.5), (-0.4, 0.5)])
     picture = top_view(surface, seen, way, [np.array([0.5, 0.6])], [], "text")
     assert picture.shape == (20 * MOST_PIXELS + BAND, 40 * MOST_PIXELS, 3)

@@ -96,9 +96,7 @@ def short_report(out: Path, seed: int, **changes: object) -> dict:
 
 
 def test_the_same_seed_gives_the_same_episode(tmp_path):
-    first, again, other = (
-        short_report(tmp_path / name, seed) for name, seed in (("a", 3), ("b", 3), ("c", 4))
-    )
+    first, again, other = (short_report(tmp_path / name, seed) for name, seed in (("a", 3), ("b", 3), ("c", 4)))
     for report in (first, again, other):
         for key in ("config", "seed", "wall_time_s", "real_time_factor", "timing_ms"):
             del report[key]
@@ -109,7 +107,7 @@ def test_the_same_seed_gives_the_same_episode(tmp_path):
     ).read_bytes()
 
 
-def test_victims_are_told_of_if_someone_looks_for_them(tmp_path):
+def test_victims_are_reported_if_there_is_a_detector(tmp_path):
     assert "victims" not in short_report(tmp_path / "a", 0, detector=None)
     files = tmp_path / "a.cfg", tmp_path / "a.weights"
     files[0].write_text(SMALL)
@@ -157,9 +155,7 @@ def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsy
     assert "Results in" in capsys.readouterr().out
 
 
-NO_FLOOR = (
-    '<mujoco><worldbody><site name="start"/><geom type="sphere" size="0.1" pos="9 9 9"/></worldbody></mujoco>'
-)
+NO_FLOOR = '<mujoco><worldbody><site name="start"/><geom type="sphere" size="0.1" pos="9 9 9"/></worldbody></mujoco>'
 IN_A_WALL = """<mujoco><size nuser_geom="1"/><worldbody><site name="start"/><geom type="plane" size="3 3 1" user="2"/>
 <geom type="box" size="0.5 0.5 0.5" user="1"/></worldbody></mujoco>"""
 BOMB = """<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>
@@ -172,10 +168,7 @@ BAD_LABEL = IN_A_WALL.replace('user="1"', 'user="11"').replace("0.5 0.5 0.5", "0
     [
         (None, "No such file"),
         ("<mujoco><worldbody>", "not readable XML"),
-        (
-            "<mujoco><worldbody><geom type='box' size='-1 1 1'/></worldbody></mujoco>",
-            "not a readable MJCF file",
-        ),
+        ("<mujoco><worldbody><geom type='box' size='-1 1 1'/></worldbody></mujoco>", "not a readable MJCF file"),
         ("<robot/>", "not a readable MJCF file"),
         (BOMB, "declares a document type"),
         ("<mujoco><worldbody/></mujoco>", "no free start"),
@@ -213,11 +206,7 @@ def test_a_bad_flag_is_one_line_and_status_2(flags, message, tmp_path, monkeypat
 
 @pytest.mark.parametrize(
     ("cfg", "weights", "message"),
-    [
-        (SMALL + "[gru]\n", b"", "[gru]"),
-        (SMALL, b"\0" * 300, "too short"),
-        (SMALL, b"\0" * 3000, "too long"),
-    ],
+    [(SMALL + "[gru]\n", b"", "[gru]"), (SMALL, b"\0" * 300, "too short"), (SMALL, b"\0" * 3000, "too long")],
 )
 def test_a_bad_detector_is_one_line_and_status_2(cfg, weights, message, tmp_path, monkeypatch, capsys):
     files = tmp_path / "a.cfg", tmp_path / "a.weights"

@@ -35,9 +35,7 @@ class Outer:
     inner: Inner = field(default_factory=Inner)
 
 
-FULL = Outer(
-    Path("d"), 9, "ideal", True, ((1.0, -2.0), (1e-7, 4.0)), None, (0.5, 0, 90), inner=Inner(0.25, True)
-)
+FULL = Outer(Path("d"), 9, "ideal", True, ((1.0, -2.0), (1e-7, 4.0)), None, (0.5, 0, 90), inner=Inner(0.25, True))
 
 
 @pytest.fixture
@@ -63,9 +61,7 @@ def test_flags_override_the_file_and_the_file_the_defaults(file: Path) -> None:
 def test_a_file_need_not_hold_everything(tmp_path: Path) -> None:
     path = tmp_path / "some.yaml"
     path.write_text("inner: {share: 1}\nsteps: 4\n")
-    assert settings_from(Outer, ["--data", "d", "--config", str(path)]) == Outer(
-        Path("d"), 4, inner=Inner(1.0)
-    )
+    assert settings_from(Outer, ["--data", "d", "--config", str(path)]) == Outer(Path("d"), 4, inner=Inner(1.0))
     with pytest.raises(InputError, match="--data"):
         settings_from(Outer, ["--config", str(path)])
 
@@ -73,15 +69,7 @@ def test_a_file_need_not_hold_everything(tmp_path: Path) -> None:
 def test_folders_for_results_and_default_paths_are_not_written(tmp_path: Path) -> None:
     path = tmp_path / "config.yaml"
     save_settings(Outer(Path("d"), out=Path("results")), path)
-    assert set(yaml.safe_load(path.read_text())) == {
-        "data",
-        "steps",
-        "sensor",
-        "home",
-        "goals",
-        "start",
-        "inner",
-    }
+    assert set(yaml.safe_load(path.read_text())) == {"data", "steps", "sensor", "home", "goals", "start", "inner"}
 
 
 @pytest.mark.parametrize(

@@ -48,16 +48,7 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
 def test_two_processes_train_together(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "w.safetensors"
     flags = ["dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2]
-    command = [
-        sys.executable,
-        "-m",
-        "torch.distributed.run",
-        "--standalone",
-        "--nproc-per-node",
-        2,
-        TRAIN,
-        *flags,
-    ]
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", 2, TRAIN, *flags]
     subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
     assert DgcnnClassifier(out)
 

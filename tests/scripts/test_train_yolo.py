@@ -43,9 +43,7 @@ def test_the_command_leaves_a_network_that_the_robot_can_use(
     assert out.with_suffix(".csv").read_text().startswith("step,loss,ap50\n2,")
 
 
-def test_a_training_can_begin_with_weights(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_training_can_begin_with_weights(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = tmp_path / "first.weights", tmp_path / "second.weights"
     call(monkeypatch, "--data", data, "--out", first, *QUICK)
     still = ["--learning-rate", 1e-12]

@@ -31,7 +31,7 @@ def people(found: list[int], area: int = 500) -> People:
     )
 
 
-def test_someone_mostly_hidden_need_not_be_found_and_does_not_count_if_found():
+def test_a_person_mostly_hidden_need_not_be_found_and_does_not_count_if_found():
     assert ap50([people([0, 2])]) == ap50([people([0, 1, 2])]) == 1
     assert ap50([people([0])]) == 0.5
     assert np.isnan(ap50([people([0], area=399)]))
@@ -48,14 +48,14 @@ def test_precision_is_told_apart_by_distance_and_by_what_is_hidden():
     assert by_hidden["0.6-1"]["ap50"] == 0
 
 
-class Nobody:
+class FindsNothing:
     def detect(self, rgb):
         return []
 
 
 def test_the_same_people_are_seen_in_every_light():
     normal, dark = (
-        list(scene_frames(recipe(1, 3), 0, light, Nobody())) for light in (Lighting.normal, Lighting.dark)
+        list(scene_frames(recipe(1, 3), 0, light, FindsNothing())) for light in (Lighting.normal, Lighting.dark)
     )
     assert sum(len(people.boxes) for people in normal) > 0
     for a, b in zip(normal, dark, strict=True):
@@ -109,11 +109,7 @@ def test_what_is_left_out_has_no_figures(network, tmp_path):
 
 @pytest.mark.parametrize(
     ("flags", "message"),
-    [
-        ({"scenes": -1}, "--scenes"),
-        ({"frames": 0}, "--frames 0"),
-        ({"detector": (Path("a"), Path("b"))}, "a: "),
-    ],
+    [({"scenes": -1}, "--scenes"), ({"frames": 0}, "--frames 0"), ({"detector": (Path("a"), Path("b"))}, "a: ")],
 )
 def test_what_cannot_be_measured_is_refused(flags, message, network, tmp_path):
     with pytest.raises(InputError, match=message):

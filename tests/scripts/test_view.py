@@ -50,9 +50,7 @@ def test_what_is_missing_ends_with_one_line_and_status_2(tmp_path, name):
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_without_a_display_a_page_is_served_until_the_command_ends(episode, end):
-    process = subprocess.Popen(
-        [sys.executable, VIEW, episode], env=NO_DISPLAY, stdout=subprocess.PIPE, text=True
-    )
+    process = subprocess.Popen([sys.executable, VIEW, episode], env=NO_DISPLAY, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     page = process.stdout.readline().split()[-1]
     try:

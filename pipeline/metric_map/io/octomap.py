@@ -80,9 +80,7 @@ def _write(path: Path, metric_map: MetricMap, content: bytes) -> None:
         partial.write_bytes(content.replace(b"\n#\n", f"\n# corner {corner}\n".encode(), 1))
 
 
-def voxel_labels(
-    metric_map: MetricMap, points: NDArray[np.float32], labels: NDArray[np.uint8]
-) -> NDArray[np.uint8]:
+def voxel_labels(metric_map: MetricMap, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The class that most points in each occupied voxel have.
 
     Args:

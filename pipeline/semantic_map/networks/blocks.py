@@ -78,10 +78,7 @@ def cut(
 
 
 def channels(
-    points: NDArray[np.float32],
-    centre: NDArray[np.float64],
-    camera: NDArray[np.floating],
-    config: BlockConfig,
+    points: NDArray[np.float32], centre: NDArray[np.float64], camera: NDArray[np.floating], config: BlockConfig
 ) -> NDArray[np.float32]:
     """(n, 6) float32: x and y from the middle of the block, z in ``map``, then normalized x, y, z.
 

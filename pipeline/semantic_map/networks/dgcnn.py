@@ -102,6 +102,4 @@ def edge_features(x: Tensor, neighbours: Tensor) -> Tensor:
 def _layer(convolution: type[nn.Conv1d] | type[nn.Conv2d], inputs: int, outputs: int) -> nn.Sequential:
     """The same linear map for every point or edge, batch norm, LeakyReLU."""
     norm = nn.BatchNorm1d if convolution is nn.Conv1d else nn.BatchNorm2d
-    return nn.Sequential(
-        convolution(inputs, outputs, kernel_size=1, bias=False), norm(outputs), nn.LeakyReLU(SLOPE)
-    )
+    return nn.Sequential(convolution(inputs, outputs, kernel_size=1, bias=False), norm(outputs), nn.LeakyReLU(SLOPE))

@@ -85,9 +85,7 @@ class BlockSampler:
         return np.append(index, rng.choice(index, max(self._fewest - most, 0))), centre
 
 
-def augmented(
-    cloud: LabelledCloud, rng: np.random.Generator
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+def augmented(cloud: LabelledCloud, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """(M, 3) points, m, of the cloud seen from elsewhere, not quite in place, and (3,) where the camera is then."""
     yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, TILT, 2)
     turn = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()

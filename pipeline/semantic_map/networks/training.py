@@ -115,9 +115,7 @@ class Trainer:
         if self._checkpoint.exists():
             resume(self._checkpoint, self._settings, worker.device, self._restore)
 
-    def run(
-        self, report: Callable[["Trainer"], object] = lambda trainer: None, until: int | None = None
-    ) -> None:
+    def run(self, report: Callable[["Trainer"], object] = lambda trainer: None, until: int | None = None) -> None:
         """Train to the end, or until a step. ``report`` is called after every step.
 
         Left before the end or interrupted, it leaves a checkpoint.

@@ -30,9 +30,7 @@ def load_weights(path: Path) -> tuple[Dgcnn, dict[str, str]]:
     try:
         network = _NETWORKS[name].for_weights(tensors, int(metadata.get("k", 20)))
     except (KeyError, IndexError, ValueError) as error:
-        raise InputError(
-            f"{path}: not a DGCNN for segmentation: conv1.0.weight or conv9.weight is amiss"
-        ) from error
+        raise InputError(f"{path}: not a DGCNN for segmentation: conv1.0.weight or conv9.weight is amiss") from error
     _fill(network, tensors, path)
     return network.eval(), metadata
 

@@ -12,17 +12,7 @@ from pipeline.files import whole_file
 COCO_CLASSES = 80
 Anchors = Sequence[tuple[float, float]]
 # Fitted to COCO by Redmon and Farhadi, arXiv:1804.02767, and as in the published yolov3-tiny.cfg.
-COCO_ANCHORS = (
-    (10, 13),
-    (16, 30),
-    (33, 23),
-    (30, 61),
-    (62, 45),
-    (59, 119),
-    (116, 90),
-    (156, 198),
-    (373, 326),
-)
+COCO_ANCHORS = ((10, 13), (16, 30), (33, 23), (30, 61), (62, 45), (59, 119), (116, 90), (156, 198), (373, 326))
 COCO_TINY_ANCHORS = ((10, 14), (23, 27), (37, 58), (81, 82), (135, 169), (344, 319))
 
 
@@ -46,13 +36,7 @@ class CfgWriter:
     def conv(self, filters: int, size: int, stride: int = 1) -> int:
         """Add a convolution with batch normalization and leaky ReLU; returns the number of its layer."""
         return self.section(
-            "convolutional",
-            batch_normalize=1,
-            filters=filters,
-            size=size,
-            stride=stride,
-            pad=1,
-            activation="leaky",
+            "convolutional", batch_normalize=1, filters=filters, size=size, stride=stride, pad=1, activation="leaky"
         )
 
     def residual(self, filters: int) -> int:
@@ -140,10 +124,7 @@ def yolov3_small(width: int, height: int, classes: int, anchors: Anchors) -> str
 def main() -> None:
     """Write the published networks into the folder that the command line names."""
     folder = Path(sys.argv[1])
-    for name, build, anchors in (
-        ("yolov3", yolov3, COCO_ANCHORS),
-        ("yolov3-tiny", yolov3_tiny, COCO_TINY_ANCHORS),
-    ):
+    for name, build, anchors in (("yolov3", yolov3, COCO_ANCHORS), ("yolov3-tiny", yolov3_tiny, COCO_TINY_ANCHORS)):
         with whole_file(folder / f"{name}.cfg") as file:
             file.write_text(build(416, 416, COCO_CLASSES, anchors))
 

@@ -74,10 +74,7 @@ class CanvasSampler:
 
 
 def augmented(
-    images: Sequence[LabelledImage],
-    donors: Sequence[LabelledImage],
-    size: tuple[int, int],
-    rng: np.random.Generator,
+    images: Sequence[LabelledImage], donors: Sequence[LabelledImage], size: tuple[int, int], rng: np.random.Generator
 ) -> LabelledImage:
     """A canvas of ``size`` (width, height) with one image, or with four, and the donors' people pasted onto it."""
     canvas = np.full((size[1], size[0], 3), GREY, np.uint8)
@@ -112,11 +109,7 @@ def regions(count: int, size: tuple[int, int], rng: np.random.Generator) -> list
 
 
 def place(
-    image: LabelledImage,
-    canvas: NDArray[np.uint8],
-    region: Region,
-    ratio: float,
-    rng: np.random.Generator,
+    image: LabelledImage, canvas: NDArray[np.uint8], region: Region, ratio: float, rng: np.random.Generator
 ) -> LabelledImage:
     """Draw an image, ``ratio`` times as large, somewhere in a region of a canvas (H, W, 3); returns its boxes."""
     x0, y0, x1, y1 = region
@@ -164,9 +157,7 @@ def recoloured(image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
     return replace(image, rgb=rgb)
 
 
-def pasted(
-    canvas: LabelledImage, donor: LabelledImage, ratio: float, rng: np.random.Generator
-) -> LabelledImage:
+def pasted(canvas: LabelledImage, donor: LabelledImage, ratio: float, rng: np.random.Generator) -> LabelledImage:
     """The canvas and on it, somewhere, the donor's people, ``ratio`` times as large; without them if they do not fit.
 
     Edges are hard, as the renderer's are.

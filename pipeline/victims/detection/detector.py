@@ -86,9 +86,7 @@ class VictimDetector:
             boxes, scores = np.concatenate([boxes, more[is_near]]), np.append(scores, their_scores[is_near])
         return self._best(boxes, scores)
 
-    def _find(
-        self, network: Network, image: NDArray[np.uint8]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _find(self, network: Network, image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(N, 4) boxes in the image, several of each person, and their (N,) confidences."""
         cfg = network.cfg
         letterbox, canvas = Letterbox.fit(image, cfg.width, cfg.height)

@@ -52,15 +52,11 @@ class YoloLoss:
             asked += len(truths)
         return (BOX_WEIGHT * boxes + OBJECTNESS_WEIGHT * objectness + classes) / max(1, asked)
 
-    def _objectness(
-        self, cells: Tensor, predicted: Tensor, index: Index, batch: Sequence[LabelledImage]
-    ) -> Tensor:
+    def _objectness(self, cells: Tensor, predicted: Tensor, index: Index, batch: Sequence[LabelledImage]) -> Tensor:
         """Cross entropy of objectness over all cells but those that are near a person without being asked for it."""
         wanted = torch.zeros_like(cells[..., 4])
         wanted[index] = 1
-        counted = torch.stack(
-            [self._far(boxes, image) for boxes, image in zip(predicted, batch, strict=True)]
-        )
+        counted = torch.stack([self._far(boxes, image) for boxes, image in zip(predicted, batch, strict=True)])
         counted[index] = True
         return binary_cross_entropy_with_logits(cells[..., 4][counted], wanted[counted], reduction="sum")
 
@@ -74,9 +70,7 @@ class YoloLoss:
             far &= iou(predicted, box) < NEAR
         return far
 
-    def _targets(
-        self, batch: Sequence[LabelledImage], yolo: Yolo, rows: int, columns: int
-    ) -> tuple[Index, Tensor]:
+    def _targets(self, batch: Sequence[LabelledImage], yolo: Yolo, rows: int, columns: int) -> tuple[Index, Tensor]:
         """Cells of one scale that are to find people, and these people's (P, 4) boxes in pixels of the input."""
         anchors = np.array(yolo.anchors)
         parts = [np.zeros((0, 2), int)]

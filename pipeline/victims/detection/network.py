@@ -91,9 +91,7 @@ class DarknetConvolution(nn.Module):
         """For an input of this number of channels."""
         super().__init__()
         normalize = layer.batch_normalize
-        self.conv = nn.Conv2d(
-            channels, layer.filters, layer.size, layer.stride, layer.padding, bias=not normalize
-        )
+        self.conv = nn.Conv2d(channels, layer.filters, layer.size, layer.stride, layer.padding, bias=not normalize)
         self.norm = nn.BatchNorm2d(layer.filters, BATCH_NORM_EPSILON) if normalize else None
         self.leaky = layer.activation == "leaky"
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from sarsim.scripts.assets.esogu.parts import Part, moved
 
+Pair = tuple[float, float]
+
 LENGTH, WIDTH, HEIGHT = 52.0, 15.0, 2.7
 """m from outside to outside along x and y, and from floor to ceiling."""
 OUTER, INNER = 0.2, 0.12
@@ -92,7 +94,7 @@ def partitions(rooms: tuple[Room, ...], low: float, high: float) -> Iterator[Par
             yield _wall((room.east, (a + b) / 2), (INNER, b - a), 0, HEIGHT)
 
 
-def columns(places: tuple[tuple[float, float], ...]) -> Iterator[Part]:
+def columns(places: tuple[Pair, ...]) -> Iterator[Part]:
     """Square columns from floor to ceiling."""
     for place in places:
         yield _wall(place, (COLUMN, COLUMN), 0, HEIGHT, "column")
@@ -100,10 +102,8 @@ def columns(places: tuple[tuple[float, float], ...]) -> Iterator[Part]:
 
 def ceiling() -> Iterator[Part]:
     """The ceiling in pieces, with lamps over rooms and corridor."""
-    xs, ys = (
-        np.linspace(-LENGTH / 2, LENGTH / 2, 14),
-        np.array([-WIDTH / 2, SOUTH_WALL, NORTH_WALL, WIDTH / 2]),
-    )
+    xs = np.linspace(-LENGTH / 2, LENGTH / 2, 14)
+    ys = np.array([-WIDTH / 2, SOUTH_WALL, NORTH_WALL, WIDTH / 2])
     for west, east in pairwise(xs):
         for low, high in pairwise(ys):
             x, y = (west + east) / 2, (low + high) / 2
@@ -111,19 +111,13 @@ def ceiling() -> Iterator[Part]:
             yield Part("ceiling", "lamp", (x, y, HEIGHT - 0.015), (1.2, 0.3, 0.03))
 
 
-def _cut(low: float, high: float) -> list[tuple[float, float]]:
+def _cut(low: float, high: float) -> list[Pair]:
     """Equal pieces no longer than ``PANEL``."""
     edges = np.linspace(low, high, 1 + int(np.ceil((high - low) / PANEL - 1e-9)))
     return list(pairwise(edges.tolist()))
 
 
-def _wall(
-    middle: tuple[float, float],
-    extent: tuple[float, float],
-    low: float,
-    high: float,
-    material: str = "plaster",
-) -> Part:
+def _wall(middle: Pair, extent: Pair, low: float, high: float, material: str = "plaster") -> Part:
     return Part("wall", material, (*middle, (low + high) / 2), (*extent, high - low))
 
 

@@ -9,11 +9,8 @@ from sarsim.scripts.assets.esogu.parts import Part, moved
 
 def _box(material: str, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> Part:
     """Clutter between two corners."""
-    spans = (x, y, z)
-    low, high = [s[0] for s in spans], [s[1] for s in spans]
-    middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
-    extent = [b - a for a, b in zip(low, high, strict=True)]
-    return Part("clutter", material, (middle[0], middle[1], middle[2]), (extent[0], extent[1], extent[2]))
+    middle = (sum(x) / 2, sum(y) / 2, sum(z) / 2)
+    return Part("clutter", material, middle, (x[1] - x[0], y[1] - y[0], z[1] - z[0]))
 
 
 def _post(material: str, x: float, y: float, z: tuple[float, float], diameter: float) -> Part:
@@ -22,75 +19,16 @@ def _post(material: str, x: float, y: float, z: tuple[float, float], diameter: f
     return Part("clutter", material, middle, extent, shape="cylinder")
 
 
-def bench() -> list[Part]:
-    """A laboratory bench with a blue cupboard below and a shelf for instruments."""
-    return [
-        _box("cabinet", (0.05, 0.68), (-0.88, 0.88), (0.0, 0.86)),
-        _box("worktop", (0.0, 0.75), (-0.9, 0.9), (0.86, 0.9)),
-        _box("worktop", (0.0, 0.3), (-0.9, 0.9), (1.28, 1.31)),
-        _box("steel", (0.02, 0.05), (-0.9, 0.9), (0.9, 1.28)),
-        *_oscilloscope(0.2, -0.45, 1.31),
-        _box("instrument", (0.06, 0.28), (0.2, 0.55), (1.31, 1.45)),
-    ]
+def _lying(material: str, diameter: float, y: tuple[float, float]) -> Part:
+    """A cylinder of clutter whose axis is along y, on the shaft of a machine."""
+    middle, extent = (0.45, sum(y) / 2, 0.52), (diameter, diameter, y[1] - y[0])
+    return Part("clutter", material, middle, extent, shape="lying_cylinder")
 
 
 def _oscilloscope(x: float, y: float, z: float) -> list[Part]:
     return [
         _box("instrument", (x - 0.12, x + 0.06), (y - 0.17, y + 0.17), (z, z + 0.2)),
         _box("screen", (x + 0.06, x + 0.065), (y - 0.14, y + 0.04), (z + 0.06, z + 0.17)),
-    ]
-
-
-def plain_bench() -> list[Part]:
-    """A bench with drawers and nothing on it."""
-    return [
-        _box("cabinet", (0.05, 0.68), (-0.88, 0.88), (0.0, 0.86)),
-        _box("worktop", (0.0, 0.75), (-0.9, 0.9), (0.86, 0.9)),
-        _box("steel", (0.68, 0.69), (-0.8, -0.05), (0.62, 0.64)),
-        _box("steel", (0.68, 0.69), (0.05, 0.8), (0.62, 0.64)),
-    ]
-
-
-def table() -> list[Part]:
-    """A table with four legs."""
-    x, y = (0.06, 0.74), (-0.74, 0.74)
-    return [
-        _box("wood", (0.0, 0.8), (-0.8, 0.8), (0.71, 0.74)),
-        _box("steel", (0.03, 0.77), (-0.77, 0.77), (0.6, 0.71)),
-        *(_box("steel", (a - 0.02, a + 0.02), (b - 0.02, b + 0.02), (0.0, 0.6)) for a in x for b in y),
-    ]
-
-
-def conference_table() -> list[Part]:
-    """A long table on two plinths."""
-    return [
-        _box("wood", (0.0, 1.2), (-1.5, 1.5), (0.7, 0.74)),
-        _box("dark_wood", (0.1, 1.1), (-1.4, 1.4), (0.6, 0.7)),
-        _box("dark_wood", (0.35, 0.85), (-1.2, -0.8), (0.0, 0.6)),
-        _box("dark_wood", (0.35, 0.85), (0.8, 1.2), (0.0, 0.6)),
-    ]
-
-
-def desk() -> list[Part]:
-    """A writing desk with a computer."""
-    return [
-        _box("wood", (0.0, 0.7), (-0.7, 0.7), (0.71, 0.74)),
-        _box("wood", (0.03, 0.64), (-0.66, 0.66), (0.6, 0.71)),
-        _box("wood", (0.0, 0.68), (-0.7, -0.66), (0.0, 0.71)),
-        _box("wood", (0.05, 0.62), (0.3, 0.7), (0.0, 0.6)),
-        *_computer(0.16),
-    ]
-
-
-def computer_desk() -> list[Part]:
-    """A narrow desk of a computer room; the computer stands below."""
-    return [
-        _box("worktop", (0.0, 0.7), (-0.7, 0.7), (0.71, 0.74)),
-        _box("steel", (0.03, 0.64), (-0.66, 0.66), (0.6, 0.71)),
-        _box("steel", (0.04, 0.66), (-0.7, -0.66), (0.0, 0.71)),
-        _box("steel", (0.04, 0.66), (0.66, 0.7), (0.0, 0.71)),
-        _box("black", (0.08, 0.52), (0.42, 0.61), (0.02, 0.42)),
-        *_computer(0.16),
     ]
 
 
@@ -102,180 +40,160 @@ def _computer(x: float) -> list[Part]:
     ]
 
 
-def chair() -> list[Part]:
-    """An office chair on a column with a crossed foot."""
-    return [
+PIECES: dict[str, list[Part]] = {
+    # A laboratory bench with a blue cupboard below and a shelf for instruments.
+    "bench": [
+        _box("cabinet", (0.05, 0.68), (-0.88, 0.88), (0.0, 0.86)),
+        _box("worktop", (0.0, 0.75), (-0.9, 0.9), (0.86, 0.9)),
+        _box("worktop", (0.0, 0.3), (-0.9, 0.9), (1.28, 1.31)),
+        _box("steel", (0.02, 0.05), (-0.9, 0.9), (0.9, 1.28)),
+        *_oscilloscope(0.2, -0.45, 1.31),
+        _box("instrument", (0.06, 0.28), (0.2, 0.55), (1.31, 1.45)),
+    ],
+    # A bench with drawers and nothing on it.
+    "plain_bench": [
+        _box("cabinet", (0.05, 0.68), (-0.88, 0.88), (0.0, 0.86)),
+        _box("worktop", (0.0, 0.75), (-0.9, 0.9), (0.86, 0.9)),
+        _box("steel", (0.68, 0.69), (-0.8, -0.05), (0.62, 0.64)),
+        _box("steel", (0.68, 0.69), (0.05, 0.8), (0.62, 0.64)),
+    ],
+    # A table with four legs.
+    "table": [
+        _box("wood", (0.0, 0.8), (-0.8, 0.8), (0.71, 0.74)),
+        _box("steel", (0.03, 0.77), (-0.77, 0.77), (0.6, 0.71)),
+        *(
+            _box("steel", (x - 0.02, x + 0.02), (y - 0.02, y + 0.02), (0.0, 0.6))
+            for x in (0.06, 0.74)
+            for y in (-0.74, 0.74)
+        ),
+    ],
+    # A long table on two plinths.
+    "conference_table": [
+        _box("wood", (0.0, 1.2), (-1.5, 1.5), (0.7, 0.74)),
+        _box("dark_wood", (0.1, 1.1), (-1.4, 1.4), (0.6, 0.7)),
+        _box("dark_wood", (0.35, 0.85), (-1.2, -0.8), (0.0, 0.6)),
+        _box("dark_wood", (0.35, 0.85), (0.8, 1.2), (0.0, 0.6)),
+    ],
+    # A writing desk with a computer.
+    "desk": [
+        _box("wood", (0.0, 0.7), (-0.7, 0.7), (0.71, 0.74)),
+        _box("wood", (0.03, 0.64), (-0.66, 0.66), (0.6, 0.71)),
+        _box("wood", (0.0, 0.68), (-0.7, -0.66), (0.0, 0.71)),
+        _box("wood", (0.05, 0.62), (0.3, 0.7), (0.0, 0.6)),
+        *_computer(0.16),
+    ],
+    # A narrow desk of a computer room; the computer stands below.
+    "computer_desk": [
+        _box("worktop", (0.0, 0.7), (-0.7, 0.7), (0.71, 0.74)),
+        _box("steel", (0.03, 0.64), (-0.66, 0.66), (0.6, 0.71)),
+        _box("steel", (0.04, 0.66), (-0.7, -0.66), (0.0, 0.71)),
+        _box("steel", (0.04, 0.66), (0.66, 0.7), (0.0, 0.71)),
+        _box("black", (0.08, 0.52), (0.42, 0.61), (0.02, 0.42)),
+        *_computer(0.16),
+    ],
+    # An office chair on a column with a crossed foot.
+    "chair": [
         _box("fabric", (0.05, 0.47), (-0.22, 0.22), (0.43, 0.49)),
         _box("fabric", (0.02, 0.07), (-0.2, 0.2), (0.49, 0.95)),
         _box("steel", (0.23, 0.29), (-0.03, 0.03), (0.08, 0.43)),
         _box("black", (0.02, 0.5), (-0.03, 0.03), (0.03, 0.08)),
         _box("black", (0.23, 0.29), (-0.24, 0.24), (0.03, 0.08)),
-    ]
-
-
-def stool() -> list[Part]:
-    """A round laboratory stool."""
-    return [
+    ],
+    # A round laboratory stool.
+    "stool": [
         _post("fabric", 0.2, 0.0, (0.58, 0.64), 0.36),
         _box("steel", (0.18, 0.22), (-0.02, 0.02), (0.04, 0.58)),
         _box("black", (0.0, 0.4), (-0.03, 0.03), (0.0, 0.04)),
         _box("black", (0.17, 0.23), (-0.2, 0.2), (0.0, 0.04)),
-    ]
-
-
-def cabinet() -> list[Part]:
-    """A tall cupboard with two doors."""
-    return [
+    ],
+    # A tall cupboard with two doors.
+    "cabinet": [
         _box("cabinet", (0.0, 0.43), (-0.45, 0.45), (0.0, 1.9)),
         _box("cabinet_door", (0.43, 0.45), (-0.44, -0.01), (0.08, 1.88)),
         _box("cabinet_door", (0.43, 0.45), (0.01, 0.44), (0.08, 1.88)),
-    ]
-
-
-def lockers() -> list[Part]:
-    """Four lockers side by side."""
-    doors = [(y + 0.01, y + 0.29) for y in (-0.6, -0.3, 0.0, 0.3)]
-    return [
+    ],
+    # Four lockers side by side.
+    "lockers": [
         _box("steel", (0.0, 0.43), (-0.6, 0.6), (0.0, 1.8)),
-        *(_box("locker_door", (0.43, 0.45), span, (0.06, 1.77)) for span in doors),
-    ]
-
-
-def shelf() -> list[Part]:
-    """An open shelf with books and boxes."""
-    boards = (0.04, 0.62, 1.2, 1.78)
-    return [
+        *(_box("locker_door", (0.43, 0.45), (y + 0.01, y + 0.29), (0.06, 1.77)) for y in (-0.6, -0.3, 0.0, 0.3)),
+    ],
+    # An open shelf with books and boxes.
+    "shelf": [
         _box("dark_wood", (0.0, 0.35), (-0.5, -0.47), (0.0, 1.9)),
         _box("dark_wood", (0.0, 0.35), (0.47, 0.5), (0.0, 1.9)),
-        *(_box("wood", (0.0, 0.35), (-0.47, 0.47), (z, z + 0.03)) for z in boards),
+        *(_box("wood", (0.0, 0.35), (-0.47, 0.47), (z, z + 0.03)) for z in (0.04, 0.62, 1.2, 1.78)),
         _box("cardboard", (0.02, 0.33), (-0.4, 0.1), (0.07, 0.4)),
         _box("book_red", (0.04, 0.26), (-0.46, 0.25), (0.65, 0.93)),
         _box("book_blue", (0.04, 0.27), (-0.3, 0.44), (1.23, 1.53)),
-    ]
-
-
-def rack() -> list[Part]:
-    """A cabinet of electronic equipment."""
-    units = ((0.3, 0.55), (0.7, 0.85), (1.0, 1.4))
-    return [
+    ],
+    # A cabinet of electronic equipment.
+    "rack": [
         _box("black", (0.0, 0.7), (-0.3, 0.3), (0.0, 2.0)),
-        *(_box("instrument", (0.7, 0.71), (-0.25, 0.25), unit) for unit in units),
-    ]
-
-
-def machine() -> list[Part]:
-    """A motor and a generator on one shaft."""
-    shaft = [("motor", 0.42, (-0.85, -0.15)), ("steel", 0.08, (-0.15, 0.1)), ("generator", 0.38, (0.1, 0.7))]
-    return [
+        *(_box("instrument", (0.7, 0.71), (-0.25, 0.25), z) for z in ((0.3, 0.55), (0.7, 0.85), (1.0, 1.4))),
+    ],
+    # A motor and a generator on one shaft.
+    "machine": [
         _box("concrete", (0.1, 0.8), (-0.95, 0.95), (0.0, 0.3)),
-        *(
-            Part(
-                "clutter",
-                material,
-                (0.45, sum(y) / 2, 0.52),
-                (size, size, y[1] - y[0]),
-                shape="lying_cylinder",
-            )
-            for material, size, y in shaft
-        ),
+        _lying("motor", 0.42, (-0.85, -0.15)),
+        _lying("steel", 0.08, (-0.15, 0.1)),
+        _lying("generator", 0.38, (0.1, 0.7)),
         _box("motor", (0.3, 0.6), (-0.65, -0.35), (0.7, 0.82)),
-    ]
-
-
-def switchboard() -> list[Part]:
-    """A panel of meters and switches."""
-    meters = [(-0.3, 1.45), (0.0, 1.45), (0.3, 1.45)]
-    return [
+    ],
+    # A panel of meters and switches.
+    "switchboard": [
         _box("grey", (0.0, 0.5), (-0.6, 0.6), (0.0, 1.9)),
         _box("worktop", (0.5, 0.51), (-0.55, 0.55), (0.3, 1.1)),
-        *(_box("screen", (0.5, 0.515), (y - 0.1, y + 0.1), (z - 0.1, z + 0.1)) for y, z in meters),
-    ]
-
-
-def whiteboard() -> list[Part]:
-    """On the wall."""
-    return [
+        *(_box("screen", (0.5, 0.515), (y - 0.1, y + 0.1), (1.35, 1.55)) for y in (-0.3, 0.0, 0.3)),
+    ],
+    # On the wall.
+    "whiteboard": [
         Part("wall", "white", (0.015, 0, 1.5), (0.03, 2.2, 1.2), solid=False),
         Part("wall", "steel", (0.05, 0, 0.89), (0.1, 2.2, 0.02), solid=False),
-    ]
-
-
-def notice_board() -> list[Part]:
-    """On the wall, with papers."""
-    papers = ((-0.4, 1.6), (-0.05, 1.42), (0.4, 1.55))
-    return [
+    ],
+    # On the wall, with papers.
+    "notice_board": [
         Part("wall", "cork", (0.01, 0, 1.5), (0.02, 1.5, 0.9), solid=False),
-        *(Part("wall", "white", (0.012, y, z), (0.024, 0.21, 0.3), solid=False) for y, z in papers),
-    ]
-
-
-def radiator() -> list[Part]:
-    """Below a window."""
-    return [_box("white", (0.03, 0.13), (-0.6, 0.6), (0.12, 0.72))]
-
-
-def seat_row() -> list[Part]:
-    """A bench to sit on in the corridor."""
-    return [
+        *(
+            Part("wall", "white", (0.012, y, z), (0.024, 0.21, 0.3), solid=False)
+            for y, z in ((-0.4, 1.6), (-0.05, 1.42), (0.4, 1.55))
+        ),
+    ],
+    # Below a window.
+    "radiator": [_box("white", (0.03, 0.13), (-0.6, 0.6), (0.12, 0.72))],
+    # A bench to sit on in the corridor.
+    "seat_row": [
         _box("wood", (0.05, 0.45), (-0.75, 0.75), (0.4, 0.44)),
         _box("steel", (0.1, 0.4), (-0.65, -0.6), (0.0, 0.4)),
         _box("steel", (0.1, 0.4), (0.6, 0.65), (0.0, 0.4)),
-    ]
-
-
-def counter() -> list[Part]:
-    """A porter's desk."""
-    return [
+    ],
+    # A porter's desk.
+    "counter": [
         _box("dark_wood", (0.0, 0.6), (-1.0, 1.0), (0.0, 1.06)),
         _box("worktop", (-0.05, 0.65), (-1.05, 1.05), (1.06, 1.1)),
-    ]
-
-
-def waste_bin() -> list[Part]:
-    """For waste paper."""
-    return [_box("grey", (0.03, 0.27), (-0.15, 0.15), (0.0, 0.4))]
-
-
-def plant() -> list[Part]:
-    """In a pot."""
-    return [
-        _post("terracotta", 0.2, 0.0, (0.0, 0.36), 0.36),
-        _post("leaf", 0.2, 0.0, (0.36, 1.2), 0.4),
-    ]
-
-
-def extinguisher() -> list[Part]:
-    """On the wall."""
-    return [
+    ],
+    # For waste paper.
+    "waste_bin": [_box("grey", (0.03, 0.27), (-0.15, 0.15), (0.0, 0.4))],
+    # In a pot.
+    "plant": [_post("terracotta", 0.2, 0.0, (0.0, 0.36), 0.36), _post("leaf", 0.2, 0.0, (0.36, 1.2), 0.4)],
+    # On the wall.
+    "extinguisher": [
         _post("red", 0.1, 0.0, (0.55, 1.0), 0.16),
         _box("black", (0.05, 0.15), (-0.02, 0.02), (1.0, 1.1)),
-    ]
-
-
-def cartons() -> list[Part]:
-    """Three boxes, one on another."""
-    return [
+    ],
+    # Three boxes, one on another.
+    "cartons": [
         _box("cardboard", (0.0, 0.5), (-0.45, 0.1), (0.0, 0.4)),
         *moved([_box("cardboard", (0.0, 0.4), (-0.2, 0.2), (0.0, 0.35))], 0.08, 0.36, 12),
         *moved([_box("cardboard", (0.0, 0.36), (-0.2, 0.2), (0.4, 0.7))], 0.06, -0.2, -8),
-    ]
-
-
-def fallen_table() -> list[Part]:
-    """On its side, its legs towards +x."""
-    legs = [(y, z) for y in (-0.7, 0.7) for z in (0.08, 0.72)]
-    return [
+    ],
+    # On its side, its legs towards +x.
+    "fallen_table": [
         _box("wood", (0.0, 0.03), (-0.8, 0.8), (0.0, 0.8)),
-        *(_box("steel", (0.03, 0.73), (y - 0.02, y + 0.02), (z - 0.02, z + 0.02)) for y, z in legs),
-    ]
-
-
-PIECES = {
-    make.__name__: make
-    for make in (
-        bench, plain_bench, table, conference_table, desk, computer_desk, chair, stool, cabinet, lockers, shelf,
-        rack, machine, switchboard, whiteboard, notice_board, radiator, seat_row, counter, waste_bin, plant,
-        extinguisher, cartons, fallen_table,
-    )
-}  # fmt: skip
+        *(
+            _box("steel", (0.03, 0.73), (y - 0.02, y + 0.02), (z - 0.02, z + 0.02))
+            for y in (-0.7, 0.7)
+            for z in (0.08, 0.72)
+        ),
+    ],
+}
 """Every kind of furniture, by name."""

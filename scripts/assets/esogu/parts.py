@@ -20,7 +20,7 @@ class Part:
 
     Attributes:
         label: name of its default class.
-        material: what it looks like.
+        material: name of its colour or texture.
         middle: x, y, z in m.
         extent: whole lengths along its own x, y, z in m; of a cylinder its diameter twice, and its length.
         yaw: deg, how far it is turned left.
@@ -40,11 +40,7 @@ class Part:
         """Turned left about the origin by ``yaw`` (deg), then shifted by ``x``, ``y`` (m)."""
         turn = np.radians(yaw)
         px, py, pz = self.middle
-        middle = (
-            x + np.cos(turn) * px - np.sin(turn) * py,
-            y + np.sin(turn) * px + np.cos(turn) * py,
-            pz,
-        )
+        middle = (x + np.cos(turn) * px - np.sin(turn) * py, y + np.sin(turn) * px + np.cos(turn) * py, pz)
         return replace(self, middle=middle, yaw=(self.yaw + yaw) % 360)
 
     def element(self, name: str) -> Element:
@@ -64,9 +60,7 @@ class Part:
     def _quat(self) -> str | None:
         half = np.radians(self.yaw) / 2
         if self.shape == "lying_cylinder":  # its axis, z, is laid along y first
-            return numbers(
-                np.sqrt(0.5) * np.array([np.cos(half), -np.cos(half), -np.sin(half), np.sin(half)])
-            )
+            return numbers(np.sqrt(0.5) * np.array([np.cos(half), -np.cos(half), -np.sin(half), np.sin(half)]))
         if abs(self.yaw) < MARGIN or self.shape == "cylinder":
             return None
         return numbers([np.cos(half), 0, 0, np.sin(half)])

@@ -73,20 +73,14 @@ def _wrist(points: Points) -> NDArray[np.float64]:
 
 def _collar(points: Points) -> NDArray[np.float64]:
     """Lower in front than behind; the shoulders stay out of it."""
-    height = (
-        points[..., 1]
-        - COLLAR
-        - 0.02
-        - 0.35 * -points[..., 2]
-        - 0.6 * np.maximum(np.abs(points[..., 0]) - 0.05, 0)
-    )
-    return np.where(np.abs(points[..., 0]) < 0.19, height, np.where(points[..., 1] > 0.62, 1, -1))
+    x, y, z = np.abs(points[..., 0]), points[..., 1], points[..., 2]
+    height = y - COLLAR - 0.02 - 0.35 * -z - 0.6 * np.maximum(x - 0.05, 0)
+    return np.where(x < 0.19, height, np.where(y > 0.62, 1, -1))
 
 
 def _waist(points: Points) -> NDArray[np.float64]:
-    return np.where(
-        np.abs(points[..., 1] - WAIST) < 0.1, points[..., 1] - WAIST, 1 * np.sign(points[..., 1] - WAIST)
-    )
+    up = points[..., 1] - WAIST
+    return np.where(np.abs(up) < 0.1, up, np.sign(up))
 
 
 def _hem(points: Points) -> NDArray[np.float64]:

@@ -24,7 +24,7 @@ BLOCK = (0.26, 0.3, 0.25)
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a posture is brought about, and what it must look like in the end.
+    """How a posture is brought about, and what must hold at rest.
 
     Attributes:
         turn: about the person's own x, y, z before the fall: most likely angles, degrees.
@@ -145,9 +145,7 @@ class Ragdoll:
             deepest = min(contacts, key=lambda c: c.dist, default=None)
             if deepest is None or deepest.dist > -0.002:
                 break
-            away = (
-                1 if bodies[deepest.geom1] == 0 else -1
-            )  # the normal points from the first geom to the second
+            away = 1 if bodies[deepest.geom1] == 0 else -1  # the normal points from geom1 to geom2
             physics.data.qpos[:3] += away * deepest.frame[:3] * (0.001 - deepest.dist)
 
     def _angles(self, rng: np.random.Generator) -> dict[str, float]:
@@ -171,8 +169,7 @@ class Ragdoll:
             joint.stiffness = self._stiffness(name, self._recipe.rest_strength)
 
     def _stiffness(self, name: str, strength: float) -> float:
-        trunk = any(part in name for part in ("back", "thorax", "neck", "head"))
-        if trunk:
+        if any(part in name for part in ("back", "thorax", "neck", "head")):
             return 12.0 * strength
         return 6.0 * strength if "femur" in name else 2.5 if "humerus" in name else 1.5
 

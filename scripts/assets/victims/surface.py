@@ -136,32 +136,21 @@ def fitted(primitives: list[Primitive], vertices: Points) -> Points:
     return vertices
 
 
-def level_set(
-    distance: Callable[[Points], NDArray[np.float64]], triangles: int
-) -> tuple[Points, NDArray[np.int64]]:
+def level_set(distance: Callable[[Points], NDArray[np.float64]], triangles: int) -> tuple[Points, NDArray[np.int64]]:
     """Vertices and faces of the surface where a distance is 0, with about so many triangles.
 
     Naive surface nets: a vertex in each cell that the surface crosses, a quad for each edge that it crosses.
     """
     low, high = np.array([-1.12, -1.14, -0.2]), np.array([1.12, 0.93, 0.36])
     axes = [np.arange(a, b, GRID) for a, b in zip(low, high, strict=True)]
-    values = np.stack([_slab(distance, x, axes[1], axes[2]) for x in axes[0]])
-    vertices, faces = _surface_net(values)
+    slabs = (np.stack(np.meshgrid([x], *axes[1:], indexing="ij"), axis=-1) for x in axes[0])
+    values = np.concatenate([distance(slab.reshape(-1, 3)) for slab in slabs])
+    vertices, faces = _surface_net(values.reshape([len(axis) for axis in axes]))
     mesh = o3d.geometry.TriangleMesh(
         o3d.utility.Vector3dVector(vertices * GRID + low), o3d.utility.Vector3iVector(faces)
     )
     mesh = mesh.filter_smooth_taubin(5).simplify_quadric_decimation(triangles)
     return np.asarray(mesh.vertices), np.asarray(mesh.triangles, np.int64)
-
-
-def _slab(
-    distance: Callable[[Points], NDArray[np.float64]],
-    x: float,
-    y: NDArray[np.float64],
-    z: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    points = np.stack(np.meshgrid([x], y, z, indexing="ij"), axis=-1)
-    return distance(points.reshape(-1, 3)).reshape(len(y), len(z))
 
 
 def _surface_net(values: NDArray[np.float64]) -> tuple[Points, NDArray[np.int64]]:
@@ -192,9 +181,7 @@ def _quads(inside: NDArray[np.bool_], index: NDArray[np.int64], axis: int) -> ND
     turned = np.moveaxis(index, axis, 0)
     edges = np.argwhere(before != after)
     i, j, k = edges[np.all(edges[:, 1:] > 0, axis=1)].T
-    quad = np.stack(
-        [turned[i, j - 1, k - 1], turned[i, j, k - 1], turned[i, j, k], turned[i, j - 1, k]], axis=1
-    )
+    quad = np.stack([turned[i, j - 1, k - 1], turned[i, j, k - 1], turned[i, j, k], turned[i, j - 1, k]], axis=1)
     flip = before[i, j, k] == (axis == 1)
     quad[flip] = quad[flip][:, ::-1]
     return np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])

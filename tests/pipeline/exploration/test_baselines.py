@@ -5,19 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pipeline.exploration.baselines import ROBOT_SIZE, NearestFrontier, RandomWalk
+from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.transforms import from_yaw
-from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
+from tests.pipeline.exploration.asking import CAMERA, frontiers, next_viewpoint
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
-
-
-def next_viewpoint(exploration: Exploration, world, pose):
-    traversability = assess_map(world)
-    return exploration.next_viewpoint(
-        traversability, world.measured, ShortestPaths(traversability, pose[:2, 3]), pose
-    )
 
 
 def room(*corners, x=(-2.0, 2.0), y=(-2.0, 2.0)):
@@ -39,16 +33,16 @@ def corridor(west, east):
 
 
 def test_the_nearest_frontier_in_view_is_looked_at_from_where_the_robot_stands():
-    viewpoint = next_viewpoint(NearestFrontier(), corridor(-6, 2), from_yaw(0, 0, 0, 0))
+    viewpoint = next_viewpoint(NearestFrontier(PIONEER), corridor(-6, 2), from_yaw(0, 0, 0, 0))
     assert abs(viewpoint.heading) < np.deg2rad(30)
     np.testing.assert_allclose(viewpoint.position, (0, 0), atol=1e-9)
-    assert viewpoint.gain >= ROBOT_SIZE
+    assert viewpoint.gain >= PIONEER.length * PIONEER.width
 
 
 def test_it_drives_only_so_near_that_the_frontier_is_in_view():
-    exploration = NearestFrontier()
+    exploration = NearestFrontier(PIONEER)
     viewpoint = next_viewpoint(exploration, corridor(-9, 6), from_yaw(0, 0, 0, 0))
-    assert exploration.config.near < 6 - viewpoint.position[0] <= exploration.config.far + 0.3
+    assert CAMERA.near < 6 - viewpoint.position[0] <= CAMERA.far + 0.3
     assert viewpoint.turn
 
 
@@ -57,28 +51,28 @@ def test_what_is_larger_does_not_draw_it_away_from_what_is_nearer():
     world.update(wall_points((1.5, 0.4), (1.5, 2)))  # a door in the east, all open in the west
     world.update(wall_points((1.5, 2), (-4, 2)))
     pose = from_yaw(0, 0, 0, np.pi)
-    assert abs(next_viewpoint(NearestFrontier(), world, pose).heading) < np.deg2rad(30)
-    assert abs(next_viewpoint(Exploration(), world, pose).heading) > np.deg2rad(90)
+    assert abs(next_viewpoint(NearestFrontier(PIONEER), world, pose).heading) < np.deg2rad(30)
+    assert abs(next_viewpoint(Exploration(PIONEER), world, pose).heading) > np.deg2rad(90)
 
 
 def test_a_frontier_smaller_than_the_robot_comes_last_but_comes():
     gains = np.array([[0.1, 0.2], [0.0, 0.9], [0.3, 0.8]])
     distance, seconds = np.array([0.0, 2.0, 1.0]), np.ones((3, 2))
-    worth = NearestFrontier()._worth(gains, distance, seconds)
+    worth = NearestFrontier(PIONEER).worth(gains, distance, seconds)
     np.testing.assert_equal(worth, [[0, 0], [0, 0], [0.3, 0.8]])
-    worth = NearestFrontier()._worth(0.25 * gains, distance, seconds)
+    worth = NearestFrontier(PIONEER).worth(0.25 * gains, distance, seconds)
     np.testing.assert_equal(worth, 0.25 * np.array([[0, 0.2], [0, 0], [0, 0]]))
-    assert not NearestFrontier()._worth(0.01 * gains, distance, seconds).any()
+    assert not NearestFrontier(PIONEER).worth(0.01 * gains, distance, seconds).any()
 
 
 def test_nothing_is_left_in_a_closed_room():
-    exploration = NearestFrontier()
+    exploration = NearestFrontier(PIONEER)
     assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
-    assert len(exploration.frontiers) == 0
+    assert len(frontiers(exploration, closed_room(), from_yaw(0, 0, 0, 0))) == 0
 
 
 def test_a_frontier_that_never_comes_into_view_is_given_up():
-    world, exploration, pose = corridor(-3, 2), NearestFrontier(), from_yaw(0, 0, 0, 0)
+    world, exploration, pose = corridor(-3, 2), NearestFrontier(PIONEER), from_yaw(0, 0, 0, 0)
     world.update(wall_points((-3, -1), (-3, 1)))
     viewpoints = []
     while (viewpoint := next_viewpoint(exploration, world, pose)) is not None and len(viewpoints) < 100:
@@ -88,9 +82,9 @@ def test_a_frontier_that_never_comes_into_view_is_given_up():
     assert len({tuple(v.position) for v in viewpoints}) > 1
 
 
-def test_nobody_looks_from_where_the_robot_cannot_stand():
+def test_no_viewpoint_where_the_robot_cannot_stand():
     world = surface_of(ground_points(flat, (0, 0.3), (0, 0.3)))
-    for exploration in (NearestFrontier(), RandomWalk(0)):
+    for exploration in (NearestFrontier(PIONEER), RandomWalk(PIONEER, 0)):
         assert next_viewpoint(exploration, world, from_yaw(0.1, 0.1, 0, 0)) is None
 
 
@@ -98,7 +92,7 @@ def test_a_random_walk_goes_by_its_seed_and_ends():
     world, pose = closed_room(), from_yaw(0, 0, 0, 0)
 
     def walk(seed):
-        exploration = RandomWalk(seed, steps=5)
+        exploration = RandomWalk(PIONEER, seed, steps=5)
         viewpoints = [next_viewpoint(exploration, world, pose) for _ in range(5)]
         assert next_viewpoint(exploration, world, pose) is None
         return [(*viewpoint.position, viewpoint.heading) for viewpoint in viewpoints]
@@ -109,7 +103,7 @@ def test_a_random_walk_goes_by_its_seed_and_ends():
 
 @pytest.mark.parametrize("stride", [0.5, 1.0])
 def test_a_random_walk_stays_where_the_robot_can_turn_and_not_far(stride):
-    world, exploration, pose = corridor(-9, 6), RandomWalk(0, stride), from_yaw(0, 0, 0, 0)
+    world, exploration, pose = corridor(-9, 6), RandomWalk(PIONEER, 0, stride), from_yaw(0, 0, 0, 0)
     traversability = assess_map(world)
     for _ in range(10):
         viewpoint = next_viewpoint(exploration, world, pose)

@@ -3,20 +3,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.next_best_view import Exploration, ExplorationConfig, Viewpoint
+from pipeline.exploration.next_best_view import MAX_MISSES, Exploration, arrival_headings
 from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
+from tests.pipeline.exploration.asking import CAMERA, frontiers, next_viewpoint
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
-
-
-def next_viewpoint(exploration, world, pose):
-    traversability = assess_map(world)
-    return exploration.next_viewpoint(
-        traversability, world.measured, ShortestPaths(traversability, pose[:2, 3]), pose
-    )
 
 
 def closed_room():
@@ -29,29 +25,29 @@ def test_it_looks_where_the_known_ground_ends():
     world = surface_of(ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1)))
     for y in (-1, 1):
         world.update(wall_points((-2, y), (2, y)))
-    viewpoint = next_viewpoint(Exploration(), world, from_yaw(0, 0, 0, 0))
+    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, 0))
     assert viewpoint is not None
     assert abs(viewpoint.heading) < np.deg2rad(30)
     assert viewpoint.gain > 0.5
 
 
 def test_nothing_is_left_in_a_closed_room():
-    exploration = Exploration()
+    exploration = Exploration(PIONEER)
     assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
-    assert len(exploration.frontiers) == 0
+    assert len(frontiers(exploration, closed_room(), from_yaw(0, 0, 0, 0))) == 0
 
 
 def test_walls_hide_what_lies_behind_them():
     world = closed_room()
     world.update(ground_points(flat, (4, 6), (-2, 2)))  # an island of known ground outside
-    assert next_viewpoint(Exploration(), world, from_yaw(0, 0, 0, 0)) is None
+    assert next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, 0)) is None
 
 
 def test_the_nearer_of_two_equal_openings_is_looked_at_first():
     world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
     for y in (-1, 1):
         world.update(wall_points((-4, y), (2, y)))
-    viewpoint = next_viewpoint(Exploration(), world, from_yaw(0.5, 0, 0, 0))
+    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0.5, 0, 0, 0))
     assert viewpoint.position[0] > -1
     assert abs(viewpoint.heading) < np.deg2rad(30)
 
@@ -60,20 +56,20 @@ def test_frontiers_are_where_reachable_ground_meets_the_unknown():
     world = surface_of(ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1)))
     for y in (-1, 1):
         world.update(wall_points((-2, y), (2, y)))
-    exploration = Exploration()
-    next_viewpoint(exploration, world, from_yaw(0, 0, 0, 0))
-    assert len(exploration.frontiers) == 1
-    np.testing.assert_allclose(exploration.frontiers[0], (1.7, 0, 0), atol=0.2)
+    exploration = Exploration(PIONEER)
+    found = frontiers(exploration, world, from_yaw(0, 0, 0, 0))
+    assert len(found) == 1
+    np.testing.assert_allclose(found[0], (1.7, 0, 0), atol=0.2)
 
 
-def test_ground_that_a_look_did_not_show_is_looked_for_from_elsewhere_and_then_given_up():
+def test_ground_that_a_keyframe_missed_is_sought_from_elsewhere_and_then_given_up():
     world = surface_of(ground_points(flat, (-3, 1.5), (-1, 1)))
     for y in (-1, 1):
         world.update(wall_points((-3, y), (1.5, y)))
     world.update(wall_points((-3, -1), (-3, 1)))
-    exploration = Exploration(ExplorationConfig(max_misses=3))
+    exploration = Exploration(PIONEER)
     pose, viewpoints = from_yaw(0, 0, 0, 0), []
-    for _ in range(30):
+    for _ in range(15 * MAX_MISSES):
         viewpoint = next_viewpoint(exploration, world, pose)  # nothing new ever comes into view
         if viewpoint is None:
             break
@@ -84,25 +80,24 @@ def test_ground_that_a_look_did_not_show_is_looked_for_from_elsewhere_and_then_g
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_whatever_is_promised_is_expected_to_be_seen(seed):
+def test_cells_are_in_view_wherever_a_gain_is_expected(seed):
     """Also what one ray slips through to whose samples lie on the border of two cells, as every second one at 60°."""
-    exploration, rays, shape = Exploration(), ExplorationConfig.rays, (140, 140)
+    shape, camera = (140, 140), CAMERA
     pillars = np.random.default_rng(seed).random(shape) < 0.2  # few rays get through
-    ground = kernels.Ground(
+    terrain = kernels.Terrain(
         origin=np.full(2, -3.5),
         cell=0.05,
         elevation=np.where(pillars, 3, 0).astype(np.float32),
         gradient=np.zeros((*shape, 2), np.float32),
         target=np.hypot(*(np.indices(shape) - 70)) > 45,
-        hope=np.ones(shape, np.float32),
+        probability=np.ones(shape, np.float32),
         missed_from=np.full((*shape, 2), np.inf, np.float32),
-        blind_radius=0.35,
     )
     place = np.array([0.025, 0.025])
-    gains = exploration._gains(place, np.zeros((0, 2), np.int64), ground)[0]
-    for m in np.flatnonzero(gains):
-        viewpoint = Viewpoint(place, wrap_angle(m * 2 * np.pi / rays), True, float(gains[m]))
-        assert exploration._in_view(viewpoint, ground).any()
+    ray_gains = kernels.ray_gains(place[None], visibility.RAYS, camera, terrain)
+    for m in np.flatnonzero(visibility.gains(ray_gains, camera)[0]):
+        heading = wrap_angle(visibility.BEARINGS[m])
+        assert visibility.cells_in_view(place, heading, camera, terrain).any()
 
 
 def test_from_a_ramp_it_without_room_it_looks_along_its_way_only():
@@ -110,8 +105,8 @@ def test_from_a_ramp_it_without_room_it_looks_along_its_way_only():
     for y in (-0.5, 0.5):
         world.update(wall_points((-2.5, y), (0.05, y)))
     world.update(wall_points((-2.5, -0.5), (-2.5, 0.5)))
-    exploration, pose = Exploration(), from_yaw(-1.5, 0, 0, 0)
-    for _ in range(20):  # nobody sees what lies behind the crest from below it
+    exploration, pose = Exploration(PIONEER), from_yaw(-1.5, 0, 0, 0)
+    for _ in range(20):  # what lies behind the crest is not seen from below it
         viewpoint = next_viewpoint(exploration, world, pose)
         if viewpoint is None or not viewpoint.turn:
             break
@@ -126,11 +121,10 @@ def test_where_it_cannot_turn_at_all_it_arrives_forwards_or_backwards_or_not(yaw
     traversability = assess_map(surface_of(ground_points(lambda x, y: 0.28 * x, (-0.8, 0.8), (-0.39, 0.39))))
     here, uphill = np.array([-0.4, 0.025]), np.array([0.2, 0.025])
     assert not (traversability.turnable | traversability.slidable).any()
-    exploration, paths = Exploration(), ShortestPaths(traversability, here)
-    arrival = exploration._arrival(np.stack([here, uphill]), traversability, paths, np.deg2rad(yaw_deg))
+    paths = ShortestPaths(traversability, here)
+    arrival = arrival_headings(np.stack([here, uphill]), traversability, paths, np.deg2rad(yaw_deg))
     assert arrival[0] == pytest.approx(np.deg2rad(yaw_deg))
-    possible = exploration._possible(arrival)[1]
-    headings = np.flatnonzero(possible) * 2 * np.pi / exploration.config.rays
+    headings = visibility.BEARINGS[visibility.possible_bearings(arrival)[1]]
     np.testing.assert_allclose(headings, [] if arrival_deg is None else [np.deg2rad(arrival_deg)], atol=0.02)
 
 
@@ -143,18 +137,18 @@ def ridge_seen_up_to_its_crest() -> ElevationMap:
 
 
 def test_behind_a_crest_it_looks_from_where_rays_do_not_graze_the_slope():
-    viewpoint = next_viewpoint(Exploration(), ridge_seen_up_to_its_crest(), from_yaw(-3, 0, 0, 0))
+    viewpoint = next_viewpoint(Exploration(PIONEER), ridge_seen_up_to_its_crest(), from_yaw(-3, 0, 0, 0))
     # A slope of 16° sends rays back that fall by 24.5° at least: such pass a crest of 0.17 m within 0.95 m of the
     # camera. From the ramp itself the camera looks up.
     assert -0.95 - 0.17 < viewpoint.position[0] < -RUN
     assert abs(viewpoint.heading) < np.deg2rad(25)
 
 
-def test_ground_that_a_look_did_not_show_may_fall_away():
+def test_ground_that_a_keyframe_missed_may_fall_away():
     deck = surface_of(ground_points(flat, (-3, 1), (-0.6, 0.6)), wall_points((-3, -0.6), (-3, 0.6)))
     for y in (-0.6, 0.6):
         deck.update(wall_points((-3, y), (1, y)))
-    exploration = Exploration()
+    exploration = Exploration(PIONEER)
     first = next_viewpoint(exploration, deck, from_yaw(-1, 0, 0, 0))
     second = next_viewpoint(exploration, deck, from_yaw(*first.position, 0, first.heading))
     assert first.position[0] < 0
@@ -166,7 +160,7 @@ def test_where_it_cannot_turn_it_looks_as_it_stands():
     world = surface_of(ground_points(flat, (-0.33, 0.33), (-2, 2)))
     for x in (-0.33, 0.33):
         world.update(wall_points((x, -2), (x, 2)))
-    viewpoint = next_viewpoint(Exploration(), world, from_yaw(0, 0, 0, np.pi / 2))
+    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, np.pi / 2))
     assert viewpoint is not None
     assert not viewpoint.turn
     assert viewpoint.heading == pytest.approx(np.pi / 2, abs=0.02)
@@ -174,26 +168,26 @@ def test_where_it_cannot_turn_it_looks_as_it_stands():
 
 def test_no_view_from_where_the_robot_cannot_stand():
     world = surface_of(ground_points(flat, (0, 0.3), (0, 0.3)))
-    assert next_viewpoint(Exploration(), world, from_yaw(0.1, 0.1, 0, 0)) is None
+    assert next_viewpoint(Exploration(PIONEER), world, from_yaw(0.1, 0.1, 0, 0)) is None
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0, -3.0])
 def test_the_choice_does_not_depend_on_chance(yaw):
     world = surface_of(ground_points(flat, (-2, 2), (-2, 2)))
-    viewpoints = [next_viewpoint(Exploration(), world, from_yaw(0, 0, 0, yaw)) for _ in range(2)]
+    viewpoints = [next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, yaw)) for _ in range(2)]
     assert viewpoints[0].heading == viewpoints[1].heading
     np.testing.assert_array_equal(viewpoints[0].position, viewpoints[1].position)
 
 
 def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall():
-    world = ElevationMap()
+    world = ElevationMap(PIONEER)
     world.assume_ground(from_yaw(0, 0, 0, 0), 0.8, 0.0, 0.0)
     corners = [(-0.6, -1.0), (0.6, -1.0), (0.6, 1.0), (-0.6, 1.0), (-0.6, -1.0)]
     seen = ground_points(flat, (-0.6, 0.6), (-1, 1))
     # From where it can turn the camera sees nothing nearer than 1.04 m.
     seen = seen[np.abs(seen[:, 1] + 0.375) > 0.025]
     world.update(np.vstack([seen, *(wall_points(a, b) for a, b in pairwise(corners))]))
-    viewpoint = next_viewpoint(Exploration(ExplorationConfig(min_gain=0.02)), world, from_yaw(0, 0, 0, 0))
+    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, 0))
     assert viewpoint is not None
     assert viewpoint.backwards
     assert not viewpoint.turn
@@ -202,13 +196,13 @@ def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall
 
 
 def test_ground_taken_for_flat_before_a_ramp_is_seen_by_backing_up_the_ramp():
-    world = ElevationMap()
+    world = ElevationMap(PIONEER)
     world.assume_ground(from_yaw(-1.6, 0, 0, 0), 0.5, 0.0, 0.0)
     corners = [(-2.2, -0.6), (0.5, -0.6), (0.5, 0.6), (-2.2, 0.6), (-2.2, -0.6)]
     seen = ground_points(ridge, (-2.2, 0.5), (-0.6, 0.6))
     seen = seen[np.hypot(seen[:, 0] + 1.6, seen[:, 1]) > 0.3]
     world.update(np.vstack([seen, *(wall_points(a, b) for a, b in pairwise(corners))]))
-    viewpoint = next_viewpoint(Exploration(), world, from_yaw(-1.6, 0, 0, 0))
+    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(-1.6, 0, 0, 0))
     assert viewpoint is not None
     assert viewpoint.backwards
     assert viewpoint.position[0] > -RUN
@@ -226,8 +220,9 @@ def test_straight_ways_begin_where_it_can_turn_and_keep_the_corners_of_the_chass
         8,
         2.0,
         traversability.turnable,
+        np.array([PIONEER.half_length, PIONEER.half_width]),
         traversability.hazard,
-        traversability.rules(traversability.ramp_alignment),
+        traversability.rules(),
         traversability.grid.origin,
         traversability.grid.cell,
     )
@@ -238,21 +233,24 @@ def test_straight_ways_begin_where_it_can_turn_and_keep_the_corners_of_the_chass
     assert traversability.grid.at(traversability.turnable, places[0] - (ways[0, 0], 0))
 
 
-class Wish:
-    """That somebody looks along x from near (1, 0)."""
+class Reward:
+    """For a keyframe along x from near (1, 0)."""
 
     def __init__(self, worth):
-        self.wanted = ["look"]
+        self.wanted = ["keyframe"]
         self.worth = worth
 
     def gains(self, places, bearings):
         near = np.linalg.norm(places[:, :2] - (1, 0), axis=1) < 0.3
         return self.worth * near[:, None] * (np.cos(bearings) > np.cos(0.2))
 
+    def aim(self, place, heading):
+        self.aimed = place, heading
 
-def test_what_else_is_worth_a_look_is_looked_at():
-    exploration = Exploration()
-    exploration.rewards = Wish(1.0)
+
+def test_a_reward_makes_a_viewpoint_worth_a_drive():
+    exploration = Exploration(PIONEER)
+    exploration.rewards = Reward(1.0)
     viewpoint = next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0))
     assert np.linalg.norm(viewpoint.position - (1, 0)) < 0.3
     assert abs(viewpoint.heading) < 0.2
@@ -267,8 +265,8 @@ def test_it_is_weighed_with_the_ground_left_to_see():
         world.update(wall_points((-4, y), (2, y)))
     viewpoints = []
     for worth in (0.01, 100.0):
-        exploration = Exploration()
-        exploration.rewards = Wish(worth)
+        exploration = Exploration(PIONEER)
+        exploration.rewards = Reward(worth)
         viewpoints.append(next_viewpoint(exploration, world, from_yaw(-2.5, 0, 0, np.pi)))
     assert abs(viewpoints[0].heading) > 2  # the nearer end of the known ground
     assert np.linalg.norm(viewpoints[1].position - (1, 0)) < 0.3

@@ -35,9 +35,7 @@ def assert_same(first, second):
 @settings(max_examples=40)
 @given(hnp.arrays(np.bool_, SCENE.shape), st.sampled_from(NO_RETURN))
 def test_whatever_stands_for_no_return_has_the_effect_of_zero(holes, nothing):
-    assert_same(
-        mapped(np.where(holes, np.float32(nothing), SCENE)), mapped(np.where(holes, np.float32(0), SCENE))
-    )
+    assert_same(mapped(np.where(holes, np.float32(nothing), SCENE)), mapped(np.where(holes, np.float32(0), SCENE)))
 
 
 @settings(max_examples=40)
@@ -78,9 +76,7 @@ def test_a_pose_with_a_number_out_of_range_is_refused(place, value):
         mapped(pose=pose)
 
 
-@pytest.mark.parametrize(
-    "pose", [np.eye(3), np.diag([1.0, 1, -1, 1]), np.diag([2.0, 2, 2, 1]), np.eye(4) * 2]
-)
+@pytest.mark.parametrize("pose", [np.eye(3), np.diag([1.0, 1, -1, 1]), np.diag([2.0, 2, 2, 1]), np.eye(4) * 2])
 def test_mirrors_scalings_and_other_matrices_are_refused(pose):
     with pytest.raises(InputError, match="pose"):
         mapped(pose=pose)

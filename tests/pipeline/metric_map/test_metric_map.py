@@ -22,9 +22,7 @@ def wall(depth: float = 2.0) -> np.ndarray:
 def test_wall_ahead_is_occupied_space_before_it_free_and_behind_it_unknown() -> None:
     grid = MetricMap()
     grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
-    states = grid.state_at(
-        [(1, 0, 0.5), (1.9, 0, 0.5), (2, 0, 0.5), (2.11, 0, 0.5), (-0.2, 0, 0.5), (1, 1, 0.5)]
-    )
+    states = grid.state_at([(1, 0, 0.5), (1.9, 0, 0.5), (2, 0, 0.5), (2.11, 0, 0.5), (-0.2, 0, 0.5), (1, 1, 0.5)])
     assert states.tolist() == [FREE, FREE, OCCUPIED, UNKNOWN, UNKNOWN, UNKNOWN]
 
 
@@ -46,9 +44,7 @@ def test_points_mark_their_voxels_and_free_the_way() -> None:
     grid = MetricMap()
     grid.integrate_points([(1.0, 0.0, 0.0)], (0.0, 0.0, 0.0))
     assert len(grid.occupied_centres()) == 1
-    np.testing.assert_allclose(
-        grid.free_centres(), [(0.025 + 0.1 * i, 0.025, 0.01) for i in range(10)], atol=1e-6
-    )
+    np.testing.assert_allclose(grid.free_centres(), [(0.025 + 0.1 * i, 0.025, 0.01) for i in range(10)], atol=1e-6)
 
 
 def test_hits_outweigh_crossings_and_both_are_clamped() -> None:

@@ -53,9 +53,7 @@ def test_single_frames_find_the_very_same_occupied_voxels_and_96_percent_of_all(
 
 # Depths in patches, so that there are surfaces, steps, and holes without a return.
 patches = hnp.arrays(np.float32, (3, 4), elements=st.sampled_from([0.0, 0.45, 0.9, 1.3, 2.2, 3.4]))
-rotations = st.tuples(*[st.floats(-3.1, 3.1)] * 3).map(
-    lambda angles: Rotation.from_euler("xyz", angles).as_matrix()
-)
+rotations = st.tuples(*[st.floats(-3.1, 3.1)] * 3).map(lambda angles: Rotation.from_euler("xyz", angles).as_matrix())
 poses = st.builds(from_rotation, rotations, st.tuples(*[st.floats(-3, 3)] * 3))
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.navigation.navigator import BACK_OUT, RAMP_TILT, Navigator, Outcome
+from pipeline.navigation.navigator import BACK_OUT, LEAN, Navigator, Outcome
 from pipeline.navigation.progress import OVERDUE
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
@@ -174,7 +174,7 @@ def test_on_a_crest_it_stands_level_and_backs_all_the_same():
     robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(16) * np.clip((x - 1) / 0.12, -1, 1))
     navigator = Navigator(robot)
     assert navigator.follow(np.array([(1.0, 0.0)]))
-    assert max(np.abs(navigator.attitude.tilt)) < RAMP_TILT
+    assert max(np.abs(navigator.attitude.tilt)) < LEAN
     assert navigator.follow(np.array([(0.2, 0.1)]))
     assert abs(yaw_of(robot.T)) < np.deg2rad(15)
 
@@ -227,9 +227,7 @@ def test_it_backs_to_what_lies_right_behind_it_and_near(target, backs):
 @pytest.mark.parametrize("back_up", [True, False])
 def test_it_looks_back_or_ahead_at_the_end_as_told_even_if_the_other_were_nearer(back_up, pitch):
     robot = KinematicRobot(pitch=lambda x, y: pitch)
-    assert Navigator(robot, hold_gain=0.0).follow(
-        np.array([(0.5 if back_up else -0.5, 0.0)]), back_up=back_up
-    )
+    assert Navigator(robot, hold_gain=0.0).follow(np.array([(0.5 if back_up else -0.5, 0.0)]), back_up=back_up)
     assert abs(wrap_angle(yaw_of(robot.T) - np.pi)) < np.deg2rad(3)
 
 

@@ -51,9 +51,7 @@ def test_what_the_map_knows_is_no_news():
 def test_a_ramp_is_no_obstacle():
     traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
     seen = ground_points(ridge, (-1, 1), (-1, 1))
-    assert obstacle_check(seen, traversability=traversability).is_clear(
-        np.array([-1.5, 0.0]), np.array([1.5, 0.0])
-    )
+    assert obstacle_check(seen, traversability=traversability).is_clear(np.array([-1.5, 0.0]), np.array([1.5, 0.0]))
 
 
 def test_what_stands_behind_the_way_point_does_not_matter():

@@ -29,9 +29,7 @@ def test_where_it_can_turn_it_stays():
 
 
 def test_along_the_wall_no_way_leads_out():
-    np.testing.assert_array_equal(
-        escape(before_a_wall(), from_yaw(-0.325, 0, 0, np.pi / 2), PIONEER), (-0.325, 0)
-    )
+    np.testing.assert_array_equal(escape(before_a_wall(), from_yaw(-0.325, 0, 0, np.pi / 2), PIONEER), (-0.325, 0))
 
 
 def test_a_robot_that_slid_too_near_to_a_wall_leaves_straight_back():
@@ -43,9 +41,7 @@ def test_a_robot_that_slid_too_near_to_a_wall_leaves_straight_back():
 
 
 def test_beside_a_wall_on_a_ramp_it_leaves_to_where_it_can_turn():
-    ramp = assess_map(
-        surface_of(ground_points(ridge, (-2, 2), (-0.3, 2)), wall_points((-2, -0.3), (2, -0.3)))
-    )
+    ramp = assess_map(surface_of(ground_points(ridge, (-2, 2), (-0.3, 2)), wall_points((-2, -0.3), (2, -0.3))))
     out = escape(ramp, from_yaw(-0.3, 0.02, 0, np.pi / 2), PIONEER)
     assert ramp.grid.at(ramp.slidable, out)
     assert out[1] > 0.02
@@ -66,9 +62,7 @@ def test_a_robot_that_was_held_beside_a_wall_leaves_for_more_room_though_it_cann
 def test_it_goes_back_as_it_came_where_the_map_says_that_it_could_not_have_come():
     shut = assess_map(
         surface_of(
-            ground_points(flat, (-3, 3), (-1, 1)),
-            wall_points((0.3, -1), (0.3, 1)),
-            wall_points((1.6, -1), (1.6, 1)),
+            ground_points(flat, (-3, 3), (-1, 1)), wall_points((0.3, -1), (0.3, 1)), wall_points((1.6, -1), (1.6, 1))
         )
     )
     came = np.column_stack([np.linspace(-1.5, 0.9, 300), np.full(300, 0.1)])

@@ -89,10 +89,7 @@ def test_a_ramp_with_room_to_cross_it_askew_is_met_head_on_all_the_same(side):
 
 def test_where_the_map_contradicts_a_way_there_is_none(u_turn):
     traversability, topology = u_turn
-    assert (
-        plan_path(topology, traversability, ShortestPaths(traversability, (-1.0, -1.5)), (1.0, -1.5))
-        is not None
-    )
+    assert plan_path(topology, traversability, ShortestPaths(traversability, (-1.0, -1.5)), (1.0, -1.5)) is not None
     closed, segments = room((-3, 3), (-2, 2), [((0, -2), (0, 2))])
     paths = ShortestPaths(closed, (-1.0, -1.5))
     topology.update([], segments, closed, paths)

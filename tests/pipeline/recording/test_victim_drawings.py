@@ -61,9 +61,7 @@ def test_a_box_is_around_each_victim(rows):
 
 def test_the_ellipsoid_holds_95_percent(rows):
     row = rows["/world/victims/certainty"][-1]
-    np.testing.assert_allclose(
-        row["Ellipsoids3D:half_sizes"], np.full((2, 3), 0.1 * np.sqrt(7.815)), rtol=1e-5
-    )
+    np.testing.assert_allclose(row["Ellipsoids3D:half_sizes"], np.full((2, 3), 0.1 * np.sqrt(7.815)), rtol=1e-5)
 
 
 def test_ellipsoids_turn_as_their_covariance_does():

@@ -14,9 +14,7 @@ AREA = (-1.5, 1.5), (-1.0, 1.0)
 NO_POINTS = np.zeros((0, 3), np.float32)
 
 
-def hazards_of(
-    *clouds: NDArray[np.float32], start=(-1.0, 0.0), above: NDArray[np.float32] = NO_POINTS
-) -> Hazards:
+def hazards_of(*clouds: NDArray[np.float32], start=(-1.0, 0.0), above: NDArray[np.float32] = NO_POINTS) -> Hazards:
     traversability = assess_map(surface_of(*clouds))
     reachable = ShortestPaths(traversability, start).reachable
     return find_hazards(traversability, reachable, np.vstack([*clouds, above]), PIONEER.headroom)
@@ -40,9 +38,7 @@ def test_a_block_is_no_drop() -> None:
 def test_both_sides_of_a_ridge_are_slopes() -> None:
     hazards = hazards_of(ground_points(ridge, *AREA))
     assert [place.value for place in hazards.slopes] == pytest.approx([np.arctan(RISE / RUN)] * 2, abs=0.01)
-    assert sorted(place.position[0] for place in hazards.slopes) == pytest.approx(
-        [-RUN / 2, RUN / 2], abs=0.08
-    )
+    assert sorted(place.position[0] for place in hazards.slopes) == pytest.approx([-RUN / 2, RUN / 2], abs=0.08)
     assert hazards.drops == []
 
 
@@ -55,10 +51,7 @@ def test_an_edge_is_a_drop_from_above_alone() -> None:
 
 
 def test_a_drop_to_ground_that_is_seen_from_afar() -> None:
-    above, below = (
-        ground_points(flat, (-1.5, 1.5), (-1.0, 0.5)),
-        ground_points(terrace, (-1.5, 1.5), (0.9, 1.5)),
-    )
+    above, below = (ground_points(flat, (-1.5, 1.5), (-1.0, 0.5)), ground_points(terrace, (-1.5, 1.5), (0.9, 1.5)))
     (drop,) = hazards_of(above, below).drops
     assert drop.value == pytest.approx(0.4, abs=0.001)
 
@@ -71,10 +64,7 @@ def test_a_slit_beside_the_ground_is_no_drop(width: float, drops: int) -> None:
 
 
 def test_there_is_no_drop_to_the_ground_behind_a_wall() -> None:
-    above, below = (
-        ground_points(flat, (-1.5, 1.5), (-1.0, 0.5)),
-        ground_points(terrace, (-1.5, 1.5), (0.6, 1.5)),
-    )
+    above, below = (ground_points(flat, (-1.5, 1.5), (-1.0, 0.5)), ground_points(terrace, (-1.5, 1.5), (0.6, 1.5)))
     # A kerb before the wall, as the lower part of one that is seen badly.
     kerb = ground_points(lambda x, y: np.full_like(x, 0.05), (-1.5, 1.5), (0.45, 0.5))
     wall = wall_points((-1.5, 0.53), (1.5, 0.53))

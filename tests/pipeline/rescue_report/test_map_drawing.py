@@ -15,7 +15,7 @@ from pipeline.rescue_report.paper import LONGER, MARGIN, Paper
 from tests.pipeline.rescue_report.html_page import read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
 
-GRID = Grid(np.array([-1.0, -2.0]), 0.05, (200, 120))
+GRID = Grid(np.array([-20, -40]), 0.05, (200, 120))
 
 
 def known(low: tuple[int, int], high: tuple[int, int]):
@@ -40,7 +40,7 @@ def test_a_high_room_fits_too() -> None:
 
 
 def test_a_large_arena_gets_more_units() -> None:
-    grid = Grid(np.zeros(2), 0.05, (1040, 300))
+    grid = Grid(np.zeros(2, np.int64), 0.05, (1040, 300))
     paper = Paper(grid, np.ones(grid.shape, np.bool_))
     assert paper.scale == pytest.approx(30)
     assert paper.width == pytest.approx(1560)
@@ -86,9 +86,7 @@ def test_a_person_is_drawn_where_the_map_has_them() -> None:
     root = read(draw_map(situation))
     paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
     (disc,) = root.all("circle", "person")
-    assert (float(disc.attributes["cx"]), float(disc.attributes["cy"])) == pytest.approx(
-        paper((1.6, 0.3)), abs=0.2
-    )
+    assert (float(disc.attributes["cx"]), float(disc.attributes["cy"])) == pytest.approx(paper((1.6, 0.3)), abs=0.2)
     (ellipse,) = root.all("ellipse")
     assert float(ellipse.attributes["rx"]) == pytest.approx(0.2448 * paper.scale, rel=1e-3)
     (way,) = root.all("path", "way")

@@ -19,10 +19,7 @@ HALL = (-2.0, 2.0), (-1.0, 1.0)
 
 
 def route(
-    person: NDArray[np.float32],
-    *clouds: NDArray[np.float32],
-    start=(-1.5, 0.0),
-    metric_map: MetricMap | None = None,
+    person: NDArray[np.float32], *clouds: NDArray[np.float32], start=(-1.5, 0.0), metric_map: MetricMap | None = None
 ) -> Route | None:
     traversability = assess_map(surface_of(*clouds))
     paths = ShortestPaths(traversability, start)
@@ -86,9 +83,7 @@ def test_a_wall_between_is_told_however_near_the_person_is() -> None:
 
 def test_around_a_wall_the_bends_are_told() -> None:
     wall = wall_points((0, -1), (0, 0.3))
-    way = route(
-        block((1.0, -0.5, 0.2), (0.1, 0.1, 0.4)), ground_points(flat, *HALL), wall, start=(-1.0, -0.5)
-    )
+    way = route(block((1.0, -0.5, 0.2), (0.1, 0.1, 0.4)), ground_points(flat, *HALL), wall, start=(-1.0, -0.5))
     assert way is not None
     turns = [leg.turn for leg in way.legs]
     assert turns[0] > 0.3

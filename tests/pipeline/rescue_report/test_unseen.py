@@ -11,8 +11,7 @@ from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 ROOM = (-2.0, 2.0), (-1.5, 1.5)
 WALLS = [
-    wall_points(a, b)
-    for a, b in (((-1.98, -1.5), (-1.98, 1.5)), ((-2, -1.48), (2, -1.48)), ((-2, 1.48), (2, 1.48)))
+    wall_points(a, b) for a, b in (((-1.98, -1.5), (-1.98, 1.5)), ((-2, -1.48), (2, -1.48)), ((-2, 1.48), (2, 1.48)))
 ]
 LAST_WALL = wall_points((1.98, -1.5), (1.98, 1.5))
 
@@ -58,9 +57,7 @@ def test_ground_is_expected_ahead_where_no_wall_is() -> None:
     (place,) = unseen(ground_points(flat, *ROOM)).places
     reach = AHEAD - 0.25  # the robot's middle keeps off unknown ground
     assert 2 < place.position[0] < 2 + reach
-    assert (
-        2.4 * reach < place.area < 4 * reach
-    )  # as wide as the robot's middle can go, or as the room and more
+    assert 2.4 * reach < place.area < 4 * reach  # as wide as the robot's middle can go, or as the room and more
 
 
 def test_no_ground_is_expected_through_a_gap_in_what_was_seen_of_a_wall() -> None:

@@ -11,9 +11,7 @@ from pipeline.segments.segments import Segments
 
 def patch(origin, x, y, length, width, label=Label.WALL, viewpoint=None):
     """A rectangle from ``origin`` along x and y, seen from ``viewpoint`` or from the side of x × y."""
-    s, t = (
-        g.ravel() for g in np.meshgrid(np.arange(0, length + 1e-6, 0.02), np.arange(0, width + 1e-6, 0.02))
-    )
+    s, t = (g.ravel() for g in np.meshgrid(np.arange(0, length + 1e-6, 0.02), np.arange(0, width + 1e-6, 0.02)))
     points = np.array(origin) + s[:, None] * np.array(x) + t[:, None] * np.array(y)
     moments = Moments.of(points)
     side = np.cross(x, y) if viewpoint is None else np.array(viewpoint) - moments.centroid
@@ -23,9 +21,7 @@ def patch(origin, x, y, length, width, label=Label.WALL, viewpoint=None):
 
 def wall_patch(x0, x1, y=0.0, z0=0.0, z1=1.2, front=True):
     """A wall along x, seen from smaller y or, if not ``front``, from larger y."""
-    return patch(
-        (x0, y, z0), (1, 0, 0), (0, 0, 1), x1 - x0, z1 - z0, viewpoint=(x0, y + (-5 if front else 5), 0.5)
-    )
+    return patch((x0, y, z0), (1, 0, 0), (0, 0, 1), x1 - x0, z1 - z0, viewpoint=(x0, y + (-5 if front else 5), 0.5))
 
 
 def deck(x0, x1, y0, y1, z=0.17, label=Label.STRAIGHT_RAMP):

@@ -81,9 +81,7 @@ def test_union_box_of_a_plane_does_not_depend_on_the_order_and_only_grows(order,
     x = np.cross(normal, (0.3, 0.5, 0.8))
     x /= np.linalg.norm(x)
     y = np.cross(normal, x)
-    hulls = [
-        Hull.of(rectangle(np.sin(i) * x + np.cos(3 * i) * y, x, y, 1, 0.5, seed=i, n=20)) for i in range(5)
-    ]
+    hulls = [Hull.of(rectangle(np.sin(i) * x + np.cos(3 * i) * y, x, y, 1, 0.5, seed=i, n=20)) for i in range(5)]
     union, shuffled = hulls[0], hulls[order[0]]
     for i in range(1, 5):
         before = union.reach

@@ -10,9 +10,7 @@ from pipeline.segments.cells import CELL, NONE, cells_of, centres, connected_pie
 
 def sheet(x0, x1, y0, y1, z=0.0, spacing=0.01):
     x, y = np.arange(x0, x1, spacing) + spacing / 2, np.arange(y0, y1, spacing) + spacing / 2
-    return np.stack([*(g.ravel() for g in np.meshgrid(x, y)), np.full(len(x) * len(y), z)], 1).astype(
-        np.float32
-    )
+    return np.stack([*(g.ravel() for g in np.meshgrid(x, y)), np.full(len(x) * len(y), z)], 1).astype(np.float32)
 
 
 def pieces(*sheets):
@@ -20,9 +18,7 @@ def pieces(*sheets):
     cells, row = cells_of(np.vstack(sheets))
     piece = connected_pieces(cells, np.bincount(row))
     starts = np.cumsum([0, *map(len, sheets)])
-    middles = [
-        s + np.abs(p - p.mean(axis=0)).sum(axis=1).argmin() for s, p in zip(starts, sheets, strict=False)
-    ]
+    middles = [s + np.abs(p - p.mean(axis=0)).sum(axis=1).argmin() for s, p in zip(starts, sheets, strict=False)]
     return len(set(piece) - {NONE}), piece[row[middles]]
 
 

@@ -110,9 +110,7 @@ def test_clip_agrees_with_points_along_the_line(seed: int) -> None:
     a, b = rng.normal(0, 2, (2, 20, 3))
     enter, leave = clip(a, b, [box], 0.1)
     t = np.linspace(0, 1, 2001)
-    inside = (
-        np.abs((a[:, None] + t[:, None] * (b - a)[:, None] - T[:3, 3]) @ T[:3, :3]) <= box.extent / 2 + 0.1
-    )
+    inside = np.abs((a[:, None] + t[:, None] * (b - a)[:, None] - T[:3, 3]) @ T[:3, :3]) <= box.extent / 2 + 0.1
     for n, along in enumerate(inside.all(axis=2)):
         assert not along.any() or t[along][[0, -1]] == pytest.approx([enter[n, 0], leave[n, 0]], abs=1e-3)
         assert along.any() or leave[n, 0] - enter[n, 0] < 1e-3

@@ -74,9 +74,7 @@ def test_many_parallel_ramps_are_slopes_not_a_level_cut_through_them() -> None:
 @pytest.mark.parametrize("gap", [0.4, 0.8])
 def test_walls_of_one_plane_with_a_door_between_are_two(gap: float) -> None:
     door = [wall((2, 2), (2, gap / 2)), wall((2, -gap / 2), (2, -2))]
-    walls = [
-        p for p in planes_of([floor(0, 4, -2, 2), *door], pose(0, 0, 0.6, 0, 0.1)) if p.label == Label.WALL
-    ]
+    walls = [p for p in planes_of([floor(0, 4, -2, 2), *door], pose(0, 0, 0.6, 0, 0.1)) if p.label == Label.WALL]
     assert len(walls) == 2
     assert sorted(np.sign(p.moments.centroid[1]) for p in walls) == [-1, 1]
 
@@ -119,9 +117,7 @@ def test_moving_the_map_moves_the_planes() -> None:
     T = pose(0, 0, 0, 0.9)[:3, :3] @ pose(0, 0, 0, 0.0)[:3, :3].T
     moved = CORNER_VIEW.copy()
     moved[:3, :3], moved[:3, 3] = T @ CORNER_VIEW[:3, :3], T @ CORNER_VIEW[:3, 3] + [5, -3, 1]
-    for a, b in zip(
-        find_planes(frame, labels, CORNER_VIEW, 0), find_planes(frame, labels, moved, 0), strict=True
-    ):
+    for a, b in zip(find_planes(frame, labels, CORNER_VIEW, 0), find_planes(frame, labels, moved, 0), strict=True):
         assert b.plane.normal == pytest.approx(T @ a.plane.normal, abs=1e-3)
 
 

@@ -5,13 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.segments.regions_kernels import (
-    claim_nearest,
-    grow_regions,
-    least_eigenvalue,
-    normals,
-    null_vector,
-)
+from pipeline.segments.regions_kernels import claim_nearest, grow_regions, least_eigenvalue, normals, null_vector
 from pipeline.segments.surfels_kernels import NONE
 
 

@@ -136,9 +136,7 @@ SURFACES = [  # label, normal, middle, extent in the plane
 def test_room_seen_from_its_corners_with_noise() -> None:
     """A floor, four walls, a ramp's slope and sides, a deck: one segment each, edges within 5 cm."""
     segments = Segments()
-    for step, (corner, turn) in enumerate(
-        product([(0.7, 0.7), (3.4, 0.8), (3.4, 3.3), (0.8, 3.3)], (-0.7, 0, 0.7))
-    ):
+    for step, (corner, turn) in enumerate(product([(0.7, 0.7), (3.4, 0.8), (3.4, 3.3), (0.8, 3.3)], (-0.7, 0, 0.7))):
         T = pose(*corner, 0.6, np.arctan2(2 - corner[1], 2 - corner[0]) + turn, 0.25)
         frame = look(ROOM, T, sigma=0.01, seed=step)
         segments.update(find_planes(frame, frame.label[frame.returns], T, step), step)

@@ -14,9 +14,7 @@ FRAME = look([floor(-5, 5, -5, 5)], pose(0, 0, 0.6, 0.0, 0.3))
 
 def test_truth_is_the_label_of_every_return_in_order() -> None:
     labels = np.arange(FRAME.depth.size, dtype=np.uint8).reshape(FRAME.depth.shape) % 8
-    probabilities = TruthClassifier().classify(
-        replace(FRAME, label=labels), FRAME.points(np.eye(4)), np.eye(4)
-    )
+    probabilities = TruthClassifier().classify(replace(FRAME, label=labels), FRAME.points(np.eye(4)), np.eye(4))
     assert probabilities.dtype == np.float32
     assert probabilities.shape == (np.count_nonzero(FRAME.returns), 8)
     assert (probabilities.argmax(axis=1) == labels[FRAME.depth > 0]).all()

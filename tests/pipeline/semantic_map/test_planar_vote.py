@@ -10,12 +10,7 @@ from pipeline.segments.surfels_kernels import NONE
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL
 from pipeline.semantic_map.planar_vote import planar_vote, possible_classes
-from pipeline.semantic_map.planar_vote_kernels import (
-    mean_logs,
-    normalised_products,
-    planes_of_pixels,
-    possible_logs,
-)
+from pipeline.semantic_map.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels, possible_logs
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 
 EYE = pose(0.3, 0.4, 0.6, 0.6, 0.25)

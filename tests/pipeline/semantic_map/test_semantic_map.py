@@ -24,8 +24,7 @@ def cloud(*points: tuple[float, float, float]) -> np.ndarray:
 def test_points_of_one_voxel_become_their_mean_and_the_majority_wins() -> None:
     semantic_map = SemanticMap()
     semantic_map.update(
-        cloud((0.001, 0.001, 0.001), (0.003, 0.005, 0.001), (0.005, 0.003, 0.001), (0.021, 0, 0)),
-        one_hot(1, 2, 2, 3),
+        cloud((0.001, 0.001, 0.001), (0.003, 0.005, 0.001), (0.005, 0.003, 0.001), (0.021, 0, 0)), one_hot(1, 2, 2, 3)
     )
     assert semantic_map.points() == pytest.approx(cloud((0.003, 0.003, 0.001), (0.021, 0, 0)))
     assert semantic_map.labels().tolist() == [2, 3]
@@ -59,9 +58,7 @@ def test_a_classifier_that_knows_victims_has_the_say() -> None:
 
 def test_sides_of_zero_are_different_voxels() -> None:
     semantic_map = SemanticMap()
-    semantic_map.update(
-        cloud((0.001, 0, 0), (-0.001, 0, 0), (0, -0.001, 0), (0, 0, -0.001)), one_hot(1, 1, 1, 1)
-    )
+    semantic_map.update(cloud((0.001, 0, 0), (-0.001, 0, 0), (0, -0.001, 0), (0, 0, -0.001)), one_hot(1, 1, 1, 1))
     assert len(semantic_map) == 4
 
 
@@ -74,9 +71,7 @@ def test_points_that_are_nowhere_are_left_out(bad: float) -> None:
 
 def test_points_without_a_probability_are_left_out() -> None:
     semantic_map = SemanticMap()
-    semantic_map.update(
-        cloud((0, 0, 0), (1, 1, 1)), np.stack([np.full(8, np.nan), np.eye(8)[3]]).astype(np.float32)
-    )
+    semantic_map.update(cloud((0, 0, 0), (1, 1, 1)), np.stack([np.full(8, np.nan), np.eye(8)[3]]).astype(np.float32))
     assert semantic_map.labels().tolist() == [3]
 
 
@@ -101,9 +96,7 @@ def test_memory_does_not_grow_with_frames_of_the_same_surface() -> None:
 
 
 @given(
-    arrays(
-        np.float32, st.tuples(st.integers(0, 60), st.just(3)), elements=st.floats(-0.125, 0.125, width=32)
-    ),
+    arrays(np.float32, st.tuples(st.integers(0, 60), st.just(3)), elements=st.floats(-0.125, 0.125, width=32)),
     st.integers(0, 2**32 - 1),
 )
 def test_agrees_with_a_dictionary(points: np.ndarray, seed: int) -> None:

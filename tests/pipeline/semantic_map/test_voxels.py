@@ -12,9 +12,7 @@ from pipeline.semantic_map.voxels import VoxelCloud
 def test_a_voxel_has_the_mean_of_its_points() -> None:
     points = np.float32([[0.01, 0.01, 0.01], [0.12, 0, 0], [0.03, 0.05, 0.09], [-0.01, 0, 0]])
     cloud = VoxelCloud.of(points, 0.1)
-    assert cloud.points == pytest.approx(
-        np.array([[-0.01, 0, 0], [0.02, 0.03, 0.05], [0.12, 0, 0]]), abs=1e-6
-    )
+    assert cloud.points == pytest.approx(np.array([[-0.01, 0, 0], [0.02, 0.03, 0.05], [0.12, 0, 0]]), abs=1e-6)
     assert cloud.voxel_of_point.tolist() == [1, 2, 1, 0]
 
 

@@ -8,7 +8,7 @@ from pipeline.segments.cells import cells_of
 from pipeline.segments.plane import Moments
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
-from pipeline.topological_map.topological_map import TopologicalMap, TopologicalMapConfig
+from pipeline.topological_map.topological_map import GraphKind, TopologicalMap
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability, assess_map
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
@@ -25,10 +25,8 @@ def patch(label: Label, points: NDArray, seen_from: tuple[float, float, float]) 
     return PlanePatch(label, plane, moments, points, cells_of(points)[0])
 
 
-def room(
-    x: tuple[float, float], y: tuple[float, float], walls: list[Wall]
-) -> tuple[Traversability, Segments]:
-    """Level ground with walls in it, as a surface and as segments."""
+def room(x: tuple[float, float], y: tuple[float, float], walls: list[Wall]) -> tuple[Traversability, Segments]:
+    """Level ground with walls in it, as its traversability and as segments."""
     clouds = [wall_points(a, b) for a, b in walls]
     segments = Segments()
     segments.update([patch(Label.WALL, cloud, (x[0], y[0], 1)) for cloud in clouds], 0)
@@ -36,8 +34,8 @@ def room(
 
 
 def topology_of(
-    traversability: Traversability, segments: Segments, start: tuple[float, float], **config: object
+    traversability: Traversability, segments: Segments, start: tuple[float, float], graph: GraphKind = "roadmap"
 ) -> TopologicalMap:
-    topology = TopologicalMap(TopologicalMapConfig(**config))  # type: ignore[arg-type]
+    topology = TopologicalMap(graph)
     topology.update([], segments, traversability, ShortestPaths(traversability, start))
     return topology

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from pipeline.topological_map import sight_kernels as kernels
 from pipeline.topological_map.cover import Cover
-from pipeline.topological_map.ground import Ground
 from pipeline.traversability.shortest_paths_kernels import free_rules, lines_are_traversable
 from tests.pipeline.topological_map.grounds import U_TURN, room
 
@@ -25,7 +24,7 @@ def seen_by_lines(place, walls, reach):
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_a_view_is_what_lines_reach(seed):
+def test_a_place_sees_what_lines_reach(seed):
     rng = np.random.default_rng(seed)
     walls = np.zeros((40, 30), np.bool_)
     for _ in range(4):
@@ -33,7 +32,7 @@ def test_a_view_is_what_lines_reach(seed):
         walls[i : i + rng.integers(1, 12), j : j + 1] = True
     place = rng.uniform((0, 0), (40, 30))
     walls[tuple(place.astype(int))] = False
-    seen, corners = kernels.viewpoints(place[None], np.ones_like(walls), walls, REACH)
+    seen, corners = kernels.visible_cells(place[None], np.ones_like(walls), walls, REACH)
     mask = np.zeros((40 + 2 * REACH + 2, 30 + 2 * REACH + 2), np.bool_)
     i, j = corners[0] + REACH
     mask[i : i + 2 * REACH + 1, j : j + 2 * REACH + 1] = seen[0]
@@ -44,66 +43,67 @@ def test_a_view_is_what_lines_reach(seed):
     assert (viewpoint != expected).sum() <= 0.1 * expected.sum() + 4
 
 
+def update(cover, traversability, segments):
+    return cover.update(traversability, traversability.traversable, list(segments))
+
+
 @pytest.fixture
-def ground():
-    traversability, segments = room((-3, 3), (-2, 2), U_TURN)
-    return Ground.of(traversability, traversability.traversable, list(segments))
+def cover():
+    cover = Cover()
+    assert update(cover, *room((-3, 3), (-2, 2), U_TURN)).any()
+    return cover
 
 
-def test_a_wall_hides_and_distance_too(ground):
-    cover = Cover(ground, 2.0)
+def test_a_wall_hides_and_distance_too(cover):
     cover.add(0, np.array([-1.0, -1.0]))
-    x, y = np.moveaxis(ground.grid.centre_of(np.argwhere(cover.missing)), -1, 0)
+    x, y = np.moveaxis(cover.grid.centre_of(np.argwhere(cover.missing)), -1, 0)
     assert not ((x < -0.4) & (np.hypot(x + 1, y + 1) < 1.9)).any()
-    cells = ground.grid.centre_of(np.argwhere(cover.count > 0))
+    cells = cover.grid.centre_of(np.argwhere(cover.count > 0))
     assert not (cells[:, 0] > 0.1).any()
     assert np.linalg.norm(cells - (-1, -1), axis=1).max() <= 2.0
 
 
-def test_gains_and_losses_are_the_change_in_what_is_missing(ground):
-    cover = Cover(ground, 2.0)
+def test_gains_and_losses_are_the_change_in_what_is_missing(cover):
     cover.add(0, np.array([-1.0, 0.0]))
     before = cover.missing.sum()
-    viewpoints = cover.see(np.array([(1.0, 0.0), (-1.2, 0.3)]))
-    gains = cover.gains(viewpoints)
-    cover.add(1, viewpoints.places[0])
+    visible = cover.visible_from(np.array([(1.0, 0.0), (-1.2, 0.3)]))
+    gains = cover.gains(visible)
+    cover.add(1, visible.places[0])
     assert before - cover.missing.sum() == gains[0] > gains[1]
     lost = cover.lost_without([1])
     assert len(lost) == gains[0]
-    assert cover.see_all(viewpoints, lost, 0).tolist() == [True, False]
+    assert cover.see_all(visible, lost, 0).tolist() == [True, False]
     cover.remove(1)
     assert cover.missing.sum() == before
 
 
-def test_what_is_renewed_is_what_is_made_anew(ground):
-    cover = Cover(ground, 2.0)
-    for n, place in enumerate([(-1.0, 0.0), (1.0, 1.0), (2.4, -1.4)]):
+def test_what_is_renewed_is_what_is_made_anew(cover):
+    places = [(-1.0, 0.0), (1.0, 1.0), (2.4, -1.4)]
+    for n, place in enumerate(places):
         cover.add(n, np.array(place))
-    traversability, segments = room((-3, 7), (-2, 9), [*U_TURN, ((1.5, -2), (1.5, 0))])
-    grown = Ground.of(traversability, traversability.traversable, list(segments))
-    assert grown.grid.shape != ground.grid.shape
-    renewed, anew = cover.renewed(grown, grown.changed_since(ground)), Cover(grown, 2.0)
-    for n, place in enumerate([(-1.0, 0.0), (1.0, 1.0), (2.4, -1.4)]):
+    grown, anew, shape = room((-3, 7), (-5, 9), [*U_TURN, ((1.5, -2), (1.5, 0))]), Cover(), cover.grid.shape
+    update(cover, *grown)
+    assert cover.grid.shape != shape
+    update(anew, *grown)
+    for n, place in enumerate(places):
         anew.add(n, np.array(place))
-    np.testing.assert_array_equal(renewed.count, anew.count)
+    np.testing.assert_array_equal(cover.count, anew.count)
 
 
-def test_only_what_is_new_has_changed(ground):
-    assert ground.changed_since(None).all()
-    assert not ground.changed_since(ground).any()
-    traversability, segments = room((-3, 3), (-2, 2), [*U_TURN, ((1.5, -2), (1.5, -1))])
-    changed = Ground.of(traversability, traversability.traversable, list(segments)).changed_since(ground)
-    x, y = np.moveaxis(ground.grid.centre_of(np.argwhere(changed)), -1, 0)
+def test_only_what_is_new_has_changed(cover):
+    assert not update(cover, *room((-3, 3), (-2, 2), U_TURN)).any()
+    changed = update(cover, *room((-3, 3), (-2, 2), [*U_TURN, ((1.5, -2), (1.5, -1))]))
+    x, y = np.moveaxis(cover.grid.centre_of(np.argwhere(changed)), -1, 0)
     assert len(x) > 0
     assert x.min() > 1.0
     assert y.max() < -0.5
 
 
-def test_candidates_stand_where_the_robot_can_turn_and_near_the_mask(ground):
-    mask = np.zeros(ground.grid.shape, np.bool_)
-    mask[tuple(ground.grid.cell_of((2.0, 1.0)))] = True
-    places = ground.candidates(mask, 0.8)
+def test_candidates_stand_where_the_robot_can_turn_and_near_the_mask(cover):
+    mask = np.zeros(cover.grid.shape, np.bool_)
+    mask[tuple(cover.grid.cell_of((2.0, 1.0)))] = True
+    places = cover.candidates(mask, 0.8)
     assert len(places) > 20
-    assert ground.grid.at(ground.standable, places).all()
+    assert cover.grid.at(cover.standable, places).all()
     assert np.linalg.norm(places - (2.0, 1.0), axis=1).max() < 0.85
-    assert len(ground.candidates(np.zeros_like(mask), 0.8)) == 0
+    assert len(cover.candidates(np.zeros_like(mask), 0.8)) == 0

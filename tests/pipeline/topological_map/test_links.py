@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.topological_map.links import LinkConfig, Links
+from pipeline.topological_map.links import MAX_LENGTH, RAMP_SPEED, STOP_TIME, Links
+from pipeline.traversability.shortest_paths import SPEED
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.topological_map.grounds import room
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
@@ -13,13 +14,13 @@ def free(links: Links, a, b) -> bool:
     return bool(links.are_free(np.array([[*a, 0.0]]), np.array([[*b, 0.0]]))[0])
 
 
-def links_over(*clouds, **config) -> Links:
-    return Links(assess_map(surface_of(*clouds)), [], LinkConfig(**config))
+def links_over(*clouds) -> Links:
+    return Links(assess_map(surface_of(*clouds)), [])
 
 
 def test_the_whole_footprint_must_pass():
     traversability, segments = room((-2, 2), (-2, 2), [((0, -2), (0, -0.2)), ((0, 0.7), (0, 2))])
-    links = Links(traversability, list(segments), LinkConfig())
+    links = Links(traversability, list(segments))
     assert free(links, (-1, 0.25), (1, 0.25))
     assert not free(links, (-1, 0.0), (1, 0.0))
     assert not free(links, (-1, -1), (1, -1))
@@ -28,13 +29,11 @@ def test_the_whole_footprint_must_pass():
 def test_a_wall_that_only_the_semantic_map_knows_blocks_too():
     traversability, _ = room((-2, 2), (-2, 2), [])
     _, segments = room((-2, 2), (-2, 2), [((0, -2), (0, 0))])
-    links = Links(traversability, list(segments), LinkConfig())
+    links = Links(traversability, list(segments))
     assert not free(links, (-1, -0.1), (1, -0.1))
     assert not free(links, (-1, 0.1), (1, 0.1))
     assert free(links, (-1, 0.3), (1, 0.3))
-    assert Links(traversability, [], LinkConfig()).are_free(
-        np.array([[-1, -1, 0.0]]), np.array([[1, -1, 0.0]])
-    )[0]
+    assert Links(traversability, []).are_free(np.array([[-1, -1, 0.0]]), np.array([[1, -1, 0.0]]))[0]
 
 
 def test_a_drop_a_step_and_a_low_ceiling_block():
@@ -58,24 +57,23 @@ def test_a_ramp_is_driven_up_and_not_over_its_side():
 
 def test_a_metre_on_a_ramp_takes_longer():
     links = links_over(ground_points(ramp_and_deck, (-2, RUN + 1.5), (-2, 2)))
-    config = LinkConfig()
     level, ramp = links.seconds(
         np.array([[-1.8, 0, 0], [-0.8, 0, 0]]), np.array([[-0.8, 0, 0], [RUN + 0.7, 0, RISE]])
     )
-    assert level == pytest.approx(1.0 / config.speed + config.stop_time)
+    assert level == pytest.approx(1.0 / SPEED + STOP_TIME)
     length = RUN + 1.5
-    assert length / config.speed * 1.3 < ramp - config.stop_time < length / config.ramp_speed
+    assert length / SPEED * 1.3 < ramp - STOP_TIME < length / RAMP_SPEED
 
 
 def test_no_edge_is_longer_than_the_longest():
-    links = links_over(ground_points(flat, (-2, 2), (-1, 1)), max_length=1.5)
-    assert free(links, (-1, 0), (0.4, 0))
-    assert not free(links, (-1, 0), (0.6, 0))
+    links = links_over(ground_points(flat, (-1, MAX_LENGTH + 1), (-0.5, 0.5)))
+    assert free(links, (0, 0), (MAX_LENGTH - 0.1, 0))
+    assert not free(links, (0, 0), (MAX_LENGTH + 0.1, 0))
     assert links.are_free(np.zeros((0, 3)), np.zeros((0, 3))).shape == (0,)
 
 
 def test_a_panel_beside_the_way_does_not_block_it():
     traversability, segments = room((-2, 2), (-1, 1), [((-1.5, 0.6), (1.5, 0.6))])
-    assert free(Links(traversability, list(segments), LinkConfig()), (-1.5, 0), (1.5, 0))
+    assert free(Links(traversability, list(segments)), (-1.5, 0), (1.5, 0))
     near = wall_points((-1.5, 0.25), (1.5, 0.25))
     assert not free(links_over(ground_points(flat, (-2, 2), (-1, 1)), near), (-1.5, 0), (1.5, 0))

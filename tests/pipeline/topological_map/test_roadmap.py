@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.topological_map.roadmap import roadmap
-from pipeline.topological_map.spanning_tree import collision_free_tree
+from pipeline.topological_map.roadmap import collision_free_tree, roadmap
 from tests.pipeline.topological_map.grounds import room, topology_of
 
 
@@ -22,7 +21,7 @@ def test_a_square_is_closed_and_its_diagonals_are_not_worth_it():
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 14), st.floats(1, 3))
-def test_no_way_is_longer_than_promised(seed, size, max_detour):
+def test_no_way_is_longer_than_the_greatest_detour(seed, size, max_detour):
     rng = np.random.default_rng(seed)
     drives = nx.gnp_random_graph(size, 0.5, seed=int(seed))
     for a, b in drives.edges:

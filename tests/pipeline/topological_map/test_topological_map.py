@@ -3,14 +3,12 @@ import json
 import networkx as nx
 import numpy as np
 import pytest
-import tyro
 
-from pipeline.explorer import ExplorerConfig
 from pipeline.labels import Label
 from pipeline.planning.path_plan import plan_path
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
-from pipeline.topological_map.nodes import NodeConfig, segment_nodes
+from pipeline.topological_map.nodes import segment_nodes
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
@@ -41,24 +39,30 @@ def ramp_world():
 def test_a_large_deck_has_a_node_in_each_half():
     segments = Segments()
     segments.update(ramp_patches(), 0)
-    nodes = segment_nodes(segments.of(Label.STRAIGHT_RAMP)[0], NodeConfig())
+    nodes = segment_nodes(segments.of(Label.STRAIGHT_RAMP)[0])
     np.testing.assert_allclose(sorted(nodes[:, 0]), [RUN + 0.6, RUN + 1.8], atol=0.05)
     np.testing.assert_allclose(nodes[:, 1:], [[0, RISE]] * 2, atol=0.02)
-    assert len(segment_nodes(segments.of(Label.STRAIGHT_RAMP)[0], NodeConfig(large_ramp=3))) == 1
+
+
+def test_a_small_deck_has_one_in_its_middle():
+    segments = Segments()
+    deck = ground_points(ramp_and_deck, (RUN, RUN + 1.6), (-0.6, 0.6))
+    segments.update([patch(Label.STRAIGHT_RAMP, deck, (0, 0, 5))], 0)
+    np.testing.assert_allclose(segment_nodes(next(iter(segments))), [[RUN + 0.8, 0, RISE]], atol=0.05)
 
 
 def test_the_node_of_an_inclined_ramp_lies_before_its_bottom():
     segments = Segments()
     segments.update(ramp_patches(), 0)
-    nodes = segment_nodes(segments.of(Label.INCLINED_RAMP)[0], NodeConfig())
+    nodes = segment_nodes(segments.of(Label.INCLINED_RAMP)[0])
     np.testing.assert_allclose(nodes, [[-0.45, 0, 0]], atol=0.03)
 
 
 def test_the_side_of_a_ramp_has_no_node():
     segments = Segments()
-    side = wall_points((0, -0.6), (RUN, -0.6), height=0.15)
+    side = wall_points((0, -0.6), (RUN, -0.6), height=0.3)
     segments.update([patch(Label.INCLINED_RAMP, side, (0, -3, 1))], 0)
-    assert len(segment_nodes(next(iter(segments)), NodeConfig(min_area=0.01))) == 0
+    assert len(segment_nodes(next(iter(segments)))) == 0
 
 
 def test_nodes_and_tree_lead_up_the_ramp(ramp_world):
@@ -70,7 +74,7 @@ def test_nodes_and_tree_lead_up_the_ramp(ramp_world):
         assert traversability.lines_are_traversable(way[:-1], way[1:]).all()
 
 
-def test_looking_again_adds_nothing(ramp_world):
+def test_the_same_keyframe_again_adds_nothing(ramp_world):
     traversability, segments, patches, topology = ramp_world
     before = {n: node.position.tolist() for n, node in topology.nodes.items()}
     topology.update(patches, segments, traversability, ShortestPaths(traversability, (-1.5, 0)))
@@ -138,9 +142,7 @@ def test_the_map_grows_with_the_ground_and_stays_few():
     topology = topology_of(first, segments, (-2, 0))
     before = topology.nodes.copy()
     for x in (5, 7, 9):
-        traversability, segments = room(
-            (-3, x), (-2, 2), [((3, -2), (3, 0.8)), ((6, -0.8), (6, 2))][: x // 3]
-        )
+        traversability, segments = room((-3, x), (-2, 2), [((3, -2), (3, 0.8)), ((6, -0.8), (6, 2))][: x // 3])
         topology.update([], segments, traversability, ShortestPaths(traversability, (-2, 0)))
         assert nx.is_connected(topology.graph)
     assert any(node is before.get(n) for n, node in topology.nodes.items())
@@ -165,11 +167,6 @@ def test_a_robot_that_stands_where_it_reaches_nothing_forgets_nothing():
     before = set(topology.nodes)
     topology.update([], segments, traversability, ShortestPaths(traversability, (30.0, 30.0)))
     assert set(topology.nodes) == before
-
-
-def test_the_graph_is_a_flag_of_its_own():
-    assert tyro.cli(ExplorerConfig, args=["--graph", "mst"]).topological_map.graph == "mst"
-    assert ExplorerConfig().topological_map.graph == "roadmap"
 
 
 def test_no_ground_no_nodes():

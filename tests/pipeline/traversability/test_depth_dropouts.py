@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
-from pipeline.traversability.depth_dropouts import DepthDropoutConfig, find_depth_dropouts
+from pipeline.traversability.depth_dropouts import ROW_STEP, find_depth_dropouts
 
 WIDE = Intrinsics(width=101, height=4, fx=100.0, fy=100.0, cx=50.5, cy=-58.0)
 """Every row of it looks at the ground when the camera looks level."""
@@ -16,20 +16,20 @@ def ground_depth() -> np.ndarray:
     return np.repeat((0.6 * WIDE.fy / (rows - WIDE.cy)).astype(np.float32)[:, None], WIDE.width, axis=1)
 
 
-def missing(depth, **config):
-    return find_depth_dropouts(depth, WIDE, LEVEL, DepthDropoutConfig(row_step=1, **config))
+def dropouts(depth):
+    return find_depth_dropouts(depth, WIDE, LEVEL)
 
 
 def test_nothing_is_missing_on_open_ground():
-    assert missing(ground_depth()).shape == (0, 3)
+    assert dropouts(ground_depth()).shape == (0, 3)
 
 
 @pytest.mark.parametrize("nearer", [0.0, 0.4])
 def test_a_stripe_without_ground_is_missing_where_the_ground_would_be(nearer):
     depth = ground_depth()
     depth[:, 48:53] = nearer
-    points = missing(depth)
-    assert points.shape == (5 * WIDE.height, 3)
+    points = dropouts(depth)
+    assert points.shape == (5 * WIDE.height // ROW_STEP, 3)
     np.testing.assert_allclose(points[:, 2], 0, atol=1e-5)
     np.testing.assert_allclose(points[:5, 0], ground_depth()[0, 0], rtol=1e-5)
     np.testing.assert_allclose(points[:5, 1], ground_depth()[0, 0] * np.arange(2, -3, -1) / 100, atol=1e-5)
@@ -39,26 +39,29 @@ def test_a_stripe_without_ground_is_missing_where_the_ground_would_be(nearer):
 def test_frayed_pixels_and_wide_shadows_are_not_missing(width):
     depth = ground_depth()
     depth[:, 20 : 20 + width] = 0
-    assert not len(missing(depth, min_gap=3, max_gap=60))
+    assert not len(dropouts(depth))
 
 
 def test_what_lies_farther_behind_a_gap_is_other_ground():
     depth = ground_depth()
     depth[:, 48:53] = 0
     depth[:, 53:] *= 1.2
-    assert not len(missing(depth))
+    assert not len(dropouts(depth))
 
 
 def test_rows_between_are_left_out():
     depth = ground_depth()
     depth[:, 48:53] = 0
-    half = find_depth_dropouts(depth, WIDE, LEVEL, DepthDropoutConfig(row_step=2))
-    np.testing.assert_array_equal(half, missing(depth).reshape(4, 5, 3)[::2].reshape(-1, 3))
+    searched = dropouts(depth).reshape(-1, 5, 3)[:, 0, 0]
+    np.testing.assert_allclose(searched, ground_depth()[::ROW_STEP, 0], rtol=1e-5)
 
 
 def test_ground_that_falls_away_along_the_ray_is_not_missed():
     depth = ground_depth()
     depth *= np.linspace(2, 1, WIDE.height, dtype=np.float32)[:, None]  # seen at a few degrees
     depth[:, 48:53] = 0
-    assert not len(missing(depth))
-    assert len(missing(depth, min_grazing=0.0))
+    assert not len(dropouts(depth))
+    depth = ground_depth()
+    depth *= np.linspace(1.1, 1, WIDE.height, dtype=np.float32)[:, None]  # seen less obliquely
+    depth[:, 48:53] = 0
+    assert len(dropouts(depth))

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from pipeline.transforms import from_yaw
 from pipeline.traversability.elevation_map import ElevationMap
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, surface_of, wall_points
 
 
@@ -13,12 +14,8 @@ def column(*heights: float, hits: int = 5) -> np.ndarray:
 
 
 def test_a_cell_has_the_mean_height_of_its_returns():
-    elevation_map = surface_of(
-        np.array([(0.01, 0.01, 0.02), (0.02, 0.04, 0.0), (0.04, 0.02, 0.01)], np.float32)
-    )
-    assert elevation_map.grid.at(elevation_map.measured, [0.025, 0.025], np.nan) == pytest.approx(
-        0.01, abs=1e-6
-    )
+    elevation_map = surface_of(np.array([(0.01, 0.01, 0.02), (0.02, 0.04, 0.0), (0.04, 0.02, 0.01)], np.float32))
+    assert elevation_map.grid.at(elevation_map.measured, [0.025, 0.025], np.nan) == pytest.approx(0.01, abs=1e-6)
 
 
 def test_two_returns_are_not_enough():
@@ -54,15 +51,13 @@ def test_it_grows_in_every_direction_without_losing_anything():
     before = np.isfinite(elevation_map.measured).sum()
     for corner in ((-9, 3), (20, 0), (0, -30)):
         elevation_map.update(column(0.3) + np.array([*corner, 0], np.float32))
-        assert elevation_map.grid.at(
-            elevation_map.measured, corner + np.array([0.025, 0.025])
-        ) == pytest.approx(0.3)
+        assert elevation_map.grid.at(elevation_map.measured, corner + np.array([0.025, 0.025])) == pytest.approx(0.3)
     assert np.isfinite(elevation_map.measured).sum() == before + 3
     assert elevation_map.grid.at(elevation_map.measured, [0.525, 0.525], np.nan) == 0
 
 
 def test_points_that_are_not_finite_change_nothing():
-    elevation_map = ElevationMap()
+    elevation_map = ElevationMap(PIONEER)
     elevation_map.update(np.full((10, 3), np.nan, np.float32))
     elevation_map.update(np.zeros((0, 3), np.float32))
     assert elevation_map.elevation.size == 0
@@ -82,32 +77,30 @@ STRIPE = ground_points(flat, (-1, 1), (-0.01, 0.01))
 
 
 def seen_along_a_panel() -> ElevationMap:
-    elevation_map, ground = ElevationMap(), ground_points(flat, (-1, 1), (-1, 1))
+    elevation_map, ground = ElevationMap(PIONEER), ground_points(flat, (-1, 1), (-1, 1))
     elevation_map.update(ground[np.abs(ground[:, 1]) > 0.01], STRIPE, np.array([-2.0, 0.0]))
     return elevation_map
 
 
-def test_where_ground_is_missing_it_is_unknown_whatever_the_returns():
+def test_where_ground_drops_out_it_is_unknown_whatever_the_returns():
     elevation_map = seen_along_a_panel()
     for layer in (elevation_map.measured, elevation_map.elevation):
         assert np.isnan(elevation_map.grid.at(layer, [(0.0, -0.005), (0.0, 0.005)], np.nan)).all()
-    # The cells beside the axis are doubted; nobody bridges them from their neighbours.
+    # The cells beside the axis dropped out; they are not bridged from their neighbours.
     assert elevation_map.grid.at(elevation_map.dropout, [(0.5, 0.005), (0.5, -0.005)]).all()
     assert elevation_map.grid.at(elevation_map.elevation, [0.0, 0.06], np.nan) == 0
 
 
-@pytest.mark.parametrize(("camera", "is_believed"), [((0.0, -2.0), True), ((-2.0, -0.3), False)])
-def test_doubted_ground_is_believed_when_seen_from_another_side(camera, is_believed):
+@pytest.mark.parametrize(("camera", "is_cleared"), [((0.0, -2.0), True), ((-2.0, -0.3), False)])
+def test_a_dropout_is_cleared_by_a_keyframe_from_another_side(camera, is_cleared):
     elevation_map = seen_along_a_panel()
-    elevation_map.update(
-        ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera)
-    )
-    assert np.isfinite(elevation_map.grid.at(elevation_map.elevation, [0.0, 0.005], np.nan)) == is_believed
+    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera))
+    assert np.isfinite(elevation_map.grid.at(elevation_map.elevation, [0.0, 0.005], np.nan)) == is_cleared
 
 
-def test_a_single_doubted_cell_is_not_bridged():
+def test_a_single_cell_with_a_dropout_is_not_bridged():
     elevation_map, cell = (
-        ElevationMap(),
+        ElevationMap(PIONEER),
         STRIPE[np.abs(STRIPE[:, 0] - 0.025) < 0.024] + np.float32([0, 0.025, 0]),
     )
     elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), cell, np.array([-2.0, 0.0]))
@@ -115,17 +108,17 @@ def test_a_single_doubted_cell_is_not_bridged():
     assert np.isnan(elevation_map.grid.at(elevation_map.elevation, [0.025, 0.025], np.nan))
 
 
-def test_no_gap_is_bridged_across_doubted_ground():
+def test_no_gap_is_bridged_across_a_dropout():
     ground = ground_points(flat, (-1, 1), (-1, 1))
     gap = ground[np.abs(ground[:, 1] - 0.025) > 0.075]
-    bridged, open_gap = surface_of(gap), ElevationMap()
+    bridged, open_gap = surface_of(gap), ElevationMap(PIONEER)
     open_gap.update(gap, STRIPE + np.float32([0, 0.025, 0]), np.array([-2.0, 0.0]))
     assert bridged.grid.at(bridged.elevation, [0.0, 0.06], np.nan) == 0
     assert np.isnan(open_gap.grid.at(open_gap.elevation, [0.0, 0.06], np.nan))
 
 
-def test_what_is_missing_above_or_below_the_ground_is_no_ground():
-    elevation_map = ElevationMap()
+def test_a_dropout_above_or_below_the_ground_does_not_count():
+    elevation_map = ElevationMap(PIONEER)
     high = STRIPE + np.float32([0, 0, 0.3])
     elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), high, np.array([-2.0, 0.0]))
     assert not elevation_map.dropout.any()
@@ -147,7 +140,7 @@ def test_a_gap_between_different_heights_stays_open():
 
 
 def test_assumed_ground_gives_way_to_returns():
-    elevation_map = ElevationMap()
+    elevation_map = ElevationMap(PIONEER)
     elevation_map.assume_ground(from_yaw(1, 2, 0, np.pi / 2), radius=0.5, ahead=1.4, width=0.8)
     at = elevation_map.grid.at
     assert at(elevation_map.elevation, [1.0, 3.3], np.nan) == 0  # on the strip
@@ -160,9 +153,7 @@ def test_assumed_ground_gives_way_to_returns():
 
 @settings(max_examples=25, deadline=None)
 @given(
-    st.lists(
-        st.tuples(*[st.floats(-3, 3, width=32)] * 2, st.floats(-0.5, 2, width=32)), min_size=1, max_size=60
-    ),
+    st.lists(st.tuples(*[st.floats(-3, 3, width=32)] * 2, st.floats(-0.5, 2, width=32)), min_size=1, max_size=60),
     st.randoms(),
 )
 def test_order_of_points_does_not_matter(points, random):

@@ -2,7 +2,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from pipeline.traversability.shortest_paths import PathConfig, ShortestPaths, may_cut, simplify
+from pipeline.traversability.shortest_paths import RAMP_COST, ShortestPaths, may_cut, simplify
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
@@ -57,8 +57,8 @@ def test_no_short_cut_passes_a_corner_closer_than_the_way_does(maze):
 
 def test_ramps_cost_more_and_are_met_head_on():
     traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
-    paths = ShortestPaths(traversability, (-1.5, 0.0), PathConfig(ramp_cost=3.0))
-    assert paths.cost_to((1.5, 0.0)) > 3.0 + 2 * 1.0
+    paths = ShortestPaths(traversability, (-1.5, 0.0))
+    assert paths.cost_to((1.5, 0.0)) > 3.0 + (RAMP_COST - 1) * 1.0
     path = paths.path_to((1.5, 0.4))
     on_ramp = traversability.grid.at(traversability.ramp, path)
     assert np.ptp(path[on_ramp, 1]) < 1e-9

@@ -35,11 +35,7 @@ def test_a_way_changes_from_along_the_slope_to_across_it_where_there_is_room_to_
 
 
 def test_it_costs_nothing_to_change_where_there_is_room_everywhere():
-    assert (
-        search(range(10), turn=100)[0]
-        == pytest.approx(search([], turn=0)[0])
-        == pytest.approx(5 + 4 * DIAGONAL)
-    )
+    assert search(range(10), turn=100)[0] == pytest.approx(search([], turn=0)[0]) == pytest.approx(5 + 4 * DIAGONAL)
 
 
 def test_without_room_to_slide_a_way_stays_across_or_pays_for_a_turn():

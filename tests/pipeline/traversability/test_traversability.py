@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline.errors import InputError
 from pipeline.traversability.elevation_map import ElevationMap
-from pipeline.traversability.traversability import Traversability, TraversabilityConfig, assess_map
+from pipeline.traversability.traversability import Traversability, assess_map
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
 
@@ -41,9 +44,7 @@ def test_a_block_that_ends_within_a_cell_is_a_hazard_up_to_its_edge(height):
     face = wall_points((0.02, -0.5), (0.02, 0.5), height)
     outside = (ground[:, 0] < 0.02) | (np.abs(ground[:, 1]) > 0.5)
     traversability = assess_map(surface_of(ground[outside], block, face))
-    assert traversability.grid.at(
-        traversability.hazard, [(0.025, y) for y in np.arange(-0.475, 0.5, 0.05)]
-    ).all()
+    assert traversability.grid.at(traversability.hazard, [(0.025, y) for y in np.arange(-0.475, 0.5, 0.05)]).all()
 
 
 def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point():
@@ -128,7 +129,7 @@ def test_on_a_ramp_it_keeps_off_the_unknown_by_what_it_may_slide():
         assert traversability.grid.at(traversability.slidable, [-0.3, y]) == turns
 
 
-def test_nobody_turns_on_a_ramp_or_right_before_it():
+def test_the_robot_turns_neither_on_a_ramp_nor_right_before_it():
     traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
     assert not traversability.grid.at(traversability.turnable, [-0.3, 0])
     assert not traversability.grid.at(traversability.turnable, [-RUN - 0.1, 0])
@@ -154,7 +155,7 @@ def test_a_slope_beyond_twenty_degrees_is_a_hazard():
 
 
 def test_it_keeps_away_from_where_a_panel_may_stand():
-    world, ground = ElevationMap(), ground_points(flat, (-1, 1), (-1, 1))
+    world, ground = ElevationMap(PIONEER), ground_points(flat, (-1, 1), (-1, 1))
     world.update(ground, ground_points(flat, (-1, 1), (0.01, 0.03)), np.array([-2.0, 0.0]))
     traversability = assess_map(world)
     assert not traversability.grid.at(traversability.traversable, [0.0, 0.28])
@@ -162,7 +163,19 @@ def test_it_keeps_away_from_where_a_panel_may_stand():
     assert not traversability.lines_are_traversable([(0.0, -0.5)], [(0.0, 0.5)])[0]
 
 
-@pytest.mark.parametrize("far", [{"clearance": 1.0}, {"turning_clearance": 0.9}, {"ramp_margin": np.nan}])
+@pytest.mark.parametrize("far", [{"width": 2.0}, {"length": 1.7}, {"ramp_slide": np.nan}])
 def test_clearances_beyond_what_is_told_apart_are_refused(far):
+    world = ElevationMap(replace(PIONEER, **far))
+    world.update(ground_points(flat, (-1, 1), (-1, 1)))
     with pytest.raises(InputError, match="at most 1 m"):
-        TraversabilityConfig(**far)
+        assess_map(world)
+
+
+def test_a_wider_robot_keeps_further_away():
+    cloud = [ground_points(flat, (-1, 2), (-2, 2)), wall_points((1.0, -2), (1.0, 2))]
+    narrow, wide = ElevationMap(PIONEER), ElevationMap(replace(PIONEER, width=0.8))
+    for world, nearest in ((narrow, 0.7), (wide, 0.55)):
+        world.update(np.vstack(cloud))
+        traversable = assess_map(world)
+        assert traversable.grid.at(traversable.traversable, [nearest - 0.025, 0.0])
+        assert not traversable.grid.at(traversable.traversable, [nearest + 0.025, 0.0])

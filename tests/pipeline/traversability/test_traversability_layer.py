@@ -6,6 +6,7 @@ from pipeline.traversability import elevation_kernels as kernels
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.traversability import assess_map
 from pipeline.traversability.traversability_layer import JUDGED, TraversabilityLayer
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, wall_points
 
 pieces = st.tuples(
@@ -18,24 +19,19 @@ pieces = st.tuples(
 
 def step(elevation_map, piece):
     """Show a piece of ground, or a wall, somewhere; perhaps with a stripe of it missing."""
-    height, x, y, is_doubted = piece
-    points = (
-        wall_points((0, 0), (0.8, 0.3)) if height is None else ground_points(height, (-1.2, 1.2), (-0.8, 0.8))
-    )
+    height, x, y, drops_out = piece
+    points = wall_points((0, 0), (0.8, 0.3)) if height is None else ground_points(height, (-1.2, 1.2), (-0.8, 0.8))
     points = points + np.array([x, y, 0], np.float32)
-    missing = points[np.abs(points[:, 0] - x) < 0.03] if is_doubted else np.zeros((0, 3), np.float32)
+    missing = points[np.abs(points[:, 0] - x) < 0.03] if drops_out else np.zeros((0, 3), np.float32)
     elevation_map.update(points, missing, np.array([x - 2, y]))
     elevation_map.add_track(np.array([[x, y - 0.1], [x + 0.3, y]]))
 
 
 @settings(max_examples=25)
 @given(st.lists(pieces, min_size=2, max_size=6))
-def test_what_is_judged_look_by_look_is_what_is_judged_as_a_whole(steps):
-    elevation_map, layer = ElevationMap(), TraversabilityLayer()
-    step(elevation_map, (flat, -6, -6, False))
-    step(elevation_map, (flat, 6, 6, False))
-    layer.update(elevation_map)
-    for piece in steps:
+def test_what_is_judged_keyframe_by_keyframe_is_what_is_judged_as_a_whole(steps):
+    elevation_map, layer = ElevationMap(PIONEER), TraversabilityLayer(PIONEER)
+    for piece in steps:  # the map grows now and then
         step(elevation_map, piece)
         now, whole = layer.update(elevation_map), assess_map(elevation_map)
         for name in JUDGED:
@@ -45,18 +41,16 @@ def test_what_is_judged_look_by_look_is_what_is_judged_as_a_whole(steps):
 
 @settings(max_examples=25)
 @given(st.lists(pieces, min_size=1, max_size=6))
-def test_gaps_are_bridged_look_by_look_as_on_the_whole_map(steps):
-    elevation_map = ElevationMap()
+def test_gaps_are_bridged_keyframe_by_keyframe_as_on_the_whole_map(steps):
+    elevation_map = ElevationMap(PIONEER)
     for piece in steps:
         step(elevation_map, piece)
     known = elevation_map.measured
-    np.testing.assert_array_equal(
-        elevation_map.elevation, kernels.bridge_gaps(known, elevation_map.dropout, 3, 0.05)
-    )
+    np.testing.assert_array_equal(elevation_map.elevation, kernels.bridge_gaps(known, elevation_map.dropout, 3, 0.05))
 
 
-def test_a_surface_that_was_given_out_stays_as_it_was():
-    elevation_map, layer = ElevationMap(), TraversabilityLayer()
+def test_what_was_given_out_stays_as_it_was():
+    elevation_map, layer = ElevationMap(PIONEER), TraversabilityLayer(PIONEER)
     step(elevation_map, (flat, 0, 0, False))
     before = layer.update(elevation_map)
     kept = before.traversable.copy(), before.elevation.copy()
@@ -68,7 +62,7 @@ def test_a_surface_that_was_given_out_stays_as_it_was():
 
 
 def test_nothing_new_is_judged_where_nothing_has_changed():
-    elevation_map, layer = ElevationMap(), TraversabilityLayer()
+    elevation_map, layer = ElevationMap(PIONEER), TraversabilityLayer(PIONEER)
     step(elevation_map, (ridge, 0, 0, False))
     before = layer.update(elevation_map)
     elevation_map.update(np.zeros((0, 3), np.float32))

@@ -117,9 +117,7 @@ def way_from_start(world, width, solid):
     model, data = world
     bodies = convex_bodies(model, data, None)
     low = (bodies.low[:, 2] < HEADROOM) & (bodies.high[:, 2] > 0) & np.isin(bodies.label, solid)
-    outlines = [
-        shapely.Polygon(bodies.corners[slice(*bodies.first_corner[n : n + 2])]) for n in np.flatnonzero(low)
-    ]
+    outlines = [shapely.Polygon(bodies.corners[slice(*bodies.first_corner[n : n + 2])]) for n in np.flatnonzero(low)]
     free = shapely.box(-26, -7.5, 26, 7.5) - shapely.union_all(outlines).buffer(width / 2)
     start = shapely.Point(plan.START[:2])
     return next(piece for piece in shapely.get_parts(free) if piece.covers(start))

@@ -136,14 +136,7 @@ def test_holes_let_a_ray_through_and_the_panel_around_them_does_not(tmp_path):
 
 
 def test_signs_and_props_are_clutter_of_up_to_40_cm(tmp_path):
-    for kind in (
-        "hazmat",
-        "hazmat_poison",
-        "start_check",
-        "start_check_board",
-        "spectator_120",
-        "fire_extinguisher",
-    ):
+    for kind in ("hazmat", "hazmat_poison", "start_check", "start_check_board", "spectator_120", "fire_extinguisher"):
         model, _ = compile_raf(write(tmp_path, f'type="{kind}" x="0" y="0" rotation="0"'))
         others = np.arange(model.ngeom) != model.geom("floor").id
         assert set(geom_labels(model)[others]) == {7}
@@ -153,9 +146,7 @@ def test_signs_and_props_are_clutter_of_up_to_40_cm(tmp_path):
 def test_elements_on_the_same_place_count_once(tmp_path):
     once = compile_raf(write(tmp_path, 'type="small_wall" x="0" y="0" rotation="0"'))[0].ngeom
     # The wall north of a tile is the wall south of the next one.
-    twice = ['type="small_wall" x="0" y="0" rotation="0"'] * 2 + [
-        'type="small_wall" x="0" y="1" rotation="180"'
-    ]
+    twice = ['type="small_wall" x="0" y="0" rotation="0"'] * 2 + ['type="small_wall" x="0" y="1" rotation="180"']
     assert compile_raf(write(tmp_path, *twice))[0].ngeom == once
 
 
@@ -228,22 +219,14 @@ def made_up(rng):
 
     def place(tiles=9):
         x, y = rng.integers(-tiles, tiles, 2)
-        rotation = rng.choice(
-            ["0", "90", "180", "270", "-90", "450", "37.5", f"{rng.uniform(-400, 400):.4f}"]
-        )
+        rotation = rng.choice(["0", "90", "180", "270", "-90", "450", "37.5", f"{rng.uniform(-400, 400):.4f}"])
         return f'x="{x}" rotation="{rotation}" y="{y}"'
 
     lines = []
     for kind in 2 * [*ELEMENTS, *LOOSE_TYPES, "sand_pit", "victim_2"]:
         shift = f'offset-y="{rng.uniform(-1, 1):.3f}" offset-x="{rng.integers(-2, 3) / 4}"'
         lines.append(f'<element {place()} type="{kind}" {shift if rng.random() < 0.5 else ""}/>')
-    for kind in 2 * [
-        "victim_with_box1",
-        "victim_doll_heat_with_box",
-        "victim_1",
-        "hazmat_acid",
-        "start_check_a",
-    ]:
+    for kind in 2 * ["victim_with_box1", "victim_doll_heat_with_box", "victim_1", "hazmat_acid", "start_check_a"]:
         where, point = place(), rng.integers(0, 3)
         lines.append(f'<element type="{rng.choice(sorted(MOUNTS))}" {where}/>')
         lines.append(f'<!-- on a wall -->\n  <element mount-point="{point}" {where} type="{kind}"></element>')
@@ -294,15 +277,9 @@ def read_plainly(path):
             '<elements><element type="small_wall" x="0" y="0" rotation="0" mount-point="-1"/></elements>',
             "mount-point",
         ),
-        (
-            '<elements><element type="victim_1" x="0" y="0" rotation="0" offset-x="5000"/></elements>',
-            "absurd",
-        ),
+        ('<elements><element type="victim_1" x="0" y="0" rotation="0" offset-x="5000"/></elements>', "absurd"),
         ('<elements><element type="a" x="0" y="0" rotation="0"/></elements>', "of a known type: a$"),
-        (
-            "<elements>" + '<element type="small_wall" x="0" y="0" rotation="0"/>' * 5000 + "</elements>",
-            "too many",
-        ),
+        ("<elements>" + '<element type="small_wall" x="0" y="0" rotation="0"/>' * 5000 + "</elements>", "too many"),
     ],
     ids=lambda value: value[:24],
 )
@@ -318,9 +295,7 @@ def test_a_bad_file_is_refused_in_one_line(text, message, tmp_path):
 def test_a_bomb_of_entities_is_refused(tmp_path):
     entities = "".join(f'<!ENTITY e{n} "{f"&e{n - 1};" * 10 if n else "boom"}">' for n in range(12))
     path = tmp_path / "bomb.raf"
-    path.write_text(
-        f"<!DOCTYPE a [{entities}]><elements><element type='&e11;' x='0' y='0' rotation='0'/></elements>"
-    )
+    path.write_text(f"<!DOCTYPE a [{entities}]><elements><element type='&e11;' x='0' y='0' rotation='0'/></elements>")
     with pytest.raises(InputError):
         load_arena(str(path))
 
@@ -335,8 +310,6 @@ def test_missing_and_huge_files_are_refused(tmp_path):
 
 
 def test_an_arena_all_of_whose_tiles_are_taken_has_no_start(tmp_path):
-    stepfields = [
-        f'type="stepfield_red_diagonal" x="{i}" y="{j}" rotation="0"' for i in range(2) for j in range(2)
-    ]
+    stepfields = [f'type="stepfield_red_diagonal" x="{i}" y="{j}" rotation="0"' for i in range(2) for j in range(2)]
     with pytest.raises(InputError, match=r"arena\.raf: the arena has no free start"):
         load_arena(str(write(tmp_path, *stepfields)))

@@ -35,12 +35,7 @@ from sarsim.sensors.camera import geom_labels
 from sarsim.victims.victims import make_victim, victims_of
 
 SEEDS = range(int(os.environ.get("SEEDS", "6")))
-WITHOUT_VICTIMS = {
-    0: "463b0cb8d7ee9f7f",
-    1: "6b1a502229a949ca",
-    2: "23bbf08844679aad",
-    3: "1f3a1e5d71ca2b6c",
-}
+WITHOUT_VICTIMS = {0: "463b0cb8d7ee9f7f", 1: "6b1a502229a949ca", 2: "23bbf08844679aad", 3: "1f3a1e5d71ca2b6c"}
 """Digests of where everything stands."""
 
 

@@ -77,20 +77,14 @@ def test_any_arena_takes_a_start(name):
 def test_floors_come_largest_first_and_small_patches_not_at_all():
     floors = [(0.5, 0.0), (1.0, 3.0), (0.1, 5.0), (0.75, 7.0)]
     geoms = "".join(f'<geom type="box" size="{h} {h} 0.1" pos="{x} 0 0" user="2"/>' for h, x in floors)
-    model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><size nuser_geom="1"/><worldbody>{geoms}</worldbody></mujoco>'
-    )
+    model = mujoco.MjModel.from_xml_string(f'<mujoco><size nuser_geom="1"/><worldbody>{geoms}</worldbody></mujoco>')
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    sizes = [
-        np.isfinite(g.height).sum() * CELL**2 for g in Survey(model, data, None).grounds(Label.TERRAIN, 0.25)
-    ]
+    sizes = [np.isfinite(g.height).sum() * CELL**2 for g in Survey(model, data, None).grounds(Label.TERRAIN, 0.25)]
     np.testing.assert_allclose(sizes, [4.0, 2.25, 1.0], rtol=0.1)
 
 
 def test_a_start_without_a_position_is_the_origin(tmp_path):
     path = tmp_path / "arena.xml"
-    path.write_text(
-        '<mujoco><worldbody><site name="start"/><geom type="plane" size="3 3 1"/></worldbody></mujoco>'
-    )
+    path.write_text('<mujoco><worldbody><site name="start"/><geom type="plane" size="3 3 1"/></worldbody></mujoco>')
     np.testing.assert_array_equal(load_arena(str(path)).T_world_start, np.eye(4))

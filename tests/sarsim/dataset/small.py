@@ -76,9 +76,7 @@ class InProcess:
         self.toys = toys
         self.made: list[int] = []
 
-    def render(
-        self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock
-    ) -> Iterator[Event]:
+    def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
         for index in indices:
             self.made.append(index)
             yield FrameDone(index)

@@ -68,9 +68,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return checksums(folder)
 
 
-def test_a_generator_that_is_killed_again_and_again_loses_nothing(
-    tmp_path: Path, expected: dict[str, str]
-) -> None:
+def test_a_generator_that_is_killed_again_and_again_loses_nothing(tmp_path: Path, expected: dict[str, str]) -> None:
     folder, rng = tmp_path / "data", np.random.default_rng(2)
     process, workers = start(folder), 0
     for _ in range(KILLS):
@@ -94,9 +92,7 @@ def test_a_generator_that_is_killed_again_and_again_loses_nothing(
     assert checksums(folder) == expected
 
 
-def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(
-    tmp_path: Path, expected: dict[str, str]
-) -> None:
+def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(tmp_path: Path, expected: dict[str, str]) -> None:
     folder, size = tmp_path / "data", 1 << 16
     process = start(folder, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)))
     _, errors = process.communicate()

@@ -22,16 +22,7 @@ from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.scene_file import Scene
 from tests.sarsim.dataset.small import InProcess
 
-RECIPE = Recipe(
-    seed=2,
-    frames=12,
-    width=96,
-    height=72,
-    arenas=("nist_6x4",),
-    ideal=1,
-    clear=0,
-    dust=(0.2, 0.2),
-)
+RECIPE = Recipe(seed=2, frames=12, width=96, height=72, arenas=("nist_6x4",), ideal=1, clear=0, dust=(0.2, 0.2))
 
 
 @pytest.fixture(scope="module")
@@ -123,9 +114,7 @@ def assert_points_of(cloud: Cloud, blocks: np.ndarray, labels: np.ndarray) -> No
     near = blocks[..., 3:] * xyz.max(axis=0)
     rows = np.column_stack([np.rint(near.reshape(-1, 3) * 1000), labels.ravel()]).astype(int).tolist()
     assert len(rows) > 500
-    assert (
-        np.mean([tuple(row) in known for row in rows]) > 0.98
-    )  # the others are rounded to the next millimetre
+    assert np.mean([tuple(row) in known for row in rows]) > 0.98  # the others are rounded to the next millimetre
 
 
 def test_blocks_that_are_full_repeat_no_point_and_others_repeat_some() -> None:

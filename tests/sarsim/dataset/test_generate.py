@@ -59,10 +59,7 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(
 
 def test_a_scene_over_which_every_worker_dies_is_given_up(tmp_path: Path) -> None:
     (tmp_path / "scenes").mkdir()
-    with (
-        FolderLock.take(tmp_path) as lock,
-        pytest.raises(InputError, match="scene 0: 3 workers died over it"),
-    ):
+    with FolderLock.take(tmp_path) as lock, pytest.raises(InputError, match="scene 0: 3 workers died over it"):
         for event in LocalEngine(1).render(RECIPE, [0, 1], tmp_path, lock):
             if isinstance(event, FrameDone):
                 (worker,) = multiprocessing.active_children()
@@ -80,13 +77,7 @@ def test_what_goes_wrong_in_a_worker_is_told(tmp_path: Path) -> None:
 def command(folder: Path) -> subprocess.Popen[bytes]:
     """The command that makes the reference."""
     flags = f"--scenes {SCENES} --frames 3 --width 64 --height 48 --seed 3 --workers 2 --arenas nist_6x4"
-    script = [
-        sys.executable,
-        str(ROOT / "scripts" / "generate_dataset.py"),
-        "--out",
-        str(folder),
-        *flags.split(),
-    ]
+    script = [sys.executable, str(ROOT / "scripts" / "generate_dataset.py"), "--out", str(folder), *flags.split()]
     return subprocess.Popen(script, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
 
 
@@ -97,9 +88,7 @@ def interrupt_after(process: subprocess.Popen[bytes], folder: Path, scenes: int)
     os.kill(process.pid, signal.SIGINT)
 
 
-def test_a_command_that_is_interrupted_is_completed_by_the_next(
-    tmp_path: Path, reference: dict[str, bytes]
-) -> None:
+def test_a_command_that_is_interrupted_is_completed_by_the_next(tmp_path: Path, reference: dict[str, bytes]) -> None:
     folder = tmp_path / "data"
     process = command(folder)
     interrupt_after(process, folder, 1)

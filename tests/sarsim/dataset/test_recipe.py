@@ -78,9 +78,7 @@ def test_what_has_no_share_is_never_drawn() -> None:
 
 def test_purposes_have_numbers_of_their_own() -> None:
     recipe = Recipe()
-    drawn = [
-        recipe.rng(0, purpose).integers(1 << 60) for purpose in ("conditions", "arena", "drive", "noise")
-    ]
+    drawn = [recipe.rng(0, purpose).integers(1 << 60) for purpose in ("conditions", "arena", "drive", "noise")]
     assert len(set(drawn)) == 4
 
 

@@ -12,15 +12,7 @@ from sarsim.dataset.recipe import ArenaRange, Recipe
 from sarsim.dataset.render import render_scene
 from sarsim.dataset.scene_file import Scene
 
-CLEAR = Recipe(
-    seed=1,
-    frames=16,
-    width=160,
-    height=120,
-    arenas=("nist_6x4",),
-    ideal=1,
-    clear=1,
-)
+CLEAR = Recipe(seed=1, frames=16, width=160, height=120, arenas=("nist_6x4",), ideal=1, clear=1)
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +46,7 @@ def test_every_point_lies_on_the_geom_that_it_names(
         for n in rng.choice(len(points), 60, replace=False):
             ray, geom = points[n] - camera, np.full(1, -1, np.int32)
             far = mujoco.mj_ray(model, data, camera, ray, None, 1, -1, geom)
-            hits += (
-                abs(far - 1) * np.linalg.norm(ray) < 0.006 and model.geom(geom[0]).name == names[instance[n]]
-            )
+            hits += abs(far - 1) * np.linalg.norm(ray) < 0.006 and model.geom(geom[0]).name == names[instance[n]]
             total += 1
     # A ray to the rounded depth of a pixel on an edge may pass the edge.
     assert hits / total > 0.99
@@ -75,9 +65,7 @@ def test_labels_are_those_of_the_geoms(scene: Scene, world: tuple[mujoco.MjModel
     assert all(by_name[content.geom_name[g]] == content.geom_label[g] for g in seen)
 
 
-def test_victims_are_where_the_mjcf_has_them(
-    scene: Scene, world: tuple[mujoco.MjModel, mujoco.MjData]
-) -> None:
+def test_victims_are_where_the_mjcf_has_them(scene: Scene, world: tuple[mujoco.MjModel, mujoco.MjData]) -> None:
     _, data = world
     content = scene.content
     assert content.victim_id
@@ -110,9 +98,7 @@ def test_points_of_a_victim_lie_in_its_box(scene: Scene) -> None:
     for index, frame in enumerate(scene):
         points = frame.points(scene.T_world_camera(index))
         victim = content.geom_victim[frame.instance[frame.returns]]
-        for number, (pose, (low, high)) in enumerate(
-            zip(content.victim_pose, content.victim_box, strict=True)
-        ):
+        for number, (pose, (low, high)) in enumerate(zip(content.victim_pose, content.victim_box, strict=True)):
             mine = (points[victim == number] - pose[:3, 3]) @ pose[:3, :3]
             assert (mine > low - 0.01).all() and (mine < high + 0.01).all()
             met += len(mine)

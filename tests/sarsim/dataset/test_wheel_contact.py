@@ -16,7 +16,7 @@ from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.columns import convex_bodies
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-GRID = Grid(np.array([-3.0, -3.0]), 0.05, (120, 120))
+GRID = Grid(np.array([-60, -60]), 0.05, (120, 120))
 FLOOR = "<geom type='plane' size='2 2 .1'/>"
 SINK = 0.001  # m, of the tyres
 

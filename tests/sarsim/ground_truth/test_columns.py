@@ -37,7 +37,7 @@ def highest(model, data, grid):
     return by_columns, by_rays
 
 
-GRID = Grid(np.array([-1.51, -1.49]), 0.05, (60, 60))
+GRID = Grid(np.array([-30, -30]), 0.05, (60, 60))
 
 SHAPES = {
     "box": 'type="box" size="0.4 0.2 0.3"',

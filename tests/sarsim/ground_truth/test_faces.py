@@ -18,12 +18,7 @@ def area(outline):
 
 def test_planes_boxes_and_wedges_have_their_faces(faces):
     by_label = {label: [f for f in faces if f.label == label] for label in Label}
-    assert [len(by_label[n]) for n in (Label.TERRAIN, Label.WALL, Label.INCLINED_RAMP, Label.CLUTTER)] == [
-        1,
-        6,
-        5,
-        0,
-    ]
+    assert [len(by_label[n]) for n in (Label.TERRAIN, Label.WALL, Label.INCLINED_RAMP, Label.CLUTTER)] == [1, 6, 5, 0]
     assert area(by_label[Label.TERRAIN][0].outline) == pytest.approx(24)
     slope = max(by_label[Label.INCLINED_RAMP], key=lambda f: f.normal[2])
     assert np.degrees(np.arccos(slope.normal[2])) == pytest.approx(16.07, abs=0.01)

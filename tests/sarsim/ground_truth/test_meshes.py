@@ -72,9 +72,7 @@ def test_vertices_lie_on_the_geom_that_a_ray_hits(name):
     for vertex, normal in zip(mesh.vertices[::7], mesh.normals[::7], strict=True):
         inwards = 1e-3 * (mesh.vertices.mean(axis=0) - vertex)
         origin = (vertex + inwards + normal).astype(np.float64)
-        distance = mujoco.mj_ray(
-            model, data, origin, -normal.astype(np.float64), None, 1, -1, np.zeros(1, np.int32)
-        )
+        distance = mujoco.mj_ray(model, data, origin, -normal.astype(np.float64), None, 1, -1, np.zeros(1, np.int32))
         assert distance == pytest.approx(1, abs=2e-3)
 
 
@@ -99,14 +97,7 @@ def test_a_height_field_has_the_heights_that_rays_hit():
     for a, b, c in corners(mesh):
         for point in (0.98 * a + 0.01 * b + 0.01 * c, 0.01 * a + 0.01 * b + 0.98 * c):
             hit = mujoco.mj_ray(
-                model,
-                data,
-                np.array([*point[:2], 5.0]),
-                np.array([0, 0, -1.0]),
-                None,
-                1,
-                -1,
-                np.zeros(1, np.int32),
+                model, data, np.array([*point[:2], 5.0]), np.array([0, 0, -1.0]), None, 1, -1, np.zeros(1, np.int32)
             )
             assert 5 - hit == pytest.approx(point[2], abs=1e-5)
     facing = np.cross(corners(mesh)[:, 1] - corners(mesh)[:, 0], corners(mesh)[:, 2] - corners(mesh)[:, 0])
@@ -123,9 +114,7 @@ def test_colours_are_the_materials_unless_the_geom_has_its_own():
 
 
 def test_joined_meshes_keep_their_parts_apart():
-    model = model_of(
-        'type="box" size="1 1 1" rgba="1 0 0 1"', 'type="box" size="1 1 1" pos="5 0 0" rgba="0 0 1 1"'
-    )
+    model = model_of('type="box" size="1 1 1" rgba="1 0 0 1"', 'type="box" size="1 1 1" pos="5 0 0" rgba="0 0 1 1"')
     mesh = mesh_of(model, (0, 1))
     assert len(mesh.vertices) == 48
     assert mesh.triangles.max() == 47
@@ -139,8 +128,6 @@ def test_joined_meshes_keep_their_parts_apart():
 
 def test_collision_shapes_and_what_is_transparent_are_not_drawn():
     model = model_of(
-        'type="sphere" size="0.1"',
-        'type="sphere" size="0.1" group="3"',
-        'type="sphere" size="0.1" rgba="1 1 1 0"',
+        'type="sphere" size="0.1"', 'type="sphere" size="0.1" group="3"', 'type="sphere" size="0.1" rgba="1 1 1 0"'
     )
     assert drawn_geoms(model).tolist() == [True, False, False]

@@ -109,9 +109,7 @@ class Drive:
         wheels = self.firmware.command(velocity, robot.wheel_speed(physics), robot.gyro(physics)[2], CONTROL)
         robot.set_wheel_speed(physics, *wheels)
         physics.step(round(CONTROL / physics.timestep()))
-        self.odometry.update(
-            robot.wheel_angle(physics), robot.gyro(physics), robot.accelerometer(physics), CONTROL
-        )
+        self.odometry.update(robot.wheel_angle(physics), robot.gyro(physics), robot.accelerometer(physics), CONTROL)
         self.turned += wrap_angle(yaw_of(self.pose) - yaw)
         self.poses.append(self.pose)
 
@@ -251,9 +249,7 @@ def test_reaches_its_top_speed():
 def test_climbs_and_descends_a_ridge(speed):
     drive = on_track().go(4.4 / speed, speed).go(2.0)
     highest = max(T[2, 3] for T in drive.poses)
-    print(
-        f"\nridge of 16.1° at {speed} m/s: {1000 * drive.moved[1, 3]:.2f} mm sideways, tilt to {drive.tilt:.1f}°"
-    )
+    print(f"\nridge of 16.1° at {speed} m/s: {1000 * drive.moved[1, 3]:.2f} mm sideways, tilt to {drive.tilt:.1f}°")
     assert highest > RISE - 0.005
     assert drive.pose[0, 3] > 2.2 + 2 * LENGTH + 0.4
     assert abs(drive.moved[1, 3]) < 0.02

@@ -78,9 +78,7 @@ def test_stops_at_the_acceleration_limit():
 @given(v=speeds, omega=rates)
 def test_limits_hold_for_any_command(v, omega):
     wheels = Body().drive(4.0, v, omega)
-    assert (
-        np.abs(wheels).max() <= skid_steer.MAX_WHEEL_SPEED + skid_steer.WHEEL_GAIN * skid_steer.MAX_WHEEL_LAG
-    )
+    assert np.abs(wheels).max() <= skid_steer.MAX_WHEEL_SPEED + skid_steer.WHEEL_GAIN * skid_steer.MAX_WHEEL_LAG
     moved, turned = np.abs(forward_and_turn(wheels)).max(axis=0)
     assert moved <= skid_steer.MAX_SPEED + 1e-9
     assert turned <= skid_steer.MAX_TURN_RATE * 1.1

@@ -14,9 +14,9 @@ from sarsim.scoring.topology import score_topology
 @pytest.fixture
 def two_rooms():
     """4 × 2 m, a wall in the middle with a door of 0.6 m at its north end."""
-    grid = Grid(np.zeros(2), 0.1, (40, 20))
+    grid = Grid(np.zeros(2, np.int64), 0.05, (80, 40))
     walls = np.zeros(grid.shape, np.bool_)
-    walls[20, :14] = True
+    walls[40, :28] = True
     return TrueSurface(grid, np.zeros(grid.shape), ~walls, walls)
 
 
@@ -70,7 +70,7 @@ def test_ground_too_small_for_the_coarse_grid_is_covered_by_one_node():
     drivable = np.zeros((10, 10), np.bool_)
     drivable[5:8, 5:7] = True
     surface = TrueSurface(
-        Grid(np.zeros(2), 0.05, drivable.shape), np.zeros(drivable.shape), drivable, ~drivable
+        Grid(np.zeros(2, np.int64), 0.05, drivable.shape), np.zeros(drivable.shape), drivable, ~drivable
     )
     assert score_topology(topology_of([(0.3, 0.3)], []), surface)["nodes_vs_greedy"] == 1
     assert score_topology(topology_of([], []), surface)["nodes_vs_greedy"] == 0

@@ -48,6 +48,4 @@ def test_tum_files_read_back(tmp_path):
     rows = np.loadtxt(tmp_path / "t.tum")
     assert rows[:, 0].tolist() == [0.5, 1.5]
     for row, T in zip(rows, poses, strict=True):
-        np.testing.assert_allclose(
-            from_rotation(Rotation.from_quat(row[4:]).as_matrix(), row[1:4]), T, atol=1e-5
-        )
+        np.testing.assert_allclose(from_rotation(Rotation.from_quat(row[4:]).as_matrix(), row[1:4]), T, atol=1e-5)

@@ -50,9 +50,7 @@ def test_returns_thin_by_beer_and_lamberts_law(dust: float, depth: float) -> Non
     assert np.all(result.depth[~kept & ~specks] == 0)
 
 
-def test_specks_lie_before_the_surface_by_the_same_law_and_have_no_label(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_specks_lie_before_the_surface_by_the_same_law_and_have_no_label(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(air_module, "SPECK_RATE", 1.0)
     air = Air(1.0)
     image = wall(2.5)

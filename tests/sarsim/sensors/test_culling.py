@@ -19,9 +19,7 @@ CAMERA = '<camera name="eye" xyaxes="0 -1 0 0 0 1" fovy="90"/>'
 
 
 def scene(body: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><statistic extent="8"/><worldbody>{body}</worldbody></mujoco>'
-    )
+    model = mujoco.MjModel.from_xml_string(f'<mujoco><statistic extent="8"/><worldbody>{body}</worldbody></mujoco>')
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     return model, data

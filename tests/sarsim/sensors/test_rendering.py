@@ -124,9 +124,7 @@ def test_a_picture_is_not_overwritten_by_the_next_one() -> None:
 
 
 def test_the_model_keeps_its_own_quality() -> None:
-    head = (
-        '<visual><quality offsamples="8" shadowsize="2048"/><global offwidth="100" offheight="100"/></visual>'
-    )
+    head = '<visual><quality offsamples="8" shadowsize="2048"/><global offwidth="100" offheight="100"/></visual>'
     model, data = scene(TWO_BOXES, head)
     with Renderer(model, 320, 240) as renderer:
         assert renderer.colour(data, "eye").shape == (240, 320, 3)
@@ -148,9 +146,7 @@ def test_only_a_light_that_shines_casts_a_shadow(diffuse: float) -> None:
 
 def test_a_floor_casts_no_shadow_but_an_awning_does() -> None:
     box = '<geom type="box" size="0.5 0.5 0.05" pos="3 0 -0.9"/>'
-    floor, awning = (
-        '<geom type="plane" size="9 9 1" pos="{} 0 {}"/>'.format(*at) for at in ((9, -1), (3, 1.5))
-    )
+    floor, awning = ('<geom type="plane" size="9 9 1" pos="{} 0 {}"/>'.format(*at) for at in ((9, -1), (3, 1.5)))
     for geoms, expected in ((floor + box, [True, False]), (awning + box, [False, False])):
         model, data = scene(geoms)
         np.testing.assert_array_equal(culling.floors(model, data), expected)

@@ -64,10 +64,7 @@ def test_normal_quantiles_have_the_moments_of_a_normal_distribution() -> None:
     np.testing.assert_allclose((normal**4).mean(), 3, atol=2e-2)
 
 
-@given(
-    a=st.floats(-0.05, 0.05),
-    b=st.floats(-0.05, 0.05),
-)
+@given(a=st.floats(-0.05, 0.05), b=st.floats(-0.05, 0.05))
 def test_slopes_of_a_plane_are_exact(a: float, b: float) -> None:
     v, u = np.mgrid[0:12, 0:16]
     per_column, per_row = kernels.slopes((20 + a * u + b * v).astype(np.float32))
@@ -126,9 +123,7 @@ def test_quantisation_rounds_disparity_to_eighths() -> None:
 
 
 def test_quantisation_grows_with_the_square_of_distance() -> None:
-    near, far = (
-        np.unique(measure(replace(NO_ERROR, quantisation=True), plane(z, 0.5))[0]) for z in (1.2, 2.4)
-    )
+    near, far = (np.unique(measure(replace(NO_ERROR, quantisation=True), plane(z, 0.5))[0]) for z in (1.2, 2.4))
     assert np.median(np.diff(far)) / np.median(np.diff(near)) == pytest.approx(4, rel=0.2)
 
 
@@ -238,10 +233,7 @@ def test_switches_do_not_change_what_is_drawn_from_the_generator(sensor: Xtion) 
 @settings(deadline=None, max_examples=40)
 @given(
     depth=arrays(
-        np.float32,
-        (12, 16),
-        elements=st.one_of(st.just(0.0), st.floats(0.015625, 50, width=32)),
-        fill=st.just(2.0),
+        np.float32, (12, 16), elements=st.one_of(st.just(0.0), st.floats(0.015625, 50, width=32)), fill=st.just(2.0)
     ),
     seed=st.integers(0, 2**32),
 )

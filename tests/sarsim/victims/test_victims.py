@@ -68,16 +68,12 @@ def test_a_victim_is_static_and_labelled_and_its_box_holds_it(posture: Posture, 
     (found,) = victims_of(model, data)
     assert found.id == "7"
     np.testing.assert_allclose(found.T_world_victim[:3, 3], (1, -2, 0.5))
-    np.testing.assert_allclose(
-        Rotation.from_matrix(found.T_world_victim[:3, :3]).as_rotvec(), (0, 0, 0.7), atol=1e-4
-    )
+    np.testing.assert_allclose(Rotation.from_matrix(found.T_world_victim[:3, :3]).as_rotvec(), (0, 0, 0.7), atol=1e-4)
     # Eyes and lips stand out from the face by a few millimetres.
     np.testing.assert_allclose(found.box, victim.box, atol=0.008)
     places = (mesh_places(model, data, body) - found.T_world_victim[:3, 3]) @ found.T_world_victim[:3, :3]
     assert np.all(places >= found.box[0] - 1e-4) and np.all(places <= found.box[1] + 1e-4)
-    assert np.all(victim.footprint[0] <= victim.box[0, :2]) and np.all(
-        victim.footprint[1] >= victim.box[1, :2]
-    )
+    assert np.all(victim.footprint[0] <= victim.box[0, :2]) and np.all(victim.footprint[1] >= victim.box[1, :2])
     assert victim.height >= victim.box[1, 2] and victim.box[0, 2] >= 0
 
 
@@ -141,9 +137,7 @@ def test_people_rest_on_the_floor_and_against_the_wall(pose: int) -> None:
         hips = np.unique(faces[face_parts == parts.index("hips")])
         seat = 2 * library.block * (1.9 / HEIGHT)
         assert body[:, 0].min() > -0.02 and 0 < body[hips, 0].mean() < seat[0]
-        above = (
-            (body[:, 0] < seat[0] - 0.05) & (np.abs(body[:, 1]) < seat[1] / 2) & (body[:, 2] > seat[2] - 0.2)
-        )
+        above = (body[:, 0] < seat[0] - 0.05) & (np.abs(body[:, 1]) < seat[1] / 2) & (body[:, 2] > seat[2] - 0.2)
         assert body[above, 2].min() == pytest.approx(seat[2], abs=0.01)
     else:
         assert -0.01 < body[:, 0].min() < 0.01

@@ -119,9 +119,7 @@ class FastDgcnn:
         """(N, 192) features of the three EdgeConvs to (N, classes) logits."""
         weight, bias = self._embedding
         largest, rows_of_tiles = list[Tensor](), tiles(len(local))
-        self._threads.over(
-            rows_of_tiles, lambda rows: largest.append(linear(local[rows], weight).amax(dim=0))
-        )
+        self._threads.over(rows_of_tiles, lambda rows: largest.append(linear(local[rows], weight).amax(dim=0)))
         everything = leaky_relu(torch.stack(largest).amax(dim=0) + bias, SLOPE)
         weight, bias = self._head1
         of_everything, of_local = weight[:, : len(everything)], weight[:, len(everything) :].contiguous()

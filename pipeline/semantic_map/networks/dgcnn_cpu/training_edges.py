@@ -36,9 +36,7 @@ class Edges:
         """Batch norm over all edges."""
         return Norm.of(self.sums, self.neighbours.size, sign, norm)
 
-    def less_affine(
-        self, to_a: Tensor, to_b: Tensor, constant: Tensor, factor: Tensor
-    ) -> tuple[Tensor, Tensor]:
+    def less_affine(self, to_a: Tensor, to_b: Tensor, constant: Tensor, factor: Tensor) -> tuple[Tensor, Tensor]:
         """Take from the gradients of a and b what batch norm takes from every edge: constant + factor · response."""
         k = self.neighbours.shape[1]
         to_a = to_a - self.degree * constant - factor * (self.degree * self.a + self.of_origins)

@@ -49,13 +49,7 @@ class LargestLinear(Function):
 
     @staticmethod
     def forward(
-        ctx: Any,
-        x: Tensor,
-        weight: Tensor,
-        gamma: Tensor,
-        beta: Tensor,
-        sizes: list[int],
-        norm: nn.BatchNorm1d,
+        ctx: Any, x: Tensor, weight: Tensor, gamma: Tensor, beta: Tensor, sizes: list[int], norm: nn.BatchNorm1d
     ) -> Tensor:
         """(N, C) x, blocks of ``sizes``, and (C', C) W to (B, C'); gamma and beta are those of ``norm``."""
         ctx.linear, ctx.sizes = _LargestResponses(weight, signs(gamma)), sizes
@@ -76,13 +70,7 @@ class LargestSum(Function):
 
     @staticmethod
     def forward(
-        ctx: Any,
-        a: Tensor,
-        b: Tensor,
-        gamma: Tensor,
-        beta: Tensor,
-        js: NDArray[np.int32],
-        norm: nn.BatchNorm1d,
+        ctx: Any, a: Tensor, b: Tensor, gamma: Tensor, beta: Tensor, js: NDArray[np.int32], norm: nn.BatchNorm1d
     ) -> Tensor:
         """(N, C) A x_j and B x_i and (N, k) neighbours to (N, C); gamma and beta are those of ``norm``."""
         sign = signs(gamma)

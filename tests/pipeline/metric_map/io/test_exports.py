@@ -22,14 +22,10 @@ def wall_and_step():
 
 
 def test_open3d_reads_the_occupied_centres_and_their_colours(wall_and_step, tmp_path):
-    labels = np.where(wall_and_step.occupied_centres()[:, 0] > 1.5, Label.WALL, Label.STRAIGHT_RAMP).astype(
-        np.uint8
-    )
+    labels = np.where(wall_and_step.occupied_centres()[:, 0] > 1.5, Label.WALL, Label.STRAIGHT_RAMP).astype(np.uint8)
     save_ply(tmp_path / "map.ply", wall_and_step, labels)
     cloud = o3d.io.read_point_cloud(str(tmp_path / "map.ply"))
-    np.testing.assert_array_equal(
-        np.asarray(cloud.points).astype(np.float32), wall_and_step.occupied_centres()
-    )
+    np.testing.assert_array_equal(np.asarray(cloud.points).astype(np.float32), wall_and_step.occupied_centres())
     np.testing.assert_array_equal(np.rint(np.asarray(cloud.colors) * 255), COLOURS[labels])
 
 

@@ -5,13 +5,7 @@ import pytest
 
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.networks.blocks import (
-    CLASS_OF_LABEL,
-    NO_CLASS,
-    BlockConfig,
-    channels,
-    cut,
-)
+from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL, NO_CLASS, BlockConfig, channels, cut
 
 CAMERA = np.array([1.0, 2.0, 0.6])
 
@@ -63,11 +57,7 @@ def test_a_column_with_too_few_points_is_filled_up_with_them(count: int) -> None
 
 def test_the_same_numbers_give_the_same_blocks() -> None:
     config = BlockConfig(points=30)
-    one, other, third = (
-        blocks(cloud(900), config),
-        blocks(cloud(900), config),
-        blocks(cloud(900), config, seed=1),
-    )
+    one, other, third = (blocks(cloud(900), config), blocks(cloud(900), config), blocks(cloud(900), config, seed=1))
     assert all((a.index == b.index).all() for a, b in zip(one, other, strict=True))
     assert any((a.index != b.index).any() for a, b in zip(one, third, strict=True))
 

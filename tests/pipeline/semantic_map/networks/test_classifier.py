@@ -12,11 +12,7 @@ from pipeline.frame import Intrinsics
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import BlockConfig, cut
-from pipeline.semantic_map.networks.classifier import (
-    DgcnnClassifier,
-    save_classifier,
-    segment,
-)
+from pipeline.semantic_map.networks.classifier import DgcnnClassifier, save_classifier, segment
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.weights import save_weights
 from pipeline.semantic_map.planar_vote import planar_vote
@@ -81,9 +77,7 @@ def test_votes_are_averaged() -> None:
 
     both = segment(fast, points, camera, config, 2, np.random.default_rng(4))
     start = np.random.default_rng(4).uniform()
-    grids = [
-        list(cut(points, camera, config, start + half, 20, np.random.default_rng(0))) for half in (0, 0.5)
-    ]
+    grids = [list(cut(points, camera, config, start + half, 20, np.random.default_rng(0))) for half in (0, 0.5)]
     expected = np.zeros_like(both)
     for block in grids[0] + grids[1]:
         expected[block.index] += softmax(fast(block.points), axis=1) / 2
@@ -95,9 +89,7 @@ def test_votes_are_averaged() -> None:
 
 def whole_columns(blocks):
     """Indices of the points in columns that needed no filling up."""
-    return np.concatenate(
-        [block.index for block in blocks if len(np.unique(block.index)) == len(block.index)]
-    )
+    return np.concatenate([block.index for block in blocks if len(np.unique(block.index)) == len(block.index)])
 
 
 def test_a_block_is_classified_as_by_the_network_as_written() -> None:

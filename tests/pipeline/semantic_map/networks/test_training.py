@@ -14,12 +14,7 @@ from pipeline.semantic_map.networks.classifier import DgcnnClassifier, load_clas
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.parallel import Worker
 from pipeline.semantic_map.networks.schedule import schedule
-from pipeline.semantic_map.networks.training import (
-    Trainer,
-    TrainingConfig,
-    class_weights,
-    cross_entropy,
-)
+from pipeline.semantic_map.networks.training import Trainer, TrainingConfig, class_weights, cross_entropy
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
 ALONE = Worker(0, 1, torch.device("cpu"))

@@ -93,9 +93,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         load_weights(tmp_path / "w.safetensors")
 
 
-@pytest.mark.parametrize(
-    ("metadata", "complaint"), [({"network": "yolo"}, "weights of yolo"), ({"k": "x"}, "amiss")]
-)
+@pytest.mark.parametrize(("metadata", "complaint"), [({"network": "yolo"}, "weights of yolo"), ({"k": "x"}, "amiss")])
 def test_metadata_that_does_not_fit_is_refused(tmp_path: Path, metadata: dict, complaint: str) -> None:
     save_weights(tmp_path / "w.safetensors", network(), metadata)
     with pytest.raises(InputError, match=complaint):

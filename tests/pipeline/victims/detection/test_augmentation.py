@@ -9,14 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.victims.detection import augmentation
-from pipeline.victims.detection.augmentation import (
-    CanvasSampler,
-    augmented,
-    cut,
-    mirrored,
-    pasted,
-    recoloured,
-)
+from pipeline.victims.detection.augmentation import CanvasSampler, augmented, cut, mirrored, pasted, recoloured
 from pipeline.victims.detection.labelled_image import LabelledImage
 from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.detection.people import WhiteBoxes
@@ -127,11 +120,7 @@ def test_who_is_pasted_over_is_ignored() -> None:
     boxes = np.array([[0, 0, *size], [0, 0, 4 * size[0], 4 * size[1]]], np.float32)
     canvas = LabelledImage(np.zeros((size[1], size[0], 3), np.uint8), boxes, np.zeros(2, bool))
     result = pasted(canvas, donor, 1.0, np.random.default_rng(0))
-    assert result.ignored.tolist() == [
-        True,
-        True,
-        False,
-    ]  # the second one's part on the canvas is all covered
+    assert result.ignored.tolist() == [True, True, False]  # the second one's part on the canvas is all covered
     np.testing.assert_allclose(result.boxes[2], [0, 0, *size])
 
 

@@ -14,9 +14,7 @@ A, B, C = [0, 0, 10, 10], [20, 0, 30, 10], [40, 0, 50, 10]
 NONE = np.zeros((0, 4))
 
 
-def precision_of(
-    *images: tuple[Sequence[Box], Sequence[float], Sequence[Box], Sequence[bool]],
-) -> float:
+def precision_of(*images: tuple[Sequence[Box], Sequence[float], Sequence[Box], Sequence[bool]]) -> float:
     """Of images: boxes, scores, truths, which of them are ignored."""
     result = AveragePrecision()
     for boxes, scores, truths, ignored in images:

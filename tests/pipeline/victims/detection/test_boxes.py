@@ -14,9 +14,7 @@ from pipeline.victims.detection.darknet_cfg import Yolo
 def random_boxes(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     low = rng.integers(0, 60, (count, 2))
-    return np.concatenate([low, low + rng.integers(1, 40, (count, 2))], axis=1).astype(float), rng.random(
-        count
-    )
+    return np.concatenate([low, low + rng.integers(1, 40, (count, 2))], axis=1).astype(float), rng.random(count)
 
 
 def test_a_cell_is_decoded_by_hand() -> None:
@@ -51,10 +49,7 @@ def test_one_box_is_left_for_each_thing(count: int, seed: int, overlap: float) -
         over = overlaps(boxes[[dropped]], boxes[kept])[0] > overlap
         assert scores[kept][over].max() >= scores[dropped]
     theirs = cv2.dnn.NMSBoxes(
-        np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1).tolist(),
-        scores.tolist(),
-        0,
-        overlap,
+        np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1).tolist(), scores.tolist(), 0, overlap
     )
     assert sorted(kept.tolist()) == sorted(np.array(theirs).flatten().tolist())
 

@@ -37,9 +37,7 @@ def test_the_published_networks_have_as_many_layers_as_published() -> None:
     assert full.heads[0].anchors == COCO_ANCHORS
 
 
-def test_the_files_that_are_shipped_are_what_the_code_writes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_files_that_are_shipped_are_what_the_code_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["architectures", str(tmp_path)])
     main()
     for name in ("yolov3.cfg", "yolov3-tiny.cfg"):

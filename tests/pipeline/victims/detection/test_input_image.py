@@ -50,9 +50,7 @@ def test_any_image_keeps_its_shape(image: np.ndarray) -> None:
     np.testing.assert_array_equal(image, before)
 
 
-@pytest.mark.parametrize(
-    ("size", "corner"), [((640, 480), (0, 0)), ((640, 240), (0, 96)), ((100, 480), (216, 0))]
-)
+@pytest.mark.parametrize(("size", "corner"), [((640, 480), (0, 0)), ((640, 240), (0, 96)), ((100, 480), (216, 0))])
 def test_a_box_comes_back_from_the_letterbox(size: tuple[int, int], corner: tuple[int, int]) -> None:
     columns, rows = size
     letterbox, image = Letterbox.fit(np.full((rows, columns, 3), 200, np.uint8), 512, 384)
@@ -63,6 +61,4 @@ def test_a_box_comes_back_from_the_letterbox(size: tuple[int, int], corner: tupl
     y, x = np.nonzero(inside[..., 0])
     box = np.array([[x.min(), y.min(), x.max() + 1, y.max() + 1]], float)
     np.testing.assert_allclose(letterbox.to_image(box), [[0, 0, columns, rows]], atol=1e-4)
-    np.testing.assert_array_equal(
-        letterbox.to_image(box + np.array([-99, -99, 99, 99])), [[0, 0, columns, rows]]
-    )
+    np.testing.assert_array_equal(letterbox.to_image(box + np.array([-99, -99, 99, 99])), [[0, 0, columns, rows]])

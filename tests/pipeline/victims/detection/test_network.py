@@ -88,12 +88,8 @@ def test_maxima_are_darknets(size: int, stride: int, extent: int, seed: int) -> 
     count = (extent + padding - size) // stride + 1
     expected = np.empty((count, count))
     for i, j in np.ndindex(count, count):
-        rows = [
-            r for r in range(i * stride - padding // 2, i * stride - padding // 2 + size) if 0 <= r < extent
-        ]
-        cols = [
-            c for c in range(j * stride - padding // 2, j * stride - padding // 2 + size) if 0 <= c < extent
-        ]
+        rows = [r for r in range(i * stride - padding // 2, i * stride - padding // 2 + size) if 0 <= r < extent]
+        cols = [c for c in range(j * stride - padding // 2, j * stride - padding // 2 + size) if 0 <= c < extent]
         expected[i, j] = x[np.ix_(rows, cols)].max()
     result = DarknetMaxpool(Maxpool(size, stride, padding), extent, extent)(torch.tensor(x)[None, None])
     np.testing.assert_array_equal(result[0, 0], expected)
@@ -128,11 +124,7 @@ def test_wrong_weights_are_refused(tmp_path: Path) -> None:
 def test_layers_that_do_not_fit_are_refused() -> None:
     for old, new, message in (
         ("filters=6", "filters=5", "filters=6 before it, not 5"),
-        (
-            "[yolo]",
-            "[route]\nlayers=-1,-2\n[shortcut]\nfrom=0\nactivation=linear\n[yolo]",
-            "other sizes: 2×4×8",
-        ),
+        ("[yolo]", "[route]\nlayers=-1,-2\n[shortcut]\nfrom=0\nactivation=linear\n[yolo]", "other sizes: 2×4×8"),
         ("[yolo]", "[upsample]\nstride=2\n[route]\nlayers=-1,0\n[yolo]", "other sizes: 6×8×16, 2×4×8"),
         ("size=1", "size=9", "nothing is left"),
     ):

@@ -1,0 +1,130 @@
+"""What keyframes from viewpoints are expected to show for the first time."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.exploration import visibility_kernels as kernels
+from pipeline.frame import Frame
+from pipeline.robot import RobotModel
+from pipeline.transforms import wrap_angles
+
+RAYS = 180
+"""Directions around a viewpoint."""
+STEP = 2 * np.pi / RAYS
+"""rad, from one to the next."""
+BEARINGS = np.arange(RAYS) * 2 * np.pi / RAYS
+"""(RAYS,) rad, along which viewpoints look."""
+STRIDE = 5
+"""Viewpoints lie on every so many-th cell along x and y."""
+
+NEAR_MARGIN, FAR_MARGIN = 0.1, 0.4
+"""m by which the ground is expected to be seen less near and less far than the camera measures."""
+LOWER_MARGIN, UPPER_MARGIN, SIDE_MARGIN = np.deg2rad((0.5, 1.5, 2.0))
+"""rad at the lower, the upper and each side's edge of the image that are not counted on."""
+
+
+def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
+    """What the camera that took a frame sees of the ground.
+
+    To 1 mm and 1 mrad, so that a camera that trembles on its mount stays the same.
+    """
+    lens, T = frame.intrinsics, frame.T_base_camera
+    pitch = np.arcsin(T[2, 2])
+    left, right = np.arctan([lens.cx / lens.fx, (lens.width - lens.cx) / lens.fx])
+    up, down = np.arctan([lens.cy / lens.fy, (lens.height - lens.cy) / lens.fy])
+    near, far = robot.camera_range
+    view = kernels.CameraView(
+        height=T[2, 3],
+        ahead=T[0, 3],
+        near=near + NEAR_MARGIN,
+        far=far - FAR_MARGIN,
+        lower_edge=pitch - down + LOWER_MARGIN,
+        upper_edge=pitch + up - UPPER_MARGIN,
+        field_of_view=left + right - 2 * SIDE_MARGIN,
+    )
+    return kernels.CameraView(*(round(float(number), 3) for number in view))
+
+
+def gains(ray_gains: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
+    """(N, RAYS) m² that viewpoints along each bearing should show, from what each ray should."""
+    return kernels.viewpoint_gains(ray_gains, _rays_in_view(camera))
+
+
+def cells_in_view(
+    position: NDArray[np.float64], heading: float, camera: kernels.CameraView, terrain: kernels.Terrain
+) -> NDArray[np.bool_]:
+    """(nx, ny) the target cells that a viewpoint at (2,) m with a heading (rad) should show."""
+    half = _rays_in_view(camera) // 2
+    middle = round(heading / (2 * np.pi) * RAYS)
+    # The very rays that the gain was computed from, bit for bit: one may slip through where two cells meet at a
+    # corner. Those in between find what lies between them.
+    first = np.arange(middle - half, middle + half + 1) % RAYS * STEP
+    bearings = (first[:, None] + np.arange(4) / 4 * STEP).ravel()
+    return kernels.cells_in_view(*position, bearings, camera, terrain)
+
+
+def possible_bearings(arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N, RAYS) along which the robot can look where it arrives at headings (N,); all of them where that is NaN."""
+    fixed = np.isfinite(arrival)
+    off = wrap_angles(BEARINGS - np.where(fixed, arrival, 0.0)[:, None])
+    nearest = fixed[:, None] & (np.abs(off) <= np.pi / RAYS)
+    return np.isnan(arrival)[:, None] | nearest
+
+
+class RayGains:
+    """Casts rays only from where something within their reach has changed since they were cast last."""
+
+    def __init__(self, rays: int = RAYS):
+        """``rays``: around the circle."""
+        self._rays = rays
+        self._camera: kernels.CameraView | None = None
+        self._origin = np.full(2, np.nan)
+        self._places = np.zeros((0, 2), np.int64)
+        self._gains = np.zeros((0, rays))
+
+    def of(
+        self,
+        cells: NDArray[np.int64],
+        camera: kernels.CameraView,
+        terrain: kernels.Terrain,
+        changed: NDArray[np.bool_],
+    ) -> NDArray[np.float64]:
+        """(N, rays) m² that each ray should show.
+
+        Args:
+            cells: (N, 2) elements to look from, multiples of the stride.
+            camera: that looks.
+            terrain: what is known.
+            changed: (nx, ny) the cells of it that changed since the last call. All rays are cast anew if the camera
+                is another, or if the grid begins elsewhere, and with it the places on every so many-th cell.
+        """
+        if camera != self._camera or (terrain.origin != self._origin).any():
+            self._camera, self._origin, changed = camera, terrain.origin, np.ones_like(changed)
+        # Two places more: a viewpoint and a change may lie anywhere in their blocks.
+        is_old = _farther_than(changed, camera.reach / (STRIDE * terrain.cell) + 2)
+        row, kept = np.full(is_old.shape, -1), np.flatnonzero(is_old[tuple(self._places.T)])
+        row[tuple(self._places[kept].T)] = kept
+        places = cells // STRIDE
+        row = row[tuple(places.T)]
+        result = np.zeros((len(cells), self._rays))
+        result[row >= 0] = self._gains[row[row >= 0]]
+        new = terrain.origin + (cells[row < 0] + 0.5) * terrain.cell
+        result[row < 0] = kernels.ray_gains(new, self._rays, camera, terrain)
+        self._places, self._gains = places, result
+        return result
+
+
+def _farther_than(changed: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
+    """(⌈nx / S⌉, ⌈ny / S⌉) the blocks of S × S cells with no change within so many blocks, S being the stride."""
+    padded = np.pad(changed, [(0, -n % STRIDE) for n in changed.shape])
+    nx, ny = np.array(padded.shape) // STRIDE
+    untouched = np.asarray(~padded.reshape(nx, STRIDE, ny, STRIDE).any(axis=(1, 3)))
+    if untouched.all():
+        return untouched
+    distance: NDArray[np.float64] = ndimage.distance_transform_edt(untouched)
+    return distance > reach
+
+
+def _rays_in_view(camera: kernels.CameraView) -> int:
+    return round(camera.field_of_view / (2 * np.pi) * RAYS)

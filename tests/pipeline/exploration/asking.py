@@ -1,0 +1,62 @@
+"""How the tests ask an exploration for viewpoints, and the camera with which it looks."""
+
+import numpy as np
+
+from pipeline.exploration.next_best_view import Exploration
+from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.exploration.visibility_kernels import CameraView
+from pipeline.frame import Frame, Intrinsics
+from pipeline.transforms import from_rotation
+from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.traversability import assess_map
+
+CAMERA = CameraView(
+    height=0.6,
+    ahead=0.17,
+    near=0.9,
+    far=3.1,
+    lower_edge=np.deg2rad(-34),
+    upper_edge=np.deg2rad(9),
+    field_of_view=np.deg2rad(54),
+)
+"""An Xtion on the mast of a Pioneer, 12° down."""
+
+
+def frame() -> Frame:
+    """An empty frame of that camera."""
+    focal = 320 / np.tan(np.deg2rad(29)), 240 / np.tan(np.deg2rad(22.5))
+    sin, cos = np.sin(np.deg2rad(12)), np.cos(np.deg2rad(12))
+    R = np.array([[0, -sin, cos], [-1, 0, 0], [0, -cos, -sin]])
+    return Frame(
+        time=0.0,
+        rgb=np.zeros((480, 640, 3), np.uint8),
+        depth=np.zeros((480, 640), np.float32),
+        intrinsics=Intrinsics(640, 480, *focal, 320.0, 240.0),
+        T_base_camera=from_rotation(R, [0.17, 0, 0.6]),
+        T_odom_base=np.eye(4),
+    )
+
+
+def context(world: ElevationMap, pose: np.ndarray) -> Context:
+    """What a robot at a pose (4×4) knows."""
+    traversability = assess_map(world)
+    paths = ShortestPaths(traversability, pose[:2, 3])
+    return Context(frame(), pose, traversability, world.measured, paths)
+
+
+def next_viewpoint(exploration: Exploration, world: ElevationMap, pose: np.ndarray) -> Viewpoint | None:
+    """One step: what the robot sets out for from a pose (4×4)."""
+    here = context(world, pose)
+    exploration.observe(here)
+    viewpoint = exploration.next_viewpoint(here)
+    if viewpoint is not None:
+        exploration.commit(viewpoint, here)
+    return viewpoint
+
+
+def frontiers(exploration: Exploration, world: ElevationMap, pose: np.ndarray) -> np.ndarray:
+    """(N, 3) the frontiers that a robot at a pose (4×4) finds."""
+    here = context(world, pose)
+    exploration.observe(here)
+    return exploration.find_frontiers(here)

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from pipeline.exploration import visibility_kernels as kernels
+from pipeline.exploration.visibility import STRIDE, RayGains, camera_view
+from tests.pipeline.robot_model import PIONEER
+from tests.pipeline.still_robot import HEIGHT, INTRINSICS, PITCH, StillRobot
+
+CAMERA = kernels.CameraView(0.6, 0.17, 0.9, 3.1, -0.6, 0.15, 0.9)
+RAYS, SHAPE = 24, (203, 101)
+
+
+def terrain_with(known: np.ndarray, origin: tuple[float, float] = (0.0, 0.0)) -> kernels.Terrain:
+    elevation = np.where(known, 0.0, np.nan).astype(np.float32)
+    return kernels.Terrain(
+        np.array(origin),
+        0.05,
+        elevation,
+        np.zeros((*SHAPE, 2), np.float32),
+        ~known,
+        np.ones(SHAPE, np.float32),
+        np.full((*SHAPE, 2), np.inf, np.float32),
+    )
+
+
+def known_up_to(i: int) -> np.ndarray:
+    known = np.zeros(SHAPE, np.bool_)
+    known[:i] = True
+    return known
+
+
+NOTHING = np.zeros(SHAPE, np.bool_)
+CELLS = np.argwhere(np.ones((20, 20), np.bool_)) * STRIDE
+
+
+def fresh(cells: np.ndarray, terrain: kernels.Terrain) -> np.ndarray:
+    return kernels.ray_gains(terrain.origin + (cells + 0.5) * terrain.cell, RAYS, CAMERA, terrain)
+
+
+@pytest.fixture
+def casts(monkeypatch):
+    """How many places rays were cast from, call by call."""
+    numbers, cast = [], kernels.ray_gains
+
+    def counted(places, *rest):
+        numbers.append(len(places))
+        return cast(places, *rest)
+
+    monkeypatch.setattr(kernels, "ray_gains", counted)
+    return numbers
+
+
+def test_what_is_kept_is_what_a_fresh_cast_tells():
+    gains, rng = RayGains(RAYS), np.random.default_rng(0)
+    known = known_up_to(60)
+    for _ in range(6):
+        before = known.copy()
+        i, j = rng.integers(0, SHAPE[0] - 20), rng.integers(0, SHAPE[1] - 20)
+        known[i : i + 20, j : j + 20] = rng.random() < 0.7
+        some = CELLS[rng.random(len(CELLS)) < 0.8]
+        terrain = terrain_with(known.copy())
+        np.testing.assert_array_equal(gains.of(some, CAMERA, terrain, known != before), fresh(some, terrain))
+
+
+@pytest.fixture
+def gains():
+    """With rays cast from all places over ground known up to a line."""
+    gains = RayGains(RAYS)
+    gains.of(CELLS, CAMERA, terrain_with(known_up_to(200)), NOTHING)
+    return gains
+
+
+def test_unchanged_ground_costs_nothing(casts, gains):
+    gains.of(CELLS, CAMERA, terrain_with(known_up_to(200)), NOTHING)
+    assert casts == [len(CELLS), 0]
+
+
+def test_a_change_concerns_only_what_sees_it(casts, gains):
+    changed = NOTHING.copy()
+    changed[0, 0] = True
+    gains.of(CELLS, CAMERA, terrain_with(known_up_to(200) & ~changed), changed)
+    assert 0 < casts[1] < len(CELLS)
+
+
+def test_rays_are_cast_anew_where_the_grid_begins_elsewhere_and_for_another_camera(casts, gains):
+    terrain = terrain_with(known_up_to(200), origin=(-6.4, 0.0))
+    gains.of(CELLS, CAMERA, terrain, NOTHING)
+    gains.of(CELLS, CAMERA._replace(height=0.5), terrain, NOTHING)
+    assert casts == [len(CELLS)] * 3
+
+
+def test_a_view_is_that_of_the_camera_on_the_robot():
+    view = camera_view(StillRobot().sense(), PIONEER)
+    assert (view.height, view.ahead) == (HEIGHT, 0.0)
+    assert PIONEER.camera_range[0] < view.near < view.far < PIONEER.camera_range[1]
+    half = np.arctan2(INTRINSICS.height / 2, INTRINSICS.fy)
+    assert view.lower_edge == pytest.approx(-PITCH - half, abs=0.03)
+    assert view.lower_edge > -PITCH - half
+    assert view.upper_edge == pytest.approx(-PITCH + half, abs=0.03)
+    assert view.upper_edge < -PITCH + half
+    assert view.field_of_view == pytest.approx(2 * np.arctan2(INTRINSICS.width / 2, INTRINSICS.fx), abs=0.08)

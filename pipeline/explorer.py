@@ -85,7 +85,7 @@ class Explorer:
         self.reobservation = Reobservation(self.mapper.victims, self.mapper.metric_map)
         exploration = Exploration(robot.model)
         exploration.rewards = self.reobservation
-        self.mission = Mission(exploration)
+        self.mission = Mission(exploration, self.mapper.topological_map)
         self.navigator = Navigator(robot)
         self.steps = 0
         self._failed_drives = 0
@@ -135,6 +135,11 @@ class Explorer:
         self._failed_drives = 0 if came_away else self._failed_drives + (not reached)
         self._learn_from_drive(check.obstacles)
         return reached
+
+    @property
+    def T_map_start(self) -> NDArray[np.float64] | None:
+        """4×4 pose at which the robot began; None before the first step."""
+        return self.mapper.T_map_start
 
     @property
     def is_held(self) -> bool:
@@ -192,16 +197,12 @@ class Explorer:
         return step.viewpoint.backwards if step.viewpoint is not None and can_turn else None
 
     def _learn_from_drive(self, obstacles: NDArray[np.float32]) -> None:
-        """Put into the elevation map what stood in the way (N, 3), where the robot was and what it touched."""
-        elevation_map = self.mapper.elevation_map
-        elevation_map.update(obstacles)
+        """Tell the mapper what stood in the way (N, 3), where the robot was and what it touched."""
         track = np.array(self.navigator.track).reshape(-1, 2)
-        elevation_map.add_track(track)
+        # An obstacle beside a robot that cannot leave would only shut it in.
+        halts = [halt for halt in self.navigator.halts if halt.touches]
+        self.mapper.add_drive(track, obstacles, [touched(halt, self.robot.model) for halt in halts])
         self.track = np.vstack([self.track, track])
-        for halt in self.navigator.halts:
-            # An obstacle beside a robot that cannot leave would only shut it in.
-            if halt.touches:
-                elevation_map.add_obstacle(touched(halt, self.robot.model))
 
     def _returns(self) -> NDArray[np.float32]:
         """(N, 3) the returns that the camera has now, m in ``map``."""

@@ -1,7 +1,7 @@
 """From frames to maps (thesis 3.1 to 3.3): localise, map, label, segment. It drives nothing."""
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
@@ -148,6 +148,21 @@ class Mapper:
         detections = self._find_victims(frame, T_map_camera)
         self.keyframes += 1
         return Keyframe(frame, T_map_base, points, labels, patches, detections, traversability)
+
+    def add_drive(
+        self, track: NDArray[np.float64], obstacles: NDArray[np.float32], touched: Sequence[NDArray[np.float64]]
+    ) -> None:
+        """Put into the elevation map what a drive has shown, m in ``map``.
+
+        Args:
+            track: (N, 2) where the middle of the robot was.
+            obstacles: (M, 3) what stood in its way.
+            touched: (K, 3) each, what it touched.
+        """
+        self.elevation_map.update(obstacles)
+        self.elevation_map.add_track(track)
+        for points in touched:
+            self.elevation_map.add_obstacle(points)
 
     def connect(self, keyframe: Keyframe, paths: ShortestPaths) -> None:
         """Renew the topological map on the ground that ``paths`` reach, with what a keyframe shows."""

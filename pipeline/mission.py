@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,10 +23,24 @@ HOME_SNAP = 0.5
 """m; so near to where it was set down a robot is home. It may have stood where it would not drive to."""
 
 
+class Standing(Protocol):
+    """What a mission must know of the robot that it sends."""
+
+    @property
+    def T_map_start(self) -> NDArray[np.float64] | None:
+        """4×4 pose at which the robot began; None if it has not."""
+        ...
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the robot cannot get away from where it stands."""
+        ...
+
+
 class Mission:
     """Chooses the next viewpoint: the first that a strategy names, in the order of :attr:`strategies`.
 
-    It begins with exploring; :meth:`visit` sends the robot to goals afterwards.
+    It begins with exploring; :meth:`tasks` sends the robot to goals and home afterwards.
 
     Attributes:
         exploration: the strategy that explores unseen ground.
@@ -34,8 +48,10 @@ class Mission:
         may_explore: whether exploring is allowed, also on the way to goals.
     """
 
-    def __init__(self, exploration: Exploration):
+    def __init__(self, exploration: Exploration, topology: TopologicalMap):
+        """``topology``: tells how long the drives between goals take."""
         self.exploration = exploration
+        self._topology = topology
         self.goals: Goals | None = None
         self.may_explore = True
         self._visited: dict[str, Goals] = {}
@@ -62,9 +78,22 @@ class Mission:
                 return strategy, viewpoint
         return None
 
-    def visit(self, name: str, goals: "Goals") -> None:
-        """Begin a task: drive to goals. ``name`` is what the report calls it."""
+    def tasks(self, goals: Sequence[ArrayLike], home: bool, robot: Standing) -> Iterator[str]:
+        """Begin one task after the other: explore, drive to goals (2,) m in ``map``, drive home.
+
+        Yields:
+            The name of each task as it begins; the robot makes steps until one has no plan.
+        """
+        yield "exploring"
+        if goals:
+            yield from self._visit("goals", Goals(self._topology, goals), robot)
+        if home and robot.T_map_start is not None:
+            yield from self._visit("home", Goals(self._topology, [robot.T_map_start[:2, 3]], HOME_SNAP), robot)
+
+    def _visit(self, name: str, goals: "Goals", robot: Standing) -> Iterator[str]:
         self.goals = self._visited[name] = goals
+        yield name
+        goals.refuse("the robot is held where it stands" if robot.is_held else None)
 
     def news(self) -> Iterator[tuple[str, bool]]:
         """Lines on what came of goals since the last call, and whether that is good."""

@@ -1,21 +1,19 @@
 """An episode: the robot explores an arena, builds its maps and leaves a recording and a report."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
 from pipeline.files import whole_file
 from pipeline.metric_map.io.npz import save_metric_map
-from pipeline.mission import HOME_SNAP, Goals
 from pipeline.planning.path_plan import place_name
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
@@ -44,9 +42,8 @@ class Episode:
         arena = load_arena(config.arena, config.start, config.random)
         self.out = config.folder
         make_folder(self.out)
-        simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust)
+        simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust, config.speed)
         self.robot = SimulatedRobot(arena, simulation, config.seed)
-        self.robot.model = replace(self.robot.model, speed=config.speed)
         self.explorer = Explorer(
             self.robot, classifier, detector, voxel_size=config.voxel_size, graph=config.graph, seed=config.seed
         )
@@ -72,27 +69,13 @@ class Episode:
             Whether the episode came to its own end.
         """
         try:
-            for task in self._tasks():
+            for task in self.mission.tasks(list(self.config.goals), self.config.home, self.explorer):
                 while self._may_step() and not interrupted() and self.step():
                     on_step(f"{self.config.arena}: {task}, {self.score.explored_fraction:.0%} explored")
             self._log_news()
         finally:
             self._finish()
         return not interrupted()
-
-    def _tasks(self) -> Iterator[str]:
-        """The name of each task, when the robot has been sent for it."""
-        yield "exploring"
-        if self.config.goals:
-            yield from self._visit("goals", list(self.config.goals))
-        if self.config.home and self.explorer.mapper.T_map_start is not None:
-            yield from self._visit("home", [self.explorer.mapper.T_map_start[:2, 3]], HOME_SNAP)
-
-    def _visit(self, name: str, places: Sequence[ArrayLike], snap: float = 0.0) -> Iterator[str]:
-        goals = Goals(self.explorer.mapper.topological_map, places, snap)
-        self.mission.visit(name, goals)
-        yield name
-        goals.refuse("the robot is held where it stands" if self.explorer.is_held else None)
 
     def _may_step(self) -> bool:
         """Whether the task goes on; the way to goals ends by itself, exploring after so many steps."""

@@ -1,7 +1,7 @@
 """The simulated body that carries the pipeline."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -40,12 +40,14 @@ class SimulationConfig:
         sensor: the Xtion with its noise, or its range alone.
         lighting: of the arena; in the dark the robot's lamp is on.
         dust: in the air, from 0 to 1; it swallows depth returns, makes false ones and veils colours.
+        speed: at which the robot is driven on level ground, m/s.
     """
 
     odometry: Literal["truth", "wheel"] = "truth"
     sensor: Literal["xtion", "ideal"] = "xtion"
     lighting: Literal["normal", "dim", "dark"] = "normal"
     dust: float = 0.0
+    speed: float = PIONEER_3AT.speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,7 @@ class SimulatedRobot:
     """A Pioneer 3-AT in an arena that implements :class:`pipeline.robot.Robot`; ``odom`` is the world's frame.
 
     Attributes:
+        model: its size and abilities.
         physics: dm_control's, for scores and drawings.
         true_frame: of the newest frame.
         trajectory: a pose every control period.
@@ -78,13 +81,13 @@ class SimulatedRobot:
         on_motion: called with every new pose of the trajectory.
     """
 
-    model = PIONEER_3AT
     control_period = 2 * CONTROL_TIMESTEP
 
     def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):
         """Set the robot down at the arena's start; InputError where it cannot stand there."""
         sensor_seed, odometry_seed = np.random.SeedSequence(seed).spawn(2)
         self.config = config
+        self.model = replace(PIONEER_3AT, speed=config.speed)
         lighting = Lighting[config.lighting]
         self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
         self._sensor_rng = np.random.default_rng(sensor_seed)

@@ -79,6 +79,8 @@ install_python_packages() {
     pip install --constraint requirements.txt torch
     pip install --no-deps --requirement requirements.txt
     pip install --no-deps --no-build-isolation --editable .
+    # Functions that an earlier version compiled may name classes that are gone, and then numba fails to load them.
+    find pipeline sarsim -name '*.nb[ic]' -delete
 }
 
 pip() {

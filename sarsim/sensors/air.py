@@ -53,7 +53,7 @@ class Air:
         light = lighting.value
         if light.lamp > 0:
             passing = passing**2
-            dust_light = LAMP_VEIL * light.lamp * beam(truth)[..., None] * GREY
+            dust_light = LAMP_VEIL * light.lamp * beam(truth.intrinsics)[..., None] * GREY
         else:
             dust_light = light.arena * GREY
         return (radiance * passing + dust_light * (1 - passing)).astype(np.float32)

@@ -32,11 +32,8 @@ def measure(
 ) -> Result:
     """Times, memory, accuracy, and times over the size of the environment.
 
-    Args:
-        frames: of an episode.
-        seed: of the episodes.
-        arenas: where accuracy is measured; times are of the first one's frames.
-        baselines: also measure OctoMap without ``discretize``, which takes a tenth of a second per frame.
+    Accuracy is measured in all ``arenas``, times are of the first one's frames; ``baselines``: also measure OctoMap
+    without ``discretize``, which takes a tenth of a second per frame.
 
     Raises:
         InputError: pyoctomap is missing, or there is nothing to measure.

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from tyro.conf import Fixed
 
+from pipeline.files import whole_file
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.scripts.settings import run_with_settings
 
@@ -28,10 +29,12 @@ class ExportArena:
 
 def export_arena(settings: ExportArena) -> None:
     """Write an arena without the robot; view it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
-    from sarsim.arenas.export import write_mjcf
     from sarsim.arenas.load import load_arena
 
-    write_mjcf(load_arena(settings.arena, settings.start, settings.random).mjcf_model, settings.out)
+    root = load_arena(settings.arena, settings.start, settings.random).mjcf_model
+    for name, content in (root.get_assets() | {settings.out.name: root.to_xml_string().encode()}).items():
+        with whole_file(settings.out.with_name(name)) as part:
+            part.write_bytes(content)
     print(f"python -m mujoco.viewer --mjcf={settings.out}")
 
 

@@ -1,5 +1,8 @@
 """Checks of an arena's true geometry that every random arena passes."""
 
+from collections.abc import Iterator
+from itertools import chain
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +19,15 @@ DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)
 """Lower and upper edge of its picture."""
 VISIBLE_SHARE = 0.2
 """of a victim's parts that the camera must see from one place."""
+GROUND_LABELS = (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
 SPECK = 0.1
 """m²; a smaller piece of ground does not count."""
 VIEW_SPACING = 4
 """cells between the places from which the camera may see victims."""
 
 
-def failed_checks(mjcf: str) -> list[str]:
-    """The checks that the MJCF of an arena with a site ``start`` fails, in words; empty if it passes all.
+def failed_checks(mjcf: str) -> Iterator[str]:
+    """The checks that the MJCF of an arena with a site ``start`` fails, in words, each as soon as it is known.
 
     The start is free; all ground on which a P3-AT can be is one part, joined for driving; a camera at the height of
     the P3-AT's sees every victim from it.
@@ -31,27 +35,28 @@ def failed_checks(mjcf: str) -> list[str]:
     model = mujoco.MjModel.from_xml_string(mjcf)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    survey = Survey(model, data, None)
+    survey = Survey(model, data)
     start = data.site("start").xpos
     ground = survey.ground_from(start)
     piece = 0 if ground is None else int(ground.pieces[tuple(ground.grid.cell_of(start))])
     if ground is None or not piece:
-        return ["the start is not free"]
-    broken = [f"{area:.2f} m² of ground are cut off" for area in _cut_off(survey, ground, piece)]
+        yield "the start is not free"
+        return
+    yield from (f"{area:.2f} m² of ground are cut off" for area in _cut_off(survey, ground, piece))
     places = _places(ground, ground.pieces == piece)
-    unseen = [v.id for v in victims_of(model, data) if not is_visible(model, data, v, places)]
-    return broken + [f"victim {victim} is hidden" for victim in unseen]
+    for victim in victims_of(model, data):
+        if not is_visible(model, data, victim, places):
+            yield f"victim {victim.id} is hidden"
 
 
-def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> list[float]:
-    """m² of each piece of ground but the one in which the robot starts."""
-    sizes = np.bincount(ground.pieces.ravel())
-    others = np.delete(sizes, [0, piece]).tolist()
-    for label in (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP):
-        for apart in survey.grounds(label, SPECK):
-            if not np.array_equal(apart.height, ground.height, equal_nan=True):
-                others += np.bincount(apart.pieces.ravel())[1:].tolist()
-    return [area for cells in others if (area := cells * CELL**2) > SPECK]
+def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
+    """m² of each piece of ground, larger than a speck, but the one in which the robot starts."""
+    beside = np.where(ground.pieces == piece, 0, ground.pieces)
+    grounds = (apart for label in GROUND_LABELS for apart in survey.grounds(label, SPECK))
+    elsewhere = (g.pieces for g in grounds if not np.array_equal(g.height, ground.height, equal_nan=True))
+    for pieces in chain([beside], elsewhere):
+        areas = np.bincount(pieces.ravel())[1:] * CELL**2
+        yield from areas[areas > SPECK].tolist()
 
 
 def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> NDArray[np.float64]:

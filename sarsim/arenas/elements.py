@@ -15,7 +15,7 @@ import numpy as np
 from defusedxml import ElementTree
 from numpy.typing import ArrayLike, NDArray
 
-from sarsim.arenas.panels import covered_panels
+from sarsim.arenas.panels import covered_panels, numbers_of
 from sarsim.assets import asset
 from sarsim.ground_truth.shapes import rotation
 
@@ -52,7 +52,7 @@ class ElementLibrary:
 
     def mount_points(self, kind: str) -> NDArray[np.float64]:
         """(N, 2) shifts along the element's x and z of what hangs at its mount points, m."""
-        sites = [_numbers(site, "pos", (0, 0, 0)) for site in self._bodies[kind].iterfind("site")]
+        sites = [numbers_of(site, "pos", (0, 0, 0)) for site in self._bodies[kind].iterfind("site")]
         return np.array(sites).reshape(-1, 3)[:, [0, 2]]
 
     def footprint(self, kind: str) -> NDArray[np.float64]:
@@ -211,10 +211,10 @@ class _Pose:
 
     def geom(self, geom: Element) -> Element:
         """A copy of a geom of the element, in the world."""
-        x, y, z = _numbers(geom, "pos", (0, 0, 0))
+        x, y, z = numbers_of(geom, "pos", (0, 0, 0))
         position = [*self.points(np.array([[x, y]]))[0], self.position[2] + z]
         quat = np.empty(4)
-        mujoco.mju_mulQuat(quat, self.turn, _numbers(geom, "quat", (1, 0, 0, 0)))
+        mujoco.mju_mulQuat(quat, self.turn, numbers_of(geom, "quat", (1, 0, 0, 0)))
         return Element("geom", geom.attrib | {"pos": _text(position), "quat": _text(quat)})
 
 
@@ -231,18 +231,13 @@ def _turn(yaw_deg: float) -> NDArray[np.float64]:
 
 def _identity(geom: Element) -> tuple[object, ...]:
     """The same for two geoms that fill the same space and look alike."""
-    w, x, y, z = _numbers(geom, "quat", (1, 0, 0, 0))
+    w, x, y, z = numbers_of(geom, "quat", (1, 0, 0, 0))
     # Half a turn about z brings an upright box back to where it was, but not a mesh.
     is_box = geom.get("mesh") is None and x == y == 0
     yaw = round(np.degrees(2 * np.arctan2(z, w)), 2) % (180 if is_box else 360)
-    position = np.round(_numbers(geom, "pos", (0, 0, 0)), 4) + 0.0
+    position = np.round(numbers_of(geom, "pos", (0, 0, 0)), 4) + 0.0
     shape = [geom.get(key) for key in ("class", "type", "mesh", "material", "size")]
     return (*shape, *position.tolist(), round(x, 4), round(y, 4), yaw)
-
-
-def _numbers(element: Element, attribute: str, default: Sequence[float]) -> NDArray[np.float64]:
-    text = element.get(attribute)
-    return np.array(default if text is None else text.split(), np.float64)
 
 
 def _text(values: ArrayLike) -> str:

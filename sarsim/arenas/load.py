@@ -73,7 +73,7 @@ def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> R
         world = _at_rest(mujoco.MjModel.from_xml_string(builder.to_xml()))
         with _naming(name):
             start = find_start(*world) if wish is None else start_at(*world, *wish)
-        builder.set_start(start.position, start.yaw)
+        builder.set_start(*start)
     return RescueArena(mjcf.from_xml_string(builder.to_xml()))
 
 

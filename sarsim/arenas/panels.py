@@ -1,6 +1,7 @@
 """Wall panels that stand in one another: neighbouring tiles of a file may both have the wall between them."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -25,8 +26,8 @@ def covered_panels(geoms: list[Element]) -> list[Element]:
 
 def _panel(geom: Element) -> tuple[tuple[float, ...], NDArray[np.float64]]:
     """The plane of a panel, and how far it reaches in it: (4,) m back, forth, down and up."""
-    (x, y, z), (along, thick, up) = _numbers(geom, "pos"), _numbers(geom, "size")
-    w, *_, sin = _numbers(geom, "quat")
+    (x, y, z), (along, thick, up) = numbers_of(geom, "pos"), numbers_of(geom, "size")
+    w, *_, sin = numbers_of(geom, "quat")
     # Half a turn brings a panel back to where it was.
     yaw = round(float(np.degrees(2 * np.arctan2(sin, w))), 2) % 180
     c, s = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
@@ -43,5 +44,7 @@ def _covered(panels: list[tuple[Element, NDArray[np.float64]]]) -> list[Element]
     return [geom for (geom, _), covered in zip(panels, inside, strict=True) if covered]
 
 
-def _numbers(geom: Element, attribute: str) -> NDArray[np.float64]:
-    return np.array(geom.attrib[attribute].split(), np.float64)
+def numbers_of(element: Element, attribute: str, default: Sequence[float] = ()) -> NDArray[np.float64]:
+    """(N,) the numbers of an attribute."""
+    text = element.get(attribute)
+    return np.array(default if text is None else text.split(), np.float64)

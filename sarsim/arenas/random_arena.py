@@ -56,7 +56,7 @@ def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBui
         builder = _build(f"random_{seed}", plan, config)
         if config.painted:
             paint(builder, RandomDraws(np.random.default_rng([seed, attempt, 1])))
-        if not failed_checks(builder.to_xml()):
+        if next(failed_checks(builder.to_xml()), None) is None:
             return builder
     raise InputError(
         f"random arena {seed}: {config.victims} victims and all the rest do not fit into"

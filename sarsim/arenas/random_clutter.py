@@ -40,10 +40,9 @@ def scatter_clutter(layout: Layout, draws: RandomDraws, share: float) -> list[It
     """Blocks and pipes along the walls of a share of the tiles."""
     tiles = [t for t in layout.tiles() if layout.is_free(t) and layout.walls_of(t)]
     wanted = round(share * len(layout.tiles()))
-    return [_beside_wall(draws, tile, draws.pick(layout.walls_of(tile))) for tile in draws.shuffled(tiles)[:wanted]]
-
-
-def _beside_wall(draws: RandomDraws, tile: Tile, side: Side) -> Item:
-    kind, out = draws.pick(BESIDE_WALLS)
-    along = draws.number(-35, 35)
-    return Item(tile, kind, 90 * side, shift(side, out, along))
+    items = []
+    for tile in draws.shuffled(tiles)[:wanted]:
+        side = draws.pick(layout.walls_of(tile))
+        kind, out = draws.pick(BESIDE_WALLS)
+        items.append(Item(tile, kind, 90 * side, shift(side, out, draws.number(-35, 35))))
+    return items

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from sarsim.arenas.layout import FLOOR, SIDES, STEP, YAW, Ground, Item, Layout, Side, Tile, opposite
+from sarsim.arenas.layout import FLOOR, SIDES, YAW, Ground, Item, Layout, Side, Tile, opposite, shift
 from sarsim.arenas.random_draws import RandomDraws
 
 LEVELS = (17, 25, 34)
@@ -121,14 +121,10 @@ def ground_items(layout: Layout) -> list[Item]:
         elif ground.kind == "ramp":
             items.append(Item(tile, f"ramp_{ground.level}", YAW[opposite(ground.uphill)]))
         elif ground.kind == "ridge":
-            items += [_half_ridge(tile, ground.uphill), _half_ridge(tile, opposite(ground.uphill))]
+            # Two ramps, whose upper ends are drawn back from the tile's sides to its middle.
+            ends = (opposite(ground.uphill), ground.uphill)
+            items += [Item(tile, f"ramp_{RIDGE}", YAW[end], shift(end, 60, 0)) for end in ends]
     return items
-
-
-def _half_ridge(tile: Tile, uphill: Side) -> Item:
-    """The ramp whose upper end would be on the tile's side, drawn back to the tile's middle."""
-    dx, dy = STEP[uphill]
-    return Item(tile, f"ramp_{RIDGE}", YAW[opposite(uphill)], (-60 * dx, -60 * dy))
 
 
 def wall_items(layout: Layout, draws: RandomDraws, holes: bool, tall: bool, others: Sequence[str] = ()) -> list[Item]:

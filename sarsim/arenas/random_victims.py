@@ -26,13 +26,7 @@ PLACEMENTS: dict[bool, tuple[Placement, ...]] = {False: ("open",), True: ("open"
 
 @dataclass(frozen=True, eq=False)
 class PlacedVictim:
-    """A victim and where it is set down.
-
-    Attributes:
-        model: the victim.
-        position: of its origin, m; the corner of tile (0, 0) is the origin.
-        yaw: rad.
-    """
+    """A victim, where its origin is set down, (3,) m from the corner of tile (0, 0), and its yaw, rad."""
 
     model: VictimModel
     position: NDArray[np.float64]

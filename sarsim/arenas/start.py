@@ -1,8 +1,8 @@
 """Where in an arena the robot is set down."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -34,14 +34,8 @@ MIN_AREA = 0.25
 """m² in which the robot's middle may be; a tile between four walls has 0.35."""
 
 
-@dataclass(frozen=True)
-class Start:
-    """Where ``base_link`` is set down.
-
-    Attributes:
-        position: x, y, z in m.
-        yaw: rad.
-    """
+class Start(NamedTuple):
+    """Where ``base_link`` is set down: x, y, z in m, and yaw in rad."""
 
     position: tuple[float, float, float]
     yaw: float
@@ -55,7 +49,7 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
     """
     if not np.isfinite((x, y, yaw_deg)).all():
         raise InputError(f"no free start: ({x:g}, {y:g}) m, {yaw_deg:g}° is no place")
-    survey = Survey(model, data, None)
+    survey = Survey(model, data)
     low = np.array([x, y, -1.0])
     height = survey.place(low, reach=np.inf)
     ground = None if height is None else survey.ground_from(np.array([x, y, height]))
@@ -72,7 +66,7 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
     Raises:
         InputError: there is no free floor.
     """
-    survey = Survey(model, data, None)
+    survey = Survey(model, data)
     best: tuple[float, FreeGround, NDArray[np.bool_]] | None = None
     for ground in islice(survey.grounds(Label.TERRAIN, MIN_AREA), MOST_GROUNDS):
         for floor, size in _pieces(ground):

@@ -1,5 +1,6 @@
 """What the random arenas of a dataset are like; apart from the recipe, for ``--help`` needs no more than this."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,8 +41,8 @@ class ArenaRange:
     def __post_init__(self) -> None:
         for name in ("tiles", "wall_density", "ramps", "clutter", "furniture", "bulky", "victims", "difficulty"):
             check_order(f"random.{name}", getattr(self, name))
-        check_share("random.ceilings", self.ceilings)
-        check_share("random.painted", self.painted)
+        check("random.ceilings", self.ceilings, 0, 1)
+        check("random.painted", self.painted, 0, 1)
 
     def draw(self, rng: np.random.Generator) -> RandomArenaConfig:
         """One of these arenas."""
@@ -67,7 +68,8 @@ def check_order(flag: str, bounds: tuple[float, float]) -> None:
         raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: the lower value comes first")
 
 
-def check_share(flag: str, share: float) -> None:
-    """Raises InputError where a share is not from 0 to 1."""
-    if not 0 <= share <= 1:
-        raise InputError(f"--{flag} {share}: a share is from 0 to 1")
+def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
+    """Raises InputError where a flag's value is not between two bounds."""
+    if not low <= value <= high:
+        limits = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+        raise InputError(f"--{flag} {value:g}: {limits}")

@@ -15,10 +15,9 @@ ATTEMPTS = 3
 
 @dataclass(frozen=True)
 class FrameDone:
-    """A frame of a scene is made."""
+    """A frame of the scene ``index`` is made."""
 
     index: int
-    """of the scene."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +29,9 @@ class SceneDone:
 
 @dataclass(frozen=True)
 class SceneLost:
-    """A worker died over a scene, which begins again."""
+    """A worker died over the scene ``index``, which begins again."""
 
     index: int
-    """of the scene."""
 
 
 Event = FrameDone | SceneDone | SceneLost
@@ -45,11 +43,7 @@ class Engine(Protocol):
     def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
         """Make scenes, in any order, and put their files into a dataset's folder; closing the iterator stops it all.
 
-        Args:
-            recipe: of the dataset.
-            indices: of the scenes.
-            folder: of the dataset.
-            lock: to be held by every process that writes there.
+        Every process that writes there is to hold the ``lock``.
 
         Raises:
             InputError: a scene cannot be made or written.

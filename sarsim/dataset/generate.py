@@ -20,15 +20,8 @@ def generate(
 ) -> Manifest:
     """Make the first ``scenes`` scenes of a recipe; those that are already whole are kept.
 
-    Args:
-        recipe: decides every byte of the scenes.
-        scenes: how many the folder shall hold at least.
-        folder: gets dataset.json, the scenes' files and index.html.
-        engine: makes the scenes.
-        on_frames: called with the number of frames that are made, often.
-
-    Returns:
-        What the folder holds now.
+    The folder gets dataset.json, which is returned, the scenes' files and index.html. ``on_frames`` is called often,
+    with the number of frames that are made.
 
     Raises:
         InputError: the recipe cannot be followed, the folder cannot be written, or it holds something else.

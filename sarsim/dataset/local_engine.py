@@ -4,7 +4,6 @@ import traceback
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from sarsim.dataset import processes
 from sarsim.dataset.engine import ATTEMPTS, Event, FrameDone, SceneDone, SceneLost
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.recipe import Recipe
-from sarsim.dataset.scene_job import make_scene
+from sarsim.dataset.render import make_scene
 
 
 class LocalEngine:
@@ -35,7 +34,9 @@ class LocalEngine:
                     event = worker.event()
                     if isinstance(event, SceneLost):
                         deaths[event.index] += 1
-                        _check(deaths[event.index], worker)
+                        if (died := deaths[event.index]) >= ATTEMPTS:
+                            last = f"the last one with exit code {worker.end()}"
+                            raise InputError(f"scene {event.index}: {died} workers died over it, {last}")
                         todo.appendleft(event.index)
                     if isinstance(event, SceneDone) and todo:
                         worker.begin(todo.popleft())
@@ -59,9 +60,7 @@ class Worker:
     def __init__(self, recipe: Recipe, folder: Path, lock: FolderLock):
         """Start it."""
         self.index = -1
-        self.connection, theirs = Pipe()
-        self.process = processes.start(_serve, theirs, lock, recipe, folder)
-        theirs.close()
+        self.process, self.connection = processes.connected(_serve, lock, recipe, folder)
 
     def begin(self, index: int) -> None:
         """Let it make a scene."""
@@ -96,13 +95,6 @@ def wait_for(workers: Sequence[Worker]) -> list[Worker]:
     """Those that have something to tell, of which there is at least one."""
     ready = wait([worker.connection for worker in workers])
     return [worker for worker in workers if worker.connection in ready]
-
-
-def _check(deaths: int, worker: Worker) -> None:
-    if deaths >= ATTEMPTS:
-        raise InputError(
-            f"scene {worker.index}: {deaths} workers died over it, the last one with exit code {worker.end()}"
-        )
 
 
 def _serve(connection: Connection, lock: FolderLock, recipe: Recipe, folder: Path) -> None:

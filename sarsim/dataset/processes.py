@@ -5,8 +5,9 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -19,16 +20,27 @@ ONE_THREAD = {
 """Environment of a worker: workers share the cores best if each keeps to one."""
 
 
-def start(function: Callable[..., object], *args: Any) -> BaseProcess:
-    """Call a function in a new process of one thread, which ends with this one, however that ends.
+def start(function: Callable[..., object], *args: Any, environment: Mapping[str, str] = ONE_THREAD) -> BaseProcess:
+    """Call a function in a new process, which ends with this one, however that ends.
 
-    It leaves Ctrl-C to this one, and tidies up (``finally``, ``with``) when it is ended by SIGTERM.
+    It has one thread by its environment, leaves Ctrl-C to this one, and tidies up (``finally``, ``with``) when it is
+    ended by SIGTERM.
     """
     context = multiprocessing.get_context("spawn")
     process = context.Process(target=_call, args=(function, args), daemon=True)
-    with _environment(ONE_THREAD), _ignored_interrupts():
+    with _environment(environment), _ignored_interrupts():
         process.start()
     return process
+
+
+def connected(
+    function: Callable[..., object], *args: Any, environment: Mapping[str, str] = ONE_THREAD
+) -> tuple[BaseProcess, Connection]:
+    """Call a function in a new process as :func:`start` does, with one end of a pipe as its first argument."""
+    ours, theirs = multiprocessing.Pipe()
+    process = start(function, theirs, *args, environment=environment)
+    theirs.close()
+    return process, ours
 
 
 def _call(function: Callable[..., object], args: tuple[Any, ...]) -> None:
@@ -47,7 +59,7 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
+def _environment(values: Mapping[str, str]) -> Iterator[None]:
     """Set variables that a process started meanwhile inherits."""
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)

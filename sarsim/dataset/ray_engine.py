@@ -13,7 +13,7 @@ from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.manifest import SCENES, SceneEntry
 from sarsim.dataset.processes import ONE_THREAD
 from sarsim.dataset.recipe import Recipe
-from sarsim.dataset.scene_job import make_scene
+from sarsim.dataset.render import make_scene
 
 
 class RayEngine:

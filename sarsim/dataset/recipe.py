@@ -9,7 +9,7 @@ import tyro
 
 from pipeline.errors import InputError
 from sarsim.arenas.settings import RandomArenaConfig
-from sarsim.dataset.arena_range import ArenaRange, check_order, check_share
+from sarsim.dataset.arena_range import ArenaRange, check, check_order
 from sarsim.dataset.drive import KEYFRAMES
 from sarsim.sensors.air import Air
 from sarsim.sensors.conditions import Conditions
@@ -96,8 +96,7 @@ class Recipe:
     def __post_init__(self) -> None:
         """Refuse what cannot be made."""
         for name, low in (("seed", 0), ("frames", 1), ("width", MIN_SIZE), ("height", MIN_SIZE)):
-            if getattr(self, name) < low:
-                raise InputError(f"--{name} {getattr(self, name)}: at least {low}")
+            check(name, getattr(self, name), low)
         if not self.arenas:
             raise InputError("--arenas: name at least one")
         if not (min(self.lighting) >= 0 and 0 < sum(self.lighting) < float("inf")):
@@ -106,7 +105,7 @@ class Recipe:
             raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: from 0.01 to 10 each")
         check_order("dust", self.dust)
         for name in ("clear", "ideal"):
-            check_share(name, getattr(self, name))
+            check(name, getattr(self, name), 0, 1)
         for dust in self.dust:
             Air(dust)
 

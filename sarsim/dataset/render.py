@@ -13,12 +13,15 @@ from dm_control.mujoco import wrapper
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.files import whole_file
+from pipeline.labels import Label
 from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import build_random
 from sarsim.assets import asset
 from sarsim.dataset import image_kernels
 from sarsim.dataset.drive import Drive
+from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
 from sarsim.dataset.wheel_contact import WheelContact
@@ -34,6 +37,28 @@ ATTEMPTS = 10
 """Random arenas that are drawn for a scene before it is given up."""
 
 
+def make_scene(recipe: Recipe, index: int, folder: Path, on_frame: Callable[[], object] = lambda: None) -> SceneEntry:
+    """Make a scene's file in a dataset's folder, from beginning to end or not at all; ``on_frame`` after every frame.
+
+    Raises:
+        InputError: the scene cannot be made or written.
+    """
+    path = folder / scene_path(index)
+    with whole_file(path) as partial:
+        scene, points = render_scene(recipe, index, partial, on_frame)
+        digest = sha256_of(partial)
+    return SceneEntry(
+        index=index,
+        file=scene_path(index),
+        split=split_of(index),
+        sha256=digest,
+        frames=recipe.frames,
+        arena=scene.arena,
+        lighting=scene.conditions.lighting.name,
+        points={label.name.lower(): int(points[label]) for label in Label},
+    )
+
+
 def render_scene(
     recipe: Recipe,
     index: int,
@@ -43,15 +68,7 @@ def render_scene(
 ) -> tuple[SceneRecipe, NDArray[np.int64]]:
     """Write scene ``index`` of a dataset to a file; the bytes depend on the recipe and the index alone.
 
-    Args:
-        recipe: of the dataset.
-        index: of the scene.
-        path: of the file.
-        on_frame: called after every frame.
-        renderer: draws the pictures.
-
-    Returns:
-        What the scene is made of, and (8,) depth returns by label.
+    Returns what the scene is made of, and (8,) depth returns by label; ``on_frame`` is called after every frame.
 
     Raises:
         InputError: the arena cannot be had, or the robot cannot drive in it.
@@ -69,12 +86,7 @@ def render_scene(
 
 @dataclass(frozen=True)
 class ArenaText:
-    """An arena as MJCF.
-
-    Attributes:
-        mjcf: its text.
-        assets: contents of the files that it names.
-    """
+    """An arena as MJCF, and the contents of the files that it names."""
 
     mjcf: str
     assets: dict[str, bytes]

@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -159,6 +158,8 @@ class Scene(ExitStack):
         pose_odom: (M, 4, 4) T_odom_base.
         T_base_camera: (M, 4, 4).
         time: (M,) s.
+        victim_pixels: (M, V, 4) int32 boxes u0, v0, u1, v1 around what is seen of each victim; -1 where nothing is.
+        victim_area: (M, V) int32 pixels that show each victim.
     """
 
     def __init__(self, path: Path):
@@ -180,13 +181,17 @@ class Scene(ExitStack):
 
     def _read_head(self) -> None:
         file = self._file
-        _check_version(self.path, file)
+        if file.attrs.get("format") != FORMAT:
+            raise InputError(f"{self.path}: not a scene of a dataset")
+        if (version := file.attrs.get("version")) != VERSION:
+            raise InputError(f"{self.path}: format version {version}; this program reads version {VERSION}")
         self.settings: dict[str, Any] = json.loads(file.attrs["settings"])
         frames, height, width = file["label"].shape
         fx, fy, cx, cy = map(float, file["intrinsics"][:])
         self.intrinsics = Intrinsics(width, height, fx, fy, cx, cy)
         self.pose_true, self.pose_odom = file["pose_true"][:], file["pose_odom"][:]
         self.T_base_camera, self.time = file["T_base_camera"][:], file["time"][:]
+        self.victim_pixels, self.victim_area = file["victims/pixels"][:], file["victims/area"][:]
         for name, (pixel, _) in _IMAGES.items():
             if file[name].shape != (frames, height, width, *pixel):
                 raise InputError(f"{self.path}: broken: {name} has the shape {file[name].shape}")
@@ -223,37 +228,16 @@ class Scene(ExitStack):
         return self.pose_true[index] @ self.T_base_camera[index]
 
     @cached_property
-    def mjcf(self) -> str:
-        """The arena's MJCF."""
-        return self._file["mjcf"][:].tobytes().decode()
-
-    @cached_property
     def content(self) -> SceneContent:
         """All but the frames."""
         arrays = {attribute: self._file[name][:] for name, attribute in _CONTENT.items()}
         for names in ("geom_name", "victim_id"):
             arrays[names] = [name.decode() for name in arrays[names]]
-        return SceneContent(settings=self.settings, mjcf=self.mjcf, intrinsics=self.intrinsics, **arrays)
-
-    @cached_property
-    def victim_pixels(self) -> NDArray[np.int32]:
-        """(M, V, 4) boxes u0, v0, u1, v1 around what is seen of each victim; -1 where nothing is."""
-        return self._file["victims/pixels"][:]
-
-    @cached_property
-    def victim_area(self) -> NDArray[np.int32]:
-        """(M, V) pixels that show each victim."""
-        return self._file["victims/area"][:]
+        mjcf = self._file["mjcf"][:].tobytes().decode()
+        return SceneContent(settings=self.settings, mjcf=mjcf, intrinsics=self.intrinsics, **arrays)
 
     def _image(self, name: str, index: int) -> NDArray:
         try:
             return self._file[name][index]
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self.path}: broken: {name} of frame {index} cannot be read") from error
-
-
-def _check_version(path: Path, file: h5py.File) -> None:
-    if file.attrs.get("format") != FORMAT:
-        raise InputError(f"{path}: not a scene of a dataset")
-    if (version := file.attrs.get("version")) != VERSION:
-        raise InputError(f"{path}: format version {version}; this program reads version {VERSION}")

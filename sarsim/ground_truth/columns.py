@@ -80,28 +80,18 @@ class Columns:
     """The bodies over each cell's centre, joined where they touch; cell [i, j] has ``count`` of them from ``start``.
 
     Attributes:
-        grid: of the cells.
         start, count: (nx, ny) int64.
         bottom, top: (N,) float64 m.
         normal_z: (N,) float64 of the surface at the top.
         owner: (N,) int64 index of the convex body whose top it is.
     """
 
-    grid: Grid
     start: NDArray[np.int64]
     count: NDArray[np.int64]
     bottom: NDArray[np.float64]
     top: NDArray[np.float64]
     normal_z: NDArray[np.float64]
     owner: NDArray[np.int64]
-
-    def place_near(self, xy: NDArray[np.float64], height: float, reach: float, headroom: float) -> int | None:
-        """The top at (2,) nearest to a height, of those within ``reach`` m with headroom; None if there is none."""
-        i, j = self.grid.cell_of(xy)
-        if not (0 <= i < self.grid.shape[0] and 0 <= j < self.grid.shape[1]):
-            return None
-        index = kernels.place_near(self.start, self.count, self.bottom, self.top, i, j, height, reach, headroom)
-        return None if index < 0 else int(index)
 
 
 def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
@@ -114,7 +104,7 @@ def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
     arrays = (np.empty(total), np.empty(total), np.empty(total), np.empty(total, np.int64))
     kernels.fill_bodies(bodies.planes, bodies.first, windows, grid.origin, grid.cell, start.copy(), *arrays)
     kernels.merge_bodies(start, count, *arrays, _GAP)
-    return Columns(grid, start, count, *arrays)
+    return Columns(start, count, *arrays)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,17 +127,10 @@ class _TurnedShape:
 
 def _turned_shapes(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.int64]) -> list[_TurnedShape]:
     """One for each geom; an arena repeats few shapes and rotations, so each is computed once."""
-    shapes: dict[tuple[float, ...], _Shape] = {}
-    turned: dict[tuple[float, ...], _TurnedShape] = {}
-    keys = []
-    for geom in geoms:
-        key = (model.geom_type[geom], model.geom_dataid[geom], *model.geom_size[geom])
-        keys.append((*key, *data.geom_xmat[geom]))
-        if key not in shapes:
-            shapes[key] = _shape(model, int(geom))
-        if keys[-1] not in turned:
-            turned[keys[-1]] = _turned(shapes[key], data.geom_xmat[geom].reshape(3, 3))
-    return [turned[key] for key in keys]
+    kinds = [model.geom_type[geoms], model.geom_dataid[geoms], model.geom_size[geoms], data.geom_xmat[geoms]]
+    _, first, which = np.unique(np.column_stack(kinds), axis=0, return_index=True, return_inverse=True)
+    turned = [_turned(_shape(model, int(g)), data.geom_xmat[g].reshape(3, 3)) for g in geoms[first]]
+    return [turned[k] for k in which.ravel()]
 
 
 def _turned(shape: _Shape, R: NDArray[np.float64]) -> _TurnedShape:

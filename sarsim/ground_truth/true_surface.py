@@ -73,7 +73,7 @@ class Survey:
         grid: where the cells lie.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None):
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None = None):
         """``robot_body``: id of the robot's root body, which is transparent; None if there is no robot."""
         self.bodies = convex_bodies(model, data, robot_body)
         self.grid = _grid_around(self.bodies)
@@ -134,7 +134,12 @@ class Survey:
         return TrueSurface(ground.grid, ground.height, ground.pieces == piece, ground.walls)
 
     def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
-        return self._columns.place_near(start, float(start[2]), reach, HEADROOM)
+        """Index of the top with headroom that is nearest to a point (3,), if one is within ``reach`` m."""
+        c, (i, j), (nx, ny) = self._columns, self.grid.cell_of(start), self.grid.shape
+        if not (0 <= i < nx and 0 <= j < ny):
+            return None
+        body = kernels.place_near(c.start, c.count, c.bottom, c.top, i, j, float(start[2]), reach, HEADROOM)
+        return None if body < 0 else int(body)
 
     def _flood(self, first: NDArray[np.int64], body: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Heights of the joined ground, and where it ends in a step."""
@@ -163,17 +168,6 @@ class Survey:
             MAX_STEP, HEADROOM, distance,
         )  # fmt: skip
         return distance
-
-
-def true_surface(
-    model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None, start: NDArray[np.float64]
-) -> TrueSurface:
-    """Survey the arena from the ``start`` (3,) m outwards.
-
-    Raises:
-        InputError: the start itself is not drivable.
-    """
-    return Survey(model, data, robot_body).surface_from(start)
 
 
 def _grid_around(bodies: ConvexBodies) -> Grid:

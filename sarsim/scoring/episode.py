@@ -9,7 +9,7 @@ from pipeline.explorer import Explorer, Step
 from pipeline.navigation.navigator import Outcome
 from pipeline.traversability.shortest_paths_kernels import free_rules, shortest_paths
 from sarsim.ground_truth.faces import true_faces
-from sarsim.ground_truth.true_surface import true_surface
+from sarsim.ground_truth.true_surface import Survey
 from sarsim.scoring.segments import score_segments
 from sarsim.scoring.semantics import SemanticScore
 from sarsim.scoring.topology import score_topology
@@ -20,8 +20,6 @@ from sarsim.simulated_robot import SimulatedRobot
 
 SEEN_HEIGHT = 0.15
 """m; a return this near to a cell's ground has seen the cell."""
-
-
 MOST = 0.9
 """Share of the drivable area whose time to be seen is told."""
 
@@ -40,7 +38,7 @@ class EpisodeScore:
         self._robot = robot
         self._explorer = explorer
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
-        self.surface = true_surface(model, data, robot.base_body, robot.trajectory[-1].T_world_base[:3, 3])
+        self.surface = Survey(model, data, robot.base_body).surface_from(robot.trajectory[-1].T_world_base[:3, 3])
         self._faces = true_faces(model, data)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
         self._semantics = SemanticScore()

@@ -22,18 +22,22 @@ class SemanticScore:
 
     def report(self, semantic_map: SemanticMap) -> dict[str, Any]:
         """Intersection over union by label, its means, and the share of right points; nothing without points."""
-        confusion = confusion_matrix(self._truth.labels(), semantic_map.labels())
-        if not confusion.any():
-            return {}
-        iou = iou_by_label(confusion)
-        four = [iou[label] for label in THESIS_FOUR if label in iou]
-        return {
-            "miou_four": float(np.mean(four)) if four else 0.0,
-            "miou": float(np.mean(list(iou.values()))),
-            "iou": {label.name.lower(): value for label, value in iou.items()},
-            "accuracy": float(np.trace(confusion) / confusion.sum()),
-            "points": int(confusion.sum()),
-        }
+        return label_figures(confusion_matrix(self._truth.labels(), semantic_map.labels()))
+
+
+def label_figures(confusion: NDArray[np.int64]) -> dict[str, Any]:
+    """The figures of a confusion (8, 8), rows by true label, as :meth:`SemanticScore.report` gives them."""
+    if not confusion.any():
+        return {}
+    iou = iou_by_label(confusion)
+    four = [iou[label] for label in THESIS_FOUR if label in iou]
+    return {
+        "miou_four": float(np.mean(four)) if four else 0.0,
+        "miou": float(np.mean(list(iou.values()))),
+        "iou": {label.name.lower(): value for label, value in iou.items()},
+        "accuracy": float(np.trace(confusion) / confusion.sum()),
+        "points": int(confusion.sum()),
+    }
 
 
 def confusion_matrix(truth: NDArray[np.uint8], predicted: NDArray[np.uint8]) -> NDArray[np.int64]:

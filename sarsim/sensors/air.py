@@ -53,7 +53,7 @@ class Air:
         light = lighting.value
         if light.lamp > 0:
             passing = passing**2
-            dust_light = LAMP_VEIL * light.lamp * beam(truth)[..., None] * GREY
+            dust_light = LAMP_VEIL * light.lamp * beam(truth.intrinsics)[..., None] * GREY
         else:
             dust_light = light.arena * GREY
         return (radiance * passing + dust_light * (1 - passing)).astype(np.float32)
@@ -65,13 +65,8 @@ class Air:
 
         A return from distance r comes through with probability e^(−2 β r). A ray that travels r returns from a
         speck before that with probability ``dust * SPECK_RATE`` (1 − e^(−2 β r)), by the same law; specks are
-        unlabelled.
-
-        Args:
-            measured: by the depth sensor in clear air.
-            truth: the same image before the sensor.
-            min_range: m, nearer specks do not return.
-            rng: drawn from once.
+        unlabelled, and nearer than ``min_range`` m they do not return. ``truth`` is the image before the depth sensor
+        measured it; ``rng`` is drawn from once.
         """
         key = rng.integers(1 << 64, dtype=np.uint64)
         if self.dust == 0:

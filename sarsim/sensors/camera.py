@@ -69,7 +69,8 @@ class RgbdCamera:
         self.base_body = int(model.body_rootid[model.cam_bodyid[self.camera_id]])
         self.intrinsics = camera_intrinsics(model, self.camera_id, renderer.width, renderer.height)
         self._renderer = renderer
-        other = _not_of_body(model, self.base_body)
+        # A camera that no robot carries sees everything.
+        other = (model.body_rootid[model.geom_bodyid] != self.base_body) | (self.base_body == 0)
         # Indexed by geom id; the last element is what -1, no geom, stands for.
         self._label = np.append(np.where(other, geom_labels(model), np.uint8(0)), np.uint8(Label.UNLABELLED))
         self._instance = np.append(np.where(other, np.arange(model.ngeom), -1), -1).astype(np.int32)
@@ -129,10 +130,3 @@ def geom_labels(model: mujoco.MjModel) -> NDArray[np.uint8]:
         name = geom.name or geom.id
         raise InputError(f"geom {name!r} has user={numbers[wrong[0]]:g}, which is no label (0 to {max(Label):d})")
     return numbers.astype(np.uint8)
-
-
-def _not_of_body(model: mujoco.MjModel, root: int) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the geoms outside the tree of bodies of ``root``; all of them if that is the world."""
-    if root == 0:
-        return np.ones(model.ngeom, np.bool_)
-    return model.body_rootid[model.geom_bodyid] != root

@@ -85,13 +85,8 @@ def lamp_light(image: LabelledImage, lamp: float) -> NDArray[np.float32]:
     """
     range_squared = np.square(distances(image))
     lit = range_squared > 0
-    strength = lamp * beam(image) / np.maximum(range_squared, NEAREST**2)
+    strength = lamp * beam(image.intrinsics) / np.maximum(range_squared, NEAREST**2)
     return np.where(lit, strength, np.float32(0)).astype(np.float32)
-
-
-def beam(image: LabelledImage) -> NDArray[np.float32]:
-    """(H, W) float32 share of the lamp's strength in the direction of each pixel."""
-    return _beam(image.intrinsics)
 
 
 def distances(image: LabelledImage) -> NDArray[np.float32]:
@@ -106,5 +101,6 @@ def stretch(intrinsics: Intrinsics) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=4)
-def _beam(intrinsics: Intrinsics) -> NDArray[np.float32]:
+def beam(intrinsics: Intrinsics) -> NDArray[np.float32]:
+    """(H, W) float32 share of the lamp's strength in the direction of each pixel."""
     return stretch(intrinsics) ** np.float32(-BEAM_EXPONENT)  # 1 / stretch is the cosine off the axis

@@ -41,10 +41,7 @@ class Cover:
 def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> Cover:
     """Boards that lean on the half of a person that is further from the head, and blocks beside it.
 
-    Args:
-        name: what the geoms' names begin with.
-        person: (N, 3) m, places on the person, whose head is towards +x.
-        rng: drawn from.
+    ``person``: (N, 3) m, places on the person, whose head is towards +x; ``name``: what the geoms' names begin with.
     """
     cover = joined([])
     low, high = person.min(axis=0), person.max(axis=0)

@@ -85,12 +85,6 @@ class Figure:
         shown = self.body.vertices[np.unique(self.body.faces)]
         return np.concatenate([shown, self.hair[hair_style].vertices]) if hair_style in self.hair else shown
 
-    @property
-    def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(3,) lowest and (3,) highest corner of the body, m."""
-        shown = self.places("bald")
-        return shown.min(axis=0), shown.max(axis=0)
-
     def only(self, parts: tuple[str, ...]) -> "Figure":
         """Some parts of the person, closed where the others were."""
         kept = np.isin(self.face_parts, [self.parts.index(part) for part in parts])
@@ -117,7 +111,8 @@ class Figure:
 
     def centred(self) -> "Figure":
         """The person with its middle above the origin and its lowest place on the floor."""
-        low, high = self.extremes
+        shown = self.places("bald")
+        low, high = shown.min(axis=0), shown.max(axis=0)
         return self.moved(0, -np.array([*(low + high)[:2] / 2, low[2]]))
 
 

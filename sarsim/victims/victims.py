@@ -14,7 +14,6 @@ side, facing +x. A person in a box or behind a hole faces +x too.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal, get_args
 from xml.etree.ElementTree import Element, SubElement
 
@@ -40,7 +39,8 @@ Placement = Literal["open", "rubble", "box", "hole"]
 
 POSTURES: tuple[Posture, ...] = get_args(Posture)
 PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
-PREFIX = "victim_"
+PREFIX, COVER = "victim_", "cover_"
+"""What the names of the two bodies begin with."""
 SUITABLE: dict[Placement, tuple[Posture, ...]] = {
     "open": POSTURES,
     "rubble": ("lying", "prone", "side"),
@@ -82,29 +82,17 @@ class VictimModel:
 
     def add_to(self, root: Element, position: Sequence[float], yaw: float) -> None:
         """Set it down in a ``<mujoco>`` element: its origin at ``position`` (m), turned left by ``yaw`` (rad)."""
-        bodies = self.bodies
-        for body in bodies:
-            body.set("pos", numbers(position))
-            body.set("quat", numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2))))
-        for parent, children in (("asset", self.assets), ("worldbody", bodies)):
+        pose = {"pos": numbers(position), "quat": numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
+        # Not before now: most of the people that an arena draws fit nowhere, and are never written down.
+        assets, person = person_mjcf(PREFIX + self.id, self.figure, self.outfit)
+        bodies = []
+        for body, geoms in ((PREFIX + self.id, person), (COVER + self.id, self.cover.geoms)):
+            if geoms:
+                bodies.append(Element("body", {"name": body} | pose))
+                bodies[-1].extend(geoms)
+        for parent, children in (("asset", assets), ("worldbody", bodies)):
             element = root.find(parent)
             (SubElement(root, parent) if element is None else element).extend(children)
-
-    @property
-    def assets(self) -> list[Element]:
-        """Children for ``<asset>``."""
-        return self._person[0]
-
-    @property
-    def bodies(self) -> list[Element]:
-        """Children for ``<worldbody>``: the person's, then what covers it, each in the victim's own frame."""
-        parts = [(f"{PREFIX}{self.id}", self._person[1]), (_cover_name(self.id), self.cover.geoms)]
-        return [_body(name, geoms) for name, geoms in parts if geoms]
-
-    @cached_property
-    def _person(self) -> tuple[list[Element], list[Element]]:
-        """Assets and geoms; most of the people that an arena draws fit nowhere, and are never written down."""
-        return person_mjcf(f"{PREFIX}{self.id}", self.figure, self.outfit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,13 +143,13 @@ def make_victim(
         raise InputError(f"victim {id}: no one can be {posture} in placement {placement!r}")
     posture = choice[rng.integers(len(choice))]
     figures = _figures(posture, placement, stature, rng)
-    fitting = ((f, b) for f, b in figures if np.all(np.subtract(*f.extremes[::-1])[:2] <= room))
+    fitting = ((f, b) for f, b in figures if np.all(np.ptp(f.places("bald"), axis=0)[:2] <= room))
     figure, build = next(fitting, (None, ""))
     if figure is None:
         raise InputError(f"victim {id}: no {posture} person fits into {room[0]:g} × {room[1]:g} m")
     outfit = Outfit.random(build, rng)
     person = figure.places(outfit.hair_style)
-    cover = _cover(_cover_name(id), posture, placement, figure, person, rng)
+    cover = _cover(COVER + id, posture, placement, figure, person, rng)
     everything = np.concatenate([person, cover.points])
     return VictimModel(
         id, posture, placement, posture in AGAINST_WALL and placement != "box", figure, outfit, cover,
@@ -216,17 +204,6 @@ def _cover(
     elif placement == "hole":
         covers.append(wall_with_hole(name, person, figure.on_head(CHIN)[0]))
     return joined(covers)
-
-
-def _cover_name(id: str) -> str:
-    """Of the body that covers a victim."""
-    return f"cover_{id}"
-
-
-def _body(name: str, geoms: list[Element]) -> Element:
-    body = Element("body", name=name)
-    body.extend(geoms)
-    return body
 
 
 def _extremes(places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,8 +4,6 @@ Every contender draws in a process of its own, because two OpenGL contexts in on
 processes take turns frame by frame, so other load on the machine slows all alike.
 """
 
-import multiprocessing
-import signal
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -16,6 +14,7 @@ import numpy as np
 from rich.progress import track
 
 from sarsim.assets import asset
+from sarsim.dataset.processes import connected
 from sarsim.scripts.benchmarks.common import RENDERERS, Result, ThreePasses, at_least, seconds
 from sarsim.sensors.camera import RgbdCamera
 from sarsim.sensors.rendering import Renderer
@@ -54,7 +53,7 @@ def measure(frames: int = 60, width: int = 640, height: int = 480) -> Result:
     """
     at_least(1, frames=frames, width=width, height=height)
     times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
-    workers = {name: _start(name, width, height) for name in CONTENDERS}
+    workers = {name: connected(_serve, name, width, height, environment={})[1] for name in CONTENDERS}
     for i in track(range(WARM_UP + frames), "camera", transient=True):
         for name, connection in workers.items():
             connection.send(POSES[i % len(POSES)])
@@ -77,20 +76,8 @@ def summary(times: dict[str, list[Times]]) -> dict[str, float]:
     return figures
 
 
-def _start(name: str, width: int, height: int) -> Connection:
-    """Start a contender's process: send it a pose, receive the times of its frame; None ends it."""
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    # The new process inherits that Ctrl-C is ignored: it ends with this one, which reports it.
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    context.Process(target=_serve, args=(name, theirs, width, height), daemon=True).start()
-    signal.signal(signal.SIGINT, handler)
-    theirs.close()
-    return ours
-
-
-def _serve(name: str, connection: Connection, width: int, height: int) -> None:
-    """What a contender's process does."""
+def _serve(connection: Connection, name: str, width: int, height: int) -> None:
+    """What a contender's process does: it receives a pose and sends the times of its frame; None ends it."""
     model = _model(width, height)
     data = mujoco.MjData(model)
     renderer = CONTENDERS[name](model, width, height)

@@ -10,7 +10,6 @@ import tempfile
 import time
 from collections.abc import Sequence
 from itertools import count
-from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -18,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from sarsim.dataset import processes
 from sarsim.dataset.engine import SceneDone
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.local_engine import Worker, wait_for
 from sarsim.dataset.manifest import SCENES
+from sarsim.dataset.processes import connected
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import render_scene
 from sarsim.scripts.benchmarks.common import RENDERERS, Result, at_least
@@ -31,11 +30,8 @@ from sarsim.scripts.benchmarks.common import RENDERERS, Result, at_least
 def measure(scenes: int = 4, frames: int = 100, rounds: int = 5, seed: int = 0) -> Result:
     """How many times faster.
 
-    Args:
-        scenes: arenas that each contender makes, after one that is not counted.
-        frames: of each scene.
-        rounds: how often one worker and two make a scene each.
-        seed: of the arenas.
+    Each contender makes so many ``scenes``, after one that is not counted; for so many ``rounds`` one worker and two
+    make a scene each.
 
     Raises:
         InputError: there is nothing to make.
@@ -58,15 +54,17 @@ def measure(scenes: int = 4, frames: int = 100, rounds: int = 5, seed: int = 0) 
 
 def _contest(recipe: Recipe, scenes: int) -> dict[str, list[float]]:
     """Seconds of every frame; the first one of a scene includes its arena and drive."""
-    contenders = {name: Contender(name, recipe) for name in RENDERERS}
+    contenders = {name: connected(_serve, name, recipe) for name in RENDERERS}
     times: dict[str, list[float]] = {name: [] for name in RENDERERS}
     for frame in track(range((1 + scenes) * recipe.frames), "frames", transient=True):
-        for name, contender in contenders.items():
-            elapsed = contender.frame()
+        for name, (_, connection) in contenders.items():
+            connection.send(None)
+            elapsed = connection.recv()
             if frame >= recipe.frames:
                 times[name].append(elapsed)
-    for contender in contenders.values():
-        contender.end()
+    for process, _ in contenders.values():
+        process.kill()
+        process.join()
     return times
 
 
@@ -110,28 +108,8 @@ def seconds_of(pid: int | None) -> float:
     return time.perf_counter() - 1e-9 * waited
 
 
-class Contender:
-    """A process that makes scene after scene, a frame at a time."""
-
-    def __init__(self, name: str, recipe: Recipe):
-        """``name``: of a renderer."""
-        self._connection, theirs = Pipe()
-        self._process = processes.start(_serve, name, theirs, recipe)
-        theirs.close()
-
-    def frame(self) -> float:
-        """Undisturbed seconds that the next frame took."""
-        self._connection.send(None)
-        return self._connection.recv()
-
-    def end(self) -> None:
-        """Stop it."""
-        self._process.kill()
-        self._process.join()
-
-
-def _serve(name: str, connection: Connection, recipe: Recipe) -> None:
-    """What a contender's process does."""
+def _serve(connection: Connection, name: str, recipe: Recipe) -> None:
+    """What a contender's process does: whenever it is told to, a frame, of which it sends the undisturbed seconds."""
     connection.recv()
     start = seconds_of(os.getpid())
 

@@ -90,12 +90,8 @@ def configs(
 ) -> Iterator[tuple[str, EpisodeConfig]]:
     """Group and settings of each episode, the longest first.
 
-    Args:
-        base: settings that all have in common.
-        nist: seeds in nist_6x4.
-        esogu: seeds in esogu_52x15.
-        random: random arenas of difficulties 0, 1 and 2.
-        rafs: files of .raf arenas.
+    ``base`` has what is common to all; ``nist`` and ``esogu`` are numbers of seeds, ``random`` that of the arenas of
+    difficulties 0, 1 and 2, ``rafs`` files.
 
     Raises:
         InputError: the weights cannot be used.
@@ -114,12 +110,8 @@ def configs(
 def run_jobs(jobs: Sequence[Job], folder: Path, workers: int | None) -> list[dict[str, Any] | None]:
     """The result of every job, in their order; None for one whose process failed.
 
-    Ctrl-C ends it and the episodes under way; those that are finished stay in the folder and are not run again.
-
-    Args:
-        jobs: the episodes.
-        folder: for their results.
-        workers: episodes at a time; None for one a core.
+    So many ``workers`` run at a time, None for one a core. Ctrl-C ends it and the episodes under way; those that are
+    finished stay in the folder and are not run again.
 
     Raises:
         InputError: the folder cannot be made, or holds results of other settings.

@@ -1,5 +1,6 @@
 """Exploration over many arenas, beside two baselines: the nearest frontier with straight lines, and a random walk."""
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -57,14 +58,9 @@ def measure(
     if not jobs:
         raise InputError("no arena is to be explored")
     results = run_jobs(jobs, runs, workers)
-    found = {
-        (group, strategy): [
-            result
-            for job, result in zip(jobs, results, strict=True)
-            if (job.group, job.strategy) == (group, strategy)
-        ]
-        for group, strategy in dict.fromkeys((job.group, job.strategy) for job in jobs)
-    }
+    found: dict[tuple[str, Strategy], list[dict[str, Any] | None]] = defaultdict(list)
+    for job, result in zip(jobs, results, strict=True):
+        found[job.group, job.strategy].append(result)
     figures, details = figures_of(found), _details(jobs, results)
     table = rich_table("exploration", figures, sections(figures, peers))
     table.caption = _caption(figures, details)

@@ -42,8 +42,6 @@ BASELINE_ROWS = (
     "done after, s, median",
     "collisions",
 )
-
-
 RATIO_ROWS = {
     f"time to 90 % over nearest frontier, {what}": f"{RATIO}.{what}" for what in ("median", "worst", "pairs")
 }
@@ -55,10 +53,7 @@ Rows = list[tuple[str, list[str]]]
 def rows_of(figures: Mapping[str, float], keys: Mapping[str, str], baseline: str = "") -> Rows:
     """Rows of those figures that are there for any group, in four digits; a dash stands for none.
 
-    Args:
-        figures: by name.
-        keys: of the figures, without the group, by the names of the rows.
-        baseline: that the figures are of; empty for ours.
+    ``keys``, without the group, by the names of the rows; ``baseline`` that the figures are of, empty for ours.
     """
     groups = groups_in(figures)
     label, prefix = (f"{baseline.replace('_', ' ')}: ", f"{baseline}.") if baseline else ("", "")

@@ -46,14 +46,9 @@ def drive_through(
     lighting: Lighting = Lighting.normal,
     keyframes: tuple[float, float] = KEYFRAMES,
 ) -> Iterator[TrueFrame]:
-    """Frames of a drive from the arena's start; the seed decides on the way and on the sensor's errors.
+    """So many frames of a drive from the arena's start; the seed decides on the way and on the sensor's errors.
 
-    Args:
-        arena: name or path.
-        frames: their number.
-        seed: of everything random.
-        lighting: of the arena.
-        keyframes: m driven and rad turned from one frame to the next.
+    ``keyframes``: m driven and rad turned from one frame to the next.
 
     Raises:
         InputError: the arena cannot be had, or the robot cannot drive in it.

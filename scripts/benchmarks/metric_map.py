@@ -32,11 +32,8 @@ def measure(
 ) -> Result:
     """Times, memory, accuracy, and times over the size of the environment.
 
-    Args:
-        frames: of an episode.
-        seed: of the episodes.
-        arenas: where accuracy is measured; times are of the first one's frames.
-        baselines: also measure OctoMap without ``discretize``, which takes a tenth of a second per frame.
+    Accuracy is measured in all ``arenas``, times are of the first one's frames; ``baselines``: also measure OctoMap
+    without ``discretize``, which takes a tenth of a second per frame.
 
     Raises:
         InputError: pyoctomap is missing, or there is nothing to measure.
@@ -142,16 +139,11 @@ def _accuracy(recording: Recording) -> dict[str, float]:
             for n in track(range(len(depth)), f"{name}, {sensor}", transient=True):
                 contender.prepare(recording, depth, n)()
             maps[name] = contender.metric_map()
-            _copy(maps[name], scored)
+            lower, upper = _bounds(maps[name], scored)
+            scored.set_log_odds(lower, maps[name].log_odds(lower, upper))
             figures |= {f"{name}.{sensor}.{key}": value for key, value in score.report().items()}
         figures[f"agreement_with_rays.{sensor}"] = agreement(maps["ours"], maps["rays"])
     return figures
-
-
-def _copy(source: MetricMap, target: MetricMap) -> None:
-    """Make the voxels of the target those of the source."""
-    lower, upper = _bounds(source, target)
-    target.set_log_odds(lower, source.log_odds(lower, upper))
 
 
 def agreement(first: MetricMap, second: MetricMap) -> float:

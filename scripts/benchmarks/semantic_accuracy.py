@@ -5,20 +5,18 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.labels import THESIS_FOUR, Label
+from pipeline.labels import Label
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
-from sarsim.scoring.semantics import SemanticScore, confusion_matrix, iou_by_label
+from sarsim.scoring.semantics import SemanticScore, confusion_matrix, label_figures
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame
 
 
 def accuracy(frames: Iterable[TrueFrame], network: PointClassifier | None) -> dict[str, dict[str, float]]:
-    """Intersection over union by label, and ``miou_four``, of network, fused map and baseline.
+    """Intersection over union by label, and ``miou_four``, of network, fused map and baseline in one arena.
 
-    Args:
-        frames: of one arena.
-        network: if there is none, the baseline's figures alone.
+    Without a network the baseline's alone.
     """
     baseline = RuleClassifier()
     confusion = {name: np.zeros((len(Label), len(Label)), np.int64) for name in ("network", "baseline")}
@@ -32,18 +30,10 @@ def accuracy(frames: Iterable[TrueFrame], network: PointClassifier | None) -> di
             confusion["network"] += confusion_matrix(truth, _labels(given))
             fused.update(points, given)
             score.add(points, truth)
-    figures = {name: _figures(counts) for name, counts in confusion.items() if counts.any()}
-    if network is not None:
-        report = score.report(fused)
-        figures["fused"] = {"miou_four": report["miou_four"], **report["iou"]}
-    return figures
+    reports = {name: label_figures(counts) for name, counts in confusion.items()}
+    reports["fused"] = score.report(fused)
+    return {name: {"miou_four": of["miou_four"], **of["iou"]} for name, of in reports.items() if of}
 
 
 def _labels(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
     return probabilities.argmax(axis=1).astype(np.uint8)
-
-
-def _figures(confusion: NDArray[np.int64]) -> dict[str, float]:
-    iou = iou_by_label(confusion)
-    four = float(np.mean([iou[label] for label in THESIS_FOUR if label in iou]))
-    return {"miou_four": four, **{label.name.lower(): value for label, value in iou.items()}}

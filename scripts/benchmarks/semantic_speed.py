@@ -28,9 +28,7 @@ THREADS = 2
 def speed(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
     """Seconds and ratios for a block, a step of training and a frame; the weights are random, which costs the same.
 
-    Args:
-        frames: of an episode.
-        rounds: of the contest for a block.
+    Blocks of the frames take turns for so many ``rounds``.
     """
     torch.manual_seed(0)
     network = Dgcnn(classes=len(CLASSES)).eval()

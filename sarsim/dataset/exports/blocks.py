@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sarsim.dataset.arena_range import check
 from sarsim.dataset.exports.clouds import Cloud
-from sarsim.dataset.exports.export import Export, check
+from sarsim.dataset.exports.export import Export
 from sarsim.dataset.exports.s3dis import AREAS, room
 from sarsim.dataset.hdf5 import NewFile
 from sarsim.dataset.manifest import SceneEntry

@@ -1,6 +1,5 @@
 """What an export is."""
 
-import math
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -45,13 +44,6 @@ class Export:
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
         """Write what concerns all scenes."""
-
-
-def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
-    """Raises InputError where a flag's value is none that an export can do with."""
-    if not low <= value <= high:
-        limits = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
-        raise InputError(f"--{flag} {value:g}: {limits}")
 
 
 def write_image(path: Path, image: NDArray, *options: int) -> None:

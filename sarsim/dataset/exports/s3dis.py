@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
+from sarsim.dataset.arena_range import check
 from sarsim.dataset.exports.clouds import Cloud
-from sarsim.dataset.exports.export import Export, check
+from sarsim.dataset.exports.export import Export
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sarsim.dataset.exports.export import Export, check, write_image
+from sarsim.dataset.arena_range import check
+from sarsim.dataset.exports.export import Export, write_image
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SPLITS, SceneEntry
 from sarsim.dataset.scene_file import Scene

@@ -14,7 +14,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.assets import asset
 from sarsim.ground_truth.columns import convex_bodies
 from sarsim.ground_truth.contacts import OBSTACLES
-from sarsim.ground_truth.true_surface import CELL, HEADROOM, true_surface
+from sarsim.ground_truth.true_surface import CELL, HEADROOM, Survey
 from sarsim.scripts.assets.esogu import building, plan
 from sarsim.scripts.assets.make_esogu import TARGET, VICTIMS, laboratory_floor, people_on_the_floor
 from sarsim.sensors.camera import geom_labels
@@ -40,7 +40,7 @@ def world():
 @pytest.fixture(scope="module")
 def surface(world):
     model, data = world
-    return true_surface(model, data, None, data.site("start").xpos)
+    return Survey(model, data).surface_from(data.site("start").xpos)
 
 
 def thing_of(model, geom):
@@ -105,7 +105,7 @@ def test_nothing_stands_in_something_else(world):
 
 
 def test_it_passes_the_checks_of_random_arenas():
-    assert failed_checks(load_arena("esogu_52x15").mjcf_model.to_xml_string()) == []
+    assert list(failed_checks(load_arena("esogu_52x15").mjcf_model.to_xml_string())) == []
 
 
 def test_ten_victims(world):

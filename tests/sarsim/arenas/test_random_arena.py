@@ -30,7 +30,7 @@ from sarsim.arenas.random_furniture import (
     place_bulky,
     place_furniture,
 )
-from sarsim.ground_truth.true_surface import true_surface
+from sarsim.ground_truth.true_surface import Survey
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.victims import make_victim, victims_of
 
@@ -66,10 +66,10 @@ def test_the_plan_of_a_seed_stays_the_same_on_every_machine(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_every_check_passes(seed, arenas):
-    assert failed_checks(arenas[seed]) == []
+    assert list(failed_checks(arenas[seed])) == []
     model, data = compiled(arenas[seed])
     assert len(victims_of(model, data)) == 3
-    surface = true_surface(model, data, None, data.site("start").xpos)
+    surface = Survey(model, data).surface_from(data.site("start").xpos)
     assert surface.drivable.sum() * 0.05**2 > 10
 
 
@@ -118,7 +118,7 @@ def elements_of(xml):
 
 @pytest.mark.parametrize("index", range(len(FURNISHED_ARENAS)))
 def test_furniture_fails_no_check(index, furnished):
-    assert failed_checks(furnished[index]) == []
+    assert list(failed_checks(furnished[index])) == []
 
 
 def test_furniture_stands_hangs_and_replaces_walls(furnished):
@@ -160,9 +160,9 @@ def test_below_a_raised_floor_the_robot_drives_and_above_it_cannot():
     builder = room()
     builder.add_element("raised_floor_120", (1.2, 0, 0), 90)
     builder.set_start((0, 0, 0), 0)
-    assert failed_checks(builder.to_xml()) == []
+    assert list(failed_checks(builder.to_xml())) == []
     model, data = compiled(builder.to_xml())
-    surface = true_surface(model, data, None, data.site("start").xpos)
+    surface = Survey(model, data).surface_from(data.site("start").xpos)
     assert surface.drivable[tuple(surface.grid.cell_of((1.2, 0)))]
     assert np.nanmax(surface.height) < 0.01
 
@@ -219,7 +219,7 @@ def sitting_at_the_end(builder):
 
 
 def test_a_sound_room_fails_no_check():
-    assert failed_checks(sitting_at_the_end(room()).to_xml()) == []
+    assert list(failed_checks(sitting_at_the_end(room()).to_xml())) == []
 
 
 def test_a_wall_that_cuts_ground_off_is_noticed():
@@ -235,7 +235,7 @@ def test_a_victim_behind_a_wall_is_noticed():
 def test_a_start_in_a_wall_is_noticed():
     builder = room()
     builder.set_start((0.6, 0.6, 0), 0)
-    assert failed_checks(builder.to_xml()) == ["the start is not free"]
+    assert list(failed_checks(builder.to_xml())) == ["the start is not free"]
 
 
 def test_mjcf_without_references_to_files_is_written(arenas):

@@ -11,8 +11,8 @@ from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
 from sarsim.dataset.recipe import Recipe
+from sarsim.dataset.render import make_scene
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
-from sarsim.dataset.scene_job import make_scene
 
 RECIPE = Recipe(seed=3, frames=3, width=64, height=48, arenas=("nist_6x4",))
 """Makes a scene in some tenths of a second."""

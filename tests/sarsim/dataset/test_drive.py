@@ -11,7 +11,7 @@ from sarsim.dataset import drive
 from sarsim.dataset.drive import KEYFRAMES, PERIOD, SPEED, DeadReckoning, Drive
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.columns import convex_bodies
-from sarsim.ground_truth.true_surface import TrueSurface, true_surface
+from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.robots.pose import Pose
 from tests.sarsim.sensors.no_noise import NoNoise
 
@@ -27,7 +27,7 @@ class Nist:
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         self.start = arena.T_world_start
-        self.surface: TrueSurface = true_surface(model, data, None, self.start[:3, 3])
+        self.surface: TrueSurface = Survey(model, data).surface_from(self.start[:3, 3])
         self.wheel_contact = WheelContact(convex_bodies(model, data, None), self.surface.grid)
 
     def poses(self, seed: int, count: int = COUNT) -> list[Pose]:

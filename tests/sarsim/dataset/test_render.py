@@ -25,7 +25,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 @pytest.fixture(scope="module")
 def world(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """The arena, from the text in the file alone."""
-    model = mujoco.MjModel.from_xml_string(scene.mjcf)
+    model = mujoco.MjModel.from_xml_string(scene.content.mjcf)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     return model, data

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.ground_truth.true_surface import true_surface
+from sarsim.ground_truth.true_surface import Survey
 
 HEAD = """
 <mujoco>
@@ -22,7 +22,7 @@ def survey(geoms: str, start=NOWHERE):
     model = mujoco.MjModel.from_xml_string(HEAD + geoms + "</worldbody></mujoco>")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    return true_surface(model, data, model.body("robot").id, np.array(start))
+    return Survey(model, data, model.body("robot").id).surface_from(np.array(start))
 
 
 def at(layer, surface, x, y):

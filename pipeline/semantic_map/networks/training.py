@@ -70,19 +70,16 @@ class Trainer(TrainingLoop[Batch]):
         self.network = (initial or Dgcnn(CHANNELS, len(CLASSES))).to(worker.device).train()
         self.network.dropout.p = DROPOUT
         self._parallel = worker.share(RaggedDgcnn(self.network))
-        self._sampler = BlockSampler(training, self._blocks, config.batch, self.network.k, config.seed)
+        sampler = BlockSampler(training, self._blocks, config.batch, self.network.k, config.seed)
         self._weights = class_weights(training, BALANCE).to(worker.device)
         parameters = self.network.parameters()
         optimizer = torch.optim.AdamW(parameters, config.learning_rate, weight_decay=WEIGHT_DECAY)
-        super().__init__(config, out, worker, about, optimizer, {"network": self.network})
+        super().__init__(config, out, worker, about, sampler.batch, optimizer, {"network": self.network})
 
     def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
         """As of any training; PyTorch starts no threads of its own meanwhile."""
         with single_threaded():
             super().run(report, until)
-
-    def _batch(self, number: int) -> Batch:
-        return self._sampler.batch(number)
 
     def _loss(self, batch: Batch) -> Tensor:
         logits = self._parallel(batch.points.to(self.worker.device), batch.sizes)

@@ -47,6 +47,7 @@ class TrainingLoop(ABC, Generic[Batch]):
         out: Path,
         worker: Worker,
         about: dict[str, Any],
+        draw: Callable[[int], Batch],
         optimizer: torch.optim.Optimizer,
         networks: dict[str, torch.nn.Module],
         data: str = "",
@@ -58,6 +59,7 @@ class TrainingLoop(ABC, Generic[Batch]):
             out: file for the weights.
             worker: this process.
             about: what else is written with the weights on how they came about.
+            draw: the batch of a number; called in another thread while the one before is learned from.
             optimizer: of the network that learns.
             networks: whose weights a checkpoint keeps, by their names in it.
             data: what a checkpoint must have been made with, beside ``config``.
@@ -66,17 +68,13 @@ class TrainingLoop(ABC, Generic[Batch]):
             InputError: the checkpoint is of another training.
         """
         self.config, self.out, self.worker = config, out, worker
-        self._about, self._optimizer = about, optimizer
+        self._about, self._draw, self._optimizer = about, draw, optimizer
         self._parts: dict[str, Any] = networks | {"optimizer": optimizer}
         self._settings = json.dumps(asdict(config)) + data
         self._checkpoint = out.with_suffix(".checkpoint")
         self.step, self.best, self.rows, self._losses = 0, float("-inf"), list[list[float]](), list[float]()
         if self._checkpoint.exists():
             self._resume()
-
-    @abstractmethod
-    def _batch(self, number: int) -> Batch:
-        """The batch of that number; called in another thread while the one before is learned from."""
 
     @abstractmethod
     def _loss(self, batch: Batch) -> Tensor:
@@ -101,11 +99,11 @@ class TrainingLoop(ABC, Generic[Batch]):
         """
         last = self.config.steps if until is None else min(until, self.config.steps)
         with ThreadPoolExecutor(1) as pool:
-            coming = pool.submit(self._batch, self._number(self.step))
+            coming = pool.submit(self._draw, self._number(self.step))
             try:
                 while self.step < last:
                     batch = coming.result()
-                    coming = pool.submit(self._batch, self._number(self.step + 1))  # while this one is learned from
+                    coming = pool.submit(self._draw, self._number(self.step + 1))  # while this one is learned from
                     self._losses.append(self._learn(batch))
                     self.step += 1
                     if self.step % self.config.validate_every == 0 or self.step == self.config.steps:

@@ -79,32 +79,32 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
             raise InputError("the images to validate with show no people")
         torch.manual_seed(config.seed)
         device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-        self._sampler = CanvasSampler(training, (config.width, config.height), config.batch, config.seed)
+        draw = CanvasSampler(training, (config.width, config.height), config.batch, config.seed).batch
         self._validation = validation
-        self._text = _cfg_beside(initial) if initial else fitted_cfg(training, config)
-        network = load_network(initial.with_suffix(".cfg"), initial) if initial else new_network(self._text)
+        if initial:
+            network = load_network(initial.with_suffix(".cfg"), initial)
+            if (classes := network.cfg.classes) != 1:
+                raise InputError(f"{network.cfg.name}: tells {classes} classes apart, not people alone")
+            self._text = initial.with_suffix(".cfg").read_text()
+        else:
+            self._text = fitted_cfg(training, config)
+            network = new_network(self._text)
         self.network = network.to(device)
         self.average = deepcopy(self.network).eval()
         self._yolo_loss = YoloLoss(self.network.cfg)
         networks: dict[str, nn.Module] = {"network": self.network, "average": self.average}
         optimizer = _optimizer(self.network, config.learning_rate)
-        super().__init__(config, out, Worker(0, 1, device), about, optimizer, networks, self._text)
-
-    def _batch(self, number: int) -> list[LabelledImage]:
-        return self._sampler.batch(number)
+        super().__init__(config, out, Worker(0, 1, device), about, draw, optimizer, networks, self._text)
 
     def _loss(self, batch: list[LabelledImage]) -> Tensor:
         images = to_tensor(np.stack([image.rgb for image in batch])).to(self.worker.device)
         return self._yolo_loss(self.network.train()(images), batch)
 
+    @torch.no_grad()
     def _update(self) -> None:
         nn.utils.clip_grad_norm_(self.network.parameters(), MAX_GRADIENT)
         super()._update()
-        self._follow()
-
-    @torch.no_grad()
-    def _follow(self) -> None:
-        """Move the average towards the network; at first faster, while there is little to average."""
+        # The average follows the network; at first faster, while there is little to average.
         share = min(AVERAGE, (1 + self.step) / (10 + self.step))
         now = self.network.state_dict()
         for name, tensor in self.average.state_dict().items():
@@ -128,15 +128,6 @@ def fitted_cfg(images: LabelledImages, config: YoloTrainingConfig) -> str:
     rng = np.random.default_rng(config.seed)
     anchors = fit_anchors(shares * (config.width, config.height), count, rng)
     return build(config.width, config.height, 1, [(w, h) for w, h in anchors.round(1).tolist()])
-
-
-def _cfg_beside(weights: Path) -> str:
-    """The ``.cfg`` beside a weights file. InputError if its network has other classes than people."""
-    path = weights.with_suffix(".cfg")
-    cfg = DarknetCfg.read(path)
-    if cfg.classes != 1:
-        raise InputError(f"{path}: tells {cfg.classes} classes apart, not people alone")
-    return path.read_text()
 
 
 def new_network(text: str) -> DarknetNetwork:

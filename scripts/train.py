@@ -18,6 +18,7 @@ from sarsim.scripts.settings import run_one_of, save_settings
 if TYPE_CHECKING:
     from pipeline.semantic_map.networks.clouds import LabelledCloud
     from pipeline.semantic_map.networks.parallel import Worker
+    from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
 VALIDATION_FRAMES = 200
 """At most, evenly over the scenes kept for validation: as many clouds take a minute on two cores."""
@@ -82,14 +83,9 @@ def train_dgcnn(settings: TrainDgcnn) -> None:
         clouds = _clouds(settings, worker, BlockConfig().voxel_size)
         validation = clouds["val"][:: 1 + len(clouds["val"]) // VALIDATION_FRAMES]
         trainer = Trainer(clouds["train"], validation, config, settings.out, worker, about, initial)
-        if worker.leads:
-            save_settings(settings, settings.out.with_suffix(".yaml"))
-        _train(trainer, settings.steps, disable=not worker.leads, until=settings.until)
+        _train(trainer, settings, "mIoU over the four", settings.until)
     finally:
         worker.leave()
-    if worker.leads:
-        told = f"Validated best: mIoU over the four {trainer.best:.4f}. Weights in {settings.out}"
-        Console().print(told, soft_wrap=True)
 
 
 def train_yolo(settings: TrainYolo) -> None:
@@ -106,12 +102,10 @@ def train_yolo(settings: TrainYolo) -> None:
         about = {"data": list(map(str, settings.data)), "images": [len(source) for source in images]}
         about |= {"stride": settings.stride, "init": str(settings.init) if settings.init else None}
         trainer = Trainer(images[0], images[1], config, settings.out, about, settings.init)
-        save_settings(settings, settings.out.with_suffix(".yaml"))
-        _train(trainer, settings.steps)
+        _train(trainer, settings, "AP50")
     finally:
         for source in images:
             source.close()
-    Console().print(f"Validated best: AP50 {trainer.best:.4f}. Weights in {settings.out}", soft_wrap=True)
 
 
 def _check(settings: TrainDgcnn | TrainYolo) -> None:
@@ -150,17 +144,25 @@ def _clouds(settings: TrainDgcnn, worker: "Worker", voxel_size: float) -> dict[s
     return clouds
 
 
-def _train(trainer: Any, steps: int, disable: bool = False, **options: Any) -> None:
-    """Run a trainer of either network with a progress bar; Ctrl-C ends it after the step under way."""
-    with progress(disable=disable) as bars, Interruptible() as hold:
-        bar = bars.add_task("steps", total=steps, completed=trainer.step)
+def _train(
+    trainer: "TrainingLoop[Any]", settings: TrainDgcnn | TrainYolo, score: str, until: int | None = None
+) -> None:
+    """Run a trainer with a progress bar; Ctrl-C ends it after the step under way."""
+    leads = trainer.worker.leads
+    if leads:
+        save_settings(settings, settings.out.with_suffix(".yaml"))
+    with progress(disable=not leads) as bars, Interruptible() as hold:
+        bar = bars.add_task("steps", total=settings.steps, completed=trainer.step)
 
-        def report(now: Any) -> None:
+        def report(now: "TrainingLoop[Any]") -> None:
             bars.update(bar, completed=now.step, description=f"steps, best {now.best:.3f}")
             if hold.interrupted:
                 raise KeyboardInterrupt
 
-        trainer.run(report, **options)
+        trainer.run(report, until)
+    if leads:
+        told = f"Validated best: {score} {trainer.best:.4f}. Weights in {settings.out}"
+        Console().print(told, soft_wrap=True)
 
 
 def main() -> None:

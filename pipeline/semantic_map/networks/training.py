@@ -47,15 +47,12 @@ class Trainer(TrainingLoop[Batch]):
         about: dict[str, Any],
         initial: Dgcnn | None = None,
     ) -> None:
-        """Begin, or go on from ``out``'s checkpoint where there is one.
+        """Begin or go on as any training.
 
         Args:
             training: clouds to learn from.
             validation: clouds by which the best weights are chosen.
-            config: settings; a batch has blocks.
-            out: file for the weights.
-            worker: this process.
-            about: what else is written into the weights' file on how they came about.
+            config, out, worker, about: as of :class:`TrainingLoop`; a batch has blocks.
             initial: a network to begin with, of six channels and :data:`CLASSES`; random weights if not given.
 
         Raises:
@@ -74,7 +71,11 @@ class Trainer(TrainingLoop[Batch]):
         self._weights = class_weights(training, BALANCE).to(worker.device)
         parameters = self.network.parameters()
         optimizer = torch.optim.AdamW(parameters, config.learning_rate, weight_decay=WEIGHT_DECAY)
-        super().__init__(config, out, worker, about, sampler.batch, optimizer, {"network": self.network})
+
+        def draw(step: int) -> Batch:
+            return sampler.batch(step * worker.count + worker.rank)
+
+        super().__init__(config, out, worker, about, draw, optimizer, {"network": self.network})
 
     def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
         """As of any training; PyTorch starts no threads of its own meanwhile."""

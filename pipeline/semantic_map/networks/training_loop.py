@@ -59,7 +59,7 @@ class TrainingLoop(ABC, Generic[Batch]):
             out: file for the weights.
             worker: this process.
             about: what else is written with the weights on how they came about.
-            draw: the batch of a number; called in another thread while the one before is learned from.
+            draw: the batch of a step; called in another thread while the one before is learned from.
             optimizer: of the network that learns.
             networks: whose weights a checkpoint keeps, by their names in it.
             data: what a checkpoint must have been made with, beside ``config``.
@@ -99,11 +99,11 @@ class TrainingLoop(ABC, Generic[Batch]):
         """
         last = self.config.steps if until is None else min(until, self.config.steps)
         with ThreadPoolExecutor(1) as pool:
-            coming = pool.submit(self._draw, self._number(self.step))
+            coming = pool.submit(self._draw, self.step)
             try:
                 while self.step < last:
                     batch = coming.result()
-                    coming = pool.submit(self._draw, self._number(self.step + 1))  # while this one is learned from
+                    coming = pool.submit(self._draw, self.step + 1)  # while this one is learned from
                     self._losses.append(self._learn(batch))
                     self.step += 1
                     if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
@@ -112,10 +112,6 @@ class TrainingLoop(ABC, Generic[Batch]):
             finally:
                 if self.step < self.config.steps:
                     self._save()
-
-    def _number(self, step: int) -> int:
-        """Of this worker's batch in a step."""
-        return step * self.worker.count + self.worker.rank
 
     def _learn(self, batch: Batch) -> float:
         rate = self.config.learning_rate * schedule((self.step + 1) / self.config.steps)

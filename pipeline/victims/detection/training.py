@@ -60,14 +60,12 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
         about: dict[str, Any],
         initial: Path | None = None,
     ) -> None:
-        """Begin, or go on from ``out``'s checkpoint where there is one.
+        """Begin or go on as any training.
 
         Args:
             training: images to learn from.
             validation: images by which the best weights are chosen.
-            config: settings; a batch has canvases.
-            out: file for the weights.
-            about: what else the card says of how they came about.
+            config, out, about: as of :class:`TrainingLoop`; a batch has canvases.
             initial: weights to begin with, their network beside them with the ending .cfg; if not given, random ones
                 of a network whose anchors fit the images' people.
 

@@ -5,24 +5,27 @@ On several GPUs, or a process for each core of a CPU: ``torchrun --nproc-per-nod
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
 from pipeline.errors import InputError
+from pipeline.semantic_map.networks.training_config import TrainingConfig
+from pipeline.victims.detection.training_config import YoloTrainingConfig
 from sarsim.scripts.cli import Interruptible, check_folder_of, progress
 from sarsim.scripts.settings import run_one_of, save_settings
 
 if TYPE_CHECKING:
     from pipeline.semantic_map.networks.clouds import LabelledCloud
     from pipeline.semantic_map.networks.parallel import Worker
+    from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
 VALIDATION_FRAMES = 200
 """At most, evenly over the scenes kept for validation: as many clouds take a minute on two cores."""
 
 
-@dataclass(frozen=True)
-class TrainDgcnn:
+@dataclass(frozen=True, kw_only=True)
+class TrainDgcnn(TrainingConfig):
     """The network of the semantic map, from a dataset of generate_dataset.py.
 
     Attributes:
@@ -32,11 +35,6 @@ class TrainDgcnn:
         stride: use every n-th frame of a scene; larger ones load faster.
         init: weights to begin with, as this command writes them; random ones if not given.
         until: stop after that step as if interrupted; the learning rate still falls as --steps says.
-        steps: batches; more fit the training data better and take longer.
-        seed: of the first weights, the batches and their augmentation; another one tells how much is chance.
-        batch: blocks in a batch; larger ones take more memory and make steadier steps.
-        learning_rate: highest step width of AdamW; lower it if the loss jumps, raise it if it hardly falls.
-        validate_every: steps between validations; each takes time, and the best weights are kept only then.
     """
 
     data: Path
@@ -44,15 +42,10 @@ class TrainDgcnn:
     stride: int = 1
     init: Path | None = None
     until: int | None = None
-    steps: int = 3000
-    seed: int = 0
-    batch: int = 8
-    learning_rate: float = 2e-3
-    validate_every: int = 250
 
 
-@dataclass(frozen=True)
-class TrainYolo:
+@dataclass(frozen=True, kw_only=True)
+class TrainYolo(YoloTrainingConfig):
     """The network that finds victims, from datasets of generate_dataset.py.
 
     Attributes:
@@ -63,28 +56,12 @@ class TrainYolo:
         stride: use every n-th frame of a scene; larger ones skip frames that look alike.
         init: weights to begin with, as this command writes them, their .cfg beside them: then its size counts, not
             --network, --width and --height; random ones if not given.
-        network: what is trained; larger ones find more and take longer for a frame.
-        width: of the network's input, pixels, a multiple of 32; larger ones find smaller people, and take longer.
-        height: of the network's input, pixels, a multiple of 32.
-        steps: batches; more fit the training data better and take longer.
-        seed: of the first weights, the anchors and the images drawn; another one tells how much is chance.
-        batch: images in a batch; larger ones take more memory and steadier steps.
-        learning_rate: highest step width of AdamW; lower it to go on from --init.
-        validate_every: steps between validations; each takes time, and the best weights are kept only then.
     """
 
     data: tuple[Path, ...]
     out: Path
     stride: int = 1
     init: Path | None = None
-    network: Literal["yolov3-small", "yolov3-tiny", "yolov3"] = "yolov3-small"
-    width: int = 512
-    height: int = 384
-    steps: int = 6000
-    seed: int = 0
-    batch: int = 16
-    learning_rate: float = 2e-3
-    validate_every: int = 500
 
 
 def train_dgcnn(settings: TrainDgcnn) -> None:
@@ -93,7 +70,7 @@ def train_dgcnn(settings: TrainDgcnn) -> None:
     from pipeline.semantic_map.networks.blocks import BlockConfig
     from pipeline.semantic_map.networks.classifier import load_classifier
     from pipeline.semantic_map.networks.parallel import Worker
-    from pipeline.semantic_map.networks.training import Trainer, TrainingConfig
+    from pipeline.semantic_map.networks.training import Trainer
 
     config = TrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(TrainingConfig)})
     about: dict[str, Any] = {"data": str(settings.data), "scenes": _scenes(settings.data)}
@@ -106,14 +83,9 @@ def train_dgcnn(settings: TrainDgcnn) -> None:
         clouds = _clouds(settings, worker, BlockConfig().voxel_size)
         validation = clouds["val"][:: 1 + len(clouds["val"]) // VALIDATION_FRAMES]
         trainer = Trainer(clouds["train"], validation, config, settings.out, worker, about, initial)
-        if worker.leads:
-            save_settings(settings, settings.out.with_suffix(".yaml"))
-        _train(trainer, settings.steps, disable=not worker.leads, until=settings.until)
+        _train(trainer, settings, "mIoU over the four", settings.until)
     finally:
         worker.leave()
-    if worker.leads:
-        told = f"Validated best: mIoU over the four {trainer.best:.4f}. Weights in {settings.out}"
-        Console().print(told, soft_wrap=True)
 
 
 def train_yolo(settings: TrainYolo) -> None:
@@ -121,21 +93,19 @@ def train_yolo(settings: TrainYolo) -> None:
     _check(settings)
     if settings.out.suffix != ".weights":
         raise InputError(f"--out {settings.out}: a name that ends with .weights")
-    from pipeline.victims.detection.training import Trainer, TrainingConfig
+    from pipeline.victims.detection.training import Trainer
     from sarsim.dataset.victim_images import VictimImages
 
-    config = TrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(TrainingConfig)})
+    config = YoloTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(YoloTrainingConfig)})
     images = [VictimImages(settings.data, split, settings.stride) for split in ("train", "val")]
     try:
         about = {"data": list(map(str, settings.data)), "images": [len(source) for source in images]}
         about |= {"stride": settings.stride, "init": str(settings.init) if settings.init else None}
         trainer = Trainer(images[0], images[1], config, settings.out, about, settings.init)
-        save_settings(settings, settings.out.with_suffix(".yaml"))
-        _train(trainer, settings.steps)
+        _train(trainer, settings, "AP50")
     finally:
         for source in images:
             source.close()
-    Console().print(f"Validated best: AP50 {trainer.best:.4f}. Weights in {settings.out}", soft_wrap=True)
 
 
 def _check(settings: TrainDgcnn | TrainYolo) -> None:
@@ -174,17 +144,25 @@ def _clouds(settings: TrainDgcnn, worker: "Worker", voxel_size: float) -> dict[s
     return clouds
 
 
-def _train(trainer: Any, steps: int, disable: bool = False, **options: Any) -> None:
-    """Run a trainer of either network with a progress bar; Ctrl-C ends it after the step under way."""
-    with progress(disable=disable) as bars, Interruptible() as hold:
-        bar = bars.add_task("steps", total=steps, completed=trainer.step)
+def _train(
+    trainer: "TrainingLoop[Any]", settings: TrainDgcnn | TrainYolo, score: str, until: int | None = None
+) -> None:
+    """Run a trainer with a progress bar; Ctrl-C ends it after the step under way."""
+    leads = trainer.worker.leads
+    if leads:
+        save_settings(settings, settings.out.with_suffix(".yaml"))
+    with progress(disable=not leads) as bars, Interruptible() as hold:
+        bar = bars.add_task("steps", total=settings.steps, completed=trainer.step)
 
-        def report(now: Any) -> None:
+        def report(now: "TrainingLoop[Any]") -> None:
             bars.update(bar, completed=now.step, description=f"steps, best {now.best:.3f}")
             if hold.interrupted:
                 raise KeyboardInterrupt
 
-        trainer.run(report, **options)
+        trainer.run(report, until)
+    if leads:
+        told = f"Validated best: {score} {trainer.best:.4f}. Weights in {settings.out}"
+        Console().print(told, soft_wrap=True)
 
 
 def main() -> None:

@@ -162,17 +162,13 @@ class Victims:
             _crop(frame.rgb, observation.detection.box),
             len(points) * confidence,
         )
-        near = self._same(new, self.all)
-        if near is None:
+        same = [other for other in self.all if _distance(other, new) <= GATE or _is_one(other, new)]
+        if not same:
             self.all.append(new)
             return new
-        self._join(near, new)
-        return near
-
-    def _same(self, victim: Victim, others: Sequence[Victim]) -> Victim | None:
-        """The nearest of those that may be the same person, if there is one."""
-        near = [other for other in others if _distance(other, victim) <= GATE or _is_one(other, victim)]
-        return min(near, key=lambda other: _distance(other, victim), default=None)
+        nearest = min(same, key=lambda other: _distance(other, new))
+        self._join(nearest, new)
+        return nearest
 
     def _join(self, victim: Victim, other: Victim) -> None:
         """Add to a victim what is known of another one, which is the same person."""

@@ -1,11 +1,8 @@
-"""Training: random blocks of labelled clouds in, the weights that validate best out."""
+"""Training of a point classifier on random blocks of labelled clouds."""
 
-import csv
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -13,7 +10,6 @@ from torch import Tensor
 from torch.nn.functional import log_softmax
 
 from pipeline.errors import InputError
-from pipeline.files import resume, save_checkpoint, whole_file
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig
 from pipeline.semantic_map.networks.classifier import save_classifier, segment
@@ -23,9 +19,10 @@ from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.threads import single_threaded
 from pipeline.semantic_map.networks.parallel import Worker
-from pipeline.semantic_map.networks.sampling import BlockSampler
-from pipeline.semantic_map.networks.schedule import schedule
+from pipeline.semantic_map.networks.sampling import Batch, BlockSampler
 from pipeline.semantic_map.networks.scores import Confusion
+from pipeline.semantic_map.networks.training_config import TrainingConfig
+from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
 WEIGHT_DECAY = 1e-3
 """Of AdamW."""
@@ -33,46 +30,12 @@ DROPOUT = 0.0
 """Before the last layer; 0.5 as published is for longer trainings."""
 BALANCE = 0.5
 """A class weighs its share of the points to the power of minus this; 0 is none, 1 full balance."""
-COLUMNS = ("step", "loss", "miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
-"""Of the table."""
 
 
-@dataclass(frozen=True)
-class TrainingConfig:
-    """Settings of a training.
+class Trainer(TrainingLoop[Batch]):
+    """The training of DGCNN; its score is the mean IoU over the thesis's four classes."""
 
-    Attributes:
-        steps: batches.
-        batch: blocks of a batch, for each worker.
-        learning_rate: of AdamW at its highest.
-        seed: of the first weights, the blocks and their augmentation.
-        validate_every: steps.
-    """
-
-    steps: int = 3000
-    batch: int = 8
-    learning_rate: float = 2e-3
-    seed: int = 0
-    validate_every: int = 250
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be done."""
-        if min(self.steps, self.batch, self.validate_every) < 1:
-            raise InputError("--steps, --batch, --validate-every: at least 1")
-
-
-class Trainer:
-    """A training that can be left at any step and taken up again; it leaves the same weights.
-
-    Attributes:
-        config: settings.
-        out: file for the weights; a checkpoint and a table (.csv) get its name with other endings.
-        worker: this process.
-        network: as it learns.
-        step: batches so far.
-        best: highest mean IoU over the thesis's four classes so far.
-        rows: of the table, see ``COLUMNS``; one each time the network was validated. Losses are means since then.
-    """
+    SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
 
     def __init__(
         self,
@@ -84,110 +47,51 @@ class Trainer:
         about: dict[str, Any],
         initial: Dgcnn | None = None,
     ) -> None:
-        """Begin, or go on from ``out``'s checkpoint where there is one.
+        """Begin or go on as any training.
 
         Args:
             training: clouds to learn from.
             validation: clouds by which the best weights are chosen.
-            config: settings.
-            out: file for the weights.
-            worker: this process.
-            about: what else is written into the weights' file on how they came about.
+            config, out, worker, about: as of :class:`TrainingLoop`; a batch has blocks.
             initial: a network to begin with, of six channels and :data:`CLASSES`; random weights if not given.
 
         Raises:
             InputError: there is nothing to learn from or to validate with, or the checkpoint is of another training.
         """
         training = [cloud for cloud in training if len(cloud.points)]
-        _check(training, validation)
+        for purpose, clouds in (("train", training), ("validate", validation)):
+            if not any(len(cloud.points) for cloud in clouds):
+                raise InputError(f"no labelled points to {purpose} with")
         torch.manual_seed(config.seed)
-        self.config, self.out, self.worker = config, out, worker
-        self._validation, self._about, self._blocks = validation, about, BlockConfig()
+        self._validation, self._blocks = validation, BlockConfig()
         self.network = (initial or Dgcnn(CHANNELS, len(CLASSES))).to(worker.device).train()
         self.network.dropout.p = DROPOUT
         self._parallel = worker.share(RaggedDgcnn(self.network))
-        self._optimizer = torch.optim.AdamW(
-            self.network.parameters(), config.learning_rate, weight_decay=WEIGHT_DECAY
-        )
-        self._sampler = BlockSampler(training, self._blocks, config.batch, self.network.k, config.seed)
+        sampler = BlockSampler(training, self._blocks, config.batch, self.network.k, config.seed)
         self._weights = class_weights(training, BALANCE).to(worker.device)
-        self.step, self.best, self.rows, self._losses = 0, float("-inf"), list[list[float]](), list[float]()
-        if self._checkpoint.exists():
-            resume(self._checkpoint, self._settings, worker.device, self._restore)
+        parameters = self.network.parameters()
+        optimizer = torch.optim.AdamW(parameters, config.learning_rate, weight_decay=WEIGHT_DECAY)
 
-    def run(self, report: Callable[["Trainer"], object] = lambda trainer: None, until: int | None = None) -> None:
-        """Train to the end, or until a step. ``report`` is called after every step.
+        def draw(step: int) -> Batch:
+            return sampler.batch(step * worker.count + worker.rank)
 
-        Left before the end or interrupted, it leaves a checkpoint.
-        """
-        last = self.config.steps if until is None else min(until, self.config.steps)
-        try:
-            with single_threaded():
-                while self.step < last:
-                    self._take_step()
-                    report(self)
-        finally:
-            if self.step < self.config.steps:
-                self._save()
+        super().__init__(config, out, worker, about, draw, optimizer, {"network": self.network})
 
-    def _take_step(self) -> None:
-        self._losses.append(self._learn(self.step * self.worker.count + self.worker.rank))
-        self.step += 1
-        if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
-            self._validate()
+    def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
+        """As of any training; PyTorch starts no threads of its own meanwhile."""
+        with single_threaded():
+            super().run(report, until)
 
-    def _learn(self, number: int) -> float:
-        """Take a step with the batch of that number; the loss."""
-        device, batch = self.worker.device, self._sampler.batch(number)
-        rate = self.config.learning_rate * schedule((self.step + 1) / self.config.steps)
-        for group in self._optimizer.param_groups:
-            group["lr"] = rate
-        logits = self._parallel(batch.points.to(device), batch.sizes)
-        loss = cross_entropy(logits, batch.shares.to(device), self._weights)
-        self._optimizer.zero_grad()
-        loss.backward()
-        self._optimizer.step()
-        return float(loss.detach())
+    def _loss(self, batch: Batch) -> Tensor:
+        logits = self._parallel(batch.points.to(self.worker.device), batch.sizes)
+        return cross_entropy(logits, batch.shares.to(self.worker.device), self._weights)
 
-    def _validate(self) -> None:
-        if self.worker.leads:
-            confusion = validate(self.network, self._validation, self._blocks, self.config.seed)
-            loss, self._losses = float(np.mean(self._losses)), []
-            self.rows.append([self.step, loss, confusion.miou_four, *confusion.iou.tolist()])
-            if confusion.miou_four > self.best:
-                self.best = confusion.miou_four
-                about = {"step": self.step, "miou_four": self.best, "config": asdict(self.config)}
-                save_classifier(self.out, self.network, self._blocks, self._about | about)
-            with whole_file(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
-                csv.writer(stream).writerows([COLUMNS, *self.rows])
-            self._save()
-        self.worker.wait()
+    def _validate(self) -> list[float]:
+        confusion = validate(self.network, self._validation, self._blocks, self.config.seed)
+        return [confusion.miou_four, *confusion.iou.tolist()]
 
-    @property
-    def _checkpoint(self) -> Path:
-        return self.out.with_suffix(".checkpoint")
-
-    @property
-    def _settings(self) -> str:
-        return json.dumps(asdict(self.config))
-
-    def _save(self) -> None:
-        if self.worker.leads:
-            state = {
-                "step": self.step,
-                "best": self.best,
-                "rows": self.rows,
-                "losses": self._losses,
-                "network": self.network.state_dict(),
-                "optimizer": self._optimizer.state_dict(),
-            }
-            save_checkpoint(self._checkpoint, self._settings, state)
-
-    def _restore(self, state: dict[str, Any]) -> None:
-        self.network.load_state_dict(state["network"])
-        self._optimizer.load_state_dict(state["optimizer"])
-        self.step, self.best = state["step"], state["best"]
-        self.rows, self._losses = state["rows"], state["losses"]
+    def _write(self, about: dict[str, Any]) -> None:
+        save_classifier(self.out, self.network, self._blocks, about)
 
 
 def validate(network: Dgcnn, clouds: Sequence[LabelledCloud], blocks: BlockConfig, seed: int) -> Confusion:
@@ -212,9 +116,3 @@ def class_weights(clouds: Sequence[LabelledCloud], balance: float) -> Tensor:
     points = sum(np.bincount(cloud.classes, minlength=len(CLASSES)) for cloud in clouds)
     share = points / np.sum(points)
     return torch.from_numpy(np.where(share > 0, np.maximum(share, 1e-4) ** -balance, 1)).float()
-
-
-def _check(training: Sequence[LabelledCloud], validation: Sequence[LabelledCloud]) -> None:
-    for purpose, clouds in (("train", training), ("validate", validation)):
-        if not any(len(cloud.points) for cloud in clouds):
-            raise InputError(f"no labelled points to {purpose} with")

@@ -64,22 +64,29 @@ class CfgWriter:
         self.section("upsample", stride=2)
         self.section("route", layers=f"-1,{skip}")
 
+    def pyramid(self, stages: Sequence[tuple[int, int]], scales: Sequence[int], pairs: int) -> None:
+        """Add stages (filters, residual blocks) that each halve the image, and heads from the coarsest scale on.
+
+        Before each head are ``pairs`` of convolutions, of so many filters as ``scales`` says and of twice as many.
+        """
+        ends = []
+        for filters, blocks in stages:
+            self.conv(filters, 3, 2)
+            ends.append([self.residual(filters) for _ in range(blocks)][-1])
+        for scale, filters in enumerate(scales):
+            if scale > 0:
+                self.upward(4, filters, ends[-1 - scale])
+            for _ in range(pairs):
+                self.conv(filters, 1)
+                self.conv(2 * filters, 3)
+            self.head(range(6 - 3 * scale, 9 - 3 * scale))
+
 
 def yolov3(width: int, height: int, classes: int, anchors: Anchors) -> str:
     """The ``.cfg`` of YOLOv3: Darknet-53 with three scales and nine anchors."""
     cfg = CfgWriter(width, height, classes, anchors)
     cfg.conv(32, 3)
-    stages = []
-    for filters, blocks in ((64, 1), (128, 2), (256, 8), (512, 8), (1024, 4)):
-        cfg.conv(filters, 3, 2)
-        stages.append([cfg.residual(filters) for _ in range(blocks)][-1])
-    for scale, filters in enumerate((512, 256, 128)):
-        if scale > 0:
-            cfg.upward(4, filters, stages[-1 - scale])
-        for _ in range(3):
-            cfg.conv(filters, 1)
-            cfg.conv(2 * filters, 3)
-        cfg.head(range(6 - 3 * scale, 9 - 3 * scale))
+    cfg.pyramid(((64, 1), (128, 2), (256, 8), (512, 8), (1024, 4)), (512, 256, 128), 3)
     return cfg.text
 
 
@@ -108,16 +115,7 @@ def yolov3_small(width: int, height: int, classes: int, anchors: Anchors) -> str
     cfg = CfgWriter(width, height, classes, anchors)
     cfg.conv(16, 3, 2)
     cfg.conv(32, 3, 2)
-    stages = []
-    for filters in (64, 128, 256):
-        cfg.conv(filters, 3, 2)
-        stages.append(cfg.residual(filters))
-    for scale, filters in enumerate((128, 64, 32)):
-        if scale > 0:
-            cfg.upward(4, filters, stages[-1 - scale])
-        cfg.conv(filters, 1)
-        cfg.conv(2 * filters, 3)
-        cfg.head(range(6 - 3 * scale, 9 - 3 * scale))
+    cfg.pyramid(((64, 1), (128, 1), (256, 1)), (128, 64, 32), 1)
     return cfg.text
 
 

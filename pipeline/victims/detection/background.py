@@ -63,16 +63,11 @@ def background_planes(
         near = near_plane(samples.points, plane)
         if np.count_nonzero(near) < enough:
             break
-        if _goes_on(samples[near]) or _is_flat(samples[near], plane):
+        outside = np.count_nonzero(near & ~samples.inside)
+        if outside >= BEYOND * np.count_nonzero(near & samples.inside) or _is_flat(samples[near], plane):
             planes.append(plane)
         samples = samples[~near]
     return planes
-
-
-def _goes_on(plane: _Samples) -> bool:
-    """Whether enough of a plane lies outside the box."""
-    outside = np.count_nonzero(~plane.inside)
-    return bool(outside >= BEYOND * np.count_nonzero(plane.inside))
 
 
 def _is_flat(samples: _Samples, plane: NDArray[np.float64]) -> bool:

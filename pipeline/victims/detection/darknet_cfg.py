@@ -110,7 +110,7 @@ class DarknetCfg:
         if not sections or sections[0].kind not in ("net", "network"):
             raise InputError(f"{name}: a Darknet .cfg begins with [net]")
         width, height, channels = (sections[0].whole(key) for key in ("width", "height", "channels"))
-        layers = tuple(_layer(section, index) for index, section in enumerate(sections[1:]))
+        layers = tuple(section.layer() for section in sections[1:])
         classes = {layer.classes for layer in layers if isinstance(layer, Yolo)}
         if len(classes) != 1:
             what = "several numbers of classes" if classes else "no [yolo] section"
@@ -135,16 +135,34 @@ class _Section:
     Attributes:
         kind: what stands in its brackets.
         where: file and line, for errors.
+        index: of its layer; that of [net] is −1.
         settings: by key.
     """
 
     kind: str
     where: str
+    index: int
     settings: dict[str, str] = field(default_factory=dict)
 
     def error(self, message: str) -> InputError:
         """An error that names this section."""
         return InputError(f"{self.where}: [{self.kind}] {message}")
+
+    def layer(self) -> Layer:
+        """The layer that it describes."""
+        if self.kind not in _READERS:
+            known = ", ".join(f"[{kind}]" for kind in _READERS)
+            raise self.error(f"unknown section; YOLOv3 has {known}")
+        return _READERS[self.kind](self)
+
+    def sources(self, key: str) -> tuple[int, ...]:
+        """Indices of the layers that a setting refers to; a negative number counts back from this layer."""
+        numbers = self.numbers(key, int)
+        indices = tuple(number + self.index if number < 0 else number for number in numbers)
+        for number, index in zip(numbers, indices, strict=True):
+            if not 0 <= index < self.index:
+                raise self.error(f"layer {number}: there is no such layer before it")
+        return indices
 
     def whole(self, key: str, default: int | None = None, least: int = 1) -> int:
         """A whole number of at least ``least``."""
@@ -199,7 +217,7 @@ def _read_sections(text: str, name: str) -> list[_Section]:
         where = f"{name}:{number}"
         key, equals, value = line.partition("=")
         if line.startswith("[") and line.endswith("]"):
-            sections.append(_Section(line[1:-1].strip(), where))
+            sections.append(_Section(line[1:-1].strip(), where, len(sections) - 1))
         elif equals and sections:
             sections[-1].settings[key.strip()] = value.strip()
         else:
@@ -207,14 +225,7 @@ def _read_sections(text: str, name: str) -> list[_Section]:
     return sections
 
 
-def _layer(section: _Section, index: int) -> Layer:
-    if section.kind not in _READERS:
-        known = ", ".join(f"[{kind}]" for kind in _READERS)
-        raise section.error(f"unknown section; YOLOv3 has {known}")
-    return _READERS[section.kind](section, index)
-
-
-def _convolutional(section: _Section, index: int) -> Convolutional:
+def _convolutional(section: _Section) -> Convolutional:
     section.refuse_others(groups="1", dilation="1", antialiasing="0", flipped="0", binary="0", xnor="0")
     size = section.whole("size")
     padding = size // 2 if section.flag("pad") else section.whole("padding", 0, least=0)
@@ -223,32 +234,32 @@ def _convolutional(section: _Section, index: int) -> Convolutional:
     return Convolutional(section.whole("filters"), size, stride, padding, normalize, activation)
 
 
-def _maxpool(section: _Section, index: int) -> Maxpool:
+def _maxpool(section: _Section) -> Maxpool:
     section.refuse_others(maxpool_depth="0", antialiasing="0")
     size = section.whole("size")
     return Maxpool(size, section.whole("stride", 1), section.whole("padding", size - 1, least=0))
 
 
-def _upsample(section: _Section, index: int) -> Upsample:
+def _upsample(section: _Section) -> Upsample:
     section.refuse_others(scale="1")
     return Upsample(section.whole("stride", 2))
 
 
-def _route(section: _Section, index: int) -> Route:
+def _route(section: _Section) -> Route:
     section.refuse_others(groups="1")
-    return Route(tuple(_index(section, number, index) for number in section.numbers("layers", int)))
+    return Route(section.sources("layers"))
 
 
-def _shortcut(section: _Section, index: int) -> Shortcut:
+def _shortcut(section: _Section) -> Shortcut:
     section.refuse_others(weights_type="none")
     section.word("activation", ("linear",))
-    sources = section.numbers("from", int)
+    sources = section.sources("from")
     if len(sources) != 1:
         raise section.error(f"from: one layer, not {len(sources)}")
-    return Shortcut(_index(section, sources[0], index))
+    return Shortcut(sources[0])
 
 
-def _yolo(section: _Section, index: int) -> Yolo:
+def _yolo(section: _Section) -> Yolo:
     section.refuse_others(scale_x_y="1", new_coords="0")
     numbers = section.numbers("anchors", float)
     anchors = tuple(zip(numbers[::2], numbers[1::2], strict=False))
@@ -260,7 +271,7 @@ def _yolo(section: _Section, index: int) -> Yolo:
     return Yolo(anchors, mask, section.whole("classes"))
 
 
-_READERS: dict[str, Callable[[_Section, int], Layer]] = {
+_READERS: dict[str, Callable[[_Section], Layer]] = {
     "convolutional": _convolutional,
     "maxpool": _maxpool,
     "upsample": _upsample,
@@ -268,11 +279,3 @@ _READERS: dict[str, Callable[[_Section, int], Layer]] = {
     "shortcut": _shortcut,
     "yolo": _yolo,
 }
-
-
-def _index(section: _Section, number: int, index: int) -> int:
-    """Index of the layer that layer ``index`` refers to by ``number``; a negative one counts back from it."""
-    result = number + index if number < 0 else number
-    if not 0 <= result < index:
-        raise section.error(f"layer {number}: there is no such layer before it")
-    return result

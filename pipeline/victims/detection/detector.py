@@ -19,8 +19,6 @@ from pipeline.victims.detection.weights import load_network
 
 PERSON = {1: 0, 20: 14, 80: 0}
 """Number of the class ``person`` by the number of classes: victims alone, Pascal VOC, COCO."""
-
-
 CONFIDENCE = 0.25
 """Least of a detection; so low, it tells only where a victim was found before."""
 OVERLAP = 0.45
@@ -47,23 +45,21 @@ class VictimDetector:
         self,
         network: DarknetNetwork,
         confidence: float = CONFIDENCE,
-        person: int | None = None,
         make_fast: Callable[[DarknetNetwork], Network] = FusedNetwork,
     ) -> None:
         """By a network.
 
         Args:
-            network: whose images are of three channels.
+            network: whose images are of three channels, of one class or those of COCO or Pascal VOC.
             confidence: least of a detection, between 0 and 1.
-            person: number of the class ``person``; if not given, as in COCO, Pascal VOC or a network of one class.
             make_fast: turns the network into one for this processor.
 
         Raises:
-            InputError: a confidence out of range, or a network without a class ``person`` that is known.
+            InputError: a confidence out of range, or a network of other channels or classes.
         """
         if not 0 < confidence < 1:
             raise InputError(f"detector: confidence {confidence}: between 0 and 1")
-        self._confidence, self._person = confidence, _person(network, person)
+        self._confidence, self._person = confidence, _person(network)
         self._networks = [make_fast(n) for n in of_both_sizes(network)]
 
     @classmethod
@@ -122,13 +118,11 @@ def check_image(rgb: NDArray[np.uint8]) -> None:
         raise InputError(f"image: {rgb.dtype} instead of uint8")
 
 
-def _person(network: DarknetNetwork, person: int | None) -> int:
+def _person(network: DarknetNetwork) -> int:
+    """Number of the class ``person``."""
     classes, name = network.cfg.classes, network.cfg.name
     if network.cfg.channels != 3:
         raise InputError(f"{name}: a network for {network.cfg.channels} channels, not for colour images")
-    person = PERSON.get(classes) if person is None else person
-    if person is None:
-        raise InputError(f"{name}: which of its {classes} classes is a person? Give its number")
-    if not 0 <= person < classes:
-        raise InputError(f"{name}: no class {person}, it has {classes}")
-    return person
+    if classes not in PERSON:
+        raise InputError(f"{name}: which of its {classes} classes is a person? Known are networks of 1, 20 and 80")
+    return PERSON[classes]

@@ -42,7 +42,8 @@ class DarknetNetwork(nn.Module):
         self.shapes = _shapes(cfg)
         inputs = [(cfg.channels, cfg.height, cfg.width), *self.shapes]
         self.layers = nn.ModuleList(_module(layer, inputs[i]) for i, layer in enumerate(cfg.layers))
-        self._kept = _needed_later(cfg.layers)
+        self._kept = {i for layer in cfg.layers if isinstance(layer, Route) for i in layer.layers}
+        self._kept |= {layer.layer for layer in cfg.layers if isinstance(layer, Shortcut)}
 
     def forward(self, images: Tensor) -> list[Tensor]:
         """(N, anchors · (5 + classes), H, W) input of each [yolo], from (N, C, H, W) images of 0 to 1."""
@@ -111,7 +112,8 @@ class DarknetMaxpool(nn.Module):
         super().__init__()
         self.size, self.stride = layer.size, layer.stride
         left = layer.padding // 2
-        right, bottom = (_reach(layer, extent) - left - extent for extent in (width, height))
+        reach = ((_pooled(layer, extent) - 1) * self.stride + self.size for extent in (width, height))
+        right, bottom = (end - left - extent for end, extent in zip(reach, (width, height), strict=True))
         self.margins = (left, right, left, bottom)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -119,11 +121,6 @@ class DarknetMaxpool(nn.Module):
         if any(self.margins):
             x = functional.pad(x, self.margins, value=float("-inf"))
         return functional.max_pool2d(x, self.size, self.stride)
-
-
-def _reach(layer: Maxpool, extent: int) -> int:
-    """How far the windows over an input of this extent reach, its left margin included."""
-    return (_pooled(layer, extent) - 1) * layer.stride + layer.size
 
 
 def _pooled(layer: Maxpool, extent: int) -> int:
@@ -180,8 +177,3 @@ def _shape(
 
 def _sizes(shapes: Sequence[tuple[int, int, int]]) -> str:
     return ", ".join("×".join(map(str, shape)) for shape in shapes)
-
-
-def _needed_later(layers: Sequence[Layer]) -> set[int]:
-    routed = {i for layer in layers if isinstance(layer, Route) for i in layer.layers}
-    return routed | {layer.layer for layer in layers if isinstance(layer, Shortcut)}

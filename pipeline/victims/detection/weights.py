@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from pipeline.errors import InputError
@@ -51,7 +50,10 @@ def read_weights(path: Path, network: DarknetNetwork) -> int:
     numbers = np.frombuffer(content, "<f4", offset=start)
     if not np.isfinite(numbers).all():
         raise InputError(f"{path}: holds numbers that are not finite")
-    _fill(tensors, numbers)
+    ends = np.cumsum([tensor.numel() for tensor in tensors])
+    with torch.no_grad():
+        for tensor, part in zip(tensors, np.split(numbers, ends[:-1]), strict=True):
+            tensor.copy_(torch.tensor(part).view(tensor.shape))
     return seen
 
 
@@ -74,13 +76,6 @@ def _tensors(network: DarknetNetwork) -> Iterator[Tensor]:
             assert mean is not None and variance is not None
             yield from (layer.norm.bias, layer.norm.weight, mean, variance)
         yield layer.conv.weight
-
-
-@torch.no_grad()
-def _fill(tensors: list[Tensor], numbers: NDArray[np.float32]) -> None:
-    ends = np.cumsum([tensor.numel() for tensor in tensors])
-    for tensor, part in zip(tensors, np.split(numbers, ends[:-1]), strict=True):
-        tensor.copy_(torch.tensor(part).view(tensor.shape))
 
 
 def _read_header(content: bytes, path: Path) -> tuple[int, int]:

@@ -13,8 +13,9 @@ from pipeline.labels import Label
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier, load_classifier
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.parallel import Worker
-from pipeline.semantic_map.networks.schedule import schedule
-from pipeline.semantic_map.networks.training import Trainer, TrainingConfig, class_weights, cross_entropy
+from pipeline.semantic_map.networks.training import Trainer, class_weights, cross_entropy
+from pipeline.semantic_map.networks.training_config import TrainingConfig
+from pipeline.semantic_map.networks.training_loop import schedule
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
 ALONE = Worker(0, 1, torch.device("cpu"))

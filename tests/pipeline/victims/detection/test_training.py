@@ -9,19 +9,20 @@ import torch
 from scipy.special import logit
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.networks.schedule import schedule
+from pipeline.semantic_map.networks.training_loop import schedule
 from pipeline.victims.detection import augmentation, loss, training
 from pipeline.victims.detection.boxes import overlaps
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.detection.labelled_image import LabelledImage
 from pipeline.victims.detection.loss import YoloLoss, ciou, iou
-from pipeline.victims.detection.training import Trainer, TrainingConfig, new_network, validate
+from pipeline.victims.detection.training import Trainer, new_network, validate
+from pipeline.victims.detection.training_config import YoloTrainingConfig
 from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.detection.networks import SMALL
 from tests.pipeline.victims.detection.people import WhiteBoxes
 
-CONFIG = TrainingConfig(width=64, height=64, steps=6, validate_every=3, batch=2)
+CONFIG = YoloTrainingConfig(width=64, height=64, steps=6, validate_every=3, batch=2)
 
 
 def labelled(*boxes: Sequence[float], ignored: bool = False) -> LabelledImage:
@@ -115,7 +116,7 @@ def test_another_training_does_not_take_it_up(tmp_path: Path) -> None:
 
 
 def test_it_learns(tmp_path: Path) -> None:
-    config = TrainingConfig(width=64, height=64, steps=60, validate_every=60, batch=8)
+    config = YoloTrainingConfig(width=64, height=64, steps=60, validate_every=60, batch=8)
     trainer = Trainer(WhiteBoxes(60), WhiteBoxes(30, 1), config, tmp_path / "w.weights", {})
     before = validate(trainer.average, WhiteBoxes(30, 1))
     with constants(augmentation, MOSAIC=0), constants(training, AVERAGE=0.9):
@@ -127,7 +128,7 @@ def test_it_learns(tmp_path: Path) -> None:
 def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
     for wrong in ({"width": 100}, {"height": 0}, {"steps": 0}, {"batch": 0}):
         with pytest.raises(InputError):
-            TrainingConfig(**wrong)
+            YoloTrainingConfig(**wrong)
     with pytest.raises(InputError, match="images to validate with show no people"):
         Trainer(WhiteBoxes(30), WhiteBoxes(0), CONFIG, tmp_path / "w.weights", {})
 

@@ -1,0 +1,29 @@
+"""Settings of every training; they can be read without loading PyTorch."""
+
+from dataclasses import dataclass
+
+from pipeline.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig:
+    """Settings of a training.
+
+    Attributes:
+        steps: batches; more fit the training data better and take longer.
+        batch: samples in a batch, for each worker; larger ones take more memory and make steadier steps.
+        learning_rate: highest step width of AdamW; lower it if the loss jumps, raise it if it hardly falls.
+        seed: of the first weights, the batches and their augmentation; another one tells how much is chance.
+        validate_every: steps between validations; each takes time, and the best weights are kept only then.
+    """
+
+    steps: int = 3000
+    batch: int = 8
+    learning_rate: float = 2e-3
+    seed: int = 0
+    validate_every: int = 250
+
+    def __post_init__(self) -> None:
+        """Raise InputError for settings that cannot work."""
+        if min(self.steps, self.batch, self.validate_every) < 1:
+            raise InputError("--steps, --batch, --validate-every: at least 1")

@@ -1,0 +1,165 @@
+"""The training of any network: batches in, the weights that validate best out."""
+
+import csv
+import json
+import pickle
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from math import cos, pi
+from pathlib import Path
+from typing import Any, ClassVar, Generic, Self, TypeVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from pipeline.semantic_map.networks.parallel import Worker
+from pipeline.semantic_map.networks.training_config import TrainingConfig
+
+WARM_UP = 0.05
+"""Share of the steps in which the learning rate rises."""
+
+Batch = TypeVar("Batch")
+
+
+class TrainingLoop(ABC, Generic[Batch]):
+    """A training that can be interrupted at any step and resumed; it ends with the same weights.
+
+    Attributes:
+        SCORES: names of what a validation tells; the weights with the highest first one are kept.
+        config: settings.
+        out: file for the weights; a checkpoint and a table (.csv) get its name with other endings.
+        worker: this process.
+        step: batches so far.
+        best: highest score so far.
+        rows: of the table, one for each validation: step, mean loss since the row before, scores.
+    """
+
+    SCORES: ClassVar[tuple[str, ...]]
+
+    def __init__(
+        self,
+        config: TrainingConfig,
+        out: Path,
+        worker: Worker,
+        about: dict[str, Any],
+        draw: Callable[[int], Batch],
+        optimizer: torch.optim.Optimizer,
+        networks: dict[str, torch.nn.Module],
+        data: str = "",
+    ) -> None:
+        """Begin, or go on from ``out``'s checkpoint where there is one.
+
+        Args:
+            config: settings.
+            out: file for the weights.
+            worker: this process.
+            about: what else is written with the weights on how they came about.
+            draw: the batch of a step; called in another thread while the one before is learned from.
+            optimizer: of the network that learns.
+            networks: whose weights a checkpoint keeps, by their names in it.
+            data: what a checkpoint must have been made with, beside ``config``.
+
+        Raises:
+            InputError: the checkpoint is of another training.
+        """
+        self.config, self.out, self.worker = config, out, worker
+        self._about, self._draw, self._optimizer = about, draw, optimizer
+        self._parts: dict[str, Any] = networks | {"optimizer": optimizer}
+        self._settings = json.dumps(asdict(config)) + data
+        self._checkpoint = out.with_suffix(".checkpoint")
+        self.step, self.best, self.rows, self._losses = 0, float("-inf"), list[list[float]](), list[float]()
+        if self._checkpoint.exists():
+            self._resume()
+
+    @abstractmethod
+    def _loss(self, batch: Batch) -> Tensor:
+        """The loss of the network on a batch."""
+
+    @abstractmethod
+    def _validate(self) -> list[float]:
+        """The ``SCORES`` of the network as it is."""
+
+    @abstractmethod
+    def _write(self, about: dict[str, Any]) -> None:
+        """Write the weights, and what is known about their training."""
+
+    def _update(self) -> None:
+        """Change the network's weights by their gradients."""
+        self._optimizer.step()
+
+    def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
+        """Train to the end, or until a step. ``report`` is called after every step.
+
+        Left before the end or interrupted, it leaves a checkpoint.
+        """
+        last = self.config.steps if until is None else min(until, self.config.steps)
+        with ThreadPoolExecutor(1) as pool:
+            coming = pool.submit(self._draw, self.step)
+            try:
+                while self.step < last:
+                    batch = coming.result()
+                    coming = pool.submit(self._draw, self.step + 1)  # while this one is learned from
+                    self._losses.append(self._learn(batch))
+                    self.step += 1
+                    if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
+                        self._keep_best()
+                    report(self)
+            finally:
+                if self.step < self.config.steps:
+                    self._save()
+
+    def _learn(self, batch: Batch) -> float:
+        rate = self.config.learning_rate * schedule((self.step + 1) / self.config.steps)
+        for group in self._optimizer.param_groups:
+            group["lr"] = rate
+        loss = self._loss(batch)
+        self._optimizer.zero_grad()
+        loss.backward()
+        self._update()
+        return float(loss.detach())
+
+    def _keep_best(self) -> None:
+        if self.worker.leads:
+            scores = self._validate()
+            self.rows.append([self.step, float(np.mean(self._losses)), *scores])
+            self._losses = []
+            if scores[0] > self.best:
+                self.best = scores[0]
+                of_best = {"step": self.step, self.SCORES[0]: self.best, "config": asdict(self.config)}
+                self._write(self._about | of_best)
+            with whole_file(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
+                csv.writer(stream).writerows([("step", "loss", *self.SCORES), *self.rows])
+            self._save()
+        self.worker.wait()
+
+    def _save(self) -> None:
+        if self.worker.leads:
+            state = {"step": self.step, "best": self.best, "rows": self.rows, "losses": self._losses}
+            state |= {name: part.state_dict() for name, part in self._parts.items()}
+            with whole_file(self._checkpoint) as file:
+                torch.save({"settings": self._settings} | state, file)
+
+    def _resume(self) -> None:
+        remedy = "remove it, or choose another --out"
+        try:
+            state = torch.load(self._checkpoint, map_location=self.worker.device, weights_only=True)
+            if state["settings"] != self._settings:
+                raise InputError(f"{self._checkpoint} is of a training with other settings or data: {remedy}")
+            for name, part in self._parts.items():
+                part.load_state_dict(state[name])
+            self.step, self.best = state["step"], state["best"]
+            self.rows, self._losses = state["rows"], state["losses"]
+        except (OSError, RuntimeError, KeyError, TypeError, EOFError, pickle.UnpicklingError) as error:
+            raise InputError(f"{self._checkpoint}: not a checkpoint of this program: {remedy}") from error
+
+
+def schedule(progress: float, warm_up: float = WARM_UP) -> float:
+    """The learning rate as a share of the highest, at a progress from 0 to 1: it rises, then falls as a cosine."""
+    if progress < warm_up:
+        return progress / warm_up
+    return (1 + cos(pi * (progress - warm_up) / (1 - warm_up))) / 2

@@ -1,0 +1,31 @@
+"""Settings of a training of the victim detector; they can be read without loading PyTorch."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pipeline.errors import InputError
+from pipeline.semantic_map.networks.training_config import TrainingConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class YoloTrainingConfig(TrainingConfig):
+    """Settings of a training; ``seed`` is also that of the anchors.
+
+    Attributes:
+        network: what is trained; larger ones find more and take longer for a frame.
+        width: of the network's input, pixels, a multiple of 32; larger ones find smaller people, and take longer.
+        height: of the network's input, pixels, a multiple of 32.
+    """
+
+    network: Literal["yolov3-small", "yolov3-tiny", "yolov3"] = "yolov3-small"
+    width: int = 512
+    height: int = 384
+    steps: int = 6000
+    batch: int = 16
+    validate_every: int = 500
+
+    def __post_init__(self) -> None:
+        """Raise InputError for settings that cannot work."""
+        if min(self.width, self.height) < 32 or self.width % 32 or self.height % 32:
+            raise InputError(f"--width {self.width} --height {self.height}: multiples of 32")
+        super().__post_init__()

@@ -46,7 +46,7 @@ def test_gaps_are_bridged_keyframe_by_keyframe_as_on_the_whole_map(steps):
     for piece in steps:
         step(elevation_map, piece)
     known = elevation_map.measured
-    np.testing.assert_array_equal(elevation_map.elevation, kernels.bridge_gaps(known, elevation_map.dropout, 3, 0.05))
+    np.testing.assert_array_equal(elevation_map.elevation, kernels.bridge_gaps(known, elevation_map.dropout, 3))
 
 
 def test_what_was_given_out_stays_as_it_was():

@@ -56,6 +56,11 @@ class Traversability:
     uphill: NDArray[np.float32]
     robot: RobotModel
 
+    @property
+    def can_turn(self) -> NDArray[np.bool_]:
+        """(nx, ny) where the robot may turn in place, on level ground or on a ramp."""
+        return self.turnable | self.slidable
+
     def lines_are_traversable(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
         """(N,) whether the robot can drive the straight lines between points (N or 1, 2 or 3), m, ramps head-on."""
         return path_kernels.lines_are_traversable(*self._lines(starts, ends), self.rules())

@@ -39,13 +39,15 @@ class TraversabilityLayer:
         """The same as ``assess_map`` of the map; what was given out before stays as it was."""
         source, layers = elevation_map.layers, self._layers
         changed = source.changed_since(self._revision, "elevation", "dropout")
+        # A hazard at the old border reaches into the cells that the grid has gained.
+        changed |= not layers.grid.is_same(source.grid)
         layers.match(source.grid)
         # To have driven there changes nothing where the robot may drive anyway.
         changed |= source.changed_since(self._revision, "driven") & ~layers["traversable"]
         self._revision = source.revision
         if changed.any():
             self._assess_around(changed, elevation_map)
-        elif self._last is not None and self._last.grid.is_same(source.grid):
+        elif self._last is not None:
             return self._last
         judged = {name: layers[name] for name in JUDGED}
         self._last = Traversability(source.grid, elevation_map.elevation, robot=elevation_map.robot, **judged)

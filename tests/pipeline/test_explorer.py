@@ -14,6 +14,7 @@ from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
 from tests.pipeline.worlds import flat, ground_points, wall_points
 
@@ -118,7 +119,7 @@ def test_a_robot_that_is_shut_in_goes_back_as_it_came(explorer):
     ends = [wall_points((x, -1), (x, 1)) for x in (0.0, 2.0)]
     explorer.mapper.elevation_map.update(np.vstack([ground_points(flat, (-3, 2), (-1, 1)), *ends]))
     keyframe = keyframe_at(explorer, 1.0, np.pi)
-    explorer.mission.exploration = Beyond()
+    explorer.mission.exploration = Beyond(PIONEER)
     viewpoint, context, _ = explorer.decide(keyframe)
     assert viewpoint is None
     explorer.track = np.column_stack([np.linspace(-2, 1, 200), np.zeros(200)])

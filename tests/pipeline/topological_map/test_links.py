@@ -5,6 +5,7 @@ import pytest
 
 from pipeline.topological_map.links import MAX_LENGTH, RAMP_SPEED, STOP_TIME, Links, drive_seconds
 from pipeline.traversability.traversability import assess_map
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.topological_map.grounds import room
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
 

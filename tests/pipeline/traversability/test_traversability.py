@@ -172,7 +172,7 @@ def test_clearances_beyond_what_is_told_apart_are_refused(far):
 
 
 def test_a_wider_robot_keeps_further_away():
-    cloud = [ground_points(flat, (-1, 2), (-2, 2)), wall_points((1.0, -2), (1.0, 2))]
+    cloud = [ground_points(flat, (-1, 2), (-2, 2)), wall_points((0.98, -2), (0.98, 2))]
     narrow, wide = ElevationMap(PIONEER), ElevationMap(replace(PIONEER, width=0.8))
     for world, nearest in ((narrow, 0.7), (wide, 0.55)):
         world.update(np.vstack(cloud))

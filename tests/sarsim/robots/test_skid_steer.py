@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from pipeline.robot import Velocity
 from sarsim.robots import skid_steer
-from sarsim.robots.pioneer3at import MODEL
+from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.skid_steer import SkidSteer
 
 DT = 0.02
@@ -64,14 +64,14 @@ def test_top_speed_of_the_wheels_gives_the_data_sheets_turn_rate():
 
 def test_speed_ramps_up_at_the_acceleration_limit():
     moved = forward_and_turn(Body().drive(1.0, v=0.6))[:, 0]
-    assert_allclose(np.diff(moved), MODEL.acceleration * DT)
+    assert_allclose(np.diff(moved), PIONEER_3AT.acceleration * DT)
 
 
 def test_stops_at_the_acceleration_limit():
     body = Body()
     body.drive(2.0, v=0.3)
     wheels = body.drive(1.2)
-    assert_allclose(forward_and_turn(wheels)[24, 0], 0.3 - 25 * DT * MODEL.acceleration)
+    assert_allclose(forward_and_turn(wheels)[24, 0], 0.3 - 25 * DT * PIONEER_3AT.acceleration)
     assert_allclose(wheels[-1], 0.0, atol=1e-12)
 
 

@@ -18,7 +18,7 @@ def faces():
 def segments_of(label, points, viewer):
     moments = Moments.of(points)
     patch = PlanePatch(
-        label, moments.fit()[0].facing(np.array(viewer) - moments.centroid), moments, points, cells_of(points)[0]
+        label, moments.fit(np.array(viewer) - moments.centroid)[0], moments, points, cells_of(points)[0]
     )
     segments = Segments()
     segments.update([patch], 0)

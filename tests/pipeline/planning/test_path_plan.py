@@ -77,7 +77,7 @@ def test_a_ramp_with_room_to_cross_it_askew_is_met_head_on_all_the_same(side):
     assert traversability.metres_across(start[None], goal[None])[0] > 1
     paths = ShortestPaths(traversability, start)
     topology = TopologicalMap()
-    topology.update([], Segments(), traversability, paths)
+    topology.update([], Segments(), paths)
     plan = plan_path(topology, paths, goal)
     assert plan is not None
     way = np.vstack([start, plan.way_points[:, :2]])
@@ -90,7 +90,7 @@ def test_where_the_map_contradicts_a_way_there_is_none(u_turn):
     assert plan_path(topology, ShortestPaths(traversability, (-1.0, -1.5)), (1.0, -1.5)) is not None
     closed, segments = room((-3, 3), (-2, 2), [((0, -2), (0, 2))])
     paths = ShortestPaths(closed, (-1.0, -1.5))
-    topology.update([], segments, closed, paths)
+    topology.update([], segments, paths)
     assert plan_path(topology, paths, (1.0, -1.5)) is None
 
 

@@ -119,7 +119,7 @@ class Explorer:
             return False
         T_map_start, viewpoint = step.keyframe.T_map_base, step.viewpoint
         self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
-        check = ObstacleCheck(self._returns, step.traversability, self.robot.model)
+        check = ObstacleCheck(self._returns, step.traversability)
         with self.mapper.stopwatch("navigation"):
             reached = self.navigator.follow(
                 step.plan.way_points,
@@ -153,14 +153,14 @@ class Explorer:
         left there either, the paths are those that lead further, for the topological map is made of them.
         """
         traversability, T_map_base = keyframe.traversability, keyframe.T_map_base
-        start = escape(traversability, T_map_base, self.robot.model, self._failed_drives > 0)
+        start = escape(traversability, T_map_base, self._failed_drives > 0)
         paths = ShortestPaths(traversability, start)
         measured = self.mapper.elevation_map.measured
-        context = Context(keyframe.frame, T_map_base, traversability, measured, paths)
+        context = Context(keyframe.frame, T_map_base, measured, paths)
         self.mission.observe(context)
         if (viewpoint := self._choose(context)) is not None:
             return viewpoint, context, start[None]
-        back = backtrack(traversability, paths, self.track)
+        back = backtrack(paths, self.track)
         if back is None:
             return None, context, start[None]
         beyond = replace(context, paths=ShortestPaths(traversability, back[-1]))
@@ -182,7 +182,7 @@ class Explorer:
         """The way over the approach (N, 2) to a viewpoint, by the place where the robot has to turn for it."""
         traversability, here = context.traversability, context.T_map_base[:3, 3]
         goal = viewpoint.position if viewpoint.via is None else viewpoint.via
-        plan = plan_path(self.mapper.topological_map, traversability, context.paths, goal)
+        plan = plan_path(self.mapper.topological_map, context.paths, goal)
         if plan is not None and viewpoint.via is not None:
             plan = plan.on_to(traversability.on_ground(viewpoint.position[None]))
         if plan is not None and (approach != here[:2]).any():
@@ -193,7 +193,7 @@ class Explorer:
         """Whether to drive the last leg backwards; None, either will do, where the robot could not turn before it."""
         traversability = step.traversability
         start = np.vstack([step.keyframe.T_map_base[:3, 3], plan.way_points])[-2]
-        can_turn = traversability.grid.at(traversability.turnable | traversability.slidable, start)
+        can_turn = traversability.grid.at(traversability.can_turn, start)
         return step.viewpoint.backwards if step.viewpoint is not None and can_turn else None
 
     def _learn_from_drive(self, obstacles: NDArray[np.float32]) -> None:

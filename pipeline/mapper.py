@@ -106,7 +106,7 @@ class Mapper:
         self.localisation = OdometryLocalisation()
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
-        self.traversability_layer = TraversabilityLayer(robot)
+        self.traversability_layer = TraversabilityLayer()
         self.semantic_map = SemanticMap()
         self.segments = Segments()
         self.topological_map = TopologicalMap(graph)
@@ -167,7 +167,7 @@ class Mapper:
     def connect(self, keyframe: Keyframe, paths: ShortestPaths) -> None:
         """Renew the topological map on the ground that ``paths`` reach, with what a keyframe shows."""
         with self.stopwatch("topological_map"):
-            self.topological_map.update(keyframe.patches, self.segments, keyframe.traversability, paths)
+            self.topological_map.update(keyframe.patches, self.segments, paths)
 
     def _find_victims(self, frame: Frame, T_map_camera: NDArray[np.float64]) -> list[Detection]:
         """Detect people in the image and place them on the map."""

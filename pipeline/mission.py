@@ -165,7 +165,7 @@ class Goals:
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The next goal; None when none is left that can be reached as far as the map goes."""
         places = [self._place(goal, context.traversability) for goal in self.left]
-        order = order_goals(self._topology, context.traversability, context.paths, places)
+        order = order_goals(self._topology, context.paths, places)
         if not order:
             return None
         way = places[order[0]] - context.T_map_base[:2, 3]
@@ -185,7 +185,7 @@ class Goals:
         for goal in list(self.left):
             obstacle = None
             if why is None and self._context is not None:
-                obstacle = obstacle_to(self._context.traversability, self._context.paths, goal)
+                obstacle = obstacle_to(self._context.paths, goal)
             self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
 
     def _place(self, goal: NDArray[np.float64], traversability: Traversability) -> NDArray[np.float64]:

@@ -77,7 +77,7 @@ def farthest_plan(topology: TopologicalMap, traversability: Traversability) -> N
     ways = dict(nx.all_pairs_dijkstra_path_length(topology.graph))
     a, b = max(((a, b) for a in ways for b in ways[a]), key=lambda pair: ways[pair[0]][pair[1]])
     paths = ShortestPaths(traversability, topology.nodes[a].position)
-    plan = plan_path(topology, traversability, paths, topology.nodes[b].position)
+    plan = plan_path(topology, paths, topology.nodes[b].position)
     assert plan is not None
     assert paths.start is not None
     return np.vstack([paths.start, plan.way_points[:, :2]])

@@ -16,7 +16,6 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle, wrap_angles, yaw_of
 from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.shortest_paths import ShortestPaths
-from pipeline.traversability.traversability import Traversability
 
 MIN_GAIN = 0.03
 """m²; a viewpoint that should show less is not worth the drive."""
@@ -138,11 +137,11 @@ class Exploration:
 
     def _best_viewpoint(self, context: Context, camera: kernels.CameraView) -> Viewpoint | None:
         """The best viewpoint from here and from a coarse grid of places where the robot can turn, or on ramps."""
-        traversability, paths, T_map_base = context.traversability, context.paths, context.T_map_base
+        traversability, paths = context.traversability, context.paths
         assert paths.start is not None
-        cells = _lattice(traversability, paths)
+        cells = _lattice(paths)
         candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
-        arrival = arrival_headings(candidates, traversability, paths, yaw_of(T_map_base))
+        arrival = arrival_headings(candidates, paths, yaw_of(context.T_map_base))
         gains = self._gains(paths.start, cells, camera)
         if self.rewards and self.rewards.wanted:
             gains = gains + self.rewards.gains(traversability.on_ground(candidates), BEARINGS)
@@ -167,7 +166,7 @@ class Exploration:
         grid, reachable = traversability.grid, paths.reachable
         terrain = self._terrain._replace(target=self._terrain.target & reachable)
         # Where the robot can stand but not turn, and something unseen is in reach.
-        narrow = reachable & (paths.cost > 0) & ~traversability.turnable & ~traversability.slidable
+        narrow = reachable & (paths.cost > 0) & ~traversability.can_turn
         places = grid.centre_of(np.argwhere(narrow & (grid.distance_to(terrain.target) <= camera.reach)))
         ways = kernels.straight_ways(
             places,
@@ -239,27 +238,25 @@ class Exploration:
         return KEYFRAME_TIME + distance[:, None] / self._robot.speed + turn * slow[:, None] / TURN_RATE
 
 
-def arrival_headings(
-    candidates: NDArray[np.float64], traversability: Traversability, paths: ShortestPaths, yaw: float
-) -> NDArray[np.float64]:
-    """(N,) rad, at which the robot arrives at places (N, 2), here first, where it cannot turn; NaN where it can.
+def arrival_headings(candidates: NDArray[np.float64], paths: ShortestPaths, yaw: float) -> NDArray[np.float64]:
+    """(N,) rad, at which the robot arrives at places (N, 2), m, here first, where it cannot turn; NaN where it can.
 
     -inf where it would have to turn on the way but cannot. ``yaw`` is its heading now.
     """
-    can_turn = traversability.turnable | traversability.slidable
+    can_turn = paths.traversability.can_turn
     ahead = paths.arrival_at(candidates[1:])
     # Without a place to turn on the way it arrives as it stands now, forwards or backwards.
     stays, along = ~paths.pass_by(can_turn, candidates[1:]), np.cos(ahead - yaw)
     ahead = np.where(stays & (along < 0), ahead + np.pi, ahead)
     ahead[stays & (np.abs(along) < _ALONG)] = _NEVER
-    return np.where(traversability.grid.at(can_turn, candidates), np.nan, np.append(yaw, ahead))
+    return np.where(paths.traversability.grid.at(can_turn, candidates), np.nan, np.append(yaw, ahead))
 
 
-def _lattice(traversability: Traversability, paths: ShortestPaths) -> NDArray[np.int64]:
+def _lattice(paths: ShortestPaths) -> NDArray[np.int64]:
     """(N, 2) cells of a coarse grid to look from."""
-    sparse = (slice(None, None, STRIDE),) * 2
-    stands = paths.reachable[sparse] & (paths.cost[sparse] > 0)
-    return np.argwhere(stands & (traversability.turnable[sparse] | traversability.ramp[sparse])) * STRIDE
+    may_stand = paths.traversability.turnable | paths.traversability.ramp
+    stands = paths.reachable & (paths.cost > 0) & may_stand
+    return np.argwhere(stands[::STRIDE, ::STRIDE]) * STRIDE
 
 
 def _heading(bearing: np.intp) -> float:

@@ -39,16 +39,19 @@ class Context:
     Attributes:
         frame: the newest.
         T_map_base: 4×4 pose of the robot.
-        traversability: where it may drive.
         measured: (nx, ny) float32 height of the ground that returns have shown, m; NaN elsewhere.
         paths: shortest paths from where its next plan begins.
     """
 
     frame: Frame
     T_map_base: NDArray[np.float64]
-    traversability: Traversability
     measured: NDArray[np.float32]
     paths: ShortestPaths
+
+    @property
+    def traversability(self) -> Traversability:
+        """Where the robot may drive."""
+        return self.paths.traversability
 
 
 class Strategy(Protocol):

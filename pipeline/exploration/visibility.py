@@ -65,7 +65,7 @@ def cells_in_view(
 
 
 def possible_bearings(arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N, RAYS) along which the robot can look where it arrives at headings (N,); all of them where that is NaN."""
+    """(N, RAYS) along which the robot can look where it arrives at headings (N,), rad; all where that is NaN."""
     fixed = np.isfinite(arrival)
     off = wrap_angles(BEARINGS - np.where(fixed, arrival, 0.0)[:, None])
     nearest = fixed[:, None] & (np.abs(off) <= np.pi / RAYS)

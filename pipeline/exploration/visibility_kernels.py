@@ -7,7 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.labels import RAMP_TILT
-from pipeline.traversability.shortest_paths_kernels import is_aligned, is_traversable
+from pipeline.traversability.elevation_kernels import cell_at
+from pipeline.traversability.shortest_paths_kernels import is_aligned, is_set
 
 RAMP = np.tan(RAMP_TILT)
 """Slope above which ground that rises is a ramp."""
@@ -84,11 +85,11 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     """
     nx, ny = terrain.elevation.shape
     origin, cell = terrain.origin, terrain.cell
-    i, j = int((x - origin[0]) / cell), int((y - origin[1]) / cell)
+    i, j = cell_at(x, y, origin, cell)
     level = terrain.elevation[i, j]
     dx, dy = np.cos(bearing), np.sin(bearing)
     # On a slope the camera points up or down along it.
-    tilt = np.arctan(terrain.gradient[i, j, 0] * dx + terrain.gradient[i, j, 1] * dy)
+    tilt = np.arctan(rise_along(i, j, dx, dy, terrain))
     camera = level + view.height * np.cos(tilt) + view.ahead * np.sin(tilt)
     ahead = view.ahead * np.cos(tilt) - view.height * np.sin(tilt)
     horizon, ceiling = np.tan(tilt + view.lower_edge), np.tan(tilt + view.upper_edge)
@@ -97,9 +98,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     d = max(0.35 - ahead, 0.5 * cell)
     while d < view.far and unknown < MAX_UNKNOWN:
         d += cell
-        r = d + ahead
-        i = int(np.floor((x + r * dx - origin[0]) / cell))
-        j = int(np.floor((y + r * dy - origin[1]) / cell))
+        i, j = cell_at(x + (d + ahead) * dx, y + (d + ahead) * dy, origin, cell)
         if not (0 <= i < nx and 0 <= j < ny):
             break
         is_unknown = np.isnan(terrain.elevation[i, j])
@@ -108,7 +107,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
             rise = -fall
         else:
             level = terrain.elevation[i, j]
-            rise = terrain.gradient[i, j, 0] * dx + terrain.gradient[i, j, 1] * dy
+            rise = rise_along(i, j, dx, dy, terrain)
             fall = max(rise if rise > RAMP else 0.0, fall - FORGET * cell)
         slope = (level - camera) / d
         if slope > ceiling:
@@ -118,12 +117,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
         horizon = max(horizon, slope)
         if is_unknown:
             unknown += cell
-        if not terrain.target[i, j] or is_missed_from(x, y, i, j, terrain):
-            continue
-        if terrain.probability[i, j] < 1:
-            rise = min(rise, -SUSPECTED_FALL)
-        grazing = np.arctan(rise) - np.arctan(slope)
-        if grazing >= MIN_GRAZING and d * np.sqrt(1 + slope * slope) >= view.near:
+        if is_shown(x, y, i, j, d, slope, rise, view, terrain):
             total += d * terrain.probability[i, j]
             seen[count] = i * ny + j
             count += 1
@@ -131,10 +125,24 @@ def cast_ray(x, y, bearing, view, terrain, seen):
 
 
 @njit(cache=True)
-def is_missed_from(x, y, i, j, terrain):
-    """Whether the last keyframe that missed cell (i, j) was taken near (x, y)."""
+def rise_along(i, j, dx, dy, terrain):
+    """Slope of the ground in cell (i, j) along the unit direction (dx, dy)."""
+    return terrain.gradient[i, j, 0] * dx + terrain.gradient[i, j, 1] * dy
+
+
+@njit(cache=True)
+def is_shown(x, y, i, j, d, slope, rise, view, terrain):
+    """Whether a ray from (x, y) that meets cell (i, j) shows a target there.
+
+    The ray has the ``slope``, and meets ground that rises along it by ``rise`` at a level distance of ``d`` m.
+    """
     ex, ey = x - terrain.missed_from[i, j, 0], y - terrain.missed_from[i, j, 1]
-    return ex * ex + ey * ey < MISSED_RADIUS**2
+    if not terrain.target[i, j] or ex * ex + ey * ey < MISSED_RADIUS**2:
+        return False
+    if terrain.probability[i, j] < 1:
+        rise = min(rise, -SUSPECTED_FALL)
+    grazing = np.arctan(rise) - np.arctan(slope)
+    return grazing >= MIN_GRAZING and d * np.sqrt(1 + slope * slope) >= view.near
 
 
 @njit(cache=True)
@@ -160,7 +168,7 @@ def touches(x, y, dx, dy, half_size, hazard):
         for left in (-half_size[1], half_size[1]):
             i = int(np.floor(x + ahead * dx - left * dy))
             j = int(np.floor(y + ahead * dy + left * dx))
-            if 0 <= i < hazard.shape[0] and 0 <= j < hazard.shape[1] and hazard[i, j]:
+            if is_set(i, j, hazard):
                 return True
     return False
 
@@ -181,7 +189,7 @@ def straight_ways(places, rays, longest, turnable, half_size, hazard, rules, ori
                 s = 0.5 * cell * k
                 x, y = places[n, 0] - s * dx - origin[0], places[n, 1] - s * dy - origin[1]
                 i, j = int(np.floor(x / cell)), int(np.floor(y / cell))
-                if not is_traversable(i, j, rules) or not is_aligned(dx, dy, i, j, rules):
+                if not is_set(i, j, rules.traversable) or not is_aligned(dx, dy, i, j, rules):
                     break
                 if touches(x / cell, y / cell, dx / cell, dy / cell, half_size, hazard):
                     break

@@ -9,7 +9,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.robot import RobotModel
 from pipeline.traversability.traversability import Traversability
 
 STRIDE = 0.4
@@ -35,10 +34,10 @@ class ObstacleCheck:
         obstacles: (N, 3) what stands in the way that the map does not show, m in ``map``.
     """
 
-    def __init__(self, returns: Callable[[], NDArray[np.float32]], traversability: Traversability, robot: RobotModel):
+    def __init__(self, returns: Callable[[], NDArray[np.float32]], traversability: Traversability):
         """``returns``: gives (N, 3) the returns that the camera has now, m in ``map``."""
         self.obstacles = np.zeros((0, 3), np.float32)
-        self._returns, self._traversability, self._robot = returns, traversability, robot
+        self._returns, self._traversability = returns, traversability
         self._target: NDArray[np.float64] | None = None
         self._last = np.zeros(2)
 
@@ -53,7 +52,7 @@ class ObstacleCheck:
             return True
         if is_new or np.linalg.norm(position - self._last) >= STRIDE:
             self._target, self._last = target, position
-            self.obstacles = obstacles_between(position, target, self._returns(), self._traversability, self._robot)
+            self.obstacles = obstacles_between(position, target, self._returns(), self._traversability)
         return not len(self.obstacles)
 
 
@@ -62,7 +61,6 @@ def obstacles_between(
     target: NDArray[np.float64],
     points: NDArray[np.float32],
     traversability: Traversability,
-    robot: RobotModel,
 ) -> NDArray[np.float32]:
     """(M, 3) those of the points (N, 3), m, that stand between two places (2,) on traversable ground."""
     grid, length = traversability.grid, max(float(np.linalg.norm(target - start)), 1e-6)
@@ -70,7 +68,7 @@ def obstacles_between(
     along = (points[:, :2] - start) @ ahead
     across = (points[:, :2] - start) @ np.array([-ahead[1], ahead[0]])
     on_way = (along > 0) & (along < min(length + BEYOND, FAR))
-    near = points[on_way & (abs(across) < robot.half_width + SIDE_MARGIN)]
+    near = points[on_way & (abs(across) < traversability.robot.half_width + SIDE_MARGIN)]
     height = near[:, 2] - grid.at(traversability.elevation, near, outside=np.nan)
     near = near[grid.at(traversability.traversable, near) & (height > LOW) & (height < HIGH)]
     _, cell, count = np.unique(grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)

@@ -22,7 +22,7 @@ BUMPER_GAP = 0.036
 
 
 def escape(
-    traversability: Traversability, T_map_base: NDArray[np.float64], robot: RobotModel, was_held: bool = False
+    traversability: Traversability, T_map_base: NDArray[np.float64], was_held: bool = False
 ) -> NDArray[np.float64]:
     """(2,) m, the nearest place before or behind the robot where it can turn; its own if it need not go there.
 
@@ -30,12 +30,12 @@ def escape(
     nowhere since, the place before or behind it with most room, if that is more than it has.
     """
     here, ahead = T_map_base[:2, 3], T_map_base[:2, 0] / np.linalg.norm(T_map_base[:2, 0])
-    if traversability.grid.at(traversability.to_hazard, here) >= robot.corner_radius:
+    if traversability.grid.at(traversability.to_hazard, here) >= traversability.robot.corner_radius:
         return here
     way = np.arange(SPACING, LONGEST, SPACING)
     signed = np.stack([way, -way], axis=1).ravel()[:, None]
     places, starts = here + signed * ahead, here + np.clip(signed, -NEAR, NEAR) * ahead
-    good = traversability.grid.at(traversability.turnable | traversability.slidable, places)
+    good = traversability.grid.at(traversability.can_turn, places)
     good &= traversability.lines_are_traversable(starts, places)
     if good.any():
         return places[good.argmax()]
@@ -54,15 +54,12 @@ def _roomiest(
     return places[best] if room[best] > grid.at(traversability.to_hazard, here) + SPACING else here
 
 
-def backtrack(
-    traversability: Traversability, paths: ShortestPaths, track: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
+def backtrack(paths: ShortestPaths, track: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """The way back to where the robot came from, if the map says that it could not have come from there.
 
     It slid out of there, or noise of later frames shut the passage.
 
     Args:
-        traversability: where it may drive.
         paths: that lead from where it is.
         track: (N, 2) m where it has been, place by place.
 
@@ -70,8 +67,9 @@ def backtrack(
         (M, 2) m, back along the track to the last place where it can turn and to which no path leads; None if
         there is none.
     """
-    can_turn = traversability.grid.at(traversability.turnable | traversability.slidable, track)
-    beyond = np.flatnonzero(can_turn & ~np.isfinite(traversability.grid.at(paths.cost, track)))
+    grid = paths.traversability.grid
+    can_turn = grid.at(paths.traversability.can_turn, track)
+    beyond = np.flatnonzero(can_turn & ~np.isfinite(grid.at(paths.cost, track)))
     if not len(beyond):
         return None
     way = track[beyond[-1] :][::-1]

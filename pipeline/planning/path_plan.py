@@ -1,6 +1,6 @@
 """Path plan (thesis 3.4): Dijkstra's algorithm on the topological map."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,7 +14,6 @@ from pipeline.topological_map.topological_map import MAX_DETOUR, TopologicalMap
 from pipeline.traversability.shortest_paths import ShortestPaths, may_cut, simplify
 from pipeline.traversability.traversability import Traversability
 
-_START, _GOAL = "start", "goal"
 THICKEST = 0.3
 """m; unseen ground may be the inside of a wall if a hazard is so near."""
 
@@ -45,10 +44,8 @@ class PathPlan:
         return replace(self, way_points=np.vstack([self.way_points, place]), length=self.length + leg)
 
 
-def plan_path(
-    topology: TopologicalMap, traversability: Traversability, paths: ShortestPaths, goal: ArrayLike
-) -> PathPlan | None:
-    """The quickest way over the topological map from where ``paths`` start.
+def plan_path(topology: TopologicalMap, paths: ShortestPaths, goal: ArrayLike) -> PathPlan | None:
+    """The quickest way over the topological map from where ``paths`` start to a goal (2 or 3,), m.
 
     A goal in sight is driven to straight, unless ramps could be met more head-on. Otherwise the robot and the goal
     are joined to every node that a straight drive reaches; if no way leads over nodes, the shortest way over the grid
@@ -56,8 +53,8 @@ def plan_path(
     wide curves. Way points that a straight drive can pass by are left out.
     Returns None if no way leads to the goal: :func:`obstacle_to` says why.
     """
-    goal = np.asarray(goal, np.float64)[:2]
-    if obstacle_to(traversability, paths, goal) is not None:
+    traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
+    if obstacle_to(paths, goal) is not None:
         return None
     assert paths.start is not None
     grid_way = np.vstack([paths.start, paths.path_to(goal)[1:-1], goal])
@@ -73,11 +70,10 @@ def plan_path(
     return _plan(traversability, over_nodes, nodes)
 
 
-def obstacle_to(traversability: Traversability, paths: ShortestPaths, goal: ArrayLike) -> str | None:
-    """Why the robot cannot drive to a goal (2,), in a line for the log; None if it can."""
-    goal = np.asarray(goal, np.float64)[:2]
-    grid = traversability.grid
-    name = goal_name(goal)
+def obstacle_to(paths: ShortestPaths, goal: ArrayLike) -> str | None:
+    """Why the robot cannot drive to a goal (2 or 3,), m, in a line for the log; None if it can."""
+    traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
+    grid, name = traversability.grid, goal_name(goal)
     if not np.isfinite(goal).all():
         return f"{name} is not a place"
     if paths.start is None:
@@ -106,9 +102,7 @@ def place_name(xy: NDArray[np.float64]) -> str:
     return f"({x:.2f}, {y:.2f}) m"
 
 
-def order_goals(
-    topology: TopologicalMap, traversability: Traversability, paths: ShortestPaths, goals: Sequence[ArrayLike]
-) -> list[int]:
+def order_goals(topology: TopologicalMap, paths: ShortestPaths, goals: Sequence[ArrayLike]) -> list[int]:
     """The order in which to visit several goals so that the drive from where ``paths`` start is short.
 
     Times come from the topological map where it links the goals, and from the length of the way over the grid where
@@ -118,28 +112,25 @@ def order_goals(
         Indices of ``goals``.
     """
     places = [np.asarray(goal, np.float64)[:2] for goal in goals]
-    wanted = [k for k, place in enumerate(places) if obstacle_to(traversability, paths, place) is None]
+    wanted = [k for k, place in enumerate(places) if obstacle_to(paths, place) is None]
     if not wanted or paths.start is None:
         return []
-    seconds = _seconds_between(topology, traversability, [paths.start, *(places[k] for k in wanted)])
+    seconds = _seconds_between(topology, paths.traversability, np.array([paths.start, *(places[k] for k in wanted)]))
     return [wanted[k - 1] for k in visiting_order(seconds)]
 
 
 def _seconds_between(
-    topology: TopologicalMap, traversability: Traversability, places: list[NDArray[np.float64]]
+    topology: TopologicalMap, traversability: Traversability, places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(N, N) s from place to place: straight on, over the map, or else as long as a way around is likely to take."""
-    graph, names = topology.graph.copy(), [f"place {k}" for k in range(len(places))]
-    for name, place in zip(names, places, strict=True):
-        _link(graph, name, place, topology, traversability)
+    names = [f"place {k}" for k in range(len(places))]
+    graph = _linked(topology, traversability, dict(zip(names, places, strict=True)))
     result = np.zeros((len(places), len(places)))
     for k, name in enumerate(names):
-        others = np.array(places)
-        starts = np.repeat(places[k][None], len(others), axis=0)
-        straight = drive_seconds(traversability, starts, others)
+        straight = drive_seconds(traversability, places[[k]], places)
         reach = nx.single_source_dijkstra_path_length(graph, name)
         over = np.array([reach.get(other, np.inf) for other in names])
-        direct = np.where(traversability.lines_are_traversable(starts, others), straight, np.inf)
+        direct = np.where(traversability.lines_are_traversable(places[[k]], places), straight, np.inf)
         least = np.minimum(over, direct)
         result[k] = np.where(np.isfinite(least), least, 2 * straight)
     return result
@@ -149,11 +140,9 @@ def _nodes_between(
     topology: TopologicalMap, traversability: Traversability, start: NDArray[np.float64], goal: NDArray[np.float64]
 ) -> list[int] | None:
     """Ids of the nodes on the quickest way, by Dijkstra's algorithm; None if there is no way over nodes."""
-    graph = topology.graph.copy()
-    for name, xy in ((_START, start), (_GOAL, goal)):
-        _link(graph, name, xy, topology, traversability)
+    graph = _linked(topology, traversability, {"start": start, "goal": goal})
     try:
-        return nx.dijkstra_path(graph, _START, _GOAL)[1:-1]
+        return nx.dijkstra_path(graph, "start", "goal")[1:-1]
     except nx.NetworkXNoPath:
         return None
 
@@ -170,13 +159,15 @@ def _is_quicker(way: NDArray[np.float64], other: NDArray[np.float64], traversabi
     return bool(MAX_DETOUR * seconds < longer and traversability.lines_are_traversable(way[:-1], way[1:]).all())
 
 
-def _link(
-    graph: nx.Graph, name: str, xy: NDArray[np.float64], topology: TopologicalMap, traversability: Traversability
-) -> None:
-    """Join a place (2,) to every node that a straight drive reaches."""
-    graph.add_node(name)
-    for n, seconds in topology.links_from(xy, traversability).items():
-        graph.add_edge(name, n, weight=seconds)
+def _linked(
+    topology: TopologicalMap, traversability: Traversability, places: Mapping[str, NDArray[np.float64]]
+) -> nx.Graph:
+    """The graph of the map with places (2,), by name, each joined to every node that a straight drive reaches."""
+    graph = topology.graph.copy()
+    for name, xy in places.items():
+        graph.add_node(name)
+        graph.add_weighted_edges_from((name, n, s) for n, s in topology.links_from(xy, traversability).items())
+    return graph
 
 
 def _shortened(traversability: Traversability, way: NDArray[np.float64]) -> NDArray[np.float64]:

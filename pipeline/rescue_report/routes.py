@@ -117,7 +117,7 @@ class Router:
         nearest = np.append(order[:NEAREST], order[NEAREST::THINNED][:NEAREST])
         seeing = next((k for k in nearest if self._sees(centres[k], person)), None)
         end = nearest[0] if seeing is None else seeing
-        plan = plan_path(self._topology, self._traversability, self._paths, centres[end])
+        plan = plan_path(self._topology, self._paths, centres[end])
         assert plan is not None and self._paths.start is not None
         start = self._traversability.on_ground(self._paths.start[None])
         return self._route(np.vstack([start, plan.way_points]), float(gaps[end]), seeing is not None)

@@ -113,13 +113,13 @@ class Cover:
         return self.target & (self.count == 0)
 
     def visible_from(self, places: NDArray[np.float64]) -> VisibleCells:
-        """What (K, 2) places see."""
+        """What (K, 2) places, m, see."""
         cells = np.ascontiguousarray((places - self.grid.origin) / CELL)
         seen, corners = kernels.visible_cells(cells, self.target, self._layers["walls"], _REACH)
         return VisibleCells(places, seen, corners + self.grid.low)
 
     def add(self, node: int, place: NDArray[np.float64]) -> None:
-        """Let a node at ``place`` (2,) see."""
+        """Let a node at ``place`` (2,), m, see."""
         self._seen_by[node] = self.visible_from(place[None])
         self._count(node, 1)
 

@@ -24,33 +24,34 @@ STOP_TIME = 2.0
 
 
 class Links:
-    """Answers for one step which straight lines the robot can drive."""
+    """Answers for one step which straight lines the robot can drive.
+
+    Attributes:
+        traversability: of the ground.
+        walls: of the semantic map.
+    """
 
     def __init__(self, traversability: Traversability, walls: Sequence[Segment]):
-        self._traversability, self._walls = traversability, walls
+        self.traversability, self.walls = traversability, walls
 
     def are_free(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) whether the footprint, swept along the lines between points (N, 3) on the ground, meets nothing.
+        """(N,) whether the footprint, swept along lines between points (N, 3) of the ground, m, meets nothing.
 
         The traversability tells of drops, steps, ramps' sides, tilt, low ceilings and unknown ground, and the
         segments tell of walls.
         """
         free = np.linalg.norm(ends - starts, axis=1) <= MAX_LENGTH
-        free[free] = self._traversability.lines_are_traversable(starts[free], ends[free])
+        free[free] = self.traversability.lines_are_traversable(starts[free], ends[free])
         lift = np.array([0, 0, BODY_LOW])
         a, b = starts[free] + lift, ends[free] + lift
-        free[free] = ~crossings(a, b, self._walls, BODY_MARGIN, BODY_HIGH - BODY_LOW)
+        free[free] = ~crossings(a, b, self.walls, BODY_MARGIN, BODY_HIGH - BODY_LOW)
         return free
-
-    def seconds(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N,) expected time to drive the lines between points (N, 2 or 3)."""
-        return drive_seconds(self._traversability, starts, ends)
 
 
 def drive_seconds(
     traversability: Traversability, starts: NDArray[np.float64], ends: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(N,) expected time in s to drive the lines between points (N, 2 or 3), and to stop once.
+    """(N,) expected time in s to drive the lines between points (N or 1, 2 or 3), and to stop once.
 
     Metres across the slope of a ramp take as many times as long as on the grid.
     """

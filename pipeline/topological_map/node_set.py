@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.labels import Label
 from pipeline.segments.segments import Segment
 from pipeline.topological_map.cover import Cover
-from pipeline.topological_map.links import Links
+from pipeline.topological_map.links import Links, drive_seconds
 from pipeline.traversability.traversability import Traversability
 
 SNAP = 0.3
@@ -92,7 +92,7 @@ class NodeSet:
         self.cover.remove(node)
 
     def links_from(self, places: NDArray[np.float64], without: Collection[int] = ()) -> list[list[int]]:
-        """For each of the places (K, 2) the ids of the nodes, but for some, that a straight drive joins to it."""
+        """For each of the places (K, 2), m, the ids of the nodes, but for some, that a straight drive joins to it."""
         ids = [n for n in self.nodes if n not in without]
         ends = np.array([self.nodes[n].position for n in ids]).reshape(-1, 3)
         starts = self.cover.traversability.on_ground(places)
@@ -131,5 +131,6 @@ class NodeSet:
     def _add_edges(self, pairs: NDArray[np.int64]) -> None:
         starts, ends = (np.array([self.nodes[n].position for n in side]).reshape(-1, 3) for side in pairs.T)
         length = np.linalg.norm((ends - starts)[:, :2], axis=1)
-        for (a, b), m, s in zip(pairs.tolist(), length, self.links.seconds(starts, ends), strict=True):
+        seconds = drive_seconds(self.links.traversability, starts, ends)
+        for (a, b), m, s in zip(pairs.tolist(), length, seconds, strict=True):
             self.free.add_edge(a, b, weight=float(s), length=float(m))

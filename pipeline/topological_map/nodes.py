@@ -52,7 +52,7 @@ def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: Cove
 
 
 def label_at(point: NDArray[np.float64], segments: Segments) -> Label:
-    """What a node at a point (3,) of the ground stands on: a straight ramp, or else the terrain."""
+    """What a node at a point (3,) of the ground, m, stands on: a straight ramp, or else the terrain."""
     for segment in segments.of(Label.STRAIGHT_RAMP):
         if segment.tree.query(point)[0] <= LEVEL:
             return Label.STRAIGHT_RAMP

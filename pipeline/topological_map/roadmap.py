@@ -6,10 +6,9 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.topological_map.links import Links
+from pipeline.topological_map.links import Links, drive_seconds
 from pipeline.topological_map.node_set import Node
 from pipeline.traversability.shortest_paths import ShortestPaths, simplify
-from pipeline.traversability.traversability import Traversability
 
 
 def collision_free_tree(free: nx.Graph) -> nx.Graph:
@@ -54,14 +53,14 @@ def _open(way: NDArray[np.float64], i: int, j: int, weight: float) -> None:
     np.minimum(way, through, out=way)
 
 
-def add_passages(drives: nx.Graph, nodes: Mapping[int, Node], traversability: Traversability, links: Links) -> None:
+def add_passages(drives: nx.Graph, nodes: Mapping[int, Node], links: Links) -> None:
     """Join neighbours that no straight drive joins by the shortest way between them.
 
     Neighbours are nodes whose shares of the ground touch, each cell being the share of the node nearest to it by
     drive. The edge keeps the ``bends`` of its way: (M, 3) m, from the node of the lower id to the other.
     """
-    starts = [nodes[n].position for n in sorted(nodes)]
-    paths = ShortestPaths(traversability, starts)
+    traversability = links.traversability
+    paths = ShortestPaths(traversability, [nodes[n].position for n in sorted(nodes)])
     for p, q in _meetings(paths):
         there, back = (paths.path_to(traversability.grid.centre_of(cell)) for cell in (p, q))
         a, b = (_nearest(nodes, way[0]) for way in (there, back))
@@ -71,7 +70,7 @@ def add_passages(drives: nx.Graph, nodes: Mapping[int, Node], traversability: Tr
         points = np.vstack([nodes[a].position, traversability.on_ground(way[1:-1]), nodes[b].position])
         if links.are_free(points[:-1], points[1:]).all():
             length = float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
-            seconds = float(links.seconds(points[:-1], points[1:]).sum())
+            seconds = float(drive_seconds(traversability, points[:-1], points[1:]).sum())
             bends = points[1:-1] if a < b else points[-2:0:-1]
             drives.add_edge(a, b, weight=seconds, length=length, bends=bends)
 

@@ -46,19 +46,16 @@ class TopologicalMap:
         """By id."""
         return self._set.nodes
 
-    def update(
-        self, patches: Sequence[PlanePatch], segments: Segments, traversability: Traversability, paths: ShortestPaths
-    ) -> None:
+    def update(self, patches: Sequence[PlanePatch], segments: Segments, paths: ShortestPaths) -> None:
         """Take a keyframe into account.
 
         Args:
             patches: the planes of this keyframe; a terrain patch has a node in its middle.
             segments: all segments so far.
-            traversability: where the robot can stand and drive.
-            paths: shortest paths from where the robot is.
+            paths: shortest paths over the ground from where the robot is.
         """
         nodes, walls = self._set, segments.of(Label.WALL)
-        changed = nodes.renew(traversability, self._reachable(traversability, paths), walls)
+        changed = nodes.renew(paths.traversability, self._reachable(paths), walls)
         placement = Placement(nodes, thesis_places(patches, segments, nodes.cover), segments)
         old = set(nodes.nodes)
         placement.add_places()
@@ -74,13 +71,11 @@ class TopologicalMap:
         return np.vstack([self.nodes[a].position, bends if a < b else bends[::-1], self.nodes[b].position])
 
     def links_from(self, xy: NDArray[np.float64], traversability: Traversability) -> dict[int, float]:
-        """Seconds to each of the nodes, by id, that a straight drive joins to a point (2,)."""
-        ids = list(self.nodes)
-        ends = np.array([self.nodes[n].position[:2] for n in ids]).reshape(-1, 2)
-        starts = np.repeat(xy[None], len(ids), axis=0)
-        seconds = drive_seconds(traversability, starts, ends)
-        free = traversability.lines_are_traversable(starts, ends)
-        return {n: float(s) for n, s, is_free in zip(ids, seconds, free, strict=True) if is_free}
+        """Seconds to each of the nodes, by id, that a straight drive joins to a point (2,), m."""
+        ends = np.array([node.position[:2] for node in self.nodes.values()]).reshape(-1, 2)
+        seconds = drive_seconds(traversability, xy[None], ends)
+        free = traversability.lines_are_traversable(xy[None], ends)
+        return {n: float(s) for n, s, is_free in zip(self.nodes, seconds, free, strict=True) if is_free}
 
     def save(self, path: Path) -> None:
         """Write nodes and edges as JSON."""
@@ -101,15 +96,15 @@ class TopologicalMap:
         with whole_file(path) as partial:
             partial.write_text(json.dumps({"nodes": nodes, "edges": edges}, indent=1) + "\n")
 
-    def _reachable(self, traversability: Traversability, paths: ShortestPaths) -> NDArray[np.bool_]:
+    def _reachable(self, paths: ShortestPaths) -> NDArray[np.bool_]:
         """(nx, ny) where the robot can go; if it stands where it reaches no node, where it could go from these."""
         places = [node.position for node in self.nodes.values()]
         if not places or any(np.isfinite(paths.cost_to(place)) for place in places):
             return paths.reachable
-        return paths.reachable | ShortestPaths(traversability, places).reachable
+        return paths.reachable | ShortestPaths(paths.traversability, places).reachable
 
     def _roadmap(self) -> nx.Graph:
         drives = self._set.free.copy()
         if len(self.nodes) > 1:
-            add_passages(drives, self.nodes, self._set.cover.traversability, self._set.links)
+            add_passages(drives, self.nodes, self._set.links)
         return roadmap(self.tree, drives, MAX_DETOUR)

@@ -11,15 +11,6 @@ from pipeline.frame import Intrinsics
 from pipeline.transforms import transform_points
 from pipeline.traversability import depth_dropouts_kernels as kernels
 
-MIN_GAP, MAX_GAP = 3, 60
-"""Pixels: the sensor frays edges by less, and what is wider leaves unknown ground behind it."""
-TOLERANCE = 0.06
-"""Share by which the depths to the left and to the right may differ."""
-MIN_GRAZING = np.deg2rad(12)
-"""rad; ground that is seen at a smaller angle may send nothing back itself."""
-ROW_STEP = 2
-"""Every so many rows are searched."""
-
 
 def find_depth_dropouts(
     depth: NDArray[np.float32], intrinsics: Intrinsics, T_map_camera: NDArray[np.float64]
@@ -32,8 +23,6 @@ def find_depth_dropouts(
         T_map_camera: pose of ``camera_optical``.
     """
     dropouts = np.zeros_like(depth)
-    kernels.dropout_depth(
-        depth, intrinsics.fy, MAX_GAP, MIN_GAP, np.float32(TOLERANCE), MIN_GRAZING, ROW_STEP, dropouts
-    )
+    kernels.dropout_depth(depth, intrinsics.fy, dropouts)
     v, u = np.nonzero(dropouts)
     return transform_points(T_map_camera, intrinsics.rays[v, u] * dropouts[v, u, None])

@@ -3,32 +3,38 @@
 import numpy as np
 from numba import njit
 
+MIN_GAP, MAX_GAP = 3, 60
+"""Pixels: the sensor frays edges by less, and what is wider leaves unknown ground behind it."""
+TOLERANCE = np.float32(0.06)
+"""Share by which the depths to the left and to the right may differ."""
+MIN_GRAZING = np.deg2rad(12)
+"""rad; ground that is seen at a smaller angle may send nothing back itself."""
+ROW_STEP = 2
+"""Every so many rows are searched."""
 _ROWS = 4
 """Rows above and below a pixel by which its surface's slope is measured."""
 
 
 @njit(cache=True)
-def dropout_depth(depth, focal, max_gap, min_gap, tolerance, min_grazing, row_step, dropouts):
-    """Depth of the surface that goes on to the left and to the right of a narrow gap, over the gap's pixels.
+def dropout_depth(depth, focal, dropouts):
+    """Write the depth of the surface on both sides of each narrow gap to the gap's pixels in ``dropouts`` (H, W), m.
 
-    A gap is ``min_gap`` to ``max_gap`` pixels of a row without a return, or with one from something nearer, between
-    two returns whose depths differ by no more than the share ``tolerance``. Nothing is a gap on a surface that is
-    itself seen at less than ``min_grazing`` rad. Every ``row_step``-th row is searched; ``dropouts`` (H, W) is set
-    where the result is not 0. ``focal`` is the vertical focal length in pixels.
+    A gap is pixels of a row without a return, or with one from something nearer, between two returns of nearly one
+    depth. ``depth`` is (H, W) m, 0 without a return, and ``focal`` the vertical focal length in pixels.
     """
     height, width = depth.shape
-    for v in range(0, height, row_step):
+    for v in range(0, height, ROW_STEP):
         left, at = np.float32(0.0), -1
         for u in range(width):
             z = depth[v, u]
             if not z > 0:
                 continue
-            if at >= 0 and u - at - 1 <= max_gap:
-                if z < left * (1 - tolerance):
+            if at >= 0 and u - at - 1 <= MAX_GAP:
+                if z < left * (1 - TOLERANCE):
                     continue
-                goes_on = z <= left * (1 + tolerance) and u - at - 1 >= min_gap
+                goes_on = z <= left * (1 + TOLERANCE) and u - at - 1 >= MIN_GAP
                 angle = min(grazing(depth, v, at, focal), grazing(depth, v, u, focal)) if goes_on else 0.0
-                if goes_on and angle >= min_grazing:
+                if goes_on and angle >= MIN_GRAZING:
                     for k in range(at + 1, u):
                         dropouts[v, k] = left + (z - left) * (k - at) / (u - at)
             left, at = z, u
@@ -36,7 +42,7 @@ def dropout_depth(depth, focal, max_gap, min_gap, tolerance, min_grazing, row_st
 
 @njit(cache=True)
 def grazing(depth, v, u, focal):
-    """Angle between the ray of a pixel with a return and the surface that it meets, in rad, by the rows around it."""
+    """Angle in rad between a pixel's ray and the surface that it meets, by ``depth`` (H, W), which is not 0 there."""
     above, below = max(v - _ROWS, 0), min(v + _ROWS, depth.shape[0] - 1)
     if not (depth[above, u] > 0 and depth[below, u] > 0):
         return 0.0

@@ -3,18 +3,36 @@
 import numpy as np
 from numba import njit
 
+Z_MIN, LEVELS, Z_BIN = -0.575, 53, 0.05
+"""The lowest height that matters to the robot in ``map``, m, and the number and the height, m, of a column's bins.
+The returns of a bin are averaged; one bin is centred on z = 0."""
+MIN_HITS = 3
+"""Returns that make a bin count."""
 NOISE = 0.1
 """Share of a bin's hits that may stray into the next one."""
+MAX_GAP_RISE = 0.05
+"""m; gaps that the robot rolls over are filled if the ground beyond differs by no more."""
+DROPOUT_HEIGHT = 0.1
+"""m; only a depth dropout no further above or below the ground makes it unknown."""
+COS_OTHER_SIDE = np.cos(np.deg2rad(15))
+"""Ground with a dropout is known again once it is seen from a direction whose cosine is less: a panel that sends
+nothing back is seen within 8° of its plane."""
+_DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
 @njit(cache=True)
-def accumulate(points, origin, cell, z_min, z_bin, height, hits, returns):
-    """Fold points into the mean height of their bin of their column; ``returns`` (nx, ny) counts them."""
+def cell_at(x, y, origin, cell):
+    """The cell (i, j) of a point, m, on a grid of ``cell`` m whose corner is ``origin`` (2,)."""
+    return int(np.floor((x - origin[0]) / cell)), int(np.floor((y - origin[1]) / cell))
+
+
+@njit(cache=True)
+def accumulate(points, origin, cell, height, hits, returns):
+    """Fold points (N, 3), m, into the mean ``height`` of bins (nx, ny, nz); ``returns`` (nx, ny) counts them."""
     nx, ny, nz = height.shape
     for n in range(points.shape[0]):
-        i = int(np.floor((points[n, 0] - origin[0]) / cell))
-        j = int(np.floor((points[n, 1] - origin[1]) / cell))
-        k = int(np.floor((points[n, 2] - z_min) / z_bin))
+        i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
+        k = int(np.floor((points[n, 2] - Z_MIN) / Z_BIN))
         if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
             continue
         # The count saturates, so that an old surface can still follow a slow change.
@@ -25,8 +43,8 @@ def accumulate(points, origin, cell, z_min, z_bin, height, hits, returns):
 
 
 @njit(cache=True)
-def column_height(height, hits, min_hits, headroom, z_bin):
-    """Height of the lowest surface of one column with ``headroom`` above it; NaN where nothing was measured.
+def column_height(height, hits, headroom):
+    """Height in m of the lowest surface with ``headroom`` m above it in a column (nz,); NaN if nothing was measured.
 
     Adjacent filled bins are one body, and so are bodies with too little air between them. A body thinner than
     a bin is a sloping or noisy floor whose mean counts; of a thicker one, an obstacle, the top counts. A bin with few
@@ -36,7 +54,7 @@ def column_height(height, hits, min_hits, headroom, z_bin):
     total, weight = 0.0, 0.0
     for k in range(height.shape[0]):
         beside = max(hits[k - 1] if k > 0 else 0, hits[k + 1] if k + 1 < len(hits) else 0)
-        if hits[k] < min_hits or hits[k] < NOISE * beside:
+        if hits[k] < MIN_HITS or hits[k] < NOISE * beside:
             continue
         if not np.isnan(top) and height[k] - top >= headroom:
             break
@@ -45,132 +63,116 @@ def column_height(height, hits, min_hits, headroom, z_bin):
         top = height[k]
         total += hits[k] * height[k]
         weight += hits[k]
-    if top - bottom < 0.5 * z_bin:
+    if top - bottom < 0.5 * Z_BIN:
         return total / weight
     return top
 
 
 @njit(cache=True)
-def count_points(points, origin, cell, elevation, max_distance, count):
-    """``count`` (nx, ny) the points in each cell that lie no further than this above or below it, m.
-
-    Where the elevation is unknown all count.
-    """
+def count_dropouts(points, origin, cell, elevation):
+    """(nx, ny) int32, how many points (N, 3), m, lie near the ground; where ``elevation`` is unknown all count."""
     nx, ny = elevation.shape
+    count = np.zeros((nx, ny), np.int32)
     for n in range(points.shape[0]):
-        i = int(np.floor((points[n, 0] - origin[0]) / cell))
-        j = int(np.floor((points[n, 1] - origin[1]) / cell))
-        if 0 <= i < nx and 0 <= j < ny and not abs(points[n, 2] - elevation[i, j]) > max_distance:
+        i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
+        if 0 <= i < nx and 0 <= j < ny and not abs(points[n, 2] - elevation[i, j]) > DROPOUT_HEIGHT:
             count[i, j] += 1
+    return count
 
 
 @njit(cache=True)
-def renew_dropout(direction, dropouts, returns, min_points, camera, origin, cell, cos_other_side):
-    """Mark the cells with ``min_points`` dropouts, and clear those that another keyframe has shown whole.
+def renew_dropout(direction, dropouts, returns, camera, origin, cell):
+    """Mark the cells with enough dropouts, and clear those that another keyframe has shown whole.
 
     ``direction`` (nx, ny, 2) is the level direction from which a cell's last dropout was seen, 0 where there is none.
-    A keyframe clears a cell if it has ``min_points`` returns and no dropout there, from a direction whose cosine to
-    that one is less than ``cos_other_side``. ``dropouts`` and ``returns`` (nx, ny) count the points of the keyframe
-    from ``camera`` (2,).
+    A keyframe clears a cell if it has enough returns and no dropout there, from another direction. ``dropouts`` and
+    ``returns`` (nx, ny) count the points of the keyframe from ``camera`` (2,).
     """
     nx, ny = dropouts.shape
     for i in range(nx):
         for j in range(ny):
-            if dropouts[i, j] < min_points and returns[i, j] < min_points:
+            if dropouts[i, j] < MIN_HITS and returns[i, j] < MIN_HITS:
                 continue
             dx, dy = origin[0] + (i + 0.5) * cell - camera[0], origin[1] + (j + 0.5) * cell - camera[1]
             distance = np.sqrt(dx * dx + dy * dy) + 1e-9
             dx, dy = dx / distance, dy / distance
-            if dropouts[i, j] >= min_points:
+            if dropouts[i, j] >= MIN_HITS:
                 direction[i, j, 0], direction[i, j, 1] = dx, dy
-            elif dropouts[i, j] == 0 and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < cos_other_side:
+            elif dropouts[i, j] == 0 and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < COS_OTHER_SIDE:
                 direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
 
 
 @njit(cache=True)
-def extract_elevation(height, hits, returns, min_hits, headroom, z_bin, elevation):
+def extract_elevation(height, hits, returns, headroom, elevation):
     """Renew ``elevation`` (nx, ny) of the columns with ``returns`` (nx, ny)."""
     nx, ny = elevation.shape
     for i in range(nx):
         for j in range(ny):
             if returns[i, j] > 0:
-                elevation[i, j] = column_height(height[i, j], hits[i, j], min_hits, headroom, z_bin)
+                elevation[i, j] = column_height(height[i, j], hits[i, j], headroom)
 
 
 @njit(cache=True)
-def bridge_gaps(elevation, dropout, max_gap, max_spread):
-    """Fill what is unknown between two known cells of nearly one height, at most ``max_gap`` unknown cells apart.
+def cells_to_known(elevation, i, j, di, dj, max_gap, dropout=None):
+    """Cells from (i, j) along (di, dj) to the next known one of ``elevation`` (nx, ny).
 
-    Along the axes and the diagonals; where several pairs face each other, the last one counts. Nothing is filled
-    across a ``dropout`` (nx, ny) cell.
+    0 if more than ``max_gap`` unknown cells or a ``dropout`` (nx, ny) cell come first.
+    """
+    for gap in range(1, max_gap + 2):
+        a, b = i + gap * di, j + gap * dj
+        if not (a < elevation.shape[0] and 0 <= b < elevation.shape[1]):
+            return 0
+        if dropout is not None and dropout[a, b]:
+            return 0
+        if not np.isnan(elevation[a, b]):
+            return gap
+    return 0
+
+
+@njit(cache=True)
+def bridge_gaps(elevation, dropout, max_gap):
+    """(nx, ny) m, ``elevation`` with what is unknown between two known cells of nearly one height filled.
+
+    Gaps run along the axes and the diagonals over at most ``max_gap`` cells; where several pairs face each other, the
+    last one counts. Nothing is filled across a ``dropout`` (nx, ny) cell.
     """
     filled = elevation.copy()
     nx, ny = elevation.shape
-    for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
+    for di, dj in _DIRECTIONS:
         for i in range(nx):
             for j in range(ny):
                 if np.isnan(elevation[i, j]):
                     continue
-                for gap in range(1, max_gap + 2):
-                    a, b = i + gap * di, j + gap * dj
-                    if not (a < nx and 0 <= b < ny) or dropout[a, b]:
-                        break
-                    rise = elevation[a, b] - elevation[i, j]
-                    if np.isnan(rise):
-                        continue
-                    for k in range(1, gap):
-                        if abs(rise) <= max_spread and np.isnan(elevation[i + k * di, j + k * dj]):
-                            filled[i + k * di, j + k * dj] = elevation[i, j] + rise * k / gap
-                    break
+                gap = cells_to_known(elevation, i, j, di, dj, max_gap, dropout)
+                rise = elevation[i + gap * di, j + gap * dj] - elevation[i, j]
+                for k in range(1, gap if abs(rise) <= MAX_GAP_RISE else 0):
+                    filled[i + k * di, j + k * dj] = elevation[i, j] + rise * k / gap
     return filled
 
 
 @njit(cache=True)
-def step_hazards(elevation, max_step):
-    """The higher cell of every two neighbours, of eight, that differ by more than ``max_step`` m."""
-    nx, ny = elevation.shape
-    hazard = np.zeros((nx, ny), np.bool_)
-    for i in range(nx):
-        for j in range(ny):
-            for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
-                a, b = i + di, j + dj
-                if not (a < nx and 0 <= b < ny):
-                    continue
-                rise = elevation[a, b] - elevation[i, j]
-                hazard[a, b] |= rise > max_step
-                hazard[i, j] |= rise < -max_step
-    return hazard
+def step_hazards(elevation, max_gap, max_step, steepest):
+    """(nx, ny) bool, the higher cells of steps and drops in ``elevation`` (nx, ny), m.
 
-
-@njit(cache=True)
-def drops(elevation, max_gap, max_step, steepest):
-    """The higher of two known cells on both sides of unknown ground that cannot join them as a slope.
-
-    Along the axes and the diagonals, at most ``max_gap`` unknown cells apart. ``steepest`` is the greatest rise in m
-    from one cell to the next of a slope that the robot takes.
+    A step is two of eight neighbours that differ by more than ``max_step`` m. A drop is two known cells along the
+    axes or the diagonals, at most ``max_gap`` unknown cells apart, that no slope of ``steepest`` m from one cell to
+    the next joins.
     """
     nx, ny = elevation.shape
-    drop = np.zeros((nx, ny), np.bool_)
-    for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
+    hazard = np.zeros((nx, ny), np.bool_)
+    for di, dj in _DIRECTIONS:
         stretch = np.sqrt(di * di + dj * dj)
         for i in range(nx):
             for j in range(ny):
                 if np.isnan(elevation[i, j]):
                     continue
-                for gap in range(1, max_gap + 2):
-                    a, b = i + gap * di, j + gap * dj
-                    if not (a < nx and 0 <= b < ny):
-                        break
-                    rise = elevation[a, b] - elevation[i, j]
-                    if np.isnan(rise):
-                        continue
-                    if gap > 1 and abs(rise) > max_step + steepest * gap * stretch:
-                        if rise > 0:
-                            drop[a, b] = True
-                        else:
-                            drop[i, j] = True
-                    break
-    return drop
+                gap = cells_to_known(elevation, i, j, di, dj, max_gap)
+                a, b = i + gap * di, j + gap * dj
+                rise = elevation[a, b] - elevation[i, j]
+                most = max_step if gap <= 1 else max_step + steepest * gap * stretch
+                hazard[a, b] |= rise > most
+                hazard[i, j] |= rise < -most
+    return hazard
 
 
 @njit(cache=True)

@@ -13,18 +13,6 @@ from pipeline.traversability import elevation_kernels as kernels
 
 CELL = 0.05
 """m, side of a cell."""
-Z_MIN, LEVELS, Z_BIN = -0.575, 53, 0.05
-"""The lowest height that matters to the robot in ``map``, m, and the number and the height, m, of a column's bins.
-The returns of a bin are averaged; one bin is centred on z = 0."""
-MIN_HITS = 3
-"""Returns that make a bin count."""
-MAX_GAP_RISE = 0.05
-"""m; gaps that the robot rolls over are filled if the ground beyond differs by no more."""
-DROPOUT_HEIGHT = 0.1
-"""m; only a depth dropout no further above or below the ground makes it unknown."""
-COS_OTHER_SIDE = np.cos(np.deg2rad(15))
-"""Ground with a dropout is known again once it is seen from a direction whose cosine is less: a panel that sends
-nothing back is seen within 8° of its plane."""
 
 _UNKNOWN = Layer(np.float32, np.nan)
 
@@ -46,8 +34,8 @@ class ElevationMap:
                 "elevation": _UNKNOWN,
                 "dropout": Layer(np.bool_),
                 "driven": Layer(np.bool_),
-                "height": Layer(np.float32, per_cell=(LEVELS,), in_place=True),
-                "hits": Layer(np.uint16, per_cell=(LEVELS,), in_place=True),
+                "height": Layer(np.float32, per_cell=(kernels.LEVELS,), in_place=True),
+                "hits": Layer(np.uint16, per_cell=(kernels.LEVELS,), in_place=True),
                 "returned": Layer(np.float32, np.nan, in_place=True),
                 "assumed": Layer(np.float32, np.nan, in_place=True),
                 "touched": Layer(np.float32, np.nan, in_place=True),
@@ -130,12 +118,9 @@ class ElevationMap:
         self.layers.cover(points)
         layers, grid = self.layers, self.grid
         returns = np.zeros(grid.shape, np.int32)
-        kernels.accumulate(
-            points, grid.origin, CELL, Z_MIN, Z_BIN, layers["height"], layers["hits"], returns
-        )  # fmt: skip
-        kernels.extract_elevation(
-            layers["height"], layers["hits"], returns, MIN_HITS, self.robot.headroom, Z_BIN, layers["returned"]
-        )
+        height, hits = layers["height"], layers["hits"]
+        kernels.accumulate(points, grid.origin, CELL, height, hits, returns)
+        kernels.extract_elevation(height, hits, returns, self.robot.headroom, layers["returned"])
         changed = returns > 0
         if dropouts is not None and camera is not None:
             changed |= self._renew_dropout(dropouts, camera, returns)
@@ -145,11 +130,9 @@ class ElevationMap:
         self, dropouts: NDArray[np.float32], camera: NDArray[np.float64], returns: NDArray[np.int32]
     ) -> NDArray[np.bool_]:
         """(nx, ny) the cells with dropouts in this keyframe."""
-        grid, direction, count = (self.grid, self.layers["dropout_direction"], np.zeros(self.grid.shape, np.int32))
-        kernels.count_points(dropouts, grid.origin, CELL, self.layers["returned"], DROPOUT_HEIGHT, count)
-        kernels.renew_dropout(
-            direction, count, returns, MIN_HITS, camera, grid.origin, CELL, COS_OTHER_SIDE
-        )  # fmt: skip
+        direction, origin = self.layers["dropout_direction"], self.grid.origin
+        count = kernels.count_dropouts(dropouts, origin, CELL, self.layers["returned"])
+        kernels.renew_dropout(direction, count, returns, camera, origin, CELL)
         self.layers.write("dropout", (direction != 0).any(axis=-1))
         return np.asarray(count > 0)
 
@@ -165,6 +148,6 @@ class ElevationMap:
         known[dropout] = np.nan
         for layer in (measured, known):
             np.copyto(layer, touched, where=~np.isnan(touched))
-        bridged = kernels.bridge_gaps(known, dropout, gap - 1, MAX_GAP_RISE)
+        bridged = kernels.bridge_gaps(known, dropout, gap - 1)
         layers.write("measured", measured[inside(here, around)], here)
         layers.write("elevation", bridged[inside(here, around)], here)

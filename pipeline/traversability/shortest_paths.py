@@ -28,13 +28,14 @@ class ShortestPaths:
     """All shortest paths over the traversable ground from one point, or from the nearest of several.
 
     Attributes:
+        traversability: of the ground.
         start: (2,) the traversable point that stands for the (first) wanted one, m; None where there is none near.
         cost: (nx, ny) float32 m, ramps and narrow places counted dearer; inf where no path leads.
     """
 
     def __init__(self, traversability: Traversability, start: ArrayLike):
         """``start``: (2,) or (K, 2) points, m; more columns are ignored."""
-        self._grid = traversability.grid
+        self.traversability, self._grid = traversability, traversability.grid
         wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
         snapped = [self._grid.nearest(traversability.traversable, xy, SNAP) for xy in wanted]
         starts = [xy for xy in snapped if xy is not None]
@@ -113,24 +114,21 @@ class ShortestPaths:
 
 
 def may_cut(traversability: Traversability, way: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N - 1,) which of the later points of a way (N, 2) the robot can drive to straight from the first.
+    """(N - 1,) which of the later points of a way (N, 2), m, the robot can drive to straight from the first.
 
     Ramps are met head-on and corners are given a wide berth as by the way itself: no straight drive leads further
     across a slope than the way does, nor much further where the robot cannot turn.
     """
-    first = np.repeat(way[:1], len(way) - 1, axis=0)
-    narrow = ~traversability.turnable & ~traversability.ramp
-    allowed = traversability.lines_are_traversable(first, way[1:])
-    for metres, spare in (
-        (traversability.metres_across, traversability.grid.cell),
-        (lambda a, b: traversability.metres_on(a, b, narrow), SHAVE),
-    ):
-        allowed &= metres(first, way[1:]) <= np.cumsum(metres(way[:-1], way[1:])) + spare
+    t, first, rest = traversability, way[:1], way[1:]
+    narrow = ~t.turnable & ~t.ramp
+    allowed = t.lines_are_traversable(first, rest)
+    allowed &= t.metres_across(first, rest) <= np.cumsum(t.metres_across(way[:-1], rest)) + t.grid.cell
+    allowed &= t.metres_on(first, rest, narrow) <= np.cumsum(t.metres_on(way[:-1], rest, narrow)) + SHAVE
     return allowed
 
 
 def simplify(traversability: Traversability, path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The fewest points of a grid path that straight traversable lines join; bends lie where the robot can turn."""
+    """(M, 2) the fewest points of a grid path (N, 2), m, that straight drives join; bends lie where it can turn."""
     bends = [0]
     while bends[-1] < len(path) - 1:
         rest = np.arange(bends[-1] + 1, len(path))

@@ -7,6 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.traversability.elevation_kernels import cell_at
+
 _NEIGHBOURS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
 
 ACROSS = 2.0
@@ -34,7 +36,7 @@ class Rules(NamedTuple):
 
 
 def free_rules(traversable: NDArray[np.bool_]) -> Rules:
-    """Rules that know no ramps."""
+    """Rules that know no ramps; ``traversable`` is (nx, ny)."""
     nowhere = np.zeros_like(traversable)
     return Rules(traversable, nowhere, nowhere, nowhere, np.zeros((*traversable.shape, 2), np.float32), 0.0)
 
@@ -54,21 +56,23 @@ def is_allowed(dx, dy, i, j, rules):
 
 
 @njit(cache=True)
-def is_traversable(i, j, rules):
-    """Whether (i, j) is a cell of the grid and traversable."""
-    return 0 <= i < rules.traversable.shape[0] and 0 <= j < rules.traversable.shape[1] and rules.traversable[i, j]
+def is_set(i, j, mask):
+    """Whether (i, j) is a cell of a mask (nx, ny) and set."""
+    return 0 <= i < mask.shape[0] and 0 <= j < mask.shape[1] and mask[i, j]
 
 
 @njit(cache=True)
 def line_is_traversable(ax, ay, bx, by, origin, cell, rules):
-    """Whether every cell on the straight line is traversable, and ramps are met head-on."""
+    """Whether every cell on a straight line between points, m, is traversable, and ramps are met head-on.
+
+    ``origin`` (2,) is the corner of the grid, m.
+    """
     dx, dy = bx - ax, by - ay
     length = np.sqrt(dx * dx + dy * dy)
     steps = int(np.ceil(2 * length / cell)) + 1
     for s in range(steps + 1):
-        i = int(np.floor((ax + dx * s / steps - origin[0]) / cell))
-        j = int(np.floor((ay + dy * s / steps - origin[1]) / cell))
-        if not is_traversable(i, j, rules):
+        i, j = cell_at(ax + dx * s / steps, ay + dy * s / steps, origin, cell)
+        if not is_set(i, j, rules.traversable):
             return False
         # Within one cell the direction means nothing.
         if length > cell and not is_allowed(dx / length, dy / length, i, j, rules):
@@ -87,35 +91,21 @@ def lines_are_traversable(starts, ends, origin, cell, rules):
 
 
 @njit(cache=True)
-def metres_across(starts, ends, origin, cell, rules):
-    """(N,) metres of each line between points (N, 2) that lead across the slope of a ramp."""
+def metres_on(starts, ends, origin, cell, mask, rules=None):
+    """(N,) metres of each line between points (N, 2) that lie over a mask (nx, ny).
+
+    With ``rules``, only those that lead across the slope of a ramp.
+    """
     result = np.zeros(len(starts))
     for n in range(len(starts)):
-        dx, dy = ends[n, 0] - starts[n, 0], ends[n, 1] - starts[n, 1]
+        x, y, dx, dy = starts[n, 0], starts[n, 1], ends[n, 0] - starts[n, 0], ends[n, 1] - starts[n, 1]
         length = np.sqrt(dx * dx + dy * dy)
         if length == 0:
             continue
-        steps = int(np.ceil(2 * length / cell))
+        steps = int(np.ceil(2 * length / cell)) + (rules is None)
         for s in range(steps):
-            i = int(np.floor((starts[n, 0] + dx * (s + 0.5) / steps - origin[0]) / cell))
-            j = int(np.floor((starts[n, 1] + dy * (s + 0.5) / steps - origin[1]) / cell))
-            if is_traversable(i, j, rules) and not is_aligned(dx / length, dy / length, i, j, rules):
-                result[n] += length / steps
-    return result
-
-
-@njit(cache=True)
-def metres_on(starts, ends, origin, cell, mask):
-    """(N,) metres of each line between points (N, 2) that lie over a mask (nx, ny)."""
-    result = np.zeros(len(starts))
-    for n in range(len(starts)):
-        dx, dy = ends[n, 0] - starts[n, 0], ends[n, 1] - starts[n, 1]
-        length = np.sqrt(dx * dx + dy * dy)
-        steps = int(np.ceil(2 * length / cell)) + 1
-        for s in range(steps):
-            i = int(np.floor((starts[n, 0] + dx * (s + 0.5) / steps - origin[0]) / cell))
-            j = int(np.floor((starts[n, 1] + dy * (s + 0.5) / steps - origin[1]) / cell))
-            if 0 <= i < mask.shape[0] and 0 <= j < mask.shape[1] and mask[i, j]:
+            i, j = cell_at(x + dx * (s + 0.5) / steps, y + dy * (s + 0.5) / steps, origin, cell)
+            if is_set(i, j, mask) and (rules is None or not is_aligned(dx / length, dy / length, i, j, rules)):
                 result[n] += length / steps
     return result
 
@@ -158,9 +148,9 @@ def shortest_paths(starts, weight, turn, rules):
             a, b = i + di, j + dj
             length = np.sqrt(di * di + dj * dj)
             ux, uy = di / length, dj / length
-            if not (
-                is_traversable(a, b, rules) and is_allowed(ux, uy, a, b, rules) and is_allowed(ux, uy, i, j, rules)
-            ):
+            if not (is_set(a, b, rules.traversable) and is_allowed(ux, uy, a, b, rules)):
+                continue
+            if not is_allowed(ux, uy, i, j, rules):
                 continue
             across = not (is_aligned(ux, uy, a, b, rules) and is_aligned(ux, uy, i, j, rules))
             step = length * 0.5 * (weight[i, j] + weight[a, b]) * (ACROSS if across else 1.0)

@@ -56,24 +56,29 @@ class Traversability:
     uphill: NDArray[np.float32]
     robot: RobotModel
 
+    @property
+    def can_turn(self) -> NDArray[np.bool_]:
+        """(nx, ny) where the robot may turn in place, on level ground or on a ramp."""
+        return self.turnable | self.slidable
+
     def lines_are_traversable(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
-        """(N,) whether the robot can drive the straight lines between points (N, 2 or 3), ramps head-on."""
+        """(N,) whether the robot can drive the straight lines between points (N or 1, 2 or 3), m, ramps head-on."""
         return path_kernels.lines_are_traversable(*self._lines(starts, ends), self.rules())
 
     def metres_across(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
-        """(N,) metres that lines between points (N, 2 or 3) lead over ramps otherwise than along their slope."""
-        return path_kernels.metres_across(*self._lines(starts, ends), self.rules())
+        """(N,) metres that lines between points (N or 1, 2 or 3) lead over ramps otherwise than along their slope."""
+        return path_kernels.metres_on(*self._lines(starts, ends), self.traversable, self.rules())
 
     def metres_on(self, starts: ArrayLike, ends: ArrayLike, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(N,) metres of lines between points (N, 2 or 3) that lie over a mask (nx, ny)."""
+        """(N,) metres of lines between points (N or 1, 2 or 3) that lie over a mask (nx, ny)."""
         return path_kernels.metres_on(*self._lines(starts, ends), mask)
 
     def _lines(
         self, starts: ArrayLike, ends: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
         """Both ends (N, 2) of lines, and where the grid lies."""
-        a, b = (np.ascontiguousarray(np.asarray(side, np.float64)[..., :2]) for side in (starts, ends))
-        return a, b, self.grid.origin, self.grid.cell
+        a, b = np.broadcast_arrays(*(np.asarray(side, np.float64)[..., :2] for side in (starts, ends)))
+        return np.ascontiguousarray(a), np.ascontiguousarray(b), self.grid.origin, self.grid.cell
 
     def on_ground(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 3) the points of the ground at (N, 2) m."""
@@ -122,9 +127,9 @@ def assess(
         raise InputError(f"a robot's clearances are at most {FAR:g} m, got {widest:g} m")
     gradient = kernels.gradients(elevation, cell, radius=2)
     slope = np.linalg.norm(gradient, axis=-1)
-    hazard = kernels.step_hazards(elevation, robot.max_step) | (slope > np.tan(robot.max_tilt))
-    steepest = np.tan(robot.max_tilt) * cell
-    hazard |= kernels.drops(elevation, round(MAX_DROP_GAP / cell), robot.max_step, steepest)
+    steepest = np.tan(robot.max_tilt)
+    hazard = kernels.step_hazards(elevation, round(MAX_DROP_GAP / cell), robot.max_step, steepest * cell)
+    hazard |= slope > steepest
     to_hazard = np.minimum(grid.distance_to(hazard), FAR)
     # Beyond the grid's border all is unknown.
     to_unknown = ndimage.distance_transform_edt(np.pad(~np.isnan(elevation), 1))[1:-1, 1:-1] * cell

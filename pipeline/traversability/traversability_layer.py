@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.grid_map import GridMap, Layer, box_around, inside
-from pipeline.robot import RobotModel
 from pipeline.traversability.elevation_map import CELL, ElevationMap
 from pipeline.traversability.traversability import FAR, MAX_DROP_GAP, Traversability, assess
 
@@ -31,9 +30,7 @@ and slopes span four cells."""
 class TraversabilityLayer:
     """Judges one elevation map anew only around what has changed."""
 
-    def __init__(self, robot: RobotModel):
-        """``robot``: that of the elevation map."""
-        self._robot = robot
+    def __init__(self) -> None:
         self._layers = GridMap(CELL, JUDGED)
         self._last: Traversability | None = None
         self._revision = 0
@@ -50,10 +47,10 @@ class TraversabilityLayer:
         self._revision = source.revision
         if changed.any():
             self._assess_around(changed, elevation_map)
-        elif self._last is not None and self._last.grid.is_same(source.grid):
+        elif self._last is not None:
             return self._last
         judged = {name: layers[name] for name in JUDGED}
-        self._last = Traversability(source.grid, elevation_map.elevation, robot=self._robot, **judged)
+        self._last = Traversability(source.grid, elevation_map.elevation, robot=elevation_map.robot, **judged)
         return self._last
 
     def _assess_around(self, changed: NDArray[np.bool_], elevation_map: ElevationMap) -> None:
@@ -61,6 +58,6 @@ class TraversabilityLayer:
         # Whole in memory, as the kernels are compiled for.
         elevation = np.ascontiguousarray(elevation_map.elevation[around])
         dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]
-        part = assess(self._layers.grid.part(around), elevation, dropout, driven, self._robot)
+        part = assess(self._layers.grid.part(around), elevation, dropout, driven, elevation_map.robot)
         for name in JUDGED:
             self._layers.write(name, getattr(part, name)[inside(here, around)], here)

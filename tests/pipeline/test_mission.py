@@ -24,7 +24,7 @@ def context_at(world, here):
     """What the robot knows at a place (2,)."""
     traversability, _ = world
     T_map_base, paths = from_yaw(*here, 0, 0), ShortestPaths(traversability, here)
-    return Context(StillRobot().sense(), T_map_base, traversability, traversability.elevation, paths)
+    return Context(StillRobot().sense(), T_map_base, traversability.elevation, paths)
 
 
 def drive(world, goals, share=1.0, here=START, most=100):

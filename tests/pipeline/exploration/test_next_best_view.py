@@ -122,7 +122,7 @@ def test_where_it_cannot_turn_at_all_it_arrives_forwards_or_backwards_or_not(yaw
     here, uphill = np.array([-0.4, 0.025]), np.array([0.2, 0.025])
     assert not (traversability.turnable | traversability.slidable).any()
     paths = ShortestPaths(traversability, here)
-    arrival = arrival_headings(np.stack([here, uphill]), traversability, paths, np.deg2rad(yaw_deg))
+    arrival = arrival_headings(np.stack([here, uphill]), paths, np.deg2rad(yaw_deg))
     assert arrival[0] == pytest.approx(np.deg2rad(yaw_deg))
     headings = visibility.BEARINGS[visibility.possible_bearings(arrival)[1]]
     np.testing.assert_allclose(headings, [] if arrival_deg is None else [np.deg2rad(arrival_deg)], atol=0.02)

@@ -5,7 +5,6 @@ import pytest
 
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.traversability.traversability import assess_map
-from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ridge, surface_of, wall_points
 
 START, TARGET = np.array([0.0, 0.0]), np.array([2.0, 0.0])
@@ -15,7 +14,7 @@ FLOOR = assess_map(surface_of(ground_points(flat, (-1, 4), (-1, 1))))
 def obstacle_check(*seen, traversability=FLOOR):
     """A check that always sees the same."""
     cloud = np.vstack(seen).astype(np.float32)
-    return ObstacleCheck(lambda: cloud, traversability, PIONEER)
+    return ObstacleCheck(lambda: cloud, traversability)
 
 
 def box(x, y, height=0.4):
@@ -61,7 +60,7 @@ def test_what_stands_behind_the_way_point_does_not_matter():
 
 def test_it_checks_at_each_new_way_point_and_every_stride():
     checks = []
-    watch = ObstacleCheck(lambda: checks.append(1) or np.zeros((0, 3), np.float32), FLOOR, PIONEER)
+    watch = ObstacleCheck(lambda: checks.append(1) or np.zeros((0, 3), np.float32), FLOOR)
     for x in np.arange(0, 1.0, 0.01):
         assert watch.is_clear(np.array([x, 0.0]), TARGET)
     assert len(checks) == 3

@@ -24,7 +24,7 @@ def u_turn():
 
 def test_a_goal_in_sight_is_driven_to_straight(u_turn):
     traversability, topology = u_turn
-    plan = plan_path(topology, traversability, ShortestPaths(traversability, (-2, -1.5)), (-1, 0.5))
+    plan = plan_path(topology, ShortestPaths(traversability, (-2, -1.5)), (-1, 0.5))
     assert plan is not None
     assert plan.nodes == []
     np.testing.assert_allclose(plan.way_points, [[-1, 0.5, 0]], atol=1e-6)
@@ -34,7 +34,7 @@ def test_a_goal_in_sight_is_driven_to_straight(u_turn):
 def test_a_goal_behind_a_wall_is_reached_over_nodes(u_turn, goal):
     traversability, topology = u_turn
     paths = ShortestPaths(traversability, (-1.0, -1.5))
-    plan = plan_path(topology, traversability, paths, goal)
+    plan = plan_path(topology, paths, goal)
     assert plan is not None
     assert plan.nodes
     way = np.vstack([[paths.start], plan.way_points[:, :2]])
@@ -52,16 +52,14 @@ def test_the_quicker_side_of_an_island_is_taken():
     traversability, segments = room((-2.5, 2.5), (-2, 2), island)
     topology = topology_of(traversability, segments, (-1.8, 0))
     for side in (-1, 1):
-        plan = plan_path(
-            topology, traversability, ShortestPaths(traversability, (-1.8, 0.3 * side)), (1.8, 0.4 * side)
-        )
+        plan = plan_path(topology, ShortestPaths(traversability, (-1.8, 0.3 * side)), (1.8, 0.4 * side))
         assert plan is not None
         assert (side * plan.way_points[:-1, 1] > 0.6).all()
 
 
 def test_a_plan_may_begin_elsewhere(u_turn):
     traversability, topology = u_turn
-    plan = plan_path(topology, traversability, ShortestPaths(traversability, (-1.0, -1.5)), (1.0, -1.5))
+    plan = plan_path(topology, ShortestPaths(traversability, (-1.0, -1.5)), (1.0, -1.5))
     assert plan is not None
     straight_on = plan.on_to(plan.way_points[-1:] + np.array([0.3, 0.4, 0.0]))
     assert straight_on.length == pytest.approx(plan.length + 0.5)
@@ -79,8 +77,8 @@ def test_a_ramp_with_room_to_cross_it_askew_is_met_head_on_all_the_same(side):
     assert traversability.metres_across(start[None], goal[None])[0] > 1
     paths = ShortestPaths(traversability, start)
     topology = TopologicalMap()
-    topology.update([], Segments(), traversability, paths)
-    plan = plan_path(topology, traversability, paths, goal)
+    topology.update([], Segments(), paths)
+    plan = plan_path(topology, paths, goal)
     assert plan is not None
     way = np.vstack([start, plan.way_points[:, :2]])
     assert traversability.metres_across(way[:-1], way[1:]).sum() < 0.1
@@ -89,11 +87,11 @@ def test_a_ramp_with_room_to_cross_it_askew_is_met_head_on_all_the_same(side):
 
 def test_where_the_map_contradicts_a_way_there_is_none(u_turn):
     traversability, topology = u_turn
-    assert plan_path(topology, traversability, ShortestPaths(traversability, (-1.0, -1.5)), (1.0, -1.5)) is not None
+    assert plan_path(topology, ShortestPaths(traversability, (-1.0, -1.5)), (1.0, -1.5)) is not None
     closed, segments = room((-3, 3), (-2, 2), [((0, -2), (0, 2))])
     paths = ShortestPaths(closed, (-1.0, -1.5))
-    topology.update([], segments, closed, paths)
-    assert plan_path(topology, closed, paths, (1.0, -1.5)) is None
+    topology.update([], segments, paths)
+    assert plan_path(topology, paths, (1.0, -1.5)) is None
 
 
 def test_what_stands_between_the_robot_and_a_goal_is_said():
@@ -108,21 +106,21 @@ def test_what_stands_between_the_robot_and_a_goal_is_said():
         (np.nan, 0.0): "not a place",
     }
     for goal, reason in reasons.items():
-        message = obstacle_to(traversability, paths, goal)
+        message = obstacle_to(paths, goal)
         assert message is not None
         assert reason in message
         assert "\n" not in message
-        assert plan_path(topology, traversability, paths, goal) is None
-    assert obstacle_to(traversability, paths, (0.0, 0.0)) is None
+        assert plan_path(topology, paths, goal) is None
+    assert obstacle_to(paths, (0.0, 0.0)) is None
     lost = ShortestPaths(traversability, (30.0, 30.0))
-    assert "the robot stands where it cannot drive" in str(obstacle_to(traversability, lost, (0.0, 0.0)))
-    assert plan_path(topology, traversability, lost, (0.0, 0.0)) is None
+    assert "the robot stands where it cannot drive" in str(obstacle_to(lost, (0.0, 0.0)))
+    assert plan_path(topology, lost, (0.0, 0.0)) is None
 
 
 def test_goals_come_in_a_short_order_and_those_out_of_reach_not_at_all(u_turn):
     traversability, topology = u_turn
     paths = ShortestPaths(traversability, (-2.4, -1.5))
     goals = [(1.5, -1.5), (-1.0, 0.0), (1.0, 1.0), (9.0, 9.0), (-1.0, -1.4)]
-    assert order_goals(topology, traversability, paths, goals) == [4, 1, 2, 0]
-    assert order_goals(topology, traversability, paths, [(9.0, 9.0)]) == []
-    assert order_goals(topology, traversability, ShortestPaths(traversability, (30.0, 30.0)), goals) == []
+    assert order_goals(topology, paths, goals) == [4, 1, 2, 0]
+    assert order_goals(topology, paths, [(9.0, 9.0)]) == []
+    assert order_goals(topology, ShortestPaths(traversability, (30.0, 30.0)), goals) == []

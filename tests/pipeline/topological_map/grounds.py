@@ -37,5 +37,5 @@ def topology_of(
     traversability: Traversability, segments: Segments, start: tuple[float, float], graph: GraphKind = "roadmap"
 ) -> TopologicalMap:
     topology = TopologicalMap(graph)
-    topology.update([], segments, traversability, ShortestPaths(traversability, start))
+    topology.update([], segments, ShortestPaths(traversability, start))
     return topology

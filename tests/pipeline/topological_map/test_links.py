@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.topological_map.links import MAX_LENGTH, RAMP_SPEED, STOP_TIME, Links
+from pipeline.topological_map.links import MAX_LENGTH, RAMP_SPEED, STOP_TIME, Links, drive_seconds
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.topological_map.grounds import room
@@ -57,8 +57,8 @@ def test_a_ramp_is_driven_up_and_not_over_its_side():
 
 def test_a_metre_on_a_ramp_takes_longer():
     links = links_over(ground_points(ramp_and_deck, (-2, RUN + 1.5), (-2, 2)))
-    level, ramp = links.seconds(
-        np.array([[-1.8, 0, 0], [-0.8, 0, 0]]), np.array([[-0.8, 0, 0], [RUN + 0.7, 0, RISE]])
+    level, ramp = drive_seconds(
+        links.traversability, np.array([[-1.8, 0, 0], [-0.8, 0, 0]]), np.array([[-0.8, 0, 0], [RUN + 0.7, 0, RISE]])
     )
     assert level == pytest.approx(1.0 / PIONEER.speed + STOP_TIME)
     length = RUN + 1.5

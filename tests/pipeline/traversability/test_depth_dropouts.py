@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
-from pipeline.traversability.depth_dropouts import ROW_STEP, find_depth_dropouts
+from pipeline.traversability.depth_dropouts import find_depth_dropouts
+from pipeline.traversability.depth_dropouts_kernels import ROW_STEP
 
 WIDE = Intrinsics(width=101, height=4, fx=100.0, fy=100.0, cx=50.5, cy=-58.0)
 """Every row of it looks at the ground when the camera looks level."""

@@ -30,7 +30,7 @@ def step(elevation_map, piece):
 @settings(max_examples=25)
 @given(st.lists(pieces, min_size=2, max_size=6))
 def test_what_is_judged_keyframe_by_keyframe_is_what_is_judged_as_a_whole(steps):
-    elevation_map, layer = ElevationMap(PIONEER), TraversabilityLayer(PIONEER)
+    elevation_map, layer = ElevationMap(PIONEER), TraversabilityLayer()
     for piece in steps:  # the map grows now and then
         step(elevation_map, piece)
         now, whole = layer.update(elevation_map), assess_map(elevation_map)
@@ -46,11 +46,11 @@ def test_gaps_are_bridged_keyframe_by_keyframe_as_on_the_whole_map(steps):
     for piece in steps:
         step(elevation_map, piece)
     known = elevation_map.measured
-    np.testing.assert_array_equal(elevation_map.elevation, kernels.bridge_gaps(known, elevation_map.dropout, 3, 0.05))
+    np.testing.assert_array_equal(elevation_map.elevation, kernels.bridge_gaps(known, elevation_map.dropout, 3))
 
 
 def test_what_was_given_out_stays_as_it_was():
-    elevation_map, layer = ElevationMap(PIONEER), TraversabilityLayer(PIONEER)
+    elevation_map, layer = ElevationMap(PIONEER), TraversabilityLayer()
     step(elevation_map, (flat, 0, 0, False))
     before = layer.update(elevation_map)
     kept = before.traversable.copy(), before.elevation.copy()
@@ -62,7 +62,7 @@ def test_what_was_given_out_stays_as_it_was():
 
 
 def test_nothing_new_is_judged_where_nothing_has_changed():
-    elevation_map, layer = ElevationMap(PIONEER), TraversabilityLayer(PIONEER)
+    elevation_map, layer = ElevationMap(PIONEER), TraversabilityLayer()
     step(elevation_map, (ridge, 0, 0, False))
     before = layer.update(elevation_map)
     elevation_map.update(np.zeros((0, 3), np.float32))

@@ -47,7 +47,7 @@ class Grid:
         return self.origin + (np.asarray(cells) + 0.5) * self.cell
 
     def at(self, layer: NDArray, xy: ArrayLike, outside: float = 0) -> NDArray:
-        """(...) values of a layer at points (..., 2 or 3); ``outside`` beyond the grid."""
+        """(...) values of a layer at points (..., 2 or 3), m; ``outside`` beyond the grid."""
         cells = self.cell_of(xy)
         inside = ((cells >= 0) & (cells < self.shape)).all(axis=-1)
         cells = np.where(np.expand_dims(inside, -1), cells, 0)
@@ -147,7 +147,7 @@ class GridMap:
         self._grow(grid.low, grid.low + grid.shape)
 
     def write(self, name: str, values: ArrayLike, where: Box | NDArray | tuple | EllipsisType = ...) -> None:
-        """Set a layer, or the cells of it that ``where`` selects as an index of the array does."""
+        """Set a layer (nx, ny), or the cells of it that ``where`` selects as an index of the array does."""
         old = self._layers[name]
         values = np.asarray(values, old.dtype)
         differs = old[where] != values

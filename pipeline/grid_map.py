@@ -192,6 +192,13 @@ def _grown(values: NDArray, layer: NDArray, box: Box) -> NDArray:
     return layer
 
 
+def blocks(layer: NDArray, size: int) -> NDArray:
+    """(⌈nx / B⌉, ⌈ny / B⌉, B²) the values of a layer in blocks of B × B cells, B being ``size``; 0 beyond its end."""
+    layer = np.pad(layer, [(0, -n % size) for n in layer.shape])
+    nx, ny = np.array(layer.shape) // size
+    return layer.reshape(nx, size, ny, size).swapaxes(1, 2).reshape(nx, ny, -1)
+
+
 def box_around(mask: NDArray[np.bool_], margin: int) -> Box:
     """The bounding box of a mask (nx, ny) that is not empty, ``margin`` cells larger where the grid allows."""
     slices = []

@@ -50,7 +50,7 @@ class Placement:
         """Nodes for what no node sees, those first that add most."""
         cover = self._cover
         visible = cover.visible_from(cover.candidates(cover.missing, SIGHT))
-        while len(visible):
+        while len(visible.places):
             gains = cover.gains(visible)
             if gains.max() <= _SPARE:
                 return

@@ -139,7 +139,8 @@ class Exploration:
         """The best viewpoint from here and from a coarse grid of places where the robot can turn, or on ramps."""
         traversability, paths = context.traversability, context.paths
         assert paths.start is not None
-        cells = _lattice(paths)
+        stands = paths.reachable & (paths.cost > 0) & (traversability.turnable | traversability.ramp)
+        cells = np.argwhere(stands[::STRIDE, ::STRIDE]) * STRIDE
         candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
         arrival = arrival_headings(candidates, paths, yaw_of(context.T_map_base))
         gains = self._gains(paths.start, cells, camera)
@@ -244,13 +245,6 @@ def arrival_headings(candidates: NDArray[np.float64], paths: ShortestPaths, yaw:
     ahead = np.where(stays & (along < 0), ahead + np.pi, ahead)
     ahead[stays & (np.abs(along) < _ALONG)] = _NEVER
     return np.where(paths.traversability.grid.at(can_turn, candidates), np.nan, np.append(yaw, ahead))
-
-
-def _lattice(paths: ShortestPaths) -> NDArray[np.int64]:
-    """(N, 2) cells of a coarse grid to look from."""
-    may_stand = paths.traversability.turnable | paths.traversability.ramp
-    stands = paths.reachable & (paths.cost > 0) & may_stand
-    return np.argwhere(stands[::STRIDE, ::STRIDE]) * STRIDE
 
 
 def _heading(bearing: np.intp) -> float:

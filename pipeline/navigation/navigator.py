@@ -144,12 +144,9 @@ class Navigator:
         for n, target in enumerate(way_points, start=1):
             if not self._drive_leg(np.asarray(target)[:2], back_up if n == len(way_points) else None, is_clear):
                 return False
-        return heading is None or self._turn_to_viewpoint(heading)
-
-    def _turn_to_viewpoint(self, heading: float) -> bool:
-        """Turn to the heading at the last way point; a turn that fails is a leg that failed."""
-        outcome = self._finish(self._turn_to(heading))
-        if outcome is not Outcome.REACHED and self.legs:
+        outcome = Outcome.REACHED if heading is None else self._finish(self._turn_to(heading))
+        if outcome is not Outcome.REACHED:
+            # A turn that fails is a leg that failed.
             self.legs[-1].outcome = outcome
         return outcome is Outcome.REACHED
 

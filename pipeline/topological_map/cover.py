@@ -75,7 +75,8 @@ class Cover:
         layers.match(traversability.grid)
         layers.write("target", traversability.traversable & reachable)
         layers.write("standable", traversability.turnable & reachable)
-        layers.write("walls", _tall(traversability) | _cells(traversability.grid, walls))
+        in_walls = np.vstack([np.zeros((0, 3)), *(centres(wall.cells) for wall in walls)])
+        layers.write("walls", _tall(traversability) | self.grid.mask_of(in_walls))
         changed = layers.changed_since(revision)
         for node, visible in list(self._seen_by.items()):
             if changed[self._window(visible)].any():
@@ -191,13 +192,3 @@ class Cover:
 def _tall(traversability: Traversability) -> NDArray[np.bool_]:
     known = np.where(np.isnan(traversability.elevation), np.inf, traversability.elevation)
     return traversability.hazard & (traversability.elevation > ndimage.minimum_filter(known, 5) + _TALL)
-
-
-def _cells(grid: Grid, segments: Sequence[Segment]) -> NDArray[np.bool_]:
-    """(nx, ny) the cells over which segments lie."""
-    mask = np.zeros(grid.shape, np.bool_)
-    for segment in segments:
-        cells = grid.cell_of(centres(segment.cells))
-        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
-        mask[cells[inside, 0], cells[inside, 1]] = True
-    return mask

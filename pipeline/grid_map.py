@@ -53,6 +53,14 @@ class Grid:
         cells = np.where(np.expand_dims(inside, -1), cells, 0)
         return np.where(inside, layer[cells[..., 0], cells[..., 1]], layer.dtype.type(outside))
 
+    def mask_of(self, xy: ArrayLike) -> NDArray[np.bool_]:
+        """(nx, ny) the cells that hold points (N, 2 or 3), m; what lies beyond the grid is left out."""
+        cells = self.cell_of(xy)
+        i, j = cells[((cells >= 0) & (cells < self.shape)).all(axis=1)].T
+        mask = np.zeros(self.shape, np.bool_)
+        mask[i, j] = True
+        return mask
+
     def distance_to(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(nx, ny) m from every cell to the nearest of the mask, from centre to centre; infinite if it is empty."""
         if not mask.any():
@@ -190,6 +198,13 @@ def _grown(values: NDArray, layer: NDArray, box: Box) -> NDArray:
     """The larger layer with the values in a box of it."""
     layer[box] = values
     return layer
+
+
+def blocks(layer: NDArray, size: int) -> NDArray:
+    """(⌈nx / B⌉, ⌈ny / B⌉, B²) the values of a layer in blocks of B × B cells, B being ``size``; 0 beyond its end."""
+    layer = np.pad(layer, [(0, -n % size) for n in layer.shape])
+    nx, ny = np.array(layer.shape) // size
+    return layer.reshape(nx, size, ny, size).swapaxes(1, 2).reshape(nx, ny, -1)
 
 
 def box_around(mask: NDArray[np.bool_], margin: int) -> Box:

@@ -17,15 +17,12 @@ class NearestFrontier(Exploration):
     and the time for turning, do not count. As with Yamauchi, frontiers smaller than the robot come last.
     """
 
-    def __init__(self, robot: RobotModel):
-        super().__init__(robot)
-        self._robot_size = robot.length * robot.width
-
     def worth(
         self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """(N, RAYS) m² of the nearest place that is worth the drive, 0 elsewhere; see the base class."""
-        large = gains >= (self._robot_size if (gains >= self._robot_size).any() else MIN_GAIN)
+        size = self._robot.length * self._robot.width
+        large = gains >= (size if (gains >= size).any() else MIN_GAIN)
         near = distance == np.where(large.any(axis=1), distance, np.inf).min()
         return np.where(large & near[:, None], gains, 0.0)
 

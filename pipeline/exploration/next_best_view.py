@@ -139,7 +139,8 @@ class Exploration:
         """The best viewpoint from here and from a coarse grid of places where the robot can turn, or on ramps."""
         traversability, paths = context.traversability, context.paths
         assert paths.start is not None
-        cells = _lattice(paths)
+        stands = paths.reachable & (paths.cost > 0) & (traversability.turnable | traversability.ramp)
+        cells = np.argwhere(stands[::STRIDE, ::STRIDE]) * STRIDE
         candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
         arrival = arrival_headings(candidates, paths, yaw_of(context.T_map_base))
         gains = self._gains(paths.start, cells, camera)
@@ -168,20 +169,14 @@ class Exploration:
         # Where the robot can stand but not turn, and something unseen is in reach.
         narrow = reachable & (paths.cost > 0) & ~traversability.can_turn
         places = grid.centre_of(np.argwhere(narrow & (grid.distance_to(terrain.target) <= camera.reach)))
+        half_size = np.array([self._robot.half_length, self._robot.half_width]) + STRAY
+        turnable, hazard, rules = traversability.turnable & reachable, traversability.hazard, traversability.rules()
         ways = kernels.straight_ways(
-            places,
-            RAYS,
-            LONGEST_STRAIGHT,
-            traversability.turnable & reachable,
-            np.array([self._robot.half_length, self._robot.half_width]) + STRAY,
-            traversability.hazard,
-            traversability.rules(),
-            grid.origin,
-            grid.cell,
+            places, RAYS, LONGEST_STRAIGHT, turnable, half_size, hazard, rules, grid.origin, grid.cell
         )
         # Backwards the robot comes from where it looks.
         ways = np.stack([ways, np.roll(ways, RAYS // 2, axis=1)])
-        gains = visibility.gains(kernels.ray_gains(places, RAYS, camera, terrain), camera)
+        gains = visibility.gains(kernels.ray_gains(places, camera, terrain), camera)
         seconds = KEYFRAME_TIME + grid.at(paths.cost, places) / self._robot.speed
         worth = np.where(np.isfinite(ways) & (gains >= MIN_GAIN), gains / seconds[:, None], 0.0)
         if not worth.any():
@@ -221,7 +216,7 @@ class Exploration:
         """(1 + N, RAYS) m² that each viewpoint should show, from here and from the cells (N, 2)."""
         changed, self._revision = self._layers.changed_since(self._revision), self._layers.revision
         around = self._ray_gains.of(cells, camera, self._terrain, changed)
-        from_here = kernels.ray_gains(here[None], RAYS, camera, self._terrain)
+        from_here = kernels.ray_gains(here[None], camera, self._terrain)
         return visibility.gains(np.vstack([from_here, around]), camera)
 
     def _seconds(
@@ -250,13 +245,6 @@ def arrival_headings(candidates: NDArray[np.float64], paths: ShortestPaths, yaw:
     ahead = np.where(stays & (along < 0), ahead + np.pi, ahead)
     ahead[stays & (np.abs(along) < _ALONG)] = _NEVER
     return np.where(paths.traversability.grid.at(can_turn, candidates), np.nan, np.append(yaw, ahead))
-
-
-def _lattice(paths: ShortestPaths) -> NDArray[np.int64]:
-    """(N, 2) cells of a coarse grid to look from."""
-    may_stand = paths.traversability.turnable | paths.traversability.ramp
-    stands = paths.reachable & (paths.cost > 0) & may_stand
-    return np.argwhere(stands[::STRIDE, ::STRIDE]) * STRIDE
 
 
 def _heading(bearing: np.intp) -> float:

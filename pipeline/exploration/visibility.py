@@ -5,12 +5,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.exploration import visibility_kernels as kernels
+from pipeline.exploration.visibility_kernels import RAYS
 from pipeline.frame import Frame
+from pipeline.grid_map import blocks
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angles
 
-RAYS = 180
-"""Directions around a viewpoint."""
 STEP = 2 * np.pi / RAYS
 """rad, from one to the next."""
 BEARINGS = np.arange(RAYS) * 2 * np.pi / RAYS
@@ -48,7 +48,8 @@ def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
 
 def gains(ray_gains: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
     """(N, RAYS) m² that viewpoints along each bearing should show, from what each ray should."""
-    return kernels.viewpoint_gains(ray_gains, _rays_in_view(camera))
+    half = _rays_in_view(camera) // 2
+    return sum((np.roll(ray_gains, -k, axis=1) for k in range(-half, half + 1)), start=np.zeros_like(ray_gains))
 
 
 def cells_in_view(
@@ -75,13 +76,11 @@ def possible_bearings(arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
 class RayGains:
     """Casts rays only from where something within their reach has changed since they were cast last."""
 
-    def __init__(self, rays: int = RAYS):
-        """``rays``: around the circle."""
-        self._rays = rays
+    def __init__(self) -> None:
         self._camera: kernels.CameraView | None = None
         self._origin = np.full(2, np.nan)
         self._places = np.zeros((0, 2), np.int64)
-        self._gains = np.zeros((0, rays))
+        self._gains = np.zeros((0, RAYS))
 
     def of(
         self,
@@ -90,7 +89,7 @@ class RayGains:
         terrain: kernels.Terrain,
         changed: NDArray[np.bool_],
     ) -> NDArray[np.float64]:
-        """(N, rays) m² that each ray should show.
+        """(N, RAYS) m² that each ray should show.
 
         Args:
             cells: (N, 2) elements to look from, multiples of the stride.
@@ -107,19 +106,17 @@ class RayGains:
         row[tuple(self._places[kept].T)] = kept
         places = cells // STRIDE
         row = row[tuple(places.T)]
-        result = np.zeros((len(cells), self._rays))
+        result = np.zeros((len(cells), RAYS))
         result[row >= 0] = self._gains[row[row >= 0]]
         new = terrain.origin + (cells[row < 0] + 0.5) * terrain.cell
-        result[row < 0] = kernels.ray_gains(new, self._rays, camera, terrain)
+        result[row < 0] = kernels.ray_gains(new, camera, terrain)
         self._places, self._gains = places, result
         return result
 
 
 def _farther_than(changed: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
     """(⌈nx / S⌉, ⌈ny / S⌉) the blocks of S × S cells with no change within so many blocks, S being the stride."""
-    padded = np.pad(changed, [(0, -n % STRIDE) for n in changed.shape])
-    nx, ny = np.array(padded.shape) // STRIDE
-    untouched = np.asarray(~padded.reshape(nx, STRIDE, ny, STRIDE).any(axis=(1, 3)))
+    untouched = np.asarray(~blocks(changed, STRIDE).any(axis=2))
     if untouched.all():
         return untouched
     distance: NDArray[np.float64] = ndimage.distance_transform_edt(untouched)

@@ -10,6 +10,8 @@ from pipeline.labels import RAMP_TILT
 from pipeline.traversability.elevation_kernels import cell_at
 from pipeline.traversability.shortest_paths_kernels import is_aligned, is_set
 
+RAYS = 180
+"""Directions around a viewpoint."""
 RAMP = np.tan(RAMP_TILT)
 """Slope above which ground that rises is a ramp."""
 SUSPECTED_FALL = 0.28
@@ -146,13 +148,13 @@ def is_shown(x, y, i, j, d, slope, rise, view, terrain):
 
 
 @njit(cache=True)
-def ray_gains(places, rays, view, terrain):
-    """(N, rays) m² of target area that each ray of the circle is expected to show from each of (N, 2) points."""
-    result = np.zeros((len(places), rays))
+def ray_gains(places, view, terrain):
+    """(N, RAYS) m² of target area that each ray of the circle is expected to show from each of (N, 2) points."""
+    result = np.zeros((len(places), RAYS))
     seen = np.zeros(int(view.far / terrain.cell) + 9, np.int64)
-    step = 2 * np.pi / rays
+    step = 2 * np.pi / RAYS
     for n in range(len(places)):
-        for m in range(rays):
+        for m in range(RAYS):
             total, _ = cast_ray(places[n, 0], places[n, 1], m * step, view, terrain, seen)
             result[n, m] = total * terrain.cell * step
     return result
@@ -197,18 +199,6 @@ def straight_ways(places, rays, longest, turnable, half_size, hazard, rules, ori
                     ways[n, m] = s
                     break
     return ways
-
-
-@njit(cache=True)
-def viewpoint_gains(ray_gains, rays_in_view):
-    """(N, rays) m² in view along each ray of the circle, the middle one of ``rays_in_view``."""
-    gains = np.zeros_like(ray_gains)
-    rays, half = ray_gains.shape[1], rays_in_view // 2
-    for n in range(len(ray_gains)):
-        for m in range(rays):
-            for k in range(-half, half + 1):
-                gains[n, m] += ray_gains[n, (m + k) % rays]
-    return gains
 
 
 @njit(cache=True)

@@ -144,12 +144,9 @@ class Navigator:
         for n, target in enumerate(way_points, start=1):
             if not self._drive_leg(np.asarray(target)[:2], back_up if n == len(way_points) else None, is_clear):
                 return False
-        return heading is None or self._turn_to_viewpoint(heading)
-
-    def _turn_to_viewpoint(self, heading: float) -> bool:
-        """Turn to the heading at the last way point; a turn that fails is a leg that failed."""
-        outcome = self._finish(self._turn_to(heading))
-        if outcome is not Outcome.REACHED and self.legs:
+        outcome = Outcome.REACHED if heading is None else self._finish(self._turn_to(heading))
+        if outcome is not Outcome.REACHED:
+            # A turn that fails is a leg that failed.
             self.legs[-1].outcome = outcome
         return outcome is Outcome.REACHED
 
@@ -255,33 +252,28 @@ class Navigator:
                 return Outcome.MOVED
             leans = self.attitude.tilt_in(TILT_LEAD) > self.robot.model.tipping_tilt
             if leans or progress.is_stuck(T, self._time, command, self._on_ramp):
-                self._back_out(command)
-                self.halts.append(Halt(T, command, self._came_away(T, command)))
+                self.halts.append(Halt(T, command, self._back_out(T, command)))
                 self.recovered += self.halts[-1].freed
                 return Outcome.TILTED if leans else Outcome.STUCK
         self._drive(Velocity())
         return Outcome.REACHED
 
-    def _back_out(self, command: Velocity) -> None:
-        """Undo the last of the motion: that way was free."""
-        model = self.robot.model
-        if isinstance(command, Turn):
+    def _back_out(self, T_held: NDArray[np.float64], command: Velocity) -> bool:
+        """Undo the last of the motion, for that way was free; whether most of it is undone."""
+        model, turns = self.robot.model, isinstance(command, Turn)
+        if turns:
             rate = model.ramp_turn_rate
             undo, seconds = Velocity(0.0, -np.sign(command.omega) * rate), BACK_TURN / rate
         else:
             undo, seconds = Velocity(-np.sign(command.v) * model.ramp_speed), BACK_OUT / model.ramp_speed
-        T = self._drive(Velocity())
-        progress = Progress(model, T, self._time)
+        progress = Progress(model, self._drive(Velocity()), self._time)
         for _ in range(round(seconds / self.robot.control_period)):
             if progress.is_stuck(self._drive(undo), self._time, undo, self._on_ramp):
                 break
-        self._drive(Velocity())
-
-    def _came_away(self, T: NDArray[np.float64], command: Velocity) -> bool:
-        """Whether the robot has undone most of what it should have from the pose where it was held."""
-        if isinstance(command, Turn):
-            return bool(abs(wrap_angle(yaw_of(self.T_map_base) - yaw_of(T))) > BACK_TURN / 2)
-        return bool(np.linalg.norm(self.T_map_base[:3, 3] - T[:3, 3]) > BACK_OUT / 2)
+        T = self._drive(Velocity())
+        if turns:
+            return bool(abs(wrap_angle(yaw_of(T) - yaw_of(T_held))) > BACK_TURN / 2)
+        return bool(np.linalg.norm(T[:3, 3] - T_held[:3, 3]) > BACK_OUT / 2)
 
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)

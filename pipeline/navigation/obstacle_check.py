@@ -52,24 +52,19 @@ class ObstacleCheck:
             return True
         if is_new or np.linalg.norm(position - self._last) >= STRIDE:
             self._target, self._last = target, position
-            self.obstacles = obstacles_between(position, target, self._returns(), self._traversability)
+            self.obstacles = self._obstacles(position, target)
         return not len(self.obstacles)
 
-
-def obstacles_between(
-    start: NDArray[np.float64],
-    target: NDArray[np.float64],
-    points: NDArray[np.float32],
-    traversability: Traversability,
-) -> NDArray[np.float32]:
-    """(M, 3) those of the points (N, 3), m, that stand between two places (2,) on traversable ground."""
-    grid, length = traversability.grid, max(float(np.linalg.norm(target - start)), 1e-6)
-    ahead = (target - start) / length
-    along = (points[:, :2] - start) @ ahead
-    across = (points[:, :2] - start) @ np.array([-ahead[1], ahead[0]])
-    on_way = (along > 0) & (along < min(length + BEYOND, FAR))
-    near = points[on_way & (abs(across) < traversability.robot.half_width + SIDE_MARGIN)]
-    height = near[:, 2] - grid.at(traversability.elevation, near, outside=np.nan)
-    near = near[grid.at(traversability.traversable, near) & (height > LOW) & (height < HIGH)]
-    _, cell, count = np.unique(grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
-    return near[count[cell.ravel()] >= MIN_RETURNS]
+    def _obstacles(self, start: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float32]:
+        """(M, 3) m, those of the returns that stand between two places (2,) on traversable ground."""
+        ground, points = self._traversability, self._returns()
+        length = max(float(np.linalg.norm(target - start)), 1e-6)
+        ahead = (target - start) / length
+        along = (points[:, :2] - start) @ ahead
+        across = (points[:, :2] - start) @ np.array([-ahead[1], ahead[0]])
+        on_way = (along > 0) & (along < min(length + BEYOND, FAR))
+        near = points[on_way & (abs(across) < ground.robot.half_width + SIDE_MARGIN)]
+        height = near[:, 2] - ground.grid.at(ground.elevation, near, outside=np.nan)
+        near = near[ground.grid.at(ground.traversable, near) & (height > LOW) & (height < HIGH)]
+        _, cell, count = np.unique(ground.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
+        return near[count[cell.ravel()] >= MIN_RETURNS]

@@ -64,7 +64,8 @@ def plan_path(topology: TopologicalMap, paths: ShortestPaths, goal: ArrayLike) -
     over_grid = simplify(traversability, grid_way)
     if nodes is None:
         return _plan(traversability, over_grid, [])
-    over_nodes = _shortened(traversability, np.vstack([paths.start, _way_over(topology, nodes), goal]))
+    over_nodes = np.vstack([paths.start, _way_over(topology, nodes), goal])
+    over_nodes = simplify(traversability, over_nodes, bend_anywhere=True)
     if topology.kind == "roadmap" and _is_quicker(over_grid, over_nodes, traversability):
         return _plan(traversability, over_grid, nodes)
     return _plan(traversability, over_nodes, nodes)
@@ -168,15 +169,6 @@ def _linked(
         graph.add_node(name)
         graph.add_weighted_edges_from((name, n, s) for n, s in topology.links_from(xy, traversability).items())
     return graph
-
-
-def _shortened(traversability: Traversability, way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(M, 2) the way (N, 2) without the points that straight drives pass by."""
-    kept = [0]
-    while kept[-1] < len(way) - 1:
-        ahead = 1 + np.flatnonzero(may_cut(traversability, way[kept[-1] :]))
-        kept.append(kept[-1] + (int(ahead[-1]) if len(ahead) else 1))
-    return way[kept]
 
 
 def _plan(traversability: Traversability, way: NDArray[np.float64], nodes: list[int]) -> PathPlan:

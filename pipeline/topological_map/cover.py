@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.grid_map import Box, Grid, GridMap, Layer, box_around
+from pipeline.grid_map import Box, Grid, GridMap, Layer, blocks, box_around
 from pipeline.segments.cells import centres
 from pipeline.segments.segments import Segment
 from pipeline.topological_map import sight_kernels as kernels
@@ -36,10 +36,6 @@ class VisibleCells:
     places: NDArray[np.float64]
     seen: NDArray[np.bool_]
     corners: NDArray[np.int64]
-
-    def __len__(self) -> int:
-        """Number of places."""
-        return len(self.places)
 
     def __getitem__(self, rows: slice | NDArray) -> "VisibleCells":
         """What some of the places see."""
@@ -79,7 +75,8 @@ class Cover:
         layers.match(traversability.grid)
         layers.write("target", traversability.traversable & reachable)
         layers.write("standable", traversability.turnable & reachable)
-        layers.write("walls", _tall(traversability) | _cells(traversability.grid, walls))
+        in_walls = np.vstack([np.zeros((0, 3)), *(centres(wall.cells) for wall in walls)])
+        layers.write("walls", _tall(traversability) | self.grid.mask_of(in_walls))
         changed = layers.changed_since(revision)
         for node, visible in list(self._seen_by.items()):
             if changed[self._window(visible)].any():
@@ -161,9 +158,9 @@ class Cover:
         window = slice(i.start // _BLOCK * _BLOCK, i.stop), slice(j.start // _BLOCK * _BLOCK, j.stop)
         near = ndimage.distance_transform_edt(~mask[window]) * CELL <= within
         room = np.where(near & self.standable[window], self.traversability.to_hazard[window], 0)
-        blocks = _blocks(room)
-        wanted = blocks.any(axis=2)
-        best = np.stack(np.divmod(blocks.argmax(axis=2)[wanted], _BLOCK), axis=-1)
+        by_block = blocks(room, _BLOCK)
+        wanted = by_block.any(axis=2)
+        best = np.stack(np.divmod(by_block.argmax(axis=2)[wanted], _BLOCK), axis=-1)
         corner = (window[0].start, window[1].start)
         return self.grid.centre_of(np.argwhere(wanted) * _BLOCK + best + corner)
 
@@ -192,23 +189,6 @@ class Cover:
         return visible.seen[0][i, j]
 
 
-def _blocks(layer: NDArray) -> NDArray:
-    """(⌈nx / B⌉, ⌈ny / B⌉, B²) the cells of every block of a layer, 0 beyond its end."""
-    layer = np.pad(layer, [(0, -n % _BLOCK) for n in layer.shape])
-    nx, ny = np.array(layer.shape) // _BLOCK
-    return layer.reshape(nx, _BLOCK, ny, _BLOCK).swapaxes(1, 2).reshape(nx, ny, -1)
-
-
 def _tall(traversability: Traversability) -> NDArray[np.bool_]:
     known = np.where(np.isnan(traversability.elevation), np.inf, traversability.elevation)
     return traversability.hazard & (traversability.elevation > ndimage.minimum_filter(known, 5) + _TALL)
-
-
-def _cells(grid: Grid, segments: Sequence[Segment]) -> NDArray[np.bool_]:
-    """(nx, ny) the cells over which segments lie."""
-    mask = np.zeros(grid.shape, np.bool_)
-    for segment in segments:
-        cells = grid.cell_of(centres(segment.cells))
-        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
-        mask[cells[inside, 0], cells[inside, 1]] = True
-    return mask

@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pipeline.labels import Label
 from pipeline.segments.segments import Segments
@@ -50,7 +50,7 @@ class Placement:
         """Nodes for what no node sees, those first that add most."""
         cover = self._cover
         visible = cover.visible_from(cover.candidates(cover.missing, SIGHT))
-        while len(visible):
+        while len(visible.places):
             gains = cover.gains(visible)
             if gains.max() <= _SPARE:
                 return
@@ -86,29 +86,19 @@ class Placement:
         if not np.isfinite(paths.cost_to(nearest)):
             return np.zeros((0, 2))
         way = paths.path_to(nearest)
-        places = self._roomiest(self._cover.candidates(self._mask(way), JOINT_REACH))
+        places = self._cover.candidates(self._cover.grid.mask_of(way), JOINT_REACH)
+        room = traversability.grid.at(traversability.to_hazard, places)
+        places = places[np.argsort(-room, kind="stable")]
         for xy, links in zip(places, self._nodes.links_from(places), strict=True):
             if part & set(links) and not part >= set(links):
                 return xy[None]
         return simplify(traversability, way)[1:-1]
 
-    def _roomiest(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The same places (K, 2), those first that are farthest from hazards."""
-        room = self._cover.grid.at(self._cover.traversability.to_hazard, places)
-        return places[np.argsort(-room, kind="stable")]
-
-    def _mask(self, places: ArrayLike) -> NDArray[np.bool_]:
-        """(nx, ny) the cells of places (N, 2 or 3)."""
-        mask = np.zeros(self._cover.grid.shape, np.bool_)
-        cells = self._cover.grid.cell_of(places)
-        mask[cells[:, 0], cells[:, 1]] = True
-        return mask
-
     def thin_out(self, active: set[int]) -> None:
         """Drop and merge nodes, of those named and their neighbours, as long as nothing is lost."""
         cover = self._cover
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
-            if len(cover.lost_without([n])) <= _SPARE and not self._holds_together(n):
+            if len(cover.lost_without([n])) <= _SPARE and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
                 self._nodes.remove(n)
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
@@ -121,13 +111,9 @@ class Placement:
             if new is not None:
                 pairs.extend((new, n) for n in self._nodes.nodes if n != new)
 
-    def _holds_together(self, node: int) -> bool:
-        """Whether the nodes would fall apart without this one."""
-        return len(self._nodes.parts({node})) > len(self._nodes.parts())
-
     def _candidates(self, active: Collection[int]) -> NDArray[np.float64]:
         """(K, 2) the thesis's places and those around the active nodes."""
-        around = self._mask([self._nodes.nodes[n].position for n in active])
+        around = self._cover.grid.mask_of([self._nodes.nodes[n].position for n in active])
         lattice = self._cover.candidates(around, SIGHT)
         return np.vstack([*(place.xy[None] for place in self._places), lattice])
 

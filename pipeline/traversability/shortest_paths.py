@@ -127,8 +127,13 @@ def may_cut(traversability: Traversability, way: NDArray[np.float64]) -> NDArray
     return allowed
 
 
-def simplify(traversability: Traversability, path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(M, 2) the fewest points of a grid path (N, 2), m, that straight drives join; bends lie where it can turn."""
+def simplify(
+    traversability: Traversability, path: NDArray[np.float64], bend_anywhere: bool = False
+) -> NDArray[np.float64]:
+    """(M, 2) the fewest points of a path (N, 2), m, that straight drives join.
+
+    Bends lie rather where the robot can turn, unless it may ``bend_anywhere``.
+    """
     bends = [0]
     while bends[-1] < len(path) - 1:
         rest = np.arange(bends[-1] + 1, len(path))
@@ -136,6 +141,6 @@ def simplify(traversability: Traversability, path: NDArray[np.float64]) -> NDArr
         turnable = traversability.grid.at(traversability.turnable, path[rest])
         turnable[-1] = True
         slidable = turnable | traversability.grid.at(traversability.slidable, path[rest])
-        choices = (rest[ahead & turnable], rest[ahead & slidable], rest[ahead], rest[:1])
+        choices = (rest[ahead & turnable], rest[ahead & slidable], rest[ahead], rest[:1])[2 * bend_anywhere :]
         bends.append(int(next(choice for choice in choices if len(choice))[-1]))
     return path[bends]

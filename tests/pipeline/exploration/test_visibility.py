@@ -7,7 +7,7 @@ from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import HEIGHT, INTRINSICS, PITCH, StillRobot
 
 CAMERA = kernels.CameraView(0.6, 0.17, 0.9, 3.1, -0.6, 0.15, 0.9)
-RAYS, SHAPE = 24, (203, 101)
+SHAPE = (203, 101)
 
 
 def terrain_with(known: np.ndarray, origin: tuple[float, float] = (0.0, 0.0)) -> kernels.Terrain:
@@ -34,7 +34,7 @@ CELLS = np.argwhere(np.ones((20, 20), np.bool_)) * STRIDE
 
 
 def fresh(cells: np.ndarray, terrain: kernels.Terrain) -> np.ndarray:
-    return kernels.ray_gains(terrain.origin + (cells + 0.5) * terrain.cell, RAYS, CAMERA, terrain)
+    return kernels.ray_gains(terrain.origin + (cells + 0.5) * terrain.cell, CAMERA, terrain)
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def casts(monkeypatch):
 
 
 def test_what_is_kept_is_what_a_fresh_cast_tells():
-    gains, rng = RayGains(RAYS), np.random.default_rng(0)
+    gains, rng = RayGains(), np.random.default_rng(0)
     known = known_up_to(60)
     for _ in range(6):
         before = known.copy()
@@ -65,7 +65,7 @@ def test_what_is_kept_is_what_a_fresh_cast_tells():
 @pytest.fixture
 def gains():
     """With rays cast from all places over ground known up to a line."""
-    gains = RayGains(RAYS)
+    gains = RayGains()
     gains.of(CELLS, CAMERA, terrain_with(known_up_to(200)), NOTHING)
     return gains
 

@@ -5,8 +5,6 @@ can drive to every open tile, and each victim lies next to one. The finished are
 all the same; one that fails is drawn again from the next numbers.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pipeline.errors import InputError
@@ -38,6 +36,9 @@ _BOUNDS = {
     "difficulty": (0, 3),
 }
 """Lowest and highest value of each setting."""
+
+_Plan = tuple[list[Item], list[PlacedVictim], Tile, Side]
+"""What stands where, and the tile where the robot starts and the side that it faces."""
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
@@ -73,15 +74,6 @@ def _check(seed: int, config: RandomArenaConfig) -> None:
             raise InputError(f"random arena: {name} is {value:g}, must be {low} to {high}")
 
 
-@dataclass(frozen=True, eq=False)
-class _Plan:
-    """Where everything goes."""
-
-    items: list[Item]
-    victims: list[PlacedVictim]
-    start: tuple[Tile, Side]
-
-
 def _draw(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Plan | None:
     """Draw a plan; None if the victims do not fit."""
     layout = Layout(config.columns, config.rows)
@@ -106,14 +98,15 @@ def _draw(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Pl
         items += place_bulky(layout, draws, config.bulky)
     items += ground_items(layout)
     items += wall_items(layout, draws, difficulty >= 2, config.ceiling, other_walls)
-    return _Plan(items, victims, start)
+    return items, victims, *start
 
 
 def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
     """Set everything down; the middle of the arena is the origin."""
+    items, victims, tile, side = plan
     builder = ArenaBuilder(name)
     corner = -np.array([config.columns, config.rows]) * TILE / 2
-    for item in plan.items:
+    for item in items:
         xy = corner + (np.array(item.tile) + 0.5) * TILE + np.array(item.shift) / 100
         builder.add_element(item.kind, [*xy, 0.0], item.yaw)
     low, high = builder.bounds
@@ -121,8 +114,7 @@ def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
     builder.add_floor(low - FLOOR_MARGIN, high + FLOOR_MARGIN)
     if config.ceiling:
         builder.add_ceiling(low, high, CEILING)
-    for victim in plan.victims:
+    for victim in victims:
         victim.model.add_to(builder.root, victim.position + np.append(corner, 0.0), victim.yaw)
-    tile, side = plan.start
     builder.set_start([*(corner + (np.array(tile) + 0.5) * TILE), 0.0], side * np.pi / 2)
     return builder

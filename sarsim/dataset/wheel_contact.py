@@ -24,8 +24,14 @@ class WheelContact:
     """The ground of an arena as the robot's wheels meet it."""
 
     def __init__(self, bodies: ConvexBodies, grid: Grid):
-        """``bodies``: of the arena without the robot; ``grid``: over them."""
-        self._ground = _ground(bodies, grid)
+        """``bodies``: of the arena without the robot, here listed by the cell of the ``grid`` that they lie over."""
+        number = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape)
+        cells = [number[i0:i1, j0:j1].ravel() for i0, i1, j0, j1 in bodies.windows(grid)]
+        cell, body = np.concatenate(cells), np.repeat(np.arange(len(cells)), [len(c) for c in cells])
+        count = np.bincount(cell, minlength=number.size).reshape(grid.shape)
+        start = count.cumsum().reshape(grid.shape) - count
+        listed = body[np.argsort(cell, kind="stable")]
+        self._ground = kernels.Ground(bodies.planes, bodies.first, start, count, listed, grid.origin, grid.cell)
 
     def stand(self, x: float, y: float, yaw: float, height: float) -> NDArray[np.float64] | None:
         """4×4 pose of ``base_link`` at (x, y) m that faces along ``yaw`` rad, at rest and without play in the tyres.
@@ -41,14 +47,3 @@ class WheelContact:
         if not kernels.is_clear(self._ground, x, y, z, R, below, UNDERSIDE):
             return None
         return from_rotation(R, (x, y, z))
-
-
-def _ground(bodies: ConvexBodies, grid: Grid) -> kernels.Ground:
-    """The bodies, listed by the cells over which they lie."""
-    number = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape)
-    cells = [number[i0:i1, j0:j1].ravel() for i0, i1, j0, j1 in bodies.windows(grid)]
-    cell, body = np.concatenate(cells), np.repeat(np.arange(len(cells)), [len(c) for c in cells])
-    count = np.bincount(cell, minlength=number.size).reshape(grid.shape)
-    start = count.cumsum().reshape(grid.shape) - count
-    listed = body[np.argsort(cell, kind="stable")]
-    return kernels.Ground(bodies.planes, bodies.first, start, count, listed, grid.origin, grid.cell)

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
@@ -57,6 +58,7 @@ class ThreePasses(Renderer):
     QUALITY: ClassVar[Mapping[str, int]] = {}
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int):
+        ExitStack.__init__(self)  # and not the renderer's own, which would draw in a second OpenGL context
         self.model, self.width, self.height = model, width, height
         default = mujoco.MjSpec().visual.quality
         for name in ("offsamples", "shadowsize", "numslices", "numstacks", "numquads"):
@@ -64,6 +66,7 @@ class ThreePasses(Renderer):
         # A larger framebuffer, as arenas have for the viewer, would only cost it time.
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._renderer = mujoco.Renderer(model, height, width)
+        self.callback(self._renderer.close)
 
     def colour(self, data: mujoco.MjData, camera: CameraName) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB."""
@@ -87,10 +90,6 @@ class ThreePasses(Renderer):
         depth = self.depth(data, camera).copy()
         ids = self.segmentation(data, camera)
         return np.where(ids[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), ids[..., 0], -1), depth
-
-    def close(self) -> None:
-        """Free the OpenGL context."""
-        self._renderer.close()
 
     def _picture(self, data: mujoco.MjData, camera: CameraName) -> NDArray:
         self._renderer.update_scene(data, camera)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import THESIS_FOUR, Label
+from pipeline.semantic_map.networks.scores import iou, mean_iou
 from pipeline.semantic_map.semantic_map import SemanticMap
 
 
@@ -25,12 +26,12 @@ class SemanticScore:
         confusion = confusion_matrix(self._truth.labels(), semantic_map.labels())
         if not confusion.any():
             return {}
-        iou = iou_by_label(confusion)
-        four = [iou[label] for label in THESIS_FOUR if label in iou]
+        by_label = iou_by_label(confusion)
+        four = mean_iou(confusion, THESIS_FOUR)
         return {
-            "miou_four": float(np.mean(four)) if four else 0.0,
-            "miou": float(np.mean(list(iou.values()))),
-            "iou": {label.name.lower(): value for label, value in iou.items()},
+            "miou_four": 0.0 if np.isnan(four) else four,
+            "miou": float(np.mean(list(by_label.values()))),
+            "iou": {label.name.lower(): value for label, value in by_label.items()},
             "accuracy": float(np.trace(confusion) / confusion.sum()),
             "points": int(confusion.sum()),
         }
@@ -46,6 +47,5 @@ def confusion_matrix(truth: NDArray[np.uint8], predicted: NDArray[np.uint8]) -> 
 
 def iou_by_label(confusion: NDArray[np.int64]) -> dict[Label, float]:
     """Intersection over union, by a confusion (L, L), of the labels that are true of any pixel or point."""
-    right = np.diag(confusion)
-    union = confusion.sum(axis=0) + confusion.sum(axis=1) - right
-    return {label: float(right[label] / union[label]) for label in Label if confusion[label].sum()}
+    values = iou(confusion)
+    return {label: float(values[label]) for label in Label if confusion[label].any()}

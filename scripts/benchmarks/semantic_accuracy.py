@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.labels import THESIS_FOUR, Label
 from pipeline.semantic_map.classifier import PointClassifier
+from pipeline.semantic_map.networks.scores import mean_iou
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.scoring.semantics import SemanticScore, confusion_matrix, iou_by_label
@@ -44,6 +45,5 @@ def _labels(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def _figures(confusion: NDArray[np.int64]) -> dict[str, float]:
-    iou = iou_by_label(confusion)
-    four = float(np.mean([iou[label] for label in THESIS_FOUR if label in iou]))
-    return {"miou_four": four, **{label.name.lower(): value for label, value in iou.items()}}
+    by_label = {label.name.lower(): value for label, value in iou_by_label(confusion).items()}
+    return {"miou_four": mean_iou(confusion, THESIS_FOUR), **by_label}

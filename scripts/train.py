@@ -161,8 +161,7 @@ def _train(
 
         trainer.run(report, until)
     if leads:
-        told = f"Validated best: {score} {trainer.best:.4f}. Weights in {settings.out}"
-        Console().print(told, soft_wrap=True)
+        Console().print(f"Validated best: {score} {trainer.best:.4f}. Weights in {settings.out}", soft_wrap=True)
 
 
 def main() -> None:

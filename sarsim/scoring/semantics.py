@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import THESIS_FOUR, Label
+from pipeline.semantic_map.networks.scores import iou
 from pipeline.semantic_map.semantic_map import SemanticMap
 
 
@@ -50,6 +51,5 @@ def confusion_matrix(truth: NDArray[np.uint8], predicted: NDArray[np.uint8]) -> 
 
 def iou_by_label(confusion: NDArray[np.int64]) -> dict[Label, float]:
     """Intersection over union, by a confusion (L, L), of the labels that are true of any pixel or point."""
-    right = np.diag(confusion)
-    union = confusion.sum(axis=0) + confusion.sum(axis=1) - right
-    return {label: float(right[label] / union[label]) for label in Label if confusion[label].sum()}
+    values = iou(confusion)
+    return {label: float(values[label]) for label in Label if confusion[label].any()}

@@ -15,7 +15,7 @@ from pipeline.semantic_map.networks.classifier import DgcnnClassifier, save_clas
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.threads import single_threaded
+from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
 from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
 from sarsim.scripts.benchmarks.common import seconds
@@ -97,7 +97,7 @@ def _step_contest(network: Dgcnn, block: NDArray[np.float32]) -> dict[str, float
     def theirs() -> None:
         functional.cross_entropy(network(points.T[None])[0].T, classes).backward()
 
-    with single_threaded():
+    with torch_threads(1):
         ours()
         ours_s, theirs_s = (seconds(step) for step in (ours, theirs))
     network.eval()

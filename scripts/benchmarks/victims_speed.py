@@ -4,6 +4,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
 from pipeline.victims.detection.architectures import COCO_TINY_ANCHORS, yolov3_tiny
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.detector import VictimDetector
@@ -31,12 +32,8 @@ def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:
     """Median ms of a frame through the detector, and how many times as long plain PyTorch takes; they take turns."""
     ours, plain = VictimDetector(network), VictimDetector(network, make_fast=PlainNetwork)
     image = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
-    before = torch.get_num_threads()
-    torch.set_num_threads(THREADS)
-    try:
+    with torch_threads(THREADS):
         times = np.array([[seconds(d.detect, image) for d in (ours, plain)] for _ in range(2 + rounds)])[2:]
-    finally:
-        torch.set_num_threads(before)
     fast, slow = times.T
     return {"detector_ms": float(1e3 * np.median(fast)), "detector_vs_torch": float(np.median(slow / fast))}
 

@@ -12,12 +12,10 @@ from pipeline.semantic_map.classifier import CLASSES
 CHANNELS = 6
 """Of a point: see :func:`channels`."""
 NO_CLASS = -1
-_CLASS_OF_LABEL = {label: number for number, label in enumerate(CLASSES)} | {
-    Label.VICTIM: CLASSES.index(Label.CLUTTER),  # finding victims is another stage's task
-    Label.UNLABELLED: NO_CLASS,
-}
-CLASS_OF_LABEL = np.array([_CLASS_OF_LABEL[label] for label in Label], np.int8)
+CLASS_OF_LABEL = np.full(len(Label), NO_CLASS, np.int8)
 """(8,) number of the class of every label."""
+CLASS_OF_LABEL[list(CLASSES)] = range(len(CLASSES))
+CLASS_OF_LABEL[Label.VICTIM] = CLASSES.index(Label.CLUTTER)  # finding victims is another stage's task
 
 
 @dataclass(frozen=True)

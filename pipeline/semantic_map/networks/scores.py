@@ -1,41 +1,26 @@
-"""How well classes were told apart."""
+"""How well classes were told apart, by a confusion (C, C): counts by true class (row) and given class (column)."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.labels import THESIS_FOUR
-from pipeline.semantic_map.classifier import CLASSES
 
-_FOUR = [CLASSES.index(label) for label in THESIS_FOUR]
+def confusion_of(counts: NDArray[np.integer], given: NDArray[np.integer]) -> NDArray[np.int64]:
+    """(C, C) from (M, C) returns by true class in the voxel of every point, and the (M,) classes it was given."""
+    result = np.zeros((counts.shape[1], counts.shape[1]), np.int64)
+    np.add.at(result.T, given, counts)
+    return result
 
 
-@dataclass(frozen=True, eq=False)
-class Confusion:
-    """Returns by true class (row) and class that they were given (column): (6, 6) int64."""
+def iou(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(C,) intersection over union of every class; NaN where it neither is nor was given."""
+    hits = np.diag(confusion)
+    union = confusion.sum(axis=0) + confusion.sum(axis=1) - hits
+    return np.divide(hits, union, out=np.full(len(hits), np.nan), where=union > 0)
 
-    counts: NDArray[np.int64]
 
-    @classmethod
-    def of(cls, counts: NDArray[np.integer], classes: NDArray[np.integer]) -> "Confusion":
-        """From (M, 6) returns by true class in the voxel of every point, and the (M,) classes that it was given."""
-        result = np.zeros((len(CLASSES), len(CLASSES)), np.int64)
-        np.add.at(result.T, classes, counts)
-        return cls(result)
-
-    def __add__(self, other: "Confusion") -> "Confusion":
-        return Confusion(self.counts + other.counts)
-
-    @property
-    def iou(self) -> NDArray[np.float64]:
-        """(6,) intersection over union of every class; NaN where it neither is nor was given."""
-        hits = np.diag(self.counts)
-        union = self.counts.sum(axis=0) + self.counts.sum(axis=1) - hits
-        return np.divide(hits, union, out=np.full(len(hits), np.nan), where=union > 0)
-
-    @property
-    def miou_four(self) -> float:
-        """Mean over those of the thesis's four classes that occur."""
-        occurring = [c for c in _FOUR if self.counts[c].any()]
-        return float(self.iou[occurring].mean()) if occurring else float("nan")
+def mean_iou(confusion: NDArray[np.int64], classes: Sequence[int]) -> float:
+    """Mean over those of the classes that occur; NaN if none does."""
+    occurring = [c for c in classes if confusion[c].any()]
+    return float(iou(confusion)[occurring].mean()) if occurring else float("nan")

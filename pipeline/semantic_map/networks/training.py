@@ -6,10 +6,12 @@ from typing import Any, Self
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import log_softmax
 
 from pipeline.errors import InputError
+from pipeline.labels import THESIS_FOUR
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig
 from pipeline.semantic_map.networks.classifier import save_classifier, segment
@@ -17,10 +19,10 @@ from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.threads import single_threaded
+from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
 from pipeline.semantic_map.networks.parallel import Worker
 from pipeline.semantic_map.networks.sampling import Batch, BlockSampler
-from pipeline.semantic_map.networks.scores import Confusion
+from pipeline.semantic_map.networks.scores import confusion_of, iou, mean_iou
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
@@ -69,8 +71,7 @@ class Trainer(TrainingLoop[Batch]):
         self._parallel = worker.share(RaggedDgcnn(self.network))
         sampler = BlockSampler(training, self._blocks, config.batch, self.network.k, config.seed)
         self._weights = class_weights(training, BALANCE).to(worker.device)
-        parameters = self.network.parameters()
-        optimizer = torch.optim.AdamW(parameters, config.learning_rate, weight_decay=WEIGHT_DECAY)
+        optimizer = torch.optim.AdamW(self.network.parameters(), config.learning_rate, weight_decay=WEIGHT_DECAY)
 
         def draw(step: int) -> Batch:
             return sampler.batch(step * worker.count + worker.rank)
@@ -79,7 +80,7 @@ class Trainer(TrainingLoop[Batch]):
 
     def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
         """As of any training; PyTorch starts no threads of its own meanwhile."""
-        with single_threaded():
+        with torch_threads(1):
             super().run(report, until)
 
     def _loss(self, batch: Batch) -> Tensor:
@@ -88,21 +89,24 @@ class Trainer(TrainingLoop[Batch]):
 
     def _validate(self) -> list[float]:
         confusion = validate(self.network, self._validation, self._blocks, self.config.seed)
-        return [confusion.miou_four, *confusion.iou.tolist()]
+        return [mean_iou(confusion, list(map(CLASSES.index, THESIS_FOUR))), *iou(confusion).tolist()]
 
     def _write(self, about: dict[str, Any]) -> None:
         save_classifier(self.out, self.network, self._blocks, about)
 
 
-def validate(network: Dgcnn, clouds: Sequence[LabelledCloud], blocks: BlockConfig, seed: int) -> Confusion:
-    """What the network makes of the clouds, cut as ``blocks`` says by a ``seed``, as the robot would use it."""
+def validate(network: Dgcnn, clouds: Sequence[LabelledCloud], blocks: BlockConfig, seed: int) -> NDArray:
+    """(6, 6) int64 returns of the clouds by true class and class that the network gives, as the robot would use it.
+
+    The clouds are cut as ``blocks`` says by a ``seed``.
+    """
     fast = FastDgcnn(network)
-    result = Confusion(np.zeros((len(CLASSES), len(CLASSES)), np.int64))
+    confusion = np.zeros((len(CLASSES), len(CLASSES)), np.int64)
     for number, cloud in enumerate(clouds):
         rng = np.random.default_rng([seed, number])
         probabilities = segment(fast, cloud.points, cloud.camera, blocks, 1, rng)
-        result += Confusion.of(cloud.counts, probabilities.argmax(axis=1))
-    return result
+        confusion += confusion_of(cloud.counts, probabilities.argmax(axis=1))
+    return confusion
 
 
 def cross_entropy(logits: Tensor, shares: Tensor, weights: Tensor) -> Tensor:

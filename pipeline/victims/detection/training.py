@@ -80,10 +80,10 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
         draw = CanvasSampler(training, (config.width, config.height), config.batch, config.seed).batch
         self._validation = validation
         if initial:
-            network = load_network(initial.with_suffix(".cfg"), initial)
-            if (classes := network.cfg.classes) != 1:
-                raise InputError(f"{network.cfg.name}: tells {classes} classes apart, not people alone")
-            self._text = initial.with_suffix(".cfg").read_text()
+            path = initial.with_suffix(".cfg")
+            if (classes := DarknetCfg.read(path).classes) != 1:
+                raise InputError(f"{path}: tells {classes} classes apart, not people alone")
+            self._text, network = path.read_text(), load_network(path, initial)
         else:
             self._text = fitted_cfg(training, config)
             network = new_network(self._text)

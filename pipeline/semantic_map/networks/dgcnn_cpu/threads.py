@@ -21,28 +21,23 @@ class RowThreads:
         """Start ``count`` threads."""
         self._count = count
         # PyTorch's setting holds for the thread that makes it, and for threads that are started later.
-        with single_threaded():
+        with torch_threads(1):
             self._pool = ThreadPoolExecutor(count)
             all_started = Barrier(count)
             list(self._pool.map(lambda _: (torch.get_num_threads(), all_started.wait()), range(count)))
 
     def run(self, action: Callable[[], Result]) -> Result:
         """Call ``action`` in one of the threads, without automatic differentiation."""
-
-        def infer() -> Result:
-            with torch.inference_mode():
-                return action()
-
-        return self._pool.submit(infer).result()
+        return self._pool.submit(torch.inference_mode()(action)).result()
 
     def over(self, tiles: Sequence[slice], action: Callable[[slice], object]) -> None:
         """To be called inside ``run``: call ``action`` for every slice of rows, each in the next free thread."""
         left = iter(tiles)
 
+        @torch.inference_mode()
         def work() -> None:
-            with torch.inference_mode():
-                for rows in left:
-                    action(rows)
+            for rows in left:
+                action(rows)
 
         others = [self._pool.submit(work) for _ in range(self._count - 1)]
         try:
@@ -55,10 +50,10 @@ class RowThreads:
 
 
 @contextmanager
-def single_threaded() -> Iterator[None]:
-    """PyTorch starts no threads in this one meanwhile."""
+def torch_threads(count: int) -> Iterator[None]:
+    """PyTorch computes in so many threads meanwhile; with one it starts none of its own."""
     before = torch.get_num_threads()
-    torch.set_num_threads(1)
+    torch.set_num_threads(count)
     try:
         yield
     finally:

@@ -61,12 +61,11 @@ def label_at(point: NDArray[np.float64], segments: Segments) -> Label:
 
 def segment_nodes(segment: Segment) -> NDArray[np.float64]:
     """(N, 3) places in ``map`` for the nodes of a straight or an inclined ramp; none on other segments."""
-    if segment.box.area < MIN_AREA or segment.plane.normal[2] < np.cos(MAX_SLOPE):
-        return np.zeros((0, 3))
-    if segment.label is Label.STRAIGHT_RAMP:
-        return _middles(segment)
-    if segment.label is Label.INCLINED_RAMP:
-        return _bottom(segment)[None]
+    if segment.box.area >= MIN_AREA and segment.plane.normal[2] >= np.cos(MAX_SLOPE):
+        if segment.label is Label.STRAIGHT_RAMP:
+            return _middles(segment)
+        if segment.label is Label.INCLINED_RAMP:
+            return _bottom(segment)[None]
     return np.zeros((0, 3))
 
 

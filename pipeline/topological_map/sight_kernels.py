@@ -63,15 +63,12 @@ def count_in(seen, corners, mask):
 @njit(cache=True)
 def see_all(seen, corners, cells, spare):
     """(K,) bool, whether a place sees all but ``spare`` of the cells (M, 2), by its window (K, S, S)."""
-    result = np.ones(len(seen), np.bool_)
+    result = np.empty(len(seen), np.bool_)
     size = seen.shape[1]
     for k in range(len(seen)):
         missed = 0
         for m in range(len(cells)):
             i, j = cells[m, 0] - corners[k, 0], cells[m, 1] - corners[k, 1]
-            if not (0 <= i < size and 0 <= j < size and seen[k, i, j]):
-                missed += 1
-                if missed > spare:
-                    result[k] = False
-                    break
+            missed += not (0 <= i < size and 0 <= j < size and seen[k, i, j])
+        result[k] = missed <= spare
     return result

@@ -63,7 +63,11 @@ class TopologicalMap:
         placement.join()
         placement.thin_out({n for n in nodes.nodes if n not in old or nodes.cover.is_near(n, changed)})
         self.tree = collision_free_tree(nodes.free)
-        self.graph = self.tree if self.kind == "mst" else self._roadmap()
+        self.graph = self.tree
+        if self.kind == "roadmap" and len(nodes.nodes) > 1:
+            drives = nodes.free.copy()
+            add_passages(drives, self.nodes, nodes.links)
+            self.graph = roadmap(self.tree, drives, MAX_DETOUR)
 
     def way(self, a: int, b: int) -> NDArray[np.float64]:
         """(N, 3) m, the points that an edge leads over, from node ``a`` to node ``b``."""
@@ -102,9 +106,3 @@ class TopologicalMap:
         if not places or any(np.isfinite(paths.cost_to(place)) for place in places):
             return paths.reachable
         return paths.reachable | ShortestPaths(paths.traversability, places).reachable
-
-    def _roadmap(self) -> nx.Graph:
-        drives = self._set.free.copy()
-        if len(self.nodes) > 1:
-            add_passages(drives, self.nodes, self._set.links)
-        return roadmap(self.tree, drives, MAX_DETOUR)

@@ -27,23 +27,17 @@ LOWER_MARGIN, UPPER_MARGIN, SIDE_MARGIN = np.deg2rad((0.5, 1.5, 2.0))
 def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
     """What the camera that took a frame sees of the ground.
 
-    To 1 mm and 1 mrad, so that a camera that trembles on its mount stays the same.
+    To 1 mm and 0.1°, so that a camera that trembles on its mount stays the same.
     """
     lens, T = frame.intrinsics, frame.T_base_camera
     pitch = np.arcsin(T[2, 2])
     left, right = np.arctan([lens.cx / lens.fx, (lens.width - lens.cx) / lens.fx])
     up, down = np.arctan([lens.cy / lens.fy, (lens.height - lens.cy) / lens.fy])
     near, far = robot.camera_range
-    view = kernels.CameraView(
-        height=T[2, 3],
-        ahead=T[0, 3],
-        near=near + NEAR_MARGIN,
-        far=far - FAR_MARGIN,
-        lower_edge=pitch - down + LOWER_MARGIN,
-        upper_edge=pitch + up - UPPER_MARGIN,
-        field_of_view=left + right - 2 * SIDE_MARGIN,
-    )
-    return kernels.CameraView(*(round(float(number), 3) for number in view))
+    lengths = T[2, 3], T[0, 3], near + NEAR_MARGIN, far - FAR_MARGIN
+    angles = pitch - down + LOWER_MARGIN, pitch + up - UPPER_MARGIN, left + right - 2 * SIDE_MARGIN
+    rounded = [round(float(metres), 3) for metres in lengths]
+    return kernels.CameraView(*rounded, *np.deg2rad(np.degrees(angles).round(1)).tolist())
 
 
 def gains(ray_gains: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:

@@ -62,7 +62,7 @@ def test_on_a_slope_it_leans_as_the_slope_does(climb: float, rise: float, yaw: f
     normal = np.array([-climb, -rise, 1.0]) / np.linalg.norm([climb, rise, 1.0])
     # A wheel as thin as a disc touches a slope across its way a little beside its lowest point.
     assert np.degrees(np.arccos(np.clip(T[:3, 2] @ normal, -1, 1))) < 0.5
-    assert abs(T[:3, 3] @ normal) < 0.01
+    assert abs(T[:3, 3] @ normal) < 0.01  # 8.8 mm at the steepest, climb -0.31 and rise 0.25
     assert yaw_of(T) == pytest.approx(yaw, abs=1e-6)
 
 

@@ -64,7 +64,6 @@ class Explorer:
         mapper: all maps.
         mission: what to do next.
         navigator: drives.
-        steps: how many were made.
         track: (N, 2) m in ``map``, where the robot has been since it was set down.
         T_map_expected: 4×4 pose where the last step or drive left the robot; None if it was kidnapped.
     """
@@ -87,7 +86,6 @@ class Explorer:
         exploration.rewards = self.reobservation
         self.mission = Mission(exploration, self.mapper.topological_map)
         self.navigator = Navigator(robot)
-        self.steps = 0
         self._failed_drives = 0
         self.T_map_expected: NDArray[np.float64] | None = None
         self.track = np.zeros((0, 2))
@@ -97,7 +95,7 @@ class Explorer:
         with self.mapper.stopwatch("sense"):
             frame = self.robot.sense()
         T_map_base = self.mapper.localise(frame)
-        was_kidnapped = self._is_kidnapped(T_map_base)
+        was_kidnapped = self._notice_kidnapping(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base)
         self.reobservation.count(frame)
         with self.mapper.stopwatch("exploration"):
@@ -106,7 +104,6 @@ class Explorer:
         self.mapper.connect(keyframe, context.paths)
         with self.mapper.stopwatch("path_plan"):
             plan = self._plan(viewpoint, context, approach) if viewpoint else None
-        self.steps += 1
         can_drive = context.paths.start is not None and not self.is_held
         return Step(keyframe, context, viewpoint, plan, frontiers, can_drive, was_kidnapped)
 
@@ -135,6 +132,11 @@ class Explorer:
         self._failed_drives = 0 if came_away else self._failed_drives + (not reached)
         self._learn_from_drive(check.obstacles)
         return reached
+
+    @property
+    def steps(self) -> int:
+        """How many were made; each is a keyframe in the maps."""
+        return self.mapper.keyframes
 
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
@@ -209,7 +211,7 @@ class Explorer:
         frame: Frame = self.robot.sense()
         return frame.points(self.mapper.localisation.localise(frame) @ frame.T_base_camera)
 
-    def _is_kidnapped(self, T_map_base: NDArray[np.float64]) -> bool:
+    def _notice_kidnapping(self, T_map_base: NDArray[np.float64]) -> bool:
         """Whether the robot is elsewhere than it drove; the ground is assumed flat wherever it is set down."""
         last, self.T_map_expected = self.T_map_expected, T_map_base
         set_down = last is None or bool(np.linalg.norm(T_map_base[:3, 3] - last[:3, 3]) > KIDNAPPED)

@@ -28,7 +28,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 
 class Episode:
-    """A robot, its explorer, and those who watch: the score and the recorder."""
+    """A robot, its explorer, and what watches them: the score, the rescue report and the recorder."""
 
     def __init__(self, config: EpisodeConfig):
         """Raises InputError where the arena, the output folder or the viewer cannot be had."""
@@ -163,7 +163,7 @@ class Episode:
 
 
 def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
-    """Who says what a point belongs to.
+    """The classifier that ``--labels`` names.
 
     Raises:
         InputError: the network's weights are missing, or not for this.

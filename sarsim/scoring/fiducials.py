@@ -13,13 +13,19 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.transforms import transform_points
-from sarsim.arenas.fiducials import FAMILY
+from sarsim.arenas.fiducials import FAMILY, SIDE
+
+CORNERS = SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
+"""(4, 3) m of the black square as OpenCV numbers them, x right, y up, z at the viewer."""
+NEAR = 1.0
+"""m up to which the corners tell the distance within some millimetres; the depth camera sees from 0.8 m."""
 
 
 def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
     """The tags in a colour image and where the middle of each is, (3,) m in ``camera_optical``.
 
-    The way to it by the tag's corners, how far by the depth there; a tag without depth is left out.
+    The way to it by the tag's corners, how far by the depth there; where it is too near for the depth camera, by the
+    corners too (Collins and Bartoli 2014). A tag farther away without depth is left out.
     """
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -37,11 +43,13 @@ def _middle(corners: NDArray[np.float32], frame: Frame) -> NDArray[np.float64] |
     middle = np.cross(np.cross(a, c), np.cross(b, d))
     u, v = middle[:2] / middle[2] + 0.5
     within = cv2.fillConvexPoly(np.zeros(frame.depth.shape, np.uint8), corners.round().astype(np.int32), 1) > 0
-    depth = frame.depth[within & frame.returns]
-    if depth.size < within.sum() / 2:
-        return None
-    camera = frame.intrinsics
-    return float(np.median(depth)) * np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
+    returns, camera = frame.depth[within & frame.returns], frame.intrinsics
+    ray = np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
+    if returns.size >= within.sum() / 2:
+        return float(np.median(returns)) * ray
+    matrix = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
+    _, _, t = cv2.solvePnP(CORNERS, corners.astype(np.float64), matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    return float(t[2, 0]) * ray if t[2, 0] < NEAR else None
 
 
 class FiducialScore:

@@ -51,11 +51,17 @@ def test_a_tag_is_where_its_middle_and_its_depth_are():
     assert_allclose(T_BASE_CAMERA[:3, :3] @ middle + T_BASE_CAMERA[:3, 3], in_base(100, 200, 6), atol=1e-3)
 
 
-def test_a_tag_without_depth_is_left_out():
+def test_a_far_tag_without_depth_is_left_out():
     assert not read_fiducials(frame((7, 100, 200, 6), depth=0.0))
     half = frame((7, 100, 200, 6), (8, 400, 200, 6))
     half.depth[:, 300:] = 0
     assert [tag for tag, _ in read_fiducials(half)] == [7]
+
+
+def test_a_tag_too_near_for_depth_is_as_far_as_it_is_large():
+    """Modules of 2 cm and 16 pixels, at a focal length of 555 pixels."""
+    ((_, middle),) = read_fiducials(frame((7, 240, 160, 16), depth=0.0))
+    assert_allclose(middle, [0, 0, 0.02 * 555 / 16], atol=0.01)
 
 
 def test_an_image_without_tags():
@@ -115,7 +121,7 @@ def test_nothing_is_reported_where_no_tags_hang():
     assert score.report() == {}
 
 
-@pytest.mark.parametrize(("distance", "tolerance"), [(1.0, 0.006), (2.0, 0.01), (3.0, 0.02)])
+@pytest.mark.parametrize(("distance", "tolerance"), [(0.6, 0.006), (1.0, 0.006), (2.0, 0.01), (3.0, 0.02)])
 @pytest.mark.parametrize("lighting", ["normal", "dark"])
 def test_tags_are_read_through_the_noise(distance, tolerance, lighting):
     errors = []

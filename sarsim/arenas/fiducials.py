@@ -88,16 +88,16 @@ def _poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterato
     while number and len(point) and to_others.max() > SPACING:
         farthest = int(to_others.argmax())
         if walls.has_room(point[farthest], normal[farthest]):
-            yield _upright(point[farthest] + normal[farthest] * THICK, normal[farthest])
+            R = np.column_stack([_along(normal[farthest]), [0.0, 0.0, 1.0], normal[farthest]])
+            yield from_rotation(R, point[farthest] + normal[farthest] * THICK)
             number -= 1
             to_others = np.minimum(to_others, np.linalg.norm(point - point[farthest], axis=1))
         to_others[farthest] = 0.0
 
 
-def _upright(point: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """4×4 pose of a tag that faces along a horizontal normal."""
-    right = np.array([-normal[1], normal[0], 0.0])
-    return from_rotation(np.column_stack([right, [0.0, 0.0, 1.0], normal]), point)
+def _along(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3,) to the right as one looks at a wall with a horizontal normal."""
+    return np.array([-normal[1], normal[0], 0.0])
 
 
 class _Walls:
@@ -137,9 +137,8 @@ class _Walls:
         if not (surface.grid.at(surface.drivable, eye) and abs(step) < MAX_STEP):
             return False
         half = SIDE / MODULES * (MODULES / 2 + 2)
-        along = np.array([-normal[1], normal[0], 0.0])
         offsets = np.linspace(-half, half, 5)
-        starts = (eye + a * along + [0.0, 0.0, b] for a in offsets for b in offsets)
+        starts = (eye + a * _along(normal) + [0.0, 0.0, b] for a in offsets for b in offsets)
         return all(self._meets(start, -normal) for start in starts)
 
     def _meets(self, start: NDArray[np.float64], ray: NDArray[np.float64]) -> bool:

@@ -19,6 +19,7 @@ from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from pipeline.victims.detection.detector import VictimDetector
+from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.recording import EpisodeRecorder
 from sarsim.scoring.episode import EpisodeScore
@@ -40,6 +41,7 @@ class Episode:
         classifier = make_classifier(config.labels, config.weights)
         detector = VictimDetector.load(*config.detector) if config.detector else None
         arena = load_arena(config.arena, config.start, config.random)
+        fiducials = hang_fiducials(arena, config.fiducials, config.seed)
         self.out = config.folder
         make_folder(self.out)
         simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust, config.speed)
@@ -48,7 +50,7 @@ class Episode:
             self.robot, classifier, detector, voxel_size=config.voxel_size, graph=config.graph, seed=config.seed
         )
         self.mission = self.explorer.mission
-        self.score = EpisodeScore(self.robot, self.explorer)
+        self.score = EpisodeScore(self.robot, self.explorer, fiducials)
         self.rescue_report = RescueReport(self.explorer)
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
         self.robot.on_motion = self.recorder.log_motion

@@ -36,6 +36,8 @@ class EpisodeConfig:
         sensor: the Xtion with its noise, or its range alone, to see what noise costs.
         lighting: of the arena; in the dark the robot's lamp is on.
         dust: in the air, from 0 to 1; it swallows depth returns, makes false ones and veils colours.
+        fiducials: AprilTags on the arena's walls, by which the report tells how true distances in the map are; the
+            robot takes no notice of them.
         speed: on level ground, m/s; the thesis drives at 0.2. Faster robots are done earlier and look less often.
         voxel_size: of the metric map, m; smaller voxels show more detail and take more time and memory.
         graph: what plans are made on: the thesis's minimum spanning tree (mst), or the tree and loops that shorten
@@ -59,6 +61,7 @@ class EpisodeConfig:
     sensor: Literal["xtion", "ideal"] = "xtion"
     lighting: LightingName = "normal"
     dust: float = 0.0
+    fiducials: int = 0
     speed: float = 0.2
     voxel_size: float = 0.1
     graph: Literal["mst", "roadmap"] = "roadmap"

@@ -10,6 +10,7 @@ from pipeline.navigation.navigator import Outcome
 from pipeline.traversability.shortest_paths_kernels import free_rules, shortest_paths
 from sarsim.ground_truth.faces import true_faces
 from sarsim.ground_truth.true_surface import Survey
+from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.segments import score_segments
 from sarsim.scoring.semantics import SemanticScore
 from sarsim.scoring.topology import score_topology
@@ -31,10 +32,12 @@ class EpisodeScore:
         surface: the true ground.
         seen: (nx, ny) bool on its grid, the cells in which a noise-free return fell.
         victims: which of them came into view.
+        fiducials: where the tags on the walls were seen.
         progress: after each step, s since the start and the share of the drivable area that was seen.
     """
 
-    def __init__(self, robot: SimulatedRobot, explorer: Explorer):
+    def __init__(self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: NDArray[np.float64]):
+        """``T_world_tag``: (N, 4, 4) true poses of the tags on the arena's walls."""
         self._robot = robot
         self._explorer = explorer
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
@@ -43,6 +46,7 @@ class EpisodeScore:
         self._voxels = VoxelScore(explorer.mapper.metric_map)
         self._semantics = SemanticScore()
         self.victims = VictimScore(model, data)
+        self.fiducials = FiducialScore(T_world_tag)
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
@@ -60,6 +64,7 @@ class EpisodeScore:
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
         self._see(points)
         self.victims.add(truth.image)
+        self.fiducials.add(step.keyframe.frame, step.keyframe.T_map_base)
         self.progress.append((self._robot.time - self._start_time, self.explored_fraction))
         if step.keyframe.frame.label is not None:
             self._semantics.add(step.keyframe.points, step.keyframe.frame.label[step.keyframe.frame.returns])
@@ -84,7 +89,7 @@ class EpisodeScore:
             "path_plan": self._path_plan(),
             "navigation": self._navigation(),
             "exploration": self._exploration(),
-            "localisation": score_localisation(trajectory),
+            "localisation": score_localisation(trajectory) | self.fiducials.report(),
             **({"victims": self.victims.report(self._confirmed)} if explorer.mapper.detector else {}),
         }
         return {name: stage for name, stage in stages.items() if stage}

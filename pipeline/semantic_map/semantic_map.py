@@ -39,7 +39,12 @@ class SemanticMap:
         """Number of points in the map."""
         return self._size
 
-    def update(self, points: NDArray[np.float32], probabilities: NDArray[np.float32]) -> None:
+    def update(
+        self,
+        points: NDArray[np.float32],
+        probabilities: NDArray[np.float32] | NDArray[np.uint8],
+        hits: NDArray[np.uint32] | None = None,
+    ) -> None:
         """Add the points of a frame.
 
         A voxel's class evidence is the sum of the probabilities of its points. They are not multiplied: pixels
@@ -47,7 +52,8 @@ class SemanticMap:
 
         Args:
             points: (N, 3) float32 in ``map``; those that are not finite are left out.
-            probabilities: (N, 8) float32 class probabilities.
+            probabilities: (N, 8) class probabilities, float32, or uint8 in units of 1/255.
+            hits: (N,) uint32, how many returns each point is the mean of; 1 if not given.
 
         Raises:
             InputError: if the shapes do not fit.
@@ -58,10 +64,17 @@ class SemanticMap:
                 f"are not (N, 3) and (N, {len(Label)})"
             )
         self._reserve(self._size + len(points))
+        counts = np.ones(len(points), np.uint32) if hits is None else hits
+        unit = 1 / 255 if probabilities.dtype == np.uint8 else 1.0
         self._size = accumulate(
-            points, probabilities, 1 / VOXEL, self._slots, self._voxel_of_slot, self._shift,
+            points, probabilities, unit, counts, 1 / VOXEL, self._slots, self._voxel_of_slot, self._shift,
             self._size, self._keys, self._means, self._evidence, self._hits,
         )  # fmt: skip
+
+    def clear(self) -> None:
+        """Forget all points; the people shown stay."""
+        self._size = 0
+        self._slots.fill(EMPTY)
 
     def show_people(self, people: Sequence[NDArray[np.float32]]) -> None:
         """Label as victim what lies at the (N, 3) points, m, of each of these people, and of no others.

@@ -15,13 +15,16 @@ FIBONACCI = 0x9E3779B97F4A7C15
 
 
 @njit(cache=True)
-def accumulate(points, weights, per_metre, keys, indices, shift, voxels, voxel_keys, means, evidence, hits):
+def accumulate(
+    points, weights, unit, counts, per_metre, keys, indices, shift, voxels, voxel_keys, means, evidence, hits
+):
     """Add points to the voxels that hold them, and return how many voxels there are then.
 
-    Points that are not finite, too far out for a key, or with weights that are not finite are left out.
+    Points that are not finite, too far out for a key, or without finite weights are left out.
 
     Args:
-        points, weights: (N, 3) and (N, C) float32, the latter evidence per class.
+        points, weights: (N, 3) float32, and (N, C) evidence per class in the given ``unit``.
+        counts: (N,) how many returns each point stands for.
         per_metre: number of voxels per metre.
         keys, indices: (2ⁿ,) int64 and int32, the table's keys and their voxels; more than half stay empty.
         shift: 64 - n.
@@ -33,7 +36,10 @@ def accumulate(points, weights, per_metre, keys, indices, shift, voxels, voxel_k
     last_key, voxel = int64(EMPTY), 0
     for n in range(len(points)):
         key = voxel_key(points[n], per_metre)
-        if key == EMPTY or not np.isfinite(weights[n].sum()):
+        total = 0.0
+        for c in range(weights.shape[1]):
+            total += weights[n, c]
+        if key == EMPTY or not 0 < total < np.inf:
             continue
         # Neighbouring pixels mostly share a voxel, so most points need no search in the table.
         if key != last_key:
@@ -43,12 +49,36 @@ def accumulate(points, weights, per_metre, keys, indices, shift, voxels, voxel_k
                 means[voxels], evidence[voxels], hits[voxels] = 0.0, 0.0, 0
                 voxels += 1
             last_key, voxel = key, indices[slot]
-        hits[voxel] += 1
+        hits[voxel] += counts[n]
+        share, weight = counts[n] / hits[voxel], np.float32(counts[n] * unit)
         for c in range(3):
-            means[voxel, c] += (points[n, c] - means[voxel, c]) / hits[voxel]
+            means[voxel, c] += (points[n, c] - means[voxel, c]) * share
         for c in range(weights.shape[1]):
-            evidence[voxel, c] += weights[n, c]
+            evidence[voxel, c] += weights[n, c] * weight
     return voxels
+
+
+@njit(cache=True)
+def voxels_of(points, per_metre):
+    """(N,) int32 voxel of every point (N, 3), EMPTY of those without a key, and the (M,) keys of the voxels."""
+    bits, voxels, of_point = 10, 0, np.empty(len(points), np.int32)
+    voxel_keys, last_key, voxel = np.empty(1 << bits, np.int64), int64(EMPTY), int64(EMPTY)
+    keys, indices = np.full(2 << bits, EMPTY, np.int64), np.empty(2 << bits, np.int32)
+    for n in range(len(points)):
+        key = voxel_key(points[n], per_metre)
+        if key != last_key and key != EMPTY:
+            slot = find_slot(keys, 63 - bits, key)
+            if keys[slot] == EMPTY:
+                keys[slot], indices[slot], voxel_keys[voxels] = key, voxels, key
+                voxels += 1
+            last_key, voxel = key, int64(indices[slot])
+        of_point[n] = voxel if key != EMPTY else EMPTY
+        if voxels == 1 << bits:
+            bits += 1
+            keys, indices = np.full(2 << bits, EMPTY, np.int64), np.empty(2 << bits, np.int32)
+            voxel_keys = np.append(voxel_keys, np.empty(voxels, np.int64))
+            insert_all(keys, indices, 63 - bits, voxel_keys[:voxels])
+    return of_point, voxel_keys[:voxels]
 
 
 @njit(cache=True)

@@ -10,52 +10,65 @@ from numba import int64, njit, uint64
 from pipeline.segments.cells import BITS, HALF
 
 EMPTY = -1
+NOWHERE = -HALF
+"""Index of a point without a voxel."""
 FIBONACCI = 0x9E3779B97F4A7C15
 """2⁶⁴ over the golden ratio: multiplicative hashing, Knuth, The Art of Computer Programming 6.4."""
 
 
 @njit(cache=True)
-def accumulate(
-    points, weights, unit, counts, per_metre, keys, indices, shift, voxels, voxel_keys, means, evidence, hits
-):
-    """Add points to the voxels that hold them, and return how many voxels there are then.
+def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, block_keys, blocks, rows, size):
+    """Add points to the voxels that hold them, and return how many blocks and voxels there are then.
 
     Points that are not finite, too far out for a key, or without finite weights are left out.
 
     Args:
         points, weights: (N, 3) float32, and (N, C) evidence per class in the given ``unit``.
-        counts: (N,) how many returns each point stands for.
+        counts: (N,) how many returns each point is the mean of.
         per_metre: number of voxels per metre.
-        keys, indices: (2ⁿ,) int64 and int32, the table's keys and their voxels; more than half stay empty.
+        keys, indices: (2ⁿ,) int64 and int32, the table's keys and their blocks; more than half stay empty.
         shift: 64 - n.
-        voxels: number of voxels so far.
-        voxel_keys: (M,) int64 key of every voxel, M ≥ voxels + N; it and the others are changed in place.
-        means, evidence, hits: (M, 3) float32 mean of the points of every voxel, (M, C) float32 sum of their
-            weights, (M,) uint32 their number.
+        block_keys, blocks: (B,) int64 key of every block of 4 × 4 × 4 voxels, and (B, 64) int32 these, EMPTY of those
+            not there; B is at least N more than there are.
+        rows: (M, 4 + C) float32, of every voxel how many returns it has, their mean and the sums of their weights.
+        size: numbers of blocks and voxels so far.
     """
-    last_key, voxel = int64(EMPTY), 0
+    number, voxels = size
+    last_key, block = int64(EMPTY), int64(0)
     for n in range(len(points)):
-        key = voxel_key(points[n], per_metre)
         total = 0.0
         for c in range(weights.shape[1]):
             total += weights[n, c]
-        if key == EMPTY or not 0 < total < np.inf:
+        i, j, k = (
+            np.floor(points[n, 0] * per_metre),
+            np.floor(points[n, 1] * per_metre),
+            np.floor(points[n, 2] * per_metre),
+        )
+        if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF and 0 < total < np.inf):
             continue
-        # Neighbouring pixels mostly share a voxel, so most points need no search in the table.
+        i, j, k = int64(i), int64(j), int64(k)
+        key = packed(i >> 2, j >> 2, k >> 2)
+        # Neighbouring points mostly share a block, so most need no search in the table.
         if key != last_key:
             slot = find_slot(keys, shift, key)
             if keys[slot] == EMPTY:
-                keys[slot], indices[slot], voxel_keys[voxels] = key, voxels, key
-                means[voxels], evidence[voxels], hits[voxels] = 0.0, 0.0, 0
-                voxels += 1
-            last_key, voxel = key, indices[slot]
-        hits[voxel] += counts[n]
-        share, weight = counts[n] / hits[voxel], np.float32(counts[n] * unit)
+                keys[slot], indices[slot], block_keys[number] = key, number, key
+                blocks[number] = EMPTY
+                number += 1
+            last_key, block = key, int64(indices[slot])
+        cell = (i & 3) << 4 | (j & 3) << 2 | (k & 3)
+        if blocks[block, cell] == EMPTY:
+            blocks[block, cell] = voxels
+            rows[voxels] = 0.0
+            voxels += 1
+        row = rows[blocks[block, cell]]
+        row[0] += counts[n]
+        share, weight = np.float32(counts[n] / row[0]), np.float32(counts[n] * unit)
         for c in range(3):
-            means[voxel, c] += (points[n, c] - means[voxel, c]) * share
+            row[1 + c] += (points[n, c] - row[1 + c]) * share
         for c in range(weights.shape[1]):
-            evidence[voxel, c] += weights[n, c] * weight
-    return voxels
+            row[4 + c] += weights[n, c] * weight
+    return number, voxels
 
 
 @njit(cache=True)
@@ -91,11 +104,24 @@ def insert_all(keys, indices, shift, voxel_keys):
 
 @njit(cache=True, inline="always")
 def voxel_key(point, per_metre):
-    """The key of the voxel that holds the point (3,), or EMPTY; NaN fails every comparison."""
+    """The key of the voxel that holds the point (3,), or EMPTY."""
+    i, j, k = indices_of(point, per_metre)
+    return packed(i, j, k) if i != NOWHERE else int64(EMPTY)
+
+
+@njit(cache=True, inline="always")
+def indices_of(point, per_metre):
+    """The indices of the voxel that holds the point (3,), the first NOWHERE if none does, as of NaN."""
     i, j, k = np.floor(point[0] * per_metre), np.floor(point[1] * per_metre), np.floor(point[2] * per_metre)
     if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
-        return int64(EMPTY)
-    return ((int64(i) + HALF) << BITS | (int64(j) + HALF)) << BITS | (int64(k) + HALF)
+        return int64(NOWHERE), int64(0), int64(0)
+    return int64(i), int64(j), int64(k)
+
+
+@njit(cache=True, inline="always")
+def packed(i, j, k):
+    """The key of the indices (i, j, k), int64."""
+    return ((i + HALF) << BITS | (j + HALF)) << BITS | (k + HALF)
 
 
 @njit(cache=True, inline="always")

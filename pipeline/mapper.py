@@ -26,7 +26,7 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import inverse, transform_points
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_kernels import move
-from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.traversability.elevation_map import CELL, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability
@@ -73,7 +73,8 @@ class Observation:
         depth: (H, W) uint16, see :func:`pack_depth`.
         intrinsics: of it.
         T_base_camera: 4×4.
-        points: (N, 3) float32 the returns in ``base_link``, m, thinned to the voxels of the semantic map.
+        points: (N, 3) float32 the returns in ``base_link``, m, thinned to the voxels of the semantic
+            map, or half the cells of the elevation map if it was not labelled.
         hits: (N,) uint32, how many returns each of these is the mean of.
         probabilities: (N, 8) uint8, 1/255, of their classes; None if it was not labelled.
     """
@@ -177,7 +178,7 @@ class Mapper:
         A frame that is not ``labelled`` goes into the metric map and the elevation map alone.
         """
         with self.stopwatch("observation"):
-            cloud = VoxelCloud.of(frame.points(frame.T_base_camera), VOXEL)
+            cloud = VoxelCloud.of(frame.points(frame.T_base_camera), VOXEL if labelled else CELL / 2)
             depth = pack_depth(frame.depth)
             observation = Observation(depth, frame.intrinsics, frame.T_base_camera, cloud.points, cloud.hits)
         self.poses = np.concatenate([self.poses, T_map_base[None]])

@@ -17,6 +17,7 @@ from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.metric_map.packed_depth import pack_depth, unpack_depth
 from pipeline.robot import RobotModel
+from pipeline.segments.cells_kernels import moved
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.classifier import PointClassifier
@@ -25,7 +26,6 @@ from pipeline.semantic_map.voxels import VoxelCloud
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import inverse, transform_points
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
-from pipeline.traversability.elevation_kernels import move
 from pipeline.traversability.elevation_map import CELL, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
 from pipeline.traversability.shortest_paths import ShortestPaths
@@ -144,7 +144,7 @@ class Mapper:
         self.victims = Victims()
         self.stopwatch = Stopwatch()
         self.observations: list[Observation] = []
-        self.poses = np.zeros((0, 4, 4))
+        self.poses = self._poses_added = np.zeros((0, 4, 4))
         self._ground: list[tuple[int, GroundEvidence]] = []
         self._set_down: NDArray[np.float64] | None = None
         self._newest_at_drive = 0
@@ -182,6 +182,7 @@ class Mapper:
             depth = pack_depth(frame.depth)
             observation = Observation(depth, frame.intrinsics, frame.T_base_camera, cloud.points, cloud.hits)
         self.poses = np.concatenate([self.poses, T_map_base[None]])
+        self._poses_added = np.concatenate([self._poses_added, T_map_base[None]])
         with self.stopwatch("metric_map"):
             self._add_depth(observation, T_map_base)
         with self.stopwatch("traversability"):
@@ -242,6 +243,7 @@ class Mapper:
         if poses.shape != self.poses.shape or not all(map(is_rigid, poses)):
             raise InputError(f"a correction must give each of {self.keyframes} keyframes a rigid 4×4 pose")
         self.poses = poses
+        motions = poses @ np.linalg.inv(self._poses_added)
         with self.stopwatch("correction"):
             with self.stopwatch("correction_metric_map"):
                 self.metric_map.clear()
@@ -256,6 +258,8 @@ class Mapper:
                 self.semantic_map.clear()
                 for observation, T in zip(self.observations, self.poses, strict=True):
                     self._add_classes(observation, T)
+            with self.stopwatch("correction_segments"):
+                self.segments.correct(motions)
 
     def _add_depth(self, observation: Observation, T_map_base: NDArray[np.float64]) -> None:
         T_map_camera = T_map_base @ observation.T_base_camera
@@ -278,7 +282,7 @@ class Mapper:
 
     def _add_classes(self, observation: Observation, T_map_base: NDArray[np.float64]) -> None:
         if observation.probabilities is not None:
-            points = move(T_map_base, observation.points)
+            points = moved(T_map_base, observation.points)
             self.semantic_map.update(points, observation.probabilities, observation.hits)
 
     def connect(self, keyframe: Keyframe, paths: ShortestPaths) -> None:

@@ -9,8 +9,9 @@ from scipy.spatial import KDTree
 
 from pipeline.errors import InputError
 from pipeline.labels import COLOURS, Label
+from pipeline.segments.cells_kernels import EMPTY, insert_all
 from pipeline.semantic_map.ply import write_ply
-from pipeline.semantic_map.semantic_map_kernels import EMPTY, accumulate, insert_all
+from pipeline.semantic_map.semantic_map_kernels import accumulate
 
 VOXEL = 0.02
 """m, the edge of the voxels; each keeps one point whatever the number of frames."""

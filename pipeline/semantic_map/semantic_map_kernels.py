@@ -1,19 +1,9 @@
-"""Loops over the points of a frame: a hash table of voxels with open addressing and linear probing.
-
-The key of a voxel is that of :func:`pipeline.segments.cells.keys`; keys end 21 km from the origin. A table has 2ⁿ
-slots; empty ones hold ``EMPTY``.
-"""
+"""Loops over the points of a frame: voxels with what is known of them, found by blocks in a table of cells."""
 
 import numpy as np
-from numba import int64, njit, uint64
+from numba import int64, njit
 
-from pipeline.segments.cells import BITS, HALF
-
-EMPTY = -1
-NOWHERE = -HALF
-"""Index of a point without a voxel."""
-FIBONACCI = 0x9E3779B97F4A7C15
-"""2⁶⁴ over the golden ratio: multiplicative hashing, Knuth, The Art of Computer Programming 6.4."""
+from pipeline.segments.cells_kernels import EMPTY, NOWHERE, find_slot, indices_of, packed
 
 
 @njit(cache=True)
@@ -39,14 +29,9 @@ def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, b
         total = 0.0
         for c in range(weights.shape[1]):
             total += weights[n, c]
-        i, j, k = (
-            np.floor(points[n, 0] * per_metre),
-            np.floor(points[n, 1] * per_metre),
-            np.floor(points[n, 2] * per_metre),
-        )
-        if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF and 0 < total < np.inf):
+        i, j, k = indices_of(points[n], per_metre)
+        if i == NOWHERE or not 0 < total < np.inf:
             continue
-        i, j, k = int64(i), int64(j), int64(k)
         key = packed(i >> 2, j >> 2, k >> 2)
         # Neighbouring points mostly share a block, so most need no search in the table.
         if key != last_key:
@@ -69,65 +54,3 @@ def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, b
         for c in range(weights.shape[1]):
             row[4 + c] += weights[n, c] * weight
     return number, voxels
-
-
-@njit(cache=True)
-def voxels_of(points, per_metre):
-    """(N,) int32 voxel of every point (N, 3), EMPTY of those without a key, and the (M,) keys of the voxels."""
-    bits, voxels, of_point = 10, 0, np.empty(len(points), np.int32)
-    voxel_keys, last_key, voxel = np.empty(1 << bits, np.int64), int64(EMPTY), int64(EMPTY)
-    keys, indices = np.full(2 << bits, EMPTY, np.int64), np.empty(2 << bits, np.int32)
-    for n in range(len(points)):
-        key = voxel_key(points[n], per_metre)
-        if key != last_key and key != EMPTY:
-            slot = find_slot(keys, 63 - bits, key)
-            if keys[slot] == EMPTY:
-                keys[slot], indices[slot], voxel_keys[voxels] = key, voxels, key
-                voxels += 1
-            last_key, voxel = key, int64(indices[slot])
-        of_point[n] = voxel if key != EMPTY else EMPTY
-        if voxels == 1 << bits:
-            bits += 1
-            keys, indices = np.full(2 << bits, EMPTY, np.int64), np.empty(2 << bits, np.int32)
-            voxel_keys = np.append(voxel_keys, np.empty(voxels, np.int64))
-            insert_all(keys, indices, 63 - bits, voxel_keys[:voxels])
-    return of_point, voxel_keys[:voxels]
-
-
-@njit(cache=True)
-def insert_all(keys, indices, shift, voxel_keys):
-    """Fill an empty table, (size,) keys and indices: ``voxel_keys[i]`` (N,) leads to ``i``."""
-    for i in range(len(voxel_keys)):
-        slot = find_slot(keys, shift, voxel_keys[i])
-        keys[slot], indices[slot] = voxel_keys[i], i
-
-
-@njit(cache=True, inline="always")
-def voxel_key(point, per_metre):
-    """The key of the voxel that holds the point (3,), or EMPTY."""
-    i, j, k = indices_of(point, per_metre)
-    return packed(i, j, k) if i != NOWHERE else int64(EMPTY)
-
-
-@njit(cache=True, inline="always")
-def indices_of(point, per_metre):
-    """The indices of the voxel that holds the point (3,), the first NOWHERE if none does, as of NaN."""
-    i, j, k = np.floor(point[0] * per_metre), np.floor(point[1] * per_metre), np.floor(point[2] * per_metre)
-    if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
-        return int64(NOWHERE), int64(0), int64(0)
-    return int64(i), int64(j), int64(k)
-
-
-@njit(cache=True, inline="always")
-def packed(i, j, k):
-    """The key of the indices (i, j, k), int64."""
-    return ((i + HALF) << BITS | (j + HALF)) << BITS | (k + HALF)
-
-
-@njit(cache=True, inline="always")
-def find_slot(keys, shift, key):
-    """The slot of the table (size,) that holds the key, or the empty one where it belongs."""
-    slot = int64((uint64(key) * uint64(FIBONACCI)) >> uint64(shift))
-    while keys[slot] != EMPTY and keys[slot] != key:
-        slot = int64((slot + 1) & int64(keys.size - 1))
-    return slot

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.semantic_map.semantic_map_kernels import voxels_of
+from pipeline.segments.cells_kernels import cells_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class VoxelCloud:
     @classmethod
     def of(cls, points: NDArray[np.float32], voxel_size: float) -> Self:
         """Thin (N, 3) float32 points to cubes whose edge is ``voxel_size`` m."""
-        found, keys = voxels_of(points, np.float32(1 / voxel_size))
+        found, keys = cells_of(points, np.float32(1 / voxel_size))
         # Those without a voxel take the last rank.
         rank = np.append(np.empty(len(keys), np.int64), len(keys))
         rank[keys.argsort()] = np.arange(len(keys))

@@ -29,17 +29,6 @@ def cell_at(x, y, origin, cell):
 
 
 @njit(cache=True)
-def move(T, points):
-    """(N, 3) float32 points, m, moved by the 4×4 float64 transform ``T``."""
-    moved = np.empty(points.shape, np.float32)
-    for n in range(points.shape[0]):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        for row in range(3):
-            moved[n, row] = T[row, 0] * x + T[row, 1] * y + T[row, 2] * z + T[row, 3]
-    return moved
-
-
-@njit(cache=True)
 def bounds(points):
     """(2, 2) the least and the greatest x and y of the points (N, 3) that are finite; (0, 2) if none are."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)

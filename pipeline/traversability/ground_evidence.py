@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.traversability.elevation_kernels import move
+from pipeline.segments.cells_kernels import moved
 from pipeline.traversability.elevation_map import ElevationMap
 
 
@@ -36,7 +36,7 @@ class Seen:
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
         """Add the returns, and where ground dropped out, seen from ``T_map_base``, 4×4."""
-        points, dropouts = move(T_map_base, self.points), move(T_map_base, self.dropouts)
+        points, dropouts = moved(T_map_base, self.points), moved(T_map_base, self.dropouts)
         elevation_map.update(points, dropouts, T_map_base[:2, 3], self.hits, self.dropout_hits)
 
 
@@ -75,7 +75,7 @@ class Driven:
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
         """Add all of it, seen from ``T_map_base``, 4×4."""
-        track, obstacles, touched = (move(T_map_base, p) for p in (self.track, self.obstacles, self.touched))
+        track, obstacles, touched = (moved(T_map_base, p) for p in (self.track, self.obstacles, self.touched))
         elevation_map.update(obstacles)
         elevation_map.add_track(track[:, :2])
         if len(touched):

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from pipeline.labels import THESIS_FOUR, Label
 from pipeline.mapper import Keyframe
+from pipeline.segments.cells_kernels import moved
 from pipeline.semantic_map.networks.scores import iou
 from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
 from pipeline.semantic_map.voxels import VoxelCloud
-from pipeline.traversability.elevation_kernels import move
 
 
 class SemanticScore:
@@ -54,7 +54,7 @@ class KeyframeTruth:
         """The score of a map of keyframes at these (N, 4, 4) poses, ``T_map_base``."""
         score = SemanticScore()
         for index, cloud, shares in self._added:
-            score.add(move(poses[index], cloud.points), shares, cloud.hits)
+            score.add(moved(poses[index], cloud.points), shares, cloud.hits)
         return score
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
+from pipeline.localisation.correction import Correction
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.metric_map.metric_map import MetricMap
@@ -231,10 +232,13 @@ class Mapper:
             if any(map(len, own)):
                 self._put(first + k, Driven(*(transform_points(inverse(T), points) for points in own)))
 
-    def correct(self, T_map_base: NDArray[np.float64]) -> None:
+    def correct(self, T_map_base: NDArray[np.float64]) -> Correction:
         """Make every map anew, as if each keyframe had been taken at its (N, 4, 4) pose from the start.
 
-        The topological map follows with the next :meth:`connect`.
+        The nodes of the topological map move along; the next :meth:`connect` fits them to the ground.
+
+        Returns:
+            How the map has moved, for all that is known by its place alone.
 
         Raises:
             InputError: there is not one rigid pose for every keyframe; then the maps stay as they were.
@@ -242,7 +246,7 @@ class Mapper:
         poses = np.array(T_map_base, np.float64)
         if poses.shape != self.poses.shape or not all(map(is_rigid, poses)):
             raise InputError(f"a correction must give each of {self.keyframes} keyframes a rigid 4×4 pose")
-        self.poses = poses
+        correction, self.poses = Correction(self.poses, poses), poses
         motions = poses @ np.linalg.inv(self._poses_added)
         with self.stopwatch("correction"):
             with self.stopwatch("correction_metric_map"):
@@ -260,6 +264,12 @@ class Mapper:
                     self._add_classes(observation, T)
             with self.stopwatch("correction_segments"):
                 self.segments.correct(motions)
+            with self.stopwatch("correction_victims"):
+                self.victims.correct(correction, motions)
+                self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
+            with self.stopwatch("correction_topological_map"):
+                self.topological_map.correct(correction)
+        return correction
 
     def _add_depth(self, observation: Observation, T_map_base: NDArray[np.float64]) -> None:
         T_map_camera = T_map_base @ observation.T_base_camera
@@ -296,7 +306,7 @@ class Mapper:
             return []
         with self.stopwatch("victims"):
             detections = self.detector.detect(frame.rgb)
-            self.victims.update(frame, detections, T_map_camera)
+            self.victims.update(frame, detections, T_map_camera, self.keyframes - 1)
             self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
         return detections
 

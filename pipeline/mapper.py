@@ -149,6 +149,7 @@ class Mapper:
         self._ground: list[tuple[int, GroundEvidence]] = []
         self._set_down: NDArray[np.float64] | None = None
         self._newest_at_drive = 0
+        self._depth: NDArray[np.float32] | None = None
         self._seed = seed
 
     @property
@@ -273,7 +274,8 @@ class Mapper:
 
     def _add_depth(self, observation: Observation, T_map_base: NDArray[np.float64]) -> None:
         T_map_camera = T_map_base @ observation.T_base_camera
-        self.metric_map.integrate(unpack_depth(observation.depth), observation.intrinsics, T_map_camera)
+        self._depth = unpack_depth(observation.depth, self._depth)
+        self.metric_map.integrate(self._depth, observation.intrinsics, T_map_camera)
 
     def _add_ground(self, frame: Frame, observation: Observation) -> None:
         """Put the ground that the next keyframe shows, and what is taken for flat, into the elevation map."""

@@ -28,7 +28,7 @@ class Correction:
 
 
 def moved_by(T: NDArray[np.float64], places: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(N, 2 or 3) float64 places, m, moved by a 4×4 transform, or each by one of (N, 4, 4); at z = 0 if they have none."""
+    """(N, 2 or 3) float64 places, m, moved by a 4×4 transform or by (N, 4, 4); at z = 0 if they have none."""
     size = places.shape[1]
     T = np.broadcast_to(T, (len(places), 4, 4))
     return np.asarray(np.einsum("nij,nj->ni", T[:, :size, :size], places) + T[:, :size, 3])

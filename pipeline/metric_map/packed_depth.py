@@ -15,6 +15,8 @@ def pack_depth(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
     return np.rint(np.where(is_return, depth, 0).clip(max=FAR) / STEP).astype(np.uint16)
 
 
-def unpack_depth(packed: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """(H, W) float32, m; 0 = no return."""
-    return np.multiply(packed, np.float32(STEP), dtype=np.float32)
+def unpack_depth(packed: NDArray[np.uint16], out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+    """(H, W) float32, m, 0 = no return; ``out`` itself if that is such an array, which spares asking for memory."""
+    if out is None or out.shape != packed.shape:
+        out = np.empty(packed.shape, np.float32)
+    return np.multiply(packed, np.float32(STEP), out=out)

@@ -90,8 +90,8 @@ class Victim:
     tried: list[NDArray[np.float64]] = field(default_factory=list)
     sightings: list[Sighting] = field(default_factory=list)
 
-    def take(self, seen: Sighting) -> None:
-        """Add what one more observation shows to points and information."""
+    def take(self, seen: "Sighting | Victim") -> None:
+        """Add what one more observation shows, or several of the same person, to points and information."""
         self.points = _thinned(np.concatenate([self.points, seen.points]))
         # Observations from one place err alike: a victim is never more certain than the best of them by much.
         floor = np.eye(3) * SKIN_TO_MIDDLE**2 / 4
@@ -224,8 +224,7 @@ class Victims:
         """Add to a victim what is known of another one, which is the same person."""
         if other.photo_shows > victim.photo_shows:
             victim.photo, victim.photo_shows = other.photo, other.photo_shows
-        for seen in other.sightings:
-            victim.take(seen)
+        victim.take(other)
         victim.sightings += other.sightings
         victim.cameras += other.cameras
         victim.confidences += other.confidences

@@ -144,7 +144,10 @@ class GridMap:
 
     def cover(self, xy: NDArray) -> None:
         """Grow in whole blocks until the bounding box of the points (N, 2 or 3) m lies on the grid."""
-        first, last = (self.grid.low + self.grid.cell_of(side) for side in (xy.min(axis=0), xy.max(axis=0)))
+        first, last = self.grid.cell_of(np.stack([xy.min(axis=0), xy.max(axis=0)]))
+        if min(first.tolist()) >= 0 and all(k < n for k, n in zip(last.tolist(), self.grid.shape, strict=True)):
+            return
+        first, last = self.grid.low + first, self.grid.low + last
         self._grow(
             np.minimum(first // BLOCK * BLOCK, self.grid.low),
             np.maximum((last // BLOCK + 1) * BLOCK, self.grid.low + self.grid.shape),

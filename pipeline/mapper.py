@@ -3,24 +3,32 @@
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frame import Frame
+from pipeline.errors import InputError
+from pipeline.frame import Frame, Intrinsics
+from pipeline.localisation.correction import Correction
 from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.metric_map.packed_depth import pack_depth, unpack_depth
 from pipeline.robot import RobotModel
+from pipeline.segments.cells_kernels import moved
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.classifier import PointClassifier
-from pipeline.semantic_map.semantic_map import SemanticMap
+from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
+from pipeline.semantic_map.voxels import VoxelCloud
 from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.transforms import inverse, transform_points
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
-from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.traversability.elevation_map import CELL, ElevationMap
+from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.traversability.traversability_layer import TraversabilityLayer
@@ -40,11 +48,12 @@ class Keyframe:
     Attributes:
         frame: what the camera saw.
         T_map_base: 4×4 pose of the robot at that moment, as localised.
-        points: (N, 3) float32 the returns in ``map``, m.
+        points: (N, 3) float32 the returns in ``map``, m; none if it was not labelled.
         labels: (N,) uint8 their classes.
         patches: the planes in it.
         detections: people in the image, by their colours alone.
         traversability: where the robot may drive by all keyframes so far.
+        index: of its pose among those of all keyframes.
     """
 
     frame: Frame
@@ -54,6 +63,29 @@ class Keyframe:
     patches: list[PlanePatch]
     detections: list[Detection]
     traversability: Traversability
+    index: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What is kept of a keyframe, told from its own pose: all that the maps need to be made again with other poses.
+
+    Attributes:
+        depth: (H, W) uint16, see :func:`pack_depth`.
+        intrinsics: of it.
+        T_base_camera: 4×4.
+        points: (N, 3) float32 the returns in ``base_link``, m, thinned to the voxels of the semantic
+            map, or half the cells of the elevation map if it was not labelled.
+        hits: (N,) uint32, how many returns each of these is the mean of.
+        probabilities: (N, 8) uint8, 1/255, of their classes; None if it was not labelled.
+    """
+
+    depth: NDArray[np.uint16]
+    intrinsics: Intrinsics
+    T_base_camera: NDArray[np.float64]
+    points: NDArray[np.float32]
+    hits: NDArray[np.uint32]
+    probabilities: NDArray[np.uint8] | None = None
 
 
 class Stopwatch:
@@ -78,8 +110,8 @@ class Mapper:
     """Keeps every map of the robot.
 
     Attributes:
-        keyframes: how many are in the maps.
-        T_map_start: 4×4 pose of the first; None before it.
+        observations: what is kept of each keyframe.
+        poses: (N, 4, 4) where each was taken, ``T_map_base``.
         stopwatch: the time that each stage took.
     """
 
@@ -112,57 +144,158 @@ class Mapper:
         self.topological_map = TopologicalMap(graph)
         self.victims = Victims()
         self.stopwatch = Stopwatch()
-        self.keyframes = 0
-        self.T_map_start: NDArray[np.float64] | None = None
+        self.observations: list[Observation] = []
+        self.poses = self._poses_added = np.zeros((0, 4, 4))
+        self._ground: list[tuple[int, GroundEvidence]] = []
+        self._set_down: NDArray[np.float64] | None = None
+        self._newest_at_drive = 0
+        self._depth: NDArray[np.float32] | None = None
         self._seed = seed
+
+    @property
+    def keyframes(self) -> int:
+        """How many are in the maps."""
+        return len(self.observations)
+
+    @property
+    def T_map_start(self) -> NDArray[np.float64] | None:
+        """4×4 pose of the first keyframe; None before it."""
+        return self.poses[0] if self.keyframes else None
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """4×4 pose of ``base_link`` in ``map`` when a frame was taken."""
         with self.stopwatch("localisation"):
-            T_map_base = self.localisation.localise(frame)
-        if self.T_map_start is None:
-            self.T_map_start = T_map_base
-        return T_map_base
+            return self.localisation.localise(frame)
 
     def assume_ground(self, T_map_base: NDArray[np.float64]) -> None:
-        """Take the ground around a robot that was just set down, and before it, for flat until it is seen."""
-        self.elevation_map.assume_ground(T_map_base, START_RADIUS, START_AHEAD, START_WIDTH)
+        """Take the ground around a robot that was just set down, and before it, for flat until it is seen.
 
-    def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> Keyframe:
-        """Take a frame into every map but the topological one, which :meth:`connect` renews."""
-        T_map_camera = T_map_base @ frame.T_base_camera
-        points = frame.points(T_map_camera)
+        It is put into the map with the next keyframe.
+        """
+        self._set_down = T_map_base
+
+    def add(self, frame: Frame, T_map_base: NDArray[np.float64], labelled: bool = True) -> Keyframe:
+        """Take a frame into every map but the topological one, which :meth:`connect` renews.
+
+        A frame that is not ``labelled`` goes into the metric map and the elevation map alone.
+        """
+        with self.stopwatch("observation"):
+            cloud = VoxelCloud.of(frame.points(frame.T_base_camera), VOXEL if labelled else CELL / 2)
+            depth = pack_depth(frame.depth)
+            observation = Observation(depth, frame.intrinsics, frame.T_base_camera, cloud.points, cloud.hits)
+        self.poses = np.concatenate([self.poses, T_map_base[None]])
+        self._poses_added = np.concatenate([self._poses_added, T_map_base[None]])
         with self.stopwatch("metric_map"):
-            self.metric_map.integrate(frame.depth, frame.intrinsics, T_map_camera)
+            self._add_depth(observation, T_map_base)
         with self.stopwatch("traversability"):
-            dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, T_map_camera)
-            self.elevation_map.update(points, dropouts, T_map_base[:2, 3])
+            self._add_ground(frame, observation)
             traversability = self.traversability_layer.update(self.elevation_map)
+        nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
+        keyframe = Keyframe(frame, T_map_base, *nothing, [], [], traversability, self.keyframes)
+        self.observations.append(observation)
+        return self._label(keyframe, cloud) if labelled else keyframe
+
+    def _label(self, keyframe: Keyframe, cloud: VoxelCloud) -> Keyframe:
+        """Take the newest keyframe into the maps that know classes as well, given its returns in ``base_link``."""
+        frame, T_map_camera = keyframe.frame, keyframe.T_map_base @ keyframe.frame.T_base_camera
+        points = frame.points(T_map_camera)
         with self.stopwatch("semantic_map"):
             probabilities = self.classifier.classify(frame, points, T_map_camera)
             labels = probabilities.argmax(axis=1).astype(np.uint8)
-            self.semantic_map.update(points, probabilities)
+            shares = np.rint(cloud.means(probabilities) * 255).astype(np.uint8)
+            self.observations[-1] = replace(self.observations[-1], probabilities=shares)
+            self._add_classes(self.observations[-1], keyframe.T_map_base)
         with self.stopwatch("segments"):
-            patches = find_planes(frame, labels, T_map_camera, self._seed + self.keyframes)
-            self.segments.update(patches, self.keyframes)
+            patches = find_planes(frame, labels, T_map_camera, self._seed + self.keyframes - 1)
+            self.segments.update(patches, self.keyframes - 1)
         detections = self._find_victims(frame, T_map_camera)
-        self.keyframes += 1
-        return Keyframe(frame, T_map_base, points, labels, patches, detections, traversability)
+        return replace(keyframe, points=points, labels=labels, patches=patches, detections=detections)
 
     def add_drive(
         self, track: NDArray[np.float64], obstacles: NDArray[np.float32], touched: Sequence[NDArray[np.float64]]
     ) -> None:
         """Put into the elevation map what a drive has shown, m in ``map``.
 
+        Each point belongs to the nearest keyframe since the drive before, and follows that one's pose.
+
         Args:
             track: (N, 2) where the middle of the robot was.
             obstacles: (M, 3) what stood in its way.
             touched: (K, 3) each, what it touched.
         """
-        self.elevation_map.update(obstacles)
-        self.elevation_map.add_track(track)
-        for points in touched:
-            self.elevation_map.add_obstacle(points)
+        first, self._newest_at_drive = self._newest_at_drive, self.keyframes - 1
+        places = self.poses[first:, :2, 3]
+        felt = np.vstack([np.zeros((0, 3)), *touched])
+        near_track, *near = (_nearest(p[:, :2], places) for p in (track, obstacles, felt))
+        on_ground = np.column_stack([track, self.poses[first + near_track, 2, 3]])
+        for k, T in enumerate(self.poses[first:]):
+            own = on_ground[near_track == k], obstacles[near[0] == k], felt[near[1] == k]
+            if any(map(len, own)):
+                self._put(first + k, Driven(*(transform_points(inverse(T), points) for points in own)))
+
+    def correct(self, T_map_base: NDArray[np.float64]) -> Correction:
+        """Make every map anew, as if each keyframe had been taken at its (N, 4, 4) pose from the start.
+
+        The nodes of the topological map move along; the next :meth:`connect` fits them to the ground.
+
+        Returns:
+            How the map has moved, for all that is known by its place alone.
+
+        Raises:
+            InputError: there is not one rigid pose for every keyframe; then the maps stay as they were.
+        """
+        poses = np.array(T_map_base, np.float64)
+        if poses.shape != self.poses.shape or not all(map(is_rigid, poses)):
+            raise InputError(f"a correction must give each of {self.keyframes} keyframes a rigid 4×4 pose")
+        correction, self.poses = Correction(self.poses, poses), poses
+        motions = poses @ np.linalg.inv(self._poses_added)
+        with self.stopwatch("correction"):
+            with self.stopwatch("correction_metric_map"):
+                self.metric_map.clear()
+                for observation, T in zip(self.observations, self.poses, strict=True):
+                    self._add_depth(observation, T)
+            with self.stopwatch("correction_traversability"):
+                with self.elevation_map.made_anew():
+                    for k, evidence in self._ground:
+                        evidence.put(self.elevation_map, self.poses[k])
+                self.traversability_layer.update(self.elevation_map)
+            with self.stopwatch("correction_semantic_map"):
+                self.semantic_map.clear()
+                for observation, T in zip(self.observations, self.poses, strict=True):
+                    self._add_classes(observation, T)
+            with self.stopwatch("correction_segments"):
+                self.segments.correct(motions)
+            with self.stopwatch("correction_victims"):
+                self.victims.correct(correction, motions)
+                self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
+            with self.stopwatch("correction_topological_map"):
+                self.topological_map.correct(correction)
+        return correction
+
+    def _add_depth(self, observation: Observation, T_map_base: NDArray[np.float64]) -> None:
+        T_map_camera = T_map_base @ observation.T_base_camera
+        self._depth = unpack_depth(observation.depth, self._depth)
+        self.metric_map.integrate(self._depth, observation.intrinsics, T_map_camera)
+
+    def _add_ground(self, frame: Frame, observation: Observation) -> None:
+        """Put the ground that the next keyframe shows, and what is taken for flat, into the elevation map."""
+        k, T_map_base = self.keyframes, self.poses[-1]
+        if self._set_down is not None:
+            T_base_start = inverse(T_map_base) @ self._set_down
+            self._put(k, Assumed(T_base_start, START_RADIUS, START_AHEAD, START_WIDTH))
+            self._set_down = None
+        dropouts = VoxelCloud.of(find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera), VOXEL)
+        missing = dropouts.points, dropouts.hits.astype(np.uint32)
+        self._put(k, Seen(observation.points, observation.hits, *missing))
+
+    def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
+        self._ground.append((keyframe, evidence))
+        evidence.put(self.elevation_map, self.poses[keyframe])
+
+    def _add_classes(self, observation: Observation, T_map_base: NDArray[np.float64]) -> None:
+        if observation.probabilities is not None:
+            points = moved(T_map_base, observation.points)
+            self.semantic_map.update(points, observation.probabilities, observation.hits)
 
     def connect(self, keyframe: Keyframe, paths: ShortestPaths) -> None:
         """Renew the topological map on the ground that ``paths`` reach, with what a keyframe shows."""
@@ -175,6 +308,11 @@ class Mapper:
             return []
         with self.stopwatch("victims"):
             detections = self.detector.detect(frame.rgb)
-            self.victims.update(frame, detections, T_map_camera)
+            self.victims.update(frame, detections, T_map_camera, self.keyframes - 1)
             self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
         return detections
+
+
+def _nearest(xy: NDArray[np.floating], places: NDArray[np.float64]) -> NDArray[np.intp]:
+    """(N,) which of the places (K, 2) is nearest to each of (N, 2) points, m."""
+    return np.linalg.norm(xy[:, None] - places, axis=2).argmin(axis=1)

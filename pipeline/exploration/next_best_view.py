@@ -12,6 +12,7 @@ from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.exploration.visibility import BEARINGS, RAYS, STRIDE
 from pipeline.grid_map import GridMap, Layer
+from pipeline.localisation.correction import Correction, moved_by
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle, wrap_angles, yaw_of
 from pipeline.traversability.elevation_map import CELL
@@ -85,6 +86,7 @@ class Exploration:
             },
         )
         self._expected = np.zeros((0, 2), np.int64)
+        self._missed: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
         self._ray_gains, self._revision = visibility.RayGains(), 0
 
     def observe(self, context: Context) -> None:
@@ -187,10 +189,37 @@ class Exploration:
         via = places[n] - ways[b, n, m] * ahead
         return Viewpoint(places[n], heading, False, float(gains[n, m]), bool(b), via)
 
+    def correct(self, correction: Correction) -> None:
+        """Let what keyframes missed follow their poses, and what the next one should show that of the newest."""
+        moved = [(correction.motion_at(place), place, cells) for place, cells in self._missed]
+        self._missed = [(moved_by(T, place[None])[0], moved_by(T, cells)) for T, place, cells in moved]
+        self._expected = self._cells_of(moved_by(correction.motions[-1], self._centres_of(self._expected)))
+        grid = self._layers.grid
+        misses, missed_from = np.zeros(grid.shape, np.uint8), np.full((*grid.shape, 2), np.inf)
+        for place, centres in self._missed:
+            where = tuple((self._cells_of(centres) - grid.low).T)
+            misses[where] += 1
+            missed_from[where] = place
+        self._layers.write("misses", misses)
+        self._layers.write("missed_from", missed_from)
+
+    def _centres_of(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(N, 2) m, centres of cells (N, 2), absolute indices."""
+        return self._layers.grid.centre_of(cells - self._layers.grid.low)
+
+    def _cells_of(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
+        """(M, 2) absolute indices of the cells, each once, that hold places (N, 2), m; none beyond the grid."""
+        grid = self._layers.grid
+        cells = np.unique(grid.cell_of(places), axis=0)
+        return grid.low + cells[((cells >= 0) & (cells < grid.shape)).all(axis=1)]
+
     def _count_misses(self, measured: NDArray[np.float32], position: NDArray[np.float64]) -> None:
         """Remember which cells the last keyframe should have shown and did not."""
         cells = self._expected - self._layers.grid.low
-        missed = tuple(cells[np.isnan(measured[tuple(cells.T)])].T)
+        cells = cells[np.isnan(measured[tuple(cells.T)])]
+        missed = tuple(cells.T)
+        if len(cells):
+            self._missed.append((position.copy(), self._layers.grid.centre_of(cells)))
         self._layers.write("misses", self._layers["misses"][missed] + 1, missed)
         self._layers.write("missed_from", position, missed)
         self._expected = np.zeros((0, 2), np.int64)

@@ -31,6 +31,11 @@ class BlockArray:
         """Bytes of all blocks."""
         return len(self._blocks) * SIDE**3
 
+    def clear(self) -> None:
+        """Forget every value; the blocks stay."""
+        for block in self._blocks.values():
+            block.fill(0)
+
     def __contains__(self, key: Key) -> bool:
         """Whether this block exists."""
         return key in self._blocks

@@ -89,6 +89,10 @@ class MetricMap:
         """Bytes of the voxels' values."""
         return self._log_odds.nbytes
 
+    def clear(self) -> None:
+        """Forget what is known of every voxel."""
+        self._log_odds.clear()
+
     def integrate(
         self, depth: NDArray[np.float32], intrinsics: Intrinsics, T_map_camera: NDArray[np.float64]
     ) -> None:

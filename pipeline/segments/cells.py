@@ -10,6 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from pipeline.segments import cells_kernels as kernels
+
 CELL = 0.05
 """m, the edge of a cell."""
 SHIFT = 0.02
@@ -27,17 +29,12 @@ NONE = -1
 
 Cells = NDArray[np.int32]
 
-BITS = 21
-"""Of a key for each of a cell's three indices."""
-HALF = 1 << (BITS - 1)
-"""Cells from the origin to where keys end, along every axis."""
-
 
 def cells_of(points: NDArray) -> tuple[Cells, NDArray[np.intp]]:
     """The (K, 3) cells that hold (N, 3) points in m, and the (N,) row of each point's cell."""
-    indices = np.floor((points + np.float32(SHIFT)) * np.float32(1 / CELL)).astype(np.int64)
-    packed, row = np.unique(keys(indices), return_inverse=True)
-    return _from_keys(packed), row
+    cell_of, packed = kernels.cells_of(np.asarray(points, np.float32) + np.float32(SHIFT), np.float32(1 / CELL))
+    order = packed.argsort()
+    return from_keys(packed[order]), order.argsort()[cell_of]
 
 
 def centres(cells: Cells) -> NDArray[np.float64]:
@@ -47,7 +44,7 @@ def centres(cells: Cells) -> NDArray[np.float64]:
 
 def unite(a: Cells, b: Cells) -> Cells:
     """The cells of both sets."""
-    return _from_keys(np.union1d(keys(a), keys(b)))
+    return from_keys(np.union1d(keys(a), keys(b)))
 
 
 def in_contact(a: Cells, b: Cells) -> bool:
@@ -103,10 +100,12 @@ def _near_box_of(a: Cells, b: Cells) -> Cells:
 
 def keys(cells: NDArray) -> NDArray[np.int64]:
     """(K,) int64, a number for each of (K, 3) cells of indices below ``HALF``; they sort as the indices do."""
-    i, j, k = (cells.astype(np.int64) + HALF).T
-    return ((i << BITS) | j) << BITS | k
+    i, j, k = (cells.astype(np.int64) + kernels.HALF).T
+    return ((i << kernels.BITS) | j) << kernels.BITS | k
 
 
-def _from_keys(packed: NDArray[np.int64]) -> Cells:
-    mask = (1 << BITS) - 1
-    return (np.stack([packed >> 2 * BITS, packed >> BITS & mask, packed & mask], axis=1) - HALF).astype(np.int32)
+def from_keys(packed: NDArray[np.int64]) -> Cells:
+    """(K, 3) cells of (K,) :func:`keys`."""
+    mask = (1 << kernels.BITS) - 1
+    indices = np.stack([packed >> 2 * kernels.BITS, packed >> kernels.BITS & mask, packed & mask], axis=1)
+    return (indices - kernels.HALF).astype(np.int32)

@@ -12,6 +12,7 @@ from scipy.spatial import KDTree
 from pipeline.labels import Label
 from pipeline.segments.boxes import Box, Hull, bounding_box, corners
 from pipeline.segments.cells import Cells, centres, in_contact, unite
+from pipeline.segments.members import Member, MovedMembers
 from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.planes import PlanePatch
 
@@ -37,6 +38,7 @@ class Segment:
         cells: (K, 3) int32, the 5 cm cells of the map that it was seen in: see :mod:`pipeline.segments.cells`.
         moments: of its surfels.
         hull: of its points.
+        members: the numbers of the patches that it is made of.
     """
 
     id: int
@@ -48,6 +50,7 @@ class Segment:
     cells: Cells
     moments: Moments
     hull: Hull
+    members: tuple[int, ...]
 
     @classmethod
     def of(
@@ -59,18 +62,19 @@ class Segment:
         cells: Cells,
         moments: Moments,
         hull: Hull,
+        members: tuple[int, ...] = (),
     ) -> Self:
         """A segment from its sums; its normal is on the side of the direction ``side`` (3,)."""
         plane, rms = moments.fit(side)
         box = bounding_box(plane, moments.centroid, hull, max(MIN_THICKNESS, 4 * rms))
-        return cls(id, label, plane, box, *steps, cells, moments, hull)
+        return cls(id, label, plane, box, *steps, cells, moments, hull, members)
 
     def merged(self, other: "Segment") -> "Segment":
         """One segment of both."""
         steps = min(self.first_step, other.first_step), max(self.last_step, other.last_step)
         cells, moments = unite(self.cells, other.cells), self.moments + other.moments
-        hull = self.hull.union(other.hull)
-        return Segment.of(min(self.id, other.id), self.label, self.plane.normal, steps, cells, moments, hull)
+        hull, members = self.hull.union(other.hull), self.members + other.members
+        return Segment.of(min(self.id, other.id), self.label, self.plane.normal, steps, cells, moments, hull, members)
 
     @cached_property
     def tree(self) -> KDTree:
@@ -79,11 +83,13 @@ class Segment:
 
 
 class Segments:
-    """All segments, by id. No points are kept: a plane's sums, a hull and coarse cells say what later frames need."""
+    """All segments, by id. A plane's sums, a hull and coarse cells say what later frames need of them."""
 
     def __init__(self) -> None:
         """No segments yet."""
         self._segments: dict[int, Segment] = {}
+        self._members: list[Member] = []
+        self._motions = np.zeros((0, 4, 4))
         self._next_id = 0
 
     def __len__(self) -> int:
@@ -105,8 +111,39 @@ class Segments:
     def update(self, patches: Iterable[PlanePatch], step: int) -> None:
         """Add the planes of one frame, each to all the segments that it continues."""
         for p in patches:
-            hull, steps = Hull.of(p.points), (step, step)
-            self._add(Segment.of(self._next_id, p.label, p.plane.normal, steps, p.cells, p.moments, hull))
+            hull, steps, members = Hull.of(p.points), (step, step), (len(self._members),)
+            self._members.append(Member.of(p, step))
+            self._add(Segment.of(self._next_id, p.label, p.plane.normal, steps, p.cells, p.moments, hull, members))
+
+    def correct(self, motions: NDArray[np.float64]) -> None:
+        """Make all segments anew of their patches, part from them those that moved off, and join those that met.
+
+        Args:
+            motions: (N, 4, 4) of every step, from ``map`` as it was when its patches were added to ``map`` as it is.
+        """
+        if not self._members:
+            return
+        before = np.concatenate([self._motions, np.tile(np.eye(4), (len(motions) - len(self._motions), 1, 1))])
+        old, new = MovedMembers(self._members, before), MovedMembers(self._members, motions)
+        self._motions = motions
+        segments, self._segments = list(self), {}
+        apart: list[tuple[Label, int]] = []
+        for segment in segments:
+            rows = np.array(segment.members)
+            reference = int(rows[new.counts[rows].argmax()])
+            stays = new.misfits(rows, reference) - old.misfits(rows, reference) <= MAX_OFFSET
+            apart += [(segment.label, int(row)) for row in rows[~stays]]
+            self._add(self._made(segment.id, segment.label, rows[stays], new))
+        for label, row in apart:
+            self._add(self._made(self._next_id, label, np.array([row]), new))
+
+    def _made(self, id: int, label: Label, rows: NDArray[np.intp], moved: MovedMembers) -> Segment:
+        """A segment of these members."""
+        steps = [self._members[row].step for row in rows]
+        hull = Hull.of(np.concatenate([moved.outline(row) for row in rows]).astype(np.float32))
+        side, moments = moved.normals[rows].sum(axis=0), moved.moments(rows)
+        members, cells = tuple(rows.tolist()), moved.cells(rows)
+        return Segment.of(id, label, side, (min(steps), max(steps)), cells, moments, hull, members)
 
     def _add(self, new: Segment) -> None:
         """A piece may join several segments, and what they have become may reach still more."""

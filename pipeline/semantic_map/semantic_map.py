@@ -9,8 +9,9 @@ from scipy.spatial import KDTree
 
 from pipeline.errors import InputError
 from pipeline.labels import COLOURS, Label
+from pipeline.segments.cells_kernels import EMPTY, insert_all
 from pipeline.semantic_map.ply import write_ply
-from pipeline.semantic_map.semantic_map_kernels import EMPTY, accumulate, insert_all
+from pipeline.semantic_map.semantic_map_kernels import accumulate
 
 VOXEL = 0.02
 """m, the edge of the voxels; each keeps one point whatever the number of frames."""
@@ -27,11 +28,10 @@ class SemanticMap:
 
     def __init__(self) -> None:
         """An empty map."""
-        self._size = 0
-        self._keys = np.empty(0, np.int64)
-        self._means = np.empty((0, 3), np.float32)
-        self._evidence = np.empty((0, len(Label)), np.float32)
-        self._hits = np.empty(0, np.uint32)
+        self._blocks, self._size = 0, 0
+        self._block_keys = np.empty(0, np.int64)
+        self._voxels = np.empty((0, 64), np.int32)
+        self._rows = np.empty((0, 4 + len(Label)), np.float32)
         self._people: list[NDArray[np.float32]] = []
         self._reserve(1)
 
@@ -39,7 +39,12 @@ class SemanticMap:
         """Number of points in the map."""
         return self._size
 
-    def update(self, points: NDArray[np.float32], probabilities: NDArray[np.float32]) -> None:
+    def update(
+        self,
+        points: NDArray[np.float32],
+        probabilities: NDArray[np.float32] | NDArray[np.uint8],
+        hits: NDArray[np.uint32] | None = None,
+    ) -> None:
         """Add the points of a frame.
 
         A voxel's class evidence is the sum of the probabilities of its points. They are not multiplied: pixels
@@ -47,7 +52,8 @@ class SemanticMap:
 
         Args:
             points: (N, 3) float32 in ``map``; those that are not finite are left out.
-            probabilities: (N, 8) float32 class probabilities.
+            probabilities: (N, 8) class probabilities, float32, or uint8 in units of 1/255.
+            hits: (N,) uint32, how many returns each point is the mean of; 1 if not given.
 
         Raises:
             InputError: if the shapes do not fit.
@@ -57,11 +63,18 @@ class SemanticMap:
                 f"semantic map: points {points.shape} and probabilities {probabilities.shape} "
                 f"are not (N, 3) and (N, {len(Label)})"
             )
-        self._reserve(self._size + len(points))
-        self._size = accumulate(
-            points, probabilities, 1 / VOXEL, self._slots, self._voxel_of_slot, self._shift,
-            self._size, self._keys, self._means, self._evidence, self._hits,
+        self._reserve(len(points))
+        counts = np.ones(len(points), np.uint32) if hits is None else hits
+        unit = 1 / 255 if probabilities.dtype == np.uint8 else 1.0
+        self._blocks, self._size = accumulate(
+            points, probabilities, unit, counts, 1 / VOXEL, self._slots, self._block_of_slot, self._shift,
+            self._block_keys, self._voxels, self._rows, (self._blocks, self._size),
         )  # fmt: skip
+
+    def clear(self) -> None:
+        """Forget all points; the people shown stay."""
+        self._blocks, self._size = 0, 0
+        self._slots.fill(EMPTY)
 
     def show_people(self, people: Sequence[NDArray[np.float32]]) -> None:
         """Label as victim what lies at the (N, 3) points, m, of each of these people, and of no others.
@@ -70,29 +83,26 @@ class SemanticMap:
         """
         self._people = list(people)
 
-    def _reserve(self, size: int) -> None:
-        """Make room for ``size`` voxels; doubling keeps the mean cost of growth constant."""
-        if size <= len(self._keys):
+    def _reserve(self, more: int) -> None:
+        """Make room for so many more blocks and voxels; doubling keeps the mean cost of growth constant."""
+        self._rows = _roomier(self._rows, self._size, more)
+        if self._blocks + more <= len(self._block_keys):
             return
-        bits = size.bit_length()
-        for name in ("_keys", "_means", "_evidence", "_hits"):
-            old = getattr(self, name)
-            new = np.empty((1 << bits, *old.shape[1:]), old.dtype)
-            new[: self._size] = old[: self._size]
-            setattr(self, name, new)
-        # Twice as many slots as voxels: linear probing is quick while half of them are empty.
-        self._slots = np.full(2 << bits, EMPTY, np.int64)
-        self._voxel_of_slot = np.empty(2 << bits, np.int32)
-        self._shift = 64 - (bits + 1)
-        insert_all(self._slots, self._voxel_of_slot, self._shift, self._keys[: self._size])
+        self._block_keys = _roomier(self._block_keys, self._blocks, more)
+        self._voxels = _roomier(self._voxels, self._blocks, more)
+        # Twice as many slots as blocks: linear probing is quick while half of them are empty.
+        size = 2 * len(self._block_keys)
+        self._slots, self._block_of_slot = np.full(size, EMPTY, np.int64), np.empty(size, np.int32)
+        self._shift = 64 - (size.bit_length() - 1)
+        insert_all(self._slots, self._block_of_slot, self._shift, self._block_keys[: self._blocks])
 
     def points(self) -> NDArray[np.float32]:
         """(M, 3) float32 mean point of every voxel, in ``map``."""
-        return self._means[: self._size].copy()
+        return self._rows[: self._size, 1:4].copy()
 
     def labels(self) -> NDArray[np.uint8]:
         """(M,) uint8 most probable class, the lower id wins a tie; or victim where people are shown."""
-        labels = self._evidence[: self._size].argmax(axis=1).astype(np.uint8)
+        labels = self._rows[: self._size, 4:].argmax(axis=1).astype(np.uint8)
         if self._people and not (labels == Label.VICTIM).any():
             for person in self._people:
                 labels[self._points_of(person)] = Label.VICTIM
@@ -100,7 +110,7 @@ class SemanticMap:
 
     def _points_of(self, person: NDArray[np.float32]) -> NDArray[np.intp]:
         """Indices of the map's points that lie at a person's (N, 3)."""
-        points = self._means[: self._size]
+        points = self._rows[: self._size, 1:4]
         low, high = person.min(axis=0) - SKIN, person.max(axis=0) + SKIN
         around = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
         distance, _ = KDTree(person).query(points[around], distance_upper_bound=SKIN)
@@ -108,14 +118,23 @@ class SemanticMap:
 
     def probabilities(self) -> NDArray[np.float32]:
         """(M, 8) float32 class probabilities: the mean over all points of the voxel."""
-        hits = self._hits[: self._size, None]
-        return np.divide(self._evidence[: self._size], hits, dtype=np.float32)
+        hits = self._rows[: self._size, :1]
+        return np.divide(self._rows[: self._size, 4:], hits, dtype=np.float32)
 
     def hits(self) -> NDArray[np.uint32]:
         """(M,) uint32 number of points that fell in every voxel."""
-        return self._hits[: self._size].copy()
+        return self._rows[: self._size, 0].astype(np.uint32)
 
     def save(self, path: Path) -> None:
         """Write a binary PLY: ``x y z``, ``red green blue`` of the label, ``label``. InputError if it cannot."""
         labels = self.labels()
         write_ply(path, self.points(), COLOURS[labels], labels)
+
+
+def _roomier(values: NDArray, size: int, more: int) -> NDArray:
+    """The same array, or one of 2ⁿ rows that has room for ``more`` than its first ``size``, which it keeps."""
+    if size + more <= len(values):
+        return values
+    result = np.empty((1 << (size + more).bit_length(), *values.shape[1:]), values.dtype)
+    result[:size] = values[:size]
+    return result

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segments.cells import HALF, keys
+from pipeline.segments.cells_kernels import cells_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,22 +15,29 @@ class VoxelCloud:
 
     Attributes:
         points: (M, 3) float32.
+        hits: (M,) uint32 number of points in every voxel.
         voxel_of_point: (N,) int64 index of the voxel of every point that was given; M for those that are not finite
             or too far out for a key.
     """
 
     points: NDArray[np.float32]
+    hits: NDArray[np.uint32]
     voxel_of_point: NDArray[np.int64]
 
     @classmethod
     def of(cls, points: NDArray[np.float32], voxel_size: float) -> Self:
         """Thin (N, 3) float32 points to cubes whose edge is ``voxel_size`` m."""
-        with np.errstate(invalid="ignore"):
-            cells = np.floor(points * np.float32(1 / voxel_size))
-        valid = (np.abs(cells) < HALF).all(axis=1)  # NaN fails every comparison
-        occupied, voxels = np.unique(keys(cells[valid]), return_inverse=True)
-        hits = np.bincount(voxels, minlength=len(occupied))
-        sums = [np.bincount(voxels, axis, len(occupied)) for axis in points[valid].T]
-        voxel_of_point = np.full(len(points), len(occupied))
-        voxel_of_point[valid] = voxels
-        return cls((np.stack(sums, axis=1) / hits[:, None]).astype(np.float32), voxel_of_point)
+        found, keys = cells_of(points, np.float32(1 / voxel_size))
+        # Those without a voxel take the last rank.
+        rank = np.append(np.empty(len(keys), np.int64), len(keys))
+        rank[keys.argsort()] = np.arange(len(keys))
+        voxel_of_point = rank[found]
+        hits, *sums = (np.bincount(voxel_of_point, of, len(keys))[: len(keys)] for of in (None, *points.T))
+        return cls(
+            (np.stack(sums, axis=1) / hits[:, None]).astype(np.float32), hits.astype(np.uint32), voxel_of_point
+        )
+
+    def means(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(M, C) float32 mean over the points of every voxel, given the (N, C) values of all points."""
+        sums = [np.bincount(self.voxel_of_point, of, len(self.hits))[: len(self.hits)] for of in values.T]
+        return (np.stack(sums, axis=1) / self.hits[:, None]).astype(np.float32)

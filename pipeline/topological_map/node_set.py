@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
+from pipeline.localisation.correction import Correction
 from pipeline.segments.segments import Segment
 from pipeline.topological_map.cover import Cover
 from pipeline.topological_map.links import Links, drive_seconds
@@ -49,6 +50,7 @@ class NodeSet:
         self.free = nx.Graph()
         self.cover = Cover()
         self._next_id = 0
+        self._have_moved = False
 
     def renew(
         self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
@@ -57,7 +59,8 @@ class NodeSet:
 
         See :meth:`Cover.update` for the arguments and what it returns: (nx, ny) the cells that changed.
         """
-        changed = self.cover.update(traversability, reachable, walls)
+        changed = self.cover.update(traversability, reachable, walls) | self._have_moved
+        self._have_moved = False
         self.links = Links(traversability, walls)
         for node in list(self.nodes.values()):
             self._settle(node)
@@ -78,6 +81,15 @@ class NodeSet:
             if xy is not None:
                 self.remove(node.id)
             self._put(node.id, node.label, node.position[:2])
+
+    def correct(self, correction: Correction) -> None:
+        """Move every node along with the map; which drives join them is found out with the next :meth:`renew`."""
+        for node in list(self.nodes.values()):
+            position = correction.moved(node.position[None])[0]
+            self.cover.remove(node.id)
+            self.cover.add(node.id, position[:2])
+            self.nodes[node.id] = Node(node.id, node.label, position)
+        self._have_moved = bool(self.nodes)
 
     def add(self, label: Label, xy: NDArray[np.float64]) -> int:
         """Put a node at (2,) m; returns its id."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.files import whole_file
 from pipeline.labels import Label
+from pipeline.localisation.correction import Correction
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.links import drive_seconds
@@ -68,6 +69,13 @@ class TopologicalMap:
             drives = nodes.free.copy()
             add_passages(drives, self.nodes, nodes.links)
             self.graph = roadmap(self.tree, drives, MAX_DETOUR)
+
+    def correct(self, correction: Correction) -> None:
+        """Let nodes and ways move along with the keyframes near them; :meth:`update` then fits them to the ground."""
+        self._set.correct(correction)
+        for _, _, edge in self.graph.edges(data=True):
+            if "bends" in edge:
+                edge["bends"] = correction.moved(edge["bends"])
 
     def way(self, a: int, b: int) -> NDArray[np.float64]:
         """(N, 3) m, the points that an edge leads over, from node ``a`` to node ``b``."""

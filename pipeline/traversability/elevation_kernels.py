@@ -6,6 +6,8 @@ from numba import njit
 Z_MIN, LEVELS, Z_BIN = -0.575, 53, 0.05
 """The lowest height that matters to the robot in ``map``, m, and the number and the height, m, of a column's bins.
 The returns of a bin are averaged; one bin is centred on z = 0."""
+MOST_HITS = 1000
+"""Returns of a bin that count."""
 MIN_HITS = 3
 """Returns that make a bin count."""
 NOISE = 0.1
@@ -27,19 +29,42 @@ def cell_at(x, y, origin, cell):
 
 
 @njit(cache=True)
-def accumulate(points, origin, cell, height, hits, returns):
-    """Fold points (N, 3), m, into the mean ``height`` of bins (nx, ny, nz); ``returns`` (nx, ny) counts them."""
-    nx, ny, nz = height.shape
+def bounds(points):
+    """(2, 2) the least and the greatest x and y of the points (N, 3) that are finite; (0, 2) if none are."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for n in range(points.shape[0]):
-        i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
-        k = int(np.floor((points[n, 2] - Z_MIN) / Z_BIN))
+        x, y = points[n, 0], points[n, 1]
+        if np.isfinite(x + y + points[n, 2]):
+            low[0], low[1], high[0], high[1] = min(low[0], x), min(low[1], y), max(high[0], x), max(high[1], y)
+    return np.stack((low, high)) if low[0] <= high[0] else np.empty((0, 2))
+
+
+@njit(cache=True)
+def accumulate(points, counts, origin, cell, height, hits, returns):
+    """Fold points (N, 3), m, into the mean ``height`` of bins (nx, ny, nz), and give their cells, (K, 2) int64.
+
+    ``counts`` (N,) is how many returns each is the mean of. ``returns`` (nx, ny), 0 before, counts these by cell.
+    """
+    nx, ny, nz = height.shape
+    cells, size = np.empty((len(points), 2), np.int64), 0
+    for n in range(points.shape[0]):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        if not np.isfinite(x + y + z):
+            continue
+        i, j = cell_at(x, y, origin, cell)
+        k = int(np.floor((z - Z_MIN) / Z_BIN))
         if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
             continue
         # The count saturates, so that an old surface can still follow a slow change.
-        if hits[i, j, k] < 1000:
-            hits[i, j, k] += 1
-        height[i, j, k] += (points[n, 2] - height[i, j, k]) / hits[i, j, k]
-        returns[i, j] += 1
+        count = np.int64(counts[n])
+        total = min(hits[i, j, k] + count, MOST_HITS)
+        hits[i, j, k] = total
+        height[i, j, k] += (z - height[i, j, k]) * min(count / total, 1.0)
+        if returns[i, j] == 0:
+            cells[size, 0], cells[size, 1] = i, j
+            size += 1
+        returns[i, j] += count
+    return cells[:size]
 
 
 @njit(cache=True)
@@ -69,47 +94,51 @@ def column_height(height, hits, headroom):
 
 
 @njit(cache=True)
-def count_dropouts(points, origin, cell, elevation):
-    """(nx, ny) int32, how many points (N, 3), m, lie near the ground; where ``elevation`` is unknown all count."""
-    nx, ny = elevation.shape
-    count = np.zeros((nx, ny), np.int32)
+def count_dropouts(points, counts, origin, cell, height, hits, headroom, dropouts):
+    """(K, 2) int64, the cells in which points (N, 3), m, lie near the ground; where that is unknown all count.
+
+    ``counts`` (N,) is how many dropouts each point is the mean of. ``dropouts`` (nx, ny), 0 before, counts them.
+    """
+    nx, ny = dropouts.shape
+    cells, size = np.empty((len(points), 2), np.int64), 0
     for n in range(points.shape[0]):
         i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
-        if 0 <= i < nx and 0 <= j < ny and not abs(points[n, 2] - elevation[i, j]) > DROPOUT_HEIGHT:
-            count[i, j] += 1
-    return count
+        if not (0 <= i < nx and 0 <= j < ny):
+            continue
+        if abs(points[n, 2] - column_height(height[i, j], hits[i, j], headroom)) > DROPOUT_HEIGHT:
+            continue
+        if dropouts[i, j] == 0:
+            cells[size, 0], cells[size, 1] = i, j
+            size += 1
+        dropouts[i, j] += counts[n]
+    return cells[:size]
 
 
 @njit(cache=True)
-def renew_dropout(direction, dropouts, returns, camera, origin, cell):
+def renew_dropout(direction, dropouts, returns, cells, camera, origin, cell):
     """Mark the cells with enough dropouts, and clear those that another keyframe has shown whole.
 
     ``direction`` (nx, ny, 2) is the level direction from which a cell's last dropout was seen, 0 where there is none.
     A keyframe clears a cell if it has enough returns and no dropout there, from another direction. ``dropouts`` and
-    ``returns`` (nx, ny) count the points of the keyframe from ``camera`` (2,).
+    ``returns`` (nx, ny) count the points of the keyframe from ``camera`` (2,) in ``cells`` (K, 2).
     """
-    nx, ny = dropouts.shape
-    for i in range(nx):
-        for j in range(ny):
-            if dropouts[i, j] < MIN_HITS and returns[i, j] < MIN_HITS:
-                continue
-            dx, dy = origin[0] + (i + 0.5) * cell - camera[0], origin[1] + (j + 0.5) * cell - camera[1]
-            distance = np.sqrt(dx * dx + dy * dy) + 1e-9
-            dx, dy = dx / distance, dy / distance
-            if dropouts[i, j] >= MIN_HITS:
-                direction[i, j, 0], direction[i, j, 1] = dx, dy
-            elif dropouts[i, j] == 0 and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < COS_OTHER_SIDE:
-                direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
+    for i, j in cells:
+        if dropouts[i, j] < MIN_HITS and returns[i, j] < MIN_HITS:
+            continue
+        dx, dy = origin[0] + (i + 0.5) * cell - camera[0], origin[1] + (j + 0.5) * cell - camera[1]
+        distance = np.sqrt(dx * dx + dy * dy) + 1e-9
+        dx, dy = dx / distance, dy / distance
+        if dropouts[i, j] >= MIN_HITS:
+            direction[i, j, 0], direction[i, j, 1] = dx, dy
+        elif dropouts[i, j] == 0 and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < COS_OTHER_SIDE:
+            direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
 
 
 @njit(cache=True)
-def extract_elevation(height, hits, returns, headroom, elevation):
-    """Renew ``elevation`` (nx, ny) of the columns with ``returns`` (nx, ny)."""
-    nx, ny = elevation.shape
-    for i in range(nx):
-        for j in range(ny):
-            if returns[i, j] > 0:
-                elevation[i, j] = column_height(height[i, j], hits[i, j], headroom)
+def extract_elevation(height, hits, cells, headroom, elevation):
+    """Renew ``elevation`` (nx, ny) in ``cells`` (K, 2)."""
+    for i, j in cells:
+        elevation[i, j] = column_height(height[i, j], hits[i, j], headroom)
 
 
 @njit(cache=True)

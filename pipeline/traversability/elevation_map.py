@@ -4,6 +4,10 @@ Voxels of 0.1 m cannot tell a ramp from a step, so the elevation map keeps the m
 columns.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import EllipsisType
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,8 +44,13 @@ class ElevationMap:
                 "assumed": Layer(np.float32, np.nan, in_place=True),
                 "touched": Layer(np.float32, np.nan, in_place=True),
                 "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
+                "been": Layer(np.bool_, in_place=True),
+                # Of the keyframe that is being added; 0 otherwise.
+                "returns": Layer(np.int32, in_place=True),
+                "dropouts": Layer(np.int32, in_place=True),
             },
         )
+        self._is_making = False
 
     @property
     def grid(self) -> Grid:
@@ -97,13 +106,18 @@ class ElevationMap:
         """Mark the cells of (N, 2) places where the middle of the robot was, m."""
         if len(places):
             self.layers.cover(places)
-            self.layers.write("driven", True, tuple(self.grid.cell_of(places).T))
+            where = tuple(self.grid.cell_of(places).T)
+            self.layers["been"][where] = True
+            if not self._is_making:
+                self.layers.write("driven", True, where)
 
     def update(
         self,
         points: NDArray[np.float32],
         dropouts: NDArray[np.float32] | None = None,
         camera: NDArray[np.float64] | None = None,
+        hits: NDArray[np.uint32] | None = None,
+        dropout_hits: NDArray[np.uint32] | None = None,
     ) -> None:
         """Add the returns of a keyframe.
 
@@ -111,34 +125,55 @@ class ElevationMap:
             points: (N, 3) in ``map``; those that are not finite are ignored.
             dropouts: (M, 3) where ground should have been seen, if anywhere.
             camera: (2 or 3,) from where, m.
+            hits, dropout_hits: (N,) and (M,) uint32, how many each point is the mean of; 1 if not given.
         """
-        points = points[np.isfinite(points).all(axis=1)]
-        if not len(points):
+        box = kernels.bounds(points)
+        if not len(box):
             return
-        self.layers.cover(points)
-        layers, grid = self.layers, self.grid
-        returns = np.zeros(grid.shape, np.int32)
-        height, hits = layers["height"], layers["hits"]
-        kernels.accumulate(points, grid.origin, CELL, height, hits, returns)
-        kernels.extract_elevation(height, hits, returns, self.robot.headroom, layers["returned"])
-        changed = returns > 0
+        self.layers.cover(box)
+        layers, origin, headroom = self.layers, self.grid.origin, self.robot.headroom
+        height, filled, returns = (layers[name] for name in ("height", "hits", "returns"))
+        cells = kernels.accumulate(points, _counts(points, hits), origin, CELL, height, filled, returns)
         if dropouts is not None and camera is not None:
-            changed |= self._renew_dropout(dropouts, camera, returns)
-        self._refresh(changed)
+            count, direction = layers["dropouts"], layers["dropout_direction"]
+            weights = _counts(dropouts, dropout_hits)
+            missing = kernels.count_dropouts(dropouts, weights, origin, CELL, height, filled, headroom, count)
+            cells = np.concatenate([cells, missing])
+            kernels.renew_dropout(direction, count, returns, cells, camera, origin, CELL)
+            count[tuple(missing.T)] = 0
+        where = tuple(cells.T)
+        returns[where] = 0
+        if not self._is_making:
+            self._extract(cells)
+            layers.write("dropout", layers["dropout_direction"][where].any(axis=1), where)
+            self._refresh(where)
 
-    def _renew_dropout(
-        self, dropouts: NDArray[np.float32], camera: NDArray[np.float64], returns: NDArray[np.int32]
-    ) -> NDArray[np.bool_]:
-        """(nx, ny) the cells with dropouts in this keyframe."""
-        direction, origin = self.layers["dropout_direction"], self.grid.origin
-        count = kernels.count_dropouts(dropouts, origin, CELL, self.layers["returned"])
-        kernels.renew_dropout(direction, count, returns, camera, origin, CELL)
-        self.layers.write("dropout", (direction != 0).any(axis=-1))
-        return np.asarray(count > 0)
+    @contextmanager
+    def made_anew(self) -> Iterator[None]:
+        """Forget everything; what is added in the block under it is then all that is known."""
+        layers = self.layers
+        for name in ("height", "hits", "been", "dropout_direction"):
+            layers[name].fill(0)
+        for name in ("returned", "assumed", "touched"):
+            layers[name].fill(np.nan)
+        self._is_making = True
+        yield
+        self._is_making = False
+        self._extract(np.argwhere(np.ones(self.grid.shape, np.bool_)))
+        layers.write("dropout", layers["dropout_direction"].any(axis=2))
+        layers.write("driven", layers["been"])
+        self._refresh(...)
 
-    def _refresh(self, changed: NDArray[np.bool_]) -> None:
-        """Renew what follows from cells (nx, ny) that changed."""
-        if not changed.any():
+    def _extract(self, cells: NDArray[np.int64]) -> None:
+        """Renew the heights in cells (K, 2)."""
+        layers = self.layers
+        kernels.extract_elevation(layers["height"], layers["hits"], cells, self.robot.headroom, layers["returned"])
+
+    def _refresh(self, where: tuple[NDArray, ...] | NDArray[np.bool_] | EllipsisType) -> None:
+        """Renew what follows from cells that changed, an index of a layer."""
+        changed = np.zeros(self.grid.shape, np.bool_)
+        changed[where] = True
+        if self._is_making or not changed.any():
             return
         layers, gap = self.layers, round(self.robot.max_gap / CELL) + 1
         here, around = box_around(changed, gap), box_around(changed, 2 * gap)
@@ -151,3 +186,8 @@ class ElevationMap:
         bridged = kernels.bridge_gaps(known, dropout, gap - 1)
         layers.write("measured", measured[inside(here, around)], here)
         layers.write("elevation", bridged[inside(here, around)], here)
+
+
+def _counts(points: NDArray[np.float32], hits: NDArray[np.uint32] | None) -> NDArray[np.uint32]:
+    """(N,) how many each of (N, 3) points is the mean of."""
+    return np.ones(len(points), np.uint32) if hits is None else hits

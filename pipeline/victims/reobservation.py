@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.frame import Frame
+from pipeline.localisation.correction import Correction, moved_by
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import wrap_angles
 from pipeline.victims.victim_map import APART, Victim, Victims
@@ -68,6 +69,10 @@ class Reobservation:
         for victim, place in self._aimed:
             victim.tried.append(place)
         self._aimed = []
+
+    def correct(self, correction: Correction) -> None:
+        """Let the place from which the next frame is to be taken follow the newest keyframe."""
+        self._aimed = [(v, moved_by(correction.motions[-1], place[None])[0]) for v, place in self._aimed]
 
     def _gains(
         self, victim: Victim, places: NDArray[np.float64], bearings: NDArray[np.float64]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.frame import Frame
+from pipeline.localisation.correction import Correction, moved_by
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.background import depth_noise
 from pipeline.victims.detection.detection import Detection
@@ -41,6 +42,28 @@ PHOTO_MARGIN = 0.2
 """Margin of a photo around its box, as a share of the longer side: surroundings help to recognise a person."""
 
 
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """One observation of a person, in ``map`` as it was then.
+
+    Attributes:
+        keyframe: in which that was.
+        points: (N, 3) float32 what was seen, m.
+        information: (3, 3) float64 inverse of the position's covariance, 1/m².
+        camera: (3,) float64 where the camera stood, m.
+    """
+
+    keyframe: int
+    points: NDArray[np.float32]
+    information: NDArray[np.float64]
+    camera: NDArray[np.float64]
+
+    def moved(self, T: NDArray[np.float64]) -> "Sighting":
+        """The same after the map has moved by the 4×4 transform ``T``."""
+        R, points = T[:3, :3], moved_by(T, self.points).astype(np.float32)
+        return Sighting(self.keyframe, points, R @ self.information @ R.T, moved_by(T, self.camera[None])[0])
+
+
 @dataclass(eq=False)
 class Victim:
     """A person on the map, confirmed or not.
@@ -54,6 +77,7 @@ class Victim:
         photo_shows: voxels of the person that it shows, times its confidence.
         missed: frames that showed the place, not hidden, without a detection there.
         tried: (3,) float64 each, the places on the ground from which the person was to be re-observed.
+        sightings: the observations that points and information are made of.
     """
 
     points: NDArray[np.float32]
@@ -64,6 +88,23 @@ class Victim:
     photo_shows: float = 0.0
     missed: int = 0
     tried: list[NDArray[np.float64]] = field(default_factory=list)
+    sightings: list[Sighting] = field(default_factory=list)
+
+    def take(self, seen: "Sighting | Victim") -> None:
+        """Add what one more observation shows, or several of the same person, to points and information."""
+        self.points = _thinned(np.concatenate([self.points, seen.points]))
+        # Observations from one place err alike: a victim is never more certain than the best of them by much.
+        floor = np.eye(3) * SKIN_TO_MIDDLE**2 / 4
+        self.information = _inverse(_inverse(self.information + seen.information) + floor)
+
+    def correct(self, correction: Correction, motions: NDArray[np.float64]) -> None:
+        """Make it anew of its sightings, moved by the (N, 4, 4) motions of all keyframes since they were added."""
+        self.tried = list(correction.moved(np.reshape(self.tried, (-1, 3))))
+        first, *others = (seen.moved(motions[seen.keyframe]) for seen in self.sightings)
+        self.points, self.information = first.points, first.information
+        for seen in others:
+            self.take(seen)
+        self.cameras = [seen.camera for seen in (first, *others)]
 
     @property
     def position(self) -> NDArray[np.float64]:
@@ -132,35 +173,44 @@ class Victims:
         # Distances and sizes come last: they take longest, and this is asked several times a step.
         return victim.apart >= APART and (victim.evidence >= ENOUGH_OF_PART or victim.size >= WHOLE)
 
-    def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64]) -> None:
+    def correct(self, correction: Correction, motions: NDArray[np.float64]) -> None:
+        """Let all victims follow the poses of the keyframes that showed them, and join those that turn out to be one.
+
+        ``motions`` (N, 4, 4) of the keyframes lead from ``map`` as it was when each was added to ``map`` as it is.
+        """
+        for victim in self.all:
+            victim.correct(correction, motions)
+        self._merge()
+
+    def update(
+        self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64], keyframe: int = 0
+    ) -> None:
         """Add what a frame's detections and depth show, and count the victims that it ought to show and does not.
 
         Args:
             frame: with its depth.
             detections: in its image; maybe none.
             T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
+            keyframe: whose frame it is.
         """
         seen = [observe(frame, detection, T_map_camera) for detection in detections]
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         before, found = list(self.all), set[int]()
         for observation in (item for item in seen if isinstance(item, Observation)):
-            found.add(id(self._add(observation, frame)))
+            found.add(id(self._add(observation, frame, keyframe)))
         for victim in before:
             if id(victim) not in found and _in_view(victim, frame, T_map_camera):
                 victim.missed += 1
         self._merge()
         self.all = [victim for victim in self.all if victim.missed <= 2 * len(victim.cameras)]
 
-    def _add(self, observation: Observation, frame: Frame) -> Victim:
+    def _add(self, observation: Observation, frame: Frame, keyframe: int) -> Victim:
         """Add an observation to the nearest victim that may be the same person, or as a new one."""
         points, confidence = _thinned(observation.points), observation.detection.confidence
+        seen = Sighting(keyframe, points, _inverse(observation.covariance), observation.camera)
+        photo = _crop(frame.rgb, observation.detection.box)
         new = Victim(
-            points,
-            _inverse(observation.covariance),
-            [observation.camera],
-            [confidence],
-            _crop(frame.rgb, observation.detection.box),
-            len(points) * confidence,
+            points, seen.information, [seen.camera], [confidence], photo, len(points) * confidence, sightings=[seen]
         )
         same = [other for other in self.all if _distance(other, new) <= GATE or _is_one(other, new)]
         if not same:
@@ -174,11 +224,8 @@ class Victims:
         """Add to a victim what is known of another one, which is the same person."""
         if other.photo_shows > victim.photo_shows:
             victim.photo, victim.photo_shows = other.photo, other.photo_shows
-        victim.points = _thinned(np.concatenate([victim.points, other.points]))
-        # Observations from one place err alike: a victim is never more certain than the best of them by much.
-        floor = np.eye(3) * SKIN_TO_MIDDLE**2 / 4
-        joint = _inverse(victim.information + other.information)
-        victim.information = _inverse(joint + floor)
+        victim.take(other)
+        victim.sightings += other.sightings
         victim.cameras += other.cameras
         victim.confidences += other.confidences
         victim.missed = min(victim.missed, other.missed)

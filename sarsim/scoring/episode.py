@@ -12,7 +12,7 @@ from sarsim.ground_truth.faces import true_faces
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.segments import score_segments
-from sarsim.scoring.semantics import SemanticScore
+from sarsim.scoring.semantics import KeyframeTruth
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.trajectory import driven, greatest_tilt, score_localisation, times_tipped
 from sarsim.scoring.victims import VictimScore
@@ -44,7 +44,7 @@ class EpisodeScore:
         self.surface = Survey(model, data, robot.base_body).surface_from(robot.trajectory[-1].T_world_base[:3, 3])
         self._faces = true_faces(model, data)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
-        self._semantics = SemanticScore()
+        self._semantics = KeyframeTruth()
         self.victims = VictimScore(model, data)
         self.fiducials = FiducialScore(T_world_tag)
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
@@ -66,8 +66,7 @@ class EpisodeScore:
         self.victims.add(truth.image)
         self.fiducials.add(step.keyframe.frame, step.keyframe.T_map_base)
         self.progress.append((self._robot.time - self._start_time, self.explored_fraction))
-        if step.keyframe.frame.label is not None:
-            self._semantics.add(step.keyframe.points, step.keyframe.frame.label[step.keyframe.frame.returns])
+        self._semantics.add(step.keyframe)
         if step.plan is not None and step.plan.length > 0.1:
             self._cost_ratios.append(
                 step.plan.length / self._optimum(truth.T_world_base[:2, 3], step.plan.way_points[-1, :2])
@@ -83,7 +82,7 @@ class EpisodeScore:
         explorer, trajectory = self._explorer, self._robot.trajectory
         stages = {
             "metric_map": self._voxels.report(),
-            "semantic_map": self._semantics.report(explorer.mapper.semantic_map),
+            "semantic_map": self._semantics.score(explorer.mapper.poses).report(explorer.mapper.semantic_map),
             "segments": score_segments(explorer.mapper.segments, self._faces),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),

@@ -1,13 +1,17 @@
 """How right the labels of the semantic map are."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import THESIS_FOUR, Label
+from pipeline.mapper import Keyframe
+from pipeline.segments.cells_kernels import moved
 from pipeline.semantic_map.networks.scores import iou
-from pipeline.semantic_map.semantic_map import SemanticMap
+from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
+from pipeline.semantic_map.voxels import VoxelCloud
 
 
 class SemanticScore:
@@ -17,13 +21,41 @@ class SemanticScore:
         """A score of no points."""
         self._truth = SemanticMap()
 
-    def add(self, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> None:
-        """Add the (N, 3) points, m, that the robot added to its map, with their (N,) true labels."""
-        self._truth.update(points, np.eye(len(Label), dtype=np.float32)[labels])
+    def add(
+        self, points: NDArray[np.float32], truth: NDArray[np.float32], hits: NDArray[np.uint32] | None = None
+    ) -> None:
+        """Add the (N, 3) points, m, that the robot added to its map, with the (N, 8) share of each true label.
+
+        ``hits`` (N,) is how many returns each is the mean of; 1 if not given.
+        """
+        self._truth.update(points, truth, hits)
 
     def report(self, semantic_map: SemanticMap) -> dict[str, Any]:
         """Intersection over union by label, its means, and the share of right points; nothing without points."""
         return label_figures(confusion_matrix(self._truth.labels(), semantic_map.labels()))
+
+
+class KeyframeTruth:
+    """The true labels of keyframes, which follow their poses."""
+
+    def __init__(self) -> None:
+        """Of no keyframes."""
+        self._added: list[tuple[int, VoxelCloud, NDArray[np.float32]]] = []
+
+    def add(self, keyframe: Keyframe) -> None:
+        """Keep the true labels of a keyframe, thinned as the robot does it."""
+        frame = keyframe.frame
+        if frame.label is not None:
+            cloud = VoxelCloud.of(frame.points(frame.T_base_camera), VOXEL)
+            shares = cloud.means(np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]])
+            self._added.append((keyframe.index, replace(cloud, voxel_of_point=np.zeros(0, np.int64)), shares))
+
+    def score(self, poses: NDArray[np.float64]) -> SemanticScore:
+        """The score of a map of keyframes at these (N, 4, 4) poses, ``T_map_base``."""
+        score = SemanticScore()
+        for index, cloud, shares in self._added:
+            score.add(moved(poses[index], cloud.points), shares, cloud.hits)
+        return score
 
 
 def label_figures(confusion: NDArray[np.int64]) -> dict[str, Any]:

@@ -29,7 +29,7 @@ def accuracy(frames: Iterable[TrueFrame], network: PointClassifier | None) -> di
             given = network.classify(frame.frame, points, frame.T_map_camera)
             confusion["network"] += confusion_matrix(truth, _labels(given))
             fused.update(points, given)
-            score.add(points, truth)
+            score.add(points, np.eye(len(Label), dtype=np.float32)[truth])
     reports = {name: label_figures(counts) for name, counts in confusion.items()}
     reports["fused"] = score.report(fused)
     return {name: {"miou_four": of["miou_four"], **of["iou"]} for name, of in reports.items() if of}

@@ -149,3 +149,67 @@ def test_room_seen_from_its_corners_with_noise() -> None:
     assert len(segments) == len(SURFACES)
     assert np.median(errors) <= 0.5
     assert max(errors) <= 3
+
+
+def shifts(*offsets: tuple[float, float, float]) -> np.ndarray:
+    """(N, 4, 4) motions without rotation."""
+    motions = np.tile(np.eye(4), (len(offsets), 1, 1))
+    motions[:, :3, 3] = offsets
+    return motions
+
+
+def corrected(frames: list, *motions: np.ndarray) -> Segments:
+    """The segments of the patches of several frames after corrections."""
+    segments = Segments()
+    for step, patches in enumerate(frames):
+        segments.update(patches, step)
+    for motion in motions:
+        segments.correct(motion)
+    return segments
+
+
+FRAMES = [[wall_patch(0, 1), deck(5, 6, 5, 6)], [wall_patch(0.8, 2), wall_patch(0, 2, y=3)], [deck(5.5, 7, 5, 6)]]
+
+
+def test_poses_that_stay_leave_segments_as_they_are() -> None:
+    before, after = corrected(FRAMES), corrected(FRAMES, shifts((0, 0, 0), (0, 0, 0), (0, 0, 0)))
+    for old, new in zip(before, after, strict=True):
+        assert (old.id, old.label, old.first_step, old.last_step) == (
+            new.id,
+            new.label,
+            new.first_step,
+            new.last_step,
+        )
+        assert np.array_equal(old.cells, new.cells)
+        np.testing.assert_allclose(old.box.T_map_box, new.box.T_map_box, atol=1e-6)
+        np.testing.assert_allclose(old.box.extent, new.box.extent, atol=1e-6)
+
+
+def test_segments_move_with_their_keyframes() -> None:
+    quarter = np.tile(np.array([(0, -1, 0, 2), (1, 0, 0, 1), (0, 0, 1, 0.5), (0, 0, 0, 1.0)]), (3, 1, 1))
+    before, after = corrected(FRAMES), corrected(FRAMES, shifts((1, 0, 0), (2, 0, 0), (0, 5, 0)), quarter)
+    for old, new in zip(before, after, strict=True):
+        assert (old.id, old.label) == (new.id, new.label)
+        np.testing.assert_allclose(new.plane.normal, quarter[0, :3, :3] @ old.plane.normal, atol=1e-6)
+        expected = np.sort(corners(old.box) @ quarter[0, :3, :3].T + quarter[0, :3, 3], axis=0)
+        np.testing.assert_allclose(np.sort(corners(new.box), axis=0), expected, atol=1e-3)
+
+
+def test_walls_that_turn_out_to_be_one_are_joined_and_those_that_do_not_are_parted() -> None:
+    doubled = [[wall_patch(0, 2)], [wall_patch(1, 3, y=0.3)]]
+    assert len(corrected(doubled)) == 2
+    joined = corrected(doubled, shifts((0, 0, 0), (0, -0.3, 0)))
+    assert [s.id for s in joined] == [0]
+    assert joined[0].box.extent == pytest.approx([3, 1.2, 0.02], abs=1e-2)
+    parted = corrected(doubled, shifts((0, 0, 0), (0, -0.3, 0)), shifts((0, 0, 0), (0, 0, 0)))
+    assert [s.id for s in parted] == [0, 2]
+    assert [s.box.extent[0] for s in parted] == pytest.approx([2, 2], abs=1e-2)
+
+
+def test_what_is_seen_after_a_correction_stays_where_it_was_seen() -> None:
+    segments = corrected([[wall_patch(0, 2)]], shifts((0, 1, 0)))
+    segments.update([wall_patch(1, 3, y=1)], 1)
+    assert len(segments) == 1
+    segments.correct(shifts((0, 1, 0), (0, 0, 0)))
+    assert [s.id for s in segments] == [0]
+    assert corners(segments[0].box).mean(axis=0) == pytest.approx([1.5, 1, 0.6], abs=1e-2)

@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 
 from pipeline.labels import Label
+from pipeline.localisation.correction import Correction
 from pipeline.planning.path_plan import plan_path
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.nodes import segment_nodes
 from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.transforms import from_yaw
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.topological_map.grounds import patch, room, topology_of
@@ -185,3 +187,22 @@ def test_the_file_holds_every_node_and_edge(ramp_world, tmp_path):
     positions = {n["id"]: n["position"] for n in content["nodes"]}
     for edge in content["edges"]:
         assert [edge["way"][0], edge["way"][-1]] == [positions[n] for n in edge["nodes"]]
+
+
+def test_nodes_move_with_the_map_under_their_ids():
+    shift, offset = from_yaw(3.0, -2.0, 0, 0), np.array([3, -2, 0])
+    before, segments = room((-3, 3), (-2, 2), [((0, -2), (0, 0.8))])
+    topology = topology_of(before, segments, start=(-1.5, 0))
+    old = {n: node.position for n, node in topology.nodes.items()}
+    here = np.array([from_yaw(-1.5, 0, 0, 0)])
+    topology.correct(Correction(here, shift @ here))
+    for n, position in old.items():
+        np.testing.assert_allclose(topology.nodes[n].position, position + offset, atol=1e-9)
+    segments.correct(shift[None])
+    ground = surface_of(ground_points(flat, (0, 6), (-4, 0)), wall_points((3, -4), (3, -1.2)))
+    ground.layers.match(before.grid)  # a map that is corrected never shrinks
+    topology.update([], segments, ShortestPaths(assess_map(ground), (1.5, -2)))
+    assert set(topology.nodes) == set(old)
+    assert nx.is_connected(topology.tree)
+    for a, b, edge in topology.tree.edges(data=True):
+        assert edge["length"] >= np.linalg.norm((topology.nodes[a].position - topology.nodes[b].position)[:2]) - 1e-9

@@ -22,7 +22,7 @@ def test_the_map_is_compared_voxel_by_voxel_with_the_true_labels():
     points = np.array([(0.01, 0.01, 0.01), (0.5, 0, 0), (1, 0, 0), (1.5, 0, 0)], np.float32)
     truth = np.array([WALL, WALL, FLOOR, FLOOR], np.uint8)
     guess = np.array([WALL, FLOOR, FLOOR, FLOOR], np.uint8)
-    score.add(points, truth)
+    score.add(points, np.eye(8, dtype=np.float32)[truth])
     semantic_map.update(points, np.eye(8, dtype=np.float32)[guess])
     report = score.report(semantic_map)
     assert report["accuracy"] == 0.75

@@ -1,0 +1,34 @@
+"""What a correction of keyframes' poses does to what is known by its place in ``map`` alone."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+
+class Correction:
+    """Moves places along with the keyframe that stood nearest to them.
+
+    Attributes:
+        motions: (N, 4, 4) of each keyframe, from ``map`` as it was before to ``map`` as it is.
+    """
+
+    def __init__(self, before: NDArray[np.float64], after: NDArray[np.float64]) -> None:
+        """``before``, ``after``: (N, 4, 4) poses of the keyframes, N at least 1."""
+        self.motions = after @ np.linalg.inv(before)
+        self._tree = cKDTree(before[:, :2, 3])
+
+    def motion_at(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        """4×4 of the keyframe that stood nearest to a place (2 or 3,), m."""
+        return np.asarray(self.motions[self._tree.query(place[:2])[1]])
+
+    def moved(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 2 or 3) float64 places, m, each moved along with the keyframe that stood nearest to it."""
+        T = self.motions[self._tree.query(places[:, :2])[1]]
+        return moved_by(T, places)
+
+
+def moved_by(T: NDArray[np.float64], places: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(N, 2 or 3) float64 places, m, moved by a 4×4 transform or by (N, 4, 4); at z = 0 if they have none."""
+    size = places.shape[1]
+    T = np.broadcast_to(T, (len(places), 4, 4))
+    return np.asarray(np.einsum("nij,nj->ni", T[:, :size, :size], places) + T[:, :size, 3])

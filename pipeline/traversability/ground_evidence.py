@@ -1,0 +1,82 @@
+"""What is known of the ground, told from the robot's pose at that moment: when the pose is corrected, it follows."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.segments.cells_kernels import moved
+from pipeline.traversability.elevation_map import ElevationMap
+
+
+class GroundEvidence(Protocol):
+    """Something that an elevation map is made of."""
+
+    def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
+        """Put it into the map, as known from a robot at the 4×4 pose ``T_map_base``."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The returns of a keyframe, thinned.
+
+    Attributes:
+        points: (N, 3) float32 in ``base_link``, m.
+        hits: (N,) uint32, how many returns each is the mean of.
+        dropouts: (M, 3) float32 in ``base_link``, m, where ground should have been seen.
+        dropout_hits: (M,) uint32, how many pixels each is the mean of.
+    """
+
+    points: NDArray[np.float32]
+    hits: NDArray[np.uint32]
+    dropouts: NDArray[np.float32]
+    dropout_hits: NDArray[np.uint32]
+
+    def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
+        """Add the returns, and where ground dropped out, seen from ``T_map_base``, 4×4."""
+        points, dropouts = moved(T_map_base, self.points), moved(T_map_base, self.dropouts)
+        elevation_map.update(points, dropouts, T_map_base[:2, 3], self.hits, self.dropout_hits)
+
+
+@dataclass(frozen=True, eq=False)
+class Assumed:
+    """Ground that is taken for flat where the robot was set down.
+
+    Attributes:
+        T_base_start: 4×4 pose at which that was.
+        radius, ahead, width: m, see :meth:`ElevationMap.assume_ground`.
+    """
+
+    T_base_start: NDArray[np.float64]
+    radius: float
+    ahead: float
+    width: float
+
+    def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
+        """Assume it, from the 4×4 pose ``T_map_base``."""
+        elevation_map.assume_ground(T_map_base @ self.T_base_start, self.radius, self.ahead, self.width)
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """What a drive has shown near a keyframe, m in its ``base_link``.
+
+    Attributes:
+        track: (N, 3) float32 where the middle of the robot was.
+        obstacles: (M, 3) float32 what stood in its way.
+        touched: (K, 3) float32 what it touched.
+    """
+
+    track: NDArray[np.float32]
+    obstacles: NDArray[np.float32]
+    touched: NDArray[np.float32]
+
+    def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
+        """Add all of it, seen from ``T_map_base``, 4×4."""
+        track, obstacles, touched = (moved(T_map_base, p) for p in (self.track, self.obstacles, self.touched))
+        elevation_map.update(obstacles)
+        elevation_map.add_track(track[:, :2])
+        if len(touched):
+            elevation_map.add_obstacle(touched)

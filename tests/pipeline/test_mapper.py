@@ -1,0 +1,136 @@
+"""Maps follow the poses of their keyframes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from pipeline.errors import InputError
+from pipeline.mapper import Mapper
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import from_yaw
+from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
+from tests.pipeline.robot_model import PIONEER
+
+SCENE = [
+    floor(-2, 6, -3, 3),
+    wall((5.21, 2.31), (5.21, -2.29)),
+    wall((1.01, 2.31), (5.21, 2.31)),
+    wall((4.5, -2.29), (1.03, -2.29)),
+    *wedge(3.13, 0.03, 1.1, 1.2, 0.3),
+]
+T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.3)
+POSES = np.array([from_yaw(0.02 + 0.4 * k, 0.32 * (-1) ** k, 0, 0.5 * (k % 3 - 1)) for k in range(6)])
+LABELLED = [True, False, True, False, False, True]
+FRAMES = [
+    replace(look(SCENE, T @ T_BASE_CAMERA, 0.004, seed), T_base_camera=T_BASE_CAMERA, T_odom_base=T)
+    for seed, T in enumerate(POSES)
+]
+MOST_BYTES = {True: 2_000_000, False: 1_000_000}
+
+
+def mapped(poses: np.ndarray) -> Mapper:
+    """A mapper whose robot was set down at the first of these poses, and drove to the third between the keyframes."""
+    mapper = Mapper(PIONEER, TruthClassifier())
+    mapper.assume_ground(poses[0])
+    for k, (frame, T, labelled) in enumerate(zip(FRAMES, poses, LABELLED, strict=True)):
+        mapper.add(frame, T, labelled)
+        if k == 2:
+            track, box = np.array([(-0.05, 0.02, 0), (0, 0, 0), (0.03, 0.01, 0)]), np.full((60, 3), (0.4, 0, 0.35))
+            track, box, panel = (p @ T[:3, :3].T + T[:3, 3] for p in (track, box, np.array([(0.3, 0.2, 0.3)])))
+            mapper.add_drive(track[:, :2], box.astype(np.float32), [panel])
+    return mapper
+
+
+TRUE = mapped(POSES)
+
+
+def assert_same(one: Mapper, other: Mapper) -> None:
+    for voxels in ("occupied_centres", "free_centres"):
+        np.testing.assert_array_equal(getattr(one.metric_map, voxels)(), getattr(other.metric_map, voxels)(), voxels)
+    centres = one.metric_map.occupied_centres()
+    values = [m.metric_map.log_odds_at(m.metric_map.voxel_index(centres)) for m in (one, other)]
+    np.testing.assert_array_equal(*values)
+    for values in ("points", "labels", "probabilities", "hits"):
+        a, b = (getattr(m.semantic_map, values)() for m in (one, other))
+        np.testing.assert_array_equal(a, b, values)
+    assert_same_ground(one, other)
+
+
+def assert_same_ground(one: Mapper, other: Mapper) -> None:
+    """The same on the cells of ``one``, and nothing beyond them."""
+    grid = one.elevation_map.grid
+    other.elevation_map.layers.match(grid)
+    box = other.elevation_map.grid.box_of(grid)
+    for layer in ("measured", "elevation", "dropout", "driven"):
+        a, b = getattr(one.elevation_map, layer), getattr(other.elevation_map, layer)
+        np.testing.assert_array_equal(a, b[box], layer)
+        assert np.count_nonzero(np.nan_to_num(b)) == np.count_nonzero(np.nan_to_num(a))
+    a, b = (m.traversability_layer.update(m.elevation_map).traversable for m in (one, other))
+    np.testing.assert_array_equal(a, b[box])
+
+
+def test_the_scene_has_something_in_every_map():
+    assert len(TRUE.metric_map.occupied_centres()) > 500
+    assert len(np.unique(TRUE.semantic_map.labels())) == 3
+    assert TRUE.elevation_map.driven.sum() == 2
+    assert len(TRUE.segments) >= 5
+    assert TRUE.traversability_layer.update(TRUE.elevation_map).traversable.sum() > 500
+
+
+def test_correcting_to_the_same_poses_changes_nothing():
+    mapper = mapped(POSES)
+    mapper.correct(POSES)
+    assert_same(TRUE, mapper)
+
+
+@settings(max_examples=5, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@given(st.lists(st.tuples(*[st.floats(-0.1, 0.1)] * 3), min_size=6, max_size=6), st.floats(-0.2, 0.5))
+def test_wrong_poses_leave_no_trace_once_they_are_corrected(errors, drift):
+    astray = [T @ from_yaw(x, y, 0, yaw) for T, (x, y, yaw) in zip(POSES, errors, strict=True)]
+    mapper = mapped(np.array([from_yaw(drift * k, 0, 0, 0) @ T for k, T in enumerate(astray)]))
+    mapper.correct(POSES)
+    assert_same(TRUE, mapper)
+
+
+def test_maps_move_as_one_with_all_keyframes():
+    mapper, shift = mapped(POSES), np.array([3.0, -2.0, 0.0])  # whole cells and voxels of every map
+    moved = POSES.copy()
+    moved[:, :3, 3] += shift
+    mapper.correct(moved)
+    centres = TRUE.metric_map.occupied_centres()
+    assert len(mapper.metric_map.occupied_centres()) == pytest.approx(len(centres), rel=2e-3)
+    assert (mapper.metric_map.state_at(centres + shift) == 0).mean() > 0.998
+    assert len(mapper.semantic_map) == pytest.approx(len(TRUE.semantic_map), rel=2e-3)
+    grid, known = TRUE.elevation_map.grid, ~np.isnan(TRUE.elevation_map.elevation)
+    there = mapper.elevation_map.grid.at(
+        mapper.elevation_map.elevation, grid.centre_of(np.argwhere(known)) + shift[:2], np.nan
+    )
+    assert (np.abs(there - TRUE.elevation_map.elevation[known]) < 1e-3).mean() > 0.998
+    assert np.count_nonzero(~np.isnan(mapper.elevation_map.elevation)) == pytest.approx(known.sum(), rel=2e-3)
+    np.testing.assert_array_equal(mapper.T_map_start, moved[0])
+
+
+def test_a_keyframe_that_is_not_labelled_is_in_the_geometric_maps_alone():
+    mapper = Mapper(PIONEER, TruthClassifier())
+    keyframe = mapper.add(FRAMES[0], POSES[0], labelled=False)
+    assert not any(map(len, (mapper.semantic_map, mapper.segments, keyframe.points, keyframe.labels)))
+    assert len(mapper.metric_map.occupied_centres()) > 0
+    assert np.isfinite(mapper.elevation_map.measured).any()
+    assert (keyframe.index, mapper.keyframes) == (0, 1)
+
+
+def test_little_is_kept_of_a_keyframe():
+    for observation, labelled in zip(TRUE.observations, LABELLED, strict=True):
+        arrays = [a for a in vars(observation).values() if isinstance(a, np.ndarray)]
+        assert sum(a.nbytes for a in arrays) < MOST_BYTES[labelled]
+
+
+@pytest.mark.parametrize("bad", [POSES[:5], np.zeros_like(POSES), POSES * np.nan, POSES[0]])
+def test_poses_that_are_none_are_refused(bad):
+    mapper = mapped(POSES)
+    with pytest.raises(InputError, match="a correction must give each of 6 keyframes a rigid"):
+        mapper.correct(bad)
+    assert_same(TRUE, mapper)

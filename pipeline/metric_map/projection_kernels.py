@@ -22,8 +22,8 @@ SEEN, HIDDEN = np.uint8(1), np.uint8(2)
 TILE = 8
 """Pixels along a side of the tiles of the depth pyramid's finest level."""
 
-TOO_NEAR = 1e-3
-"""m of depth; what reaches nearer may lie anywhere in the picture."""
+TOO_NEAR = 1e-6
+"""m of depth; what is nearer is not seen."""
 SHADE = 1.0
 """m behind a crest that may hold what slopes down from it."""
 NARROW = 6.0
@@ -83,16 +83,16 @@ def _mark_returns(depth, camera, shape, flat, high):
     ny, nz = np.int32(shape[1]), np.int32(shape[2])
     origin, step = camera.origin.astype(np.float32), (camera.axes[0] / camera.fx).astype(np.float32)
     first = _first_of_rows(height, camera)
-    index = np.empty(width, np.int32)
-    deepest = np.zeros(high.shape[1] * TILE, np.float32)
-    for top in range(0, height, TILE):
-        deepest[:] = 0
-        for v in range(top, min(top + TILE, height)):
-            _voxels_of_row(depth[v], far, first[v], step, origin, ny, nz, nowhere, index)
-            for u in range(width):
-                flat[np.uint32(index[u])] = HIT
-            _deepest_of_columns(depth[v], deepest)
-        _deepest_of_tiles(deepest, far, high[top // TILE])
+    index = np.full(high.shape[1] * TILE, nowhere)
+    changed = np.zeros(index.size, np.uint8)
+    words = changed.view(np.uint64)
+    deepest = np.zeros(index.size, np.float32)
+    for v in range(height):
+        _voxels_of_row(depth[v], far, first[v], step, origin, ny, nz, nowhere, index, changed)
+        _mark_changed(index, words, flat)
+        if v % TILE == 0:
+            _deepest_of_columns(depth, v, deepest)
+            _deepest_of_tiles(deepest, far, high[v // TILE])
     flat[nowhere] = 0
 
 
@@ -109,28 +109,47 @@ def _first_of_rows(height, camera):
 
 
 @njit(cache=True, fastmath={"contract"})
-def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
-    """Fill ``index`` with the flat voxel that each return of an image row falls in."""
+def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index, changed):
+    """Replace the flat voxels in which the returns of the row above fall by this row's, and say where they differ."""
     zero = np.float32(0)
     o0, o1, o2 = origin[0], origin[1], origin[2]
     a0, a1, a2 = first[0], first[1], first[2]
     b0, b1, b2 = step[0], step[1], step[2]
     for u in range(row.size):
         column = np.float32(np.int32(u))
-        ends = (row[u] > zero) & (row[u] <= far)
-        d = row[u] if ends else zero
+        d, above = row[u], index[u]
+        ends = (d > zero) & (d <= far)
+        d = d if ends else zero
         i = np.int32(o0 + d * (a0 + b0 * column))
         j = np.int32(o1 + d * (a1 + b1 * column))
         k = np.int32(o2 + d * (a2 + b2 * column))
-        # numba widens int32 products; narrowing each step keeps the loop in 32-bit vectors.
-        index[u] = np.int32(np.int32(np.int32(i * ny) + j) * nz) + k if ends else nowhere
+        # numba widens int32 sums and products; narrowing each step keeps the loop in 32-bit vectors.
+        voxel = np.int32(np.int32(np.int32(np.int32(i * ny) + j) * nz) + k)
+        voxel = voxel if ends else nowhere
+        index[u] = voxel
+        changed[u] = voxel != above
 
 
 @njit(cache=True)
-def _deepest_of_columns(row, deepest):
-    """Fold the depths of an image row into the greatest of each column."""
-    for u in range(row.size):
-        deepest[u] = row[u] if row[u] > deepest[u] else deepest[u]
+def _mark_changed(index, words, flat):
+    """Mark the voxels of a row, eight pixels at a time; where all are those of the row above, they are marked."""
+    for n in range(words.size):
+        if words[n] != 0:
+            for u in range(8 * n, 8 * n + 8):
+                flat[np.uint32(index[u])] = HIT
+
+
+@njit(cache=True)
+def _deepest_of_columns(depth, top, deepest):
+    """Fill the greatest depth of each column of a row of tiles."""
+    height, width = depth.shape
+    for u in range(width):
+        # Written once: a value that is only replaced by greater ones would be stored lane by lane without AVX-512.
+        greatest = np.float32(0)
+        for i in range(TILE):
+            d = depth[min(top + i, height - 1), u]
+            greatest = d if d > greatest else greatest
+        deepest[u] = greatest
 
 
 @njit(cache=True)
@@ -194,7 +213,8 @@ def _mark_free(depth, camera, marks, high):
     """
     metric = camera.axes * (camera.size * camera.size)  # m per voxel along each camera axis
     offsets = _corner_offsets(metric)
-    spread = np.abs(metric).sum(axis=1) * (0.5 * BLOCK)
+    sides = _sides(depth.shape, camera) @ metric
+    spread, room = np.abs(metric).sum(axis=1) * (0.5 * BLOCK), np.abs(sides).sum(axis=1) * (0.5 * BLOCK)
     middle = metric.sum(axis=1) * (0.5 * BLOCK)
     pixel, deep = np.empty(CORNERS, np.int32), np.empty(CORNERS, np.float32)
     reach = np.empty(CORNERS, np.float32)
@@ -203,6 +223,8 @@ def _mark_free(depth, camera, marks, high):
         for j in range(0, marks.shape[1], BLOCK):
             for k in range(0, marks.shape[2], BLOCK):
                 x, y, z = i - camera.origin[0], j - camera.origin[1], k - camera.origin[2]
+                if _lies_outside(x + 0.5 * BLOCK, y + 0.5 * BLOCK, z + 0.5 * BLOCK, sides, room):
+                    continue
                 r = metric[0, 0] * x + metric[0, 1] * y + metric[0, 2] * z
                 d = metric[1, 0] * x + metric[1, 1] * y + metric[1, 2] * z
                 w = metric[2, 0] * x + metric[2, 1] * y + metric[2, 2] * z
@@ -211,6 +233,23 @@ def _mark_free(depth, camera, marks, high):
                     _see_corners(depth.reshape(-1), camera, pixel, deep, reach, seen)
                     _join_corners(seen)
                     _mark_block(seen, marks[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK])
+
+
+@njit(cache=True)
+def _sides(shape, camera):
+    """(5, 3) normals, in camera axes, of the planes through the optical centre between which the picture lies."""
+    left, top = camera.cx / camera.fx, camera.cy / camera.fy
+    right, bottom = shape[1] / camera.fx - left, shape[0] / camera.fy - top
+    return np.array([(1.0, 0.0, left), (-1.0, 0.0, right), (0.0, 1.0, top), (0.0, -1.0, bottom), (0.0, 0.0, 1.0)])
+
+
+@njit(cache=True)
+def _lies_outside(x, y, z, sides, room):
+    """Whether a block, its centre in voxels from the optical centre, lies whole beyond a side of the view."""
+    for n in range(room.size):
+        if sides[n, 0] * x + sides[n, 1] * y + sides[n, 2] * z < -room[n]:
+            return True
+    return False
 
 
 @njit(cache=True)
@@ -230,16 +269,14 @@ def _corner_offsets(metric):
 @njit(cache=True)
 def _may_be_seen(r, d, w, spread, shape, camera, high):
     """False if the cuboid (r, d, w) ± spread, m in camera axes, lies out of the picture or behind all returns."""
-    near, deep = w - spread[2], w + spread[2]
-    if deep <= 0 or near >= camera.far:
+    near, deep = max(w - spread[2], TOO_NEAR), max(w + spread[2], TOO_NEAR)
+    if near + camera.margin >= camera.far:
         return False
-    if near < TOO_NEAR:
-        return True
     u0, u1 = _interval(r, spread[0], near, deep, camera.fx, camera.cx)
     v0, v1 = _interval(d, spread[1], near, deep, camera.fy, camera.cy)
     if u0 >= shape[1] or v0 >= shape[0] or u1 < 0 or v1 < 0:
         return False
-    return _deepest(high, max(u0, 0), min(u1, shape[1] - 1), max(v0, 0), min(v1, shape[0] - 1)) > near
+    return _deepest(high, max(u0, 0), min(u1, shape[1] - 1), max(v0, 0), min(v1, shape[0] - 1)) > near + camera.margin
 
 
 @njit(cache=True)

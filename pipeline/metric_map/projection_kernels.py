@@ -17,7 +17,8 @@ BLOCK = 8
 """Voxels along a side of the blocks that are decided together."""
 SIDE = BLOCK + 1
 """Voxel corners along a side of a block."""
-CORNERS = SIDE**3
+CORNERS = -(-(SIDE**3) // 64) * 64
+"""Of a block, and the last one again and again, so that they fill whole vectors."""
 SEEN, HIDDEN = np.uint8(1), np.uint8(2)
 TILE = 8
 """Pixels along a side of the tiles of the depth pyramid's finest level."""
@@ -83,16 +84,15 @@ def _mark_returns(depth, camera, shape, flat, high):
     ny, nz = np.int32(shape[1]), np.int32(shape[2])
     origin, step = camera.origin.astype(np.float32), (camera.axes[0] / camera.fx).astype(np.float32)
     first = _first_of_rows(height, camera)
-    index = np.full(high.shape[1] * TILE, nowhere)
-    changed = np.zeros(index.size, np.uint8)
-    words = changed.view(np.uint64)
-    deepest = np.zeros(index.size, np.float32)
-    for v in range(height):
-        _voxels_of_row(depth[v], far, first[v], step, origin, ny, nz, nowhere, index, changed)
-        _mark_changed(index, words, flat)
-        if v % TILE == 0:
-            _deepest_of_columns(depth, v, deepest)
-            _deepest_of_tiles(deepest, far, high[v // TILE])
+    index = np.empty(width, np.int32)
+    deepest = np.zeros(high.shape[1] * TILE, np.float32)
+    for top in range(0, height, TILE):
+        for v in range(top, min(top + TILE, height)):
+            _voxels_of_row(depth[v], far, first[v], step, origin, ny, nz, nowhere, index)
+            for u in range(width):
+                flat[np.uint32(index[u])] = HIT
+        _deepest_of_columns(depth, top, deepest)
+        _deepest_of_tiles(deepest, far, high[top // TILE])
     flat[nowhere] = 0
 
 
@@ -109,34 +109,22 @@ def _first_of_rows(height, camera):
 
 
 @njit(cache=True, fastmath={"contract"})
-def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index, changed):
-    """Replace the flat voxels in which the returns of the row above fall by this row's, and say where they differ."""
+def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
+    """Fill ``index`` with the flat voxel that each return of an image row falls in."""
     zero = np.float32(0)
     o0, o1, o2 = origin[0], origin[1], origin[2]
     a0, a1, a2 = first[0], first[1], first[2]
     b0, b1, b2 = step[0], step[1], step[2]
     for u in range(row.size):
         column = np.float32(np.int32(u))
-        d, above = row[u], index[u]
-        ends = (d > zero) & (d <= far)
-        d = d if ends else zero
+        ends = (row[u] > zero) & (row[u] <= far)
+        d = row[u] if ends else zero
         i = np.int32(o0 + d * (a0 + b0 * column))
         j = np.int32(o1 + d * (a1 + b1 * column))
         k = np.int32(o2 + d * (a2 + b2 * column))
         # numba widens int32 sums and products; narrowing each step keeps the loop in 32-bit vectors.
         voxel = np.int32(np.int32(np.int32(np.int32(i * ny) + j) * nz) + k)
-        voxel = voxel if ends else nowhere
-        index[u] = voxel
-        changed[u] = voxel != above
-
-
-@njit(cache=True)
-def _mark_changed(index, words, flat):
-    """Mark the voxels of a row, eight pixels at a time; where all are those of the row above, they are marked."""
-    for n in range(words.size):
-        if words[n] != 0:
-            for u in range(8 * n, 8 * n + 8):
-                flat[np.uint32(index[u])] = HIT
+        index[u] = voxel if ends else nowhere
 
 
 @njit(cache=True)
@@ -216,6 +204,7 @@ def _mark_free(depth, camera, marks, high):
     sides = _sides(depth.shape, camera) @ metric
     spread, room = np.abs(metric).sum(axis=1) * (0.5 * BLOCK), np.abs(sides).sum(axis=1) * (0.5 * BLOCK)
     middle = metric.sum(axis=1) * (0.5 * BLOCK)
+    pixels = depth.reshape(-1)
     pixel, deep = np.empty(CORNERS, np.int32), np.empty(CORNERS, np.float32)
     reach = np.empty(CORNERS, np.float32)
     seen = np.zeros(CORNERS + SIDE * SIDE, np.uint8)
@@ -230,9 +219,9 @@ def _mark_free(depth, camera, marks, high):
                 w = metric[2, 0] * x + metric[2, 1] * y + metric[2, 2] * z
                 if _may_be_seen(r + middle[0], d + middle[1], w + middle[2], spread, depth.shape, camera, high):
                     _project_corners(r, d, w, offsets, depth.shape, camera, pixel, deep)
-                    _see_corners(depth.reshape(-1), camera, pixel, deep, reach, seen)
-                    _join_corners(seen)
-                    _mark_block(seen, marks[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK])
+                    if _see_corners(pixels, camera, pixel, deep, reach, seen):
+                        _join_corners(seen)
+                        _mark_block(seen, marks[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK])
 
 
 @njit(cache=True)
@@ -256,13 +245,11 @@ def _lies_outside(x, y, z, sides, room):
 def _corner_offsets(metric):
     """(3, CORNERS) float32, m in camera axes, from a block's first corner to the corners of its voxels."""
     offsets = np.empty((3, CORNERS), np.float32)
-    n = 0
-    for i in range(SIDE):
-        for j in range(SIDE):
-            for k in range(SIDE):
-                for axis in range(3):
-                    offsets[axis, n] = metric[axis, 0] * i + metric[axis, 1] * j + metric[axis, 2] * k
-                n += 1
+    for n in range(CORNERS):
+        corner = min(n, SIDE**3 - 1)
+        i, j, k = corner // (SIDE * SIDE), corner // SIDE % SIDE, corner % SIDE
+        for axis in range(3):
+            offsets[axis, n] = metric[axis, 0] * i + metric[axis, 1] * j + metric[axis, 2] * k
     return offsets
 
 
@@ -323,13 +310,17 @@ def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
 
 @njit(cache=True)
 def _see_corners(depth, camera, pixel, deep, reach, seen):
-    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to SHADE before it."""
+    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to SHADE before it.
+
+    Returns whether any corner is SEEN.
+    """
     # Fetching the depths apart from comparing them lets the comparison run in vectors.
     for n in range(CORNERS):
         reach[n] = depth[np.uint32(pixel[n])]
     far, margin = np.float32(camera.far), np.float32(camera.margin)
     size, shade = np.float32(camera.size), np.float32(SHADE)
     zero, infinity = np.float32(0), np.float32(np.inf)
+    any_seen = np.uint8(0)
     for n in range(CORNERS):
         d = reach[n]
         returns = (d > zero) & (d < infinity)
@@ -338,6 +329,8 @@ def _see_corners(depth, camera, pixel, deep, reach, seen):
         is_seen = np.uint8(returns & (d - margin > deep[n]))
         is_hidden = np.uint8(returns & (d + size < deep[n]) & (d + shade > deep[n]))
         seen[n] = is_seen * SEEN + is_hidden * HIDDEN
+        any_seen |= is_seen
+    return any_seen != 0
 
 
 @njit(cache=True)

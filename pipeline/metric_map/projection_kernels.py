@@ -235,10 +235,10 @@ def _sides(shape, camera):
 @njit(cache=True)
 def _lies_outside(x, y, z, sides, room):
     """Whether a block, its centre in voxels from the optical centre, lies whole beyond a side of the view."""
+    outside = False
     for n in range(room.size):
-        if sides[n, 0] * x + sides[n, 1] * y + sides[n, 2] * z < -room[n]:
-            return True
-    return False
+        outside |= sides[n, 0] * x + sides[n, 1] * y + sides[n, 2] * z < -room[n]
+    return outside
 
 
 @njit(cache=True)

@@ -130,6 +130,7 @@ def machine() -> dict[str, Any]:
     return {
         "system": platform.platform(),
         "processor": processor(),
+        "instructions": instructions(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
         "packages": {name: importlib.metadata.version(name) for name in ("mujoco", "numba", "numpy", "torch")},
@@ -144,9 +145,19 @@ def processor() -> str:
     return names[0] if names else platform.processor()
 
 
+def instructions() -> str:
+    """The widest vectors that numba compiles for: the processor's, or what NUMBA_CPU_FEATURES leaves of them."""
+    from numba import config  # whose import takes too long for --help
+    from numba.core.codegen import get_host_cpu_features
+
+    features = get_host_cpu_features() if config.CPU_FEATURES is None else config.CPU_FEATURES
+    names = {"+avx512f": "AVX-512", "+avx2": "AVX2", "+avx": "AVX", "+sse2": "SSE", "+neon": "NEON"}
+    return next((name for feature, name in names.items() if feature in features.split(",")), platform.machine())
+
+
 def table(name: str, figures: Mapping[str, float]) -> Table:
     """The figures, to print."""
-    result = Table("figure", title=name)
+    result = Table("figure", title=name, caption=f"{processor()}, {instructions()}")
     result.add_column("value", justify="right")
     for key, value in figures.items():
         result.add_row(key, f"{value:,.4g}")

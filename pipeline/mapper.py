@@ -180,25 +180,26 @@ class Mapper:
         A frame that is not ``labelled`` goes into the metric map and the elevation map alone.
         """
         with self.stopwatch("observation"):
-            cloud = VoxelCloud.of(frame.points(frame.T_base_camera), VOXEL if labelled else CELL / 2)
+            points = frame.points(frame.T_base_camera)
+            cloud = VoxelCloud.of(points, VOXEL if labelled else CELL / 2)
             depth = pack_depth(frame.depth)
             observation = Observation(depth, frame.intrinsics, frame.T_base_camera, cloud.points, cloud.hits)
-        self.poses = np.concatenate([self.poses, T_map_base[None]])
-        self._poses_added = np.concatenate([self._poses_added, T_map_base[None]])
         with self.stopwatch("metric_map"):
             self._add_depth(observation, T_map_base)
+        self.poses = np.concatenate([self.poses, T_map_base[None]])
+        self._poses_added = np.concatenate([self._poses_added, T_map_base[None]])
         with self.stopwatch("traversability"):
             self._add_ground(frame, observation)
             traversability = self.traversability_layer.update(self.elevation_map)
         nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
         keyframe = Keyframe(frame, T_map_base, *nothing, [], [], traversability, self.keyframes)
         self.observations.append(observation)
-        return self._label(keyframe, cloud) if labelled else keyframe
+        return self._label(keyframe, points, cloud) if labelled else keyframe
 
-    def _label(self, keyframe: Keyframe, cloud: VoxelCloud) -> Keyframe:
-        """Take the newest keyframe into the maps that know classes as well, given its returns in ``base_link``."""
+    def _label(self, keyframe: Keyframe, points: NDArray[np.float32], cloud: VoxelCloud) -> Keyframe:
+        """Take the newest keyframe, with (N, 3) returns in ``base_link``, into the maps that know classes as well."""
         frame, T_map_camera = keyframe.frame, keyframe.T_map_base @ keyframe.frame.T_base_camera
-        points = frame.points(T_map_camera)
+        points = moved(keyframe.T_map_base, points)
         with self.stopwatch("semantic_map"):
             probabilities = self.classifier.classify(frame, points, T_map_camera)
             labels = probabilities.argmax(axis=1).astype(np.uint8)

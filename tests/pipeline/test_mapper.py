@@ -84,6 +84,9 @@ def test_correcting_to_the_same_poses_changes_nothing():
     mapper = mapped(POSES)
     mapper.correct(POSES)
     assert_same(TRUE, mapper)
+    for old, new in zip(TRUE.segments, mapper.segments, strict=True):
+        assert (old.id, old.label, old.members) == (new.id, new.label, new.members)
+        np.testing.assert_array_equal(old.cells, new.cells)
 
 
 @settings(max_examples=5, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
@@ -93,6 +96,7 @@ def test_wrong_poses_leave_no_trace_once_they_are_corrected(errors, drift):
     mapper = mapped(np.array([from_yaw(drift * k, 0, 0, 0) @ T for k, T in enumerate(astray)]))
     mapper.correct(POSES)
     assert_same(TRUE, mapper)
+    assert sorted(s.label for s in mapper.segments) == sorted(s.label for s in TRUE.segments)
 
 
 def test_maps_move_as_one_with_all_keyframes():

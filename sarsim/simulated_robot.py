@@ -43,7 +43,7 @@ class SimulationConfig:
         speed: at which the robot is driven on level ground, m/s.
     """
 
-    odometry: Literal["truth", "wheel"] = "truth"
+    odometry: Literal["truth", "wheel"] = "wheel"
     sensor: Literal["xtion", "ideal"] = "xtion"
     lighting: Literal["normal", "dim", "dark"] = "normal"
     dust: float = 0.0

@@ -157,7 +157,9 @@ def shares_of(
     JW = WEIGHT * J.transpose(0, 2, 1) @ (np.linalg.inv(C) - TANGENTIAL * np.eye(3))
     owners, first = np.unique(target.owner[m], return_index=True)
     shares = []
-    for owner, H, b in zip(owners, *(np.add.reduceat(x, first) for x in (JW @ J, JW @ residual[:, :, None])), strict=True):
+    for owner, H, b in zip(
+        owners, *(np.add.reduceat(x, first) for x in (JW @ J, JW @ residual[:, :, None])), strict=True
+    ):
         # The one makes up for what a few points leave open: there the share's own minimum means nothing.
         delta = np.linalg.solve(H + np.eye(6), -b[:, 0])
         shares.append(Share(int(owner), T @ exponential(delta), H))

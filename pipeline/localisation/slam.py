@@ -5,7 +5,6 @@ and each keyframe joins a pose graph, with what registration says of it as seen 
 comes back to a place that it knows less well than a registration must, a loop is closed.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import MARGIN, LocalMap
+from pipeline.localisation.odometry import Loop
 from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
 from pipeline.localisation.registration import (
     GATES,
@@ -37,28 +37,18 @@ TURN_SIGMA = 2e-3, 0.01
 """rad, and rad per rad turned: standard deviation of the odometry's rotation between keyframes."""
 WAY_SIGMA = 0.004, 0.03, 0.01
 """m, m per m driven and m per rad turned: of its translation. Skid-steered wheels slide in turns."""
+SLIDE = 0.3
+"""m per rad turned, times the sine of the tilt: the same on a ramp."""
 SLIPPED = 22.5
 """χ² of six degrees of freedom, 99.9 %: a registration that contradicts the odometry so much shows wheels that slip."""
+POOR, BETTER = 0.6, 0.1
+"""Overlap below which wheels may have slipped, and by how much more shows it."""
 MOST_SHARES = 6
 """Keyframes that a new one is connected with, those that tell most of it."""
 KNOWN = 0.05
 """m; keyframes known better than this from the newest one make up one map to register with. Others make a loop."""
 LOOP_OVERLAP = 0.5
 """Share of a frame's points that a loop explains, at least."""
-
-
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """A place that was met again.
-
-    Attributes:
-        first, second: numbers of the keyframes, the older one first.
-        T_first_second: 4×4 pose of the second in the frame of the first, as registered.
-    """
-
-    first: int
-    second: int
-    T_first_second: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,15 +154,15 @@ class Slam:
         if target is None:
             return _Match(frame, T, odometry, cloud)
         registration = register(target, cloud, priors)
-        if odometry is not None and registration.chi2 > SLIPPED:
-            return self._find_slipped(frame, cloud, odometry, registration, target)
+        if odometry is not None and (registration.chi2 > SLIPPED or registration.overlap < POOR):
+            slipped = self._find_slipped(frame, cloud, odometry, target)
+            if registration.chi2 > SLIPPED or slipped.registration.overlap > registration.overlap + BETTER:
+                self.slips += 1
+                return slipped
         return _Match(frame, registration.T, odometry, cloud, target, registration)
 
-    def _find_slipped(
-        self, frame: Frame, cloud: small_gicp.PointCloud, odometry: Prior, driven: Registration, target: Target
-    ) -> _Match:
+    def _find_slipped(self, frame: Frame, cloud: small_gicp.PointCloud, odometry: Prior, target: Target) -> _Match:
         """The wheels may have turned on the spot: the way is known no better than its length."""
-        self.slips += 1
         stayed = odometry.T.copy()
         stayed[:3, 3] = self.poses[-1, :3, 3]
         way = float(np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3]))
@@ -212,7 +202,8 @@ class Slam:
         way = float(np.linalg.norm(delta[:3, 3]))
         turn = float(np.arccos(np.clip((np.trace(delta[:3, :3]) - 1) / 2, -1, 1)))
         rotation = TURN_SIGMA[0] + TURN_SIGMA[1] * turn
-        translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + WAY_SIGMA[2] * turn
+        slope = float(np.linalg.norm(frame.T_odom_base[2, :2]))
+        translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE * slope) * turn
         return Prior(self.poses[-1] @ delta, np.diag(np.repeat([rotation, translation], 3) ** -2.0))
 
     def _connect(

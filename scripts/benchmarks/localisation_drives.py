@@ -7,7 +7,7 @@ import json
 import traceback
 from collections.abc import Iterator
 from contextlib import ExitStack, redirect_stderr
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,24 @@ JPEG_QUALITY = 95
 """Of colour, which noise makes all but incompressible otherwise."""
 _GROUND = ("height", "drivable", "walls")
 """What a file keeps of the true ground."""
+
+
+@dataclass(frozen=True)
+class DriveJob(Job):
+    """A drive to record.
+
+    Attributes:
+        frames: of the drive, at most.
+    """
+
+    frames: int
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """All that the drive depends on; no network has a part in it."""
+        told = super().settings
+        config = {name: value for name, value in told["config"].items() if name not in ("weights", "detector", "out")}
+        return told | {"config": config, "frames": self.frames}
 
 
 class DriveWriter(ExitStack):
@@ -139,13 +157,13 @@ def drive_file(job: Job, folder: Path) -> Path:
     return folder / f"{job.name}.h5"
 
 
-def record_job(job: Job, folder: Path, most: int) -> None:
-    """Explore by the true pose, and leave a drive of at most so many frames and a JSON file that says it is whole."""
+def record_job(job: DriveJob, folder: Path) -> None:
+    """Explore by the true pose, and leave a drive in a folder and a JSON file that says it is whole."""
     with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
         try:
             content: dict[str, Any] = {"settings": job.settings}
             try:
-                content["frames"] = _record(job, drive_file(job, folder), most)
+                content["frames"] = _record(job, drive_file(job, folder))
             except InputError as error:
                 content["left_out"] = str(error)
             with whole_file(folder / f"{job.name}.json") as file:
@@ -155,7 +173,7 @@ def record_job(job: Job, folder: Path, most: int) -> None:
             raise SystemExit(1) from None
 
 
-def _record(job: Job, path: Path, most: int) -> int:
+def _record(job: DriveJob, path: Path) -> int:
     """The number of frames."""
     config = job.config
     simulation = SimulationConfig("truth", config.sensor, config.lighting, config.dust, config.speed)
@@ -168,7 +186,7 @@ def _record(job: Job, path: Path, most: int) -> int:
         explorer = Explorer(robot, TruthClassifier(), seed=config.seed)
         step = explorer.step()
         recorder.take(step.keyframe.frame)
-        while step.plan is not None and explorer.steps < config.steps and len(writer) < most:
+        while step.plan is not None and explorer.steps < config.steps and len(writer) < job.frames:
             explorer.drive(step)
             step = explorer.step()
             recorder.take(step.keyframe.frame)

@@ -21,6 +21,13 @@ from sarsim.scripts.benchmarks.localisation_scores import trajectory_scores
 STRIDE = 4
 """Pixels between the points that KISS-ICP is given: they lie closer than the voxels of which it keeps one each."""
 
+LEAST_RETURNS = 0.1
+"""Share of the pixels; with fewer the peers lose themselves, as before a wall that is nearer than the camera sees."""
+STRAYED = 0.1, np.deg2rad(5)
+"""m and rad; where they find themselves farther off the odometry after one frame, they are lost, and it counts."""
+
+RgbdImage = o3d.t.geometry.RGBDImage
+
 
 class Method(ABC):
     """Follows a drive frame by frame."""
@@ -82,63 +89,78 @@ class Odometry(Method):
         return frame.T_odom_base
 
 
-class Kiss(Method):
-    """KISS-ICP (Vizzo et al., RA-L 2023), whose guess is the odometry's motion instead of a constant velocity."""
-
-    VOXEL = 0.05
-    THRESHOLD, MIN_MOTION = 0.1, 0.01
-    GUIDED = True
+class Guided(Method):
+    """A peer that corrects what the odometry says of the motion since the last frame, where it can."""
 
     def __init__(self, T_map_start: NDArray[np.float64]):
+        self._T_map_base = T_map_start
+        self._last: Frame | None = None
+
+    def localise(self, frame: Frame) -> NDArray[np.float64]:
+        """Register the frame, or where it is all but blind leave the motion to the odometry."""
+        last, self._last = self._last, frame
+        guess = self._T_map_base @ inverse(last.T_odom_base) @ frame.T_odom_base if last else self._T_map_base
+        found = self._register(frame, last, guess) if np.mean(frame.returns) >= LEAST_RETURNS else guess
+        E = inverse(guess) @ found
+        is_lost = not (np.linalg.norm(E[:3, 3]) < STRAYED[0] and np.trace(E[:3, :3]) > 1 + 2 * np.cos(STRAYED[1]))
+        self._T_map_base = guess if is_lost else found
+        return self._T_map_base
+
+    @abstractmethod
+    def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
+        """4×4 pose of a frame's ``base_link`` in ``map``, where the last one's is ``_T_map_base``."""
+
+
+class Kiss(Guided):
+    """KISS-ICP (Vizzo et al., RA-L 2023)."""
+
+    VOXEL = 0.1
+    FIXED = 0.02
+    POINTS = 20
+
+    def __init__(self, T_map_start: NDArray[np.float64]):
+        super().__init__(T_map_start)
         near, far = PIONEER_3AT.camera_range
         config = KISSConfig(
             data=DataConfig(max_range=1.5 * far, min_range=near / 2, deskew=False),
-            mapping=MappingConfig(voxel_size=self.VOXEL),
+            mapping=MappingConfig(voxel_size=self.VOXEL, max_points_per_voxel=self.POINTS),
             registration=RegistrationConfig(max_num_threads=1),
-            adaptive_threshold=AdaptiveThresholdConfig(
-                initial_threshold=self.THRESHOLD, min_motion_th=self.MIN_MOTION
-            ),
+            adaptive_threshold=AdaptiveThresholdConfig(fixed_threshold=self.FIXED),
         )
         self._kiss = KissICP(config)
-        self._kiss.last_pose = T_map_start
-        self._last: NDArray[np.float64] | None = None
 
-    def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """Register the frame's points with the local map."""
-        if self._last is not None and self.GUIDED:
-            self._kiss.last_delta = inverse(self._last) @ frame.T_odom_base
-        self._last = frame.T_odom_base
+    def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
+        """With the local map."""
         depth, rays = frame.depth[::STRIDE, ::STRIDE], frame.intrinsics.rays[::STRIDE, ::STRIDE]
         points = transform_points(frame.T_base_camera, rays[depth > 0] * depth[depth > 0, None])
+        self._kiss.last_pose, self._kiss.last_delta = guess, np.eye(4)
         self._kiss.register_frame(points.astype(np.float64), np.zeros(0))
         return self._kiss.last_pose
 
 
-class Open3d(Method):
-    """Open3D's RGB-D odometry (Park, Zhou and Koltun, ICCV 2017), from frame to frame, guessed by the odometry."""
+class Open3d(Guided):
+    """Open3D's RGB-D odometry (Park, Zhou and Koltun, ICCV 2017), from frame to frame."""
 
     METHOD = o3d.t.pipelines.odometry.Method.Hybrid
-    GUIDED = True
+    TRUNC = 0.07
 
     def __init__(self, T_map_start: NDArray[np.float64]):
-        self._T_map_base = T_map_start
-        self._last: tuple[Frame, o3d.t.geometry.RGBDImage] | None = None
+        super().__init__(T_map_start)
+        self._image: tuple[Frame | None, RgbdImage | None] = None, None
 
-    def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """Register the frame with the last one."""
+    def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
+        """With the last frame, unless that was all but blind."""
         colour, depth = (o3d.t.geometry.Image(np.ascontiguousarray(image)) for image in (frame.rgb, frame.depth))
-        image = o3d.t.geometry.RGBDImage(colour, depth)
-        if self._last is not None:
-            before, target = self._last
-            moved = inverse(before.T_odom_base) @ frame.T_odom_base
-            guess = inverse(before.T_base_camera) @ moved @ frame.T_base_camera
-            T = self._register(image, target, frame.intrinsics, guess if self.GUIDED else np.eye(4))
-            self._T_map_base = self._T_map_base @ before.T_base_camera @ T @ inverse(frame.T_base_camera)
-        self._last = frame, image
-        return self._T_map_base
+        image = RgbdImage(colour, depth)
+        (seen, target), self._image = self._image, (frame, image)
+        if last is None or seen is not last:
+            return guess
+        T_map_camera = self._T_map_base @ last.T_base_camera
+        T = self._motion(image, target, frame.intrinsics, inverse(T_map_camera) @ guess @ frame.T_base_camera)
+        return T_map_camera @ T @ inverse(frame.T_base_camera)
 
-    def _register(
-        self, source: o3d.t.geometry.RGBDImage, target: o3d.t.geometry.RGBDImage, k: Intrinsics, guess: NDArray[np.float64]
+    def _motion(
+        self, source: RgbdImage, target: RgbdImage | None, k: Intrinsics, guess: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """4×4 pose of the source's camera in the target's; the guess where Open3D finds none."""
         # Open3D has the centres of pixels at whole numbers.
@@ -152,6 +174,7 @@ class Open3d(Method):
                 depth_scale=1.0,
                 depth_max=PIONEER_3AT.camera_range[1],
                 method=self.METHOD,
+                params=o3d.t.pipelines.odometry.OdometryLossParams(self.TRUNC, 0.05, 0.1),
             )
         except RuntimeError:  # too little overlap
             return guess

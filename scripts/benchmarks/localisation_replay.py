@@ -25,7 +25,7 @@ AGREEMENT = 1e-6
 
 
 def replay_job(job: Job, folder: Path, drives: Path, names: Sequence[str]) -> None:
-    """Replay a drive, and leave a JSON file, a TUM file of each method and of the truth, and a picture in a folder."""
+    """Replay a drive, and leave scores as JSON, trajectories as TUM files, and a picture in a folder."""
     with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
         try:
             with Drive(drive_file(job, drives)) as drive:
@@ -59,8 +59,8 @@ def replay(drive: Drive, methods: Mapping[str, Method], stem: Path) -> dict[str,
         told = {"frame_ms": 1e3 * float(np.median(seconds[name]))} | method.report(drive.T_world_base, online[name])
         report[name] = scores | told
     ways = {"true": drive.T_world_base[:, :3, 3]} | {name: poses[:, :3, 3] for name, poses in believed.items()}
-    told = ", ".join(f"{name.replace('_', ' ')} {report[name]['ate_m']:.3f} m" for name in methods)
-    picture = picture_of(drive.surface, ways, f"{drive.settings['config']['arena']}: {told}")
+    text = ", ".join(f"{name.replace('_', ' ')} {report[name]['ate_m']:.3f} m" for name in methods)
+    picture = picture_of(drive.surface, ways, f"{drive.settings['config']['arena']}: {text}")
     cv2.imwrite(str(stem.with_name(f"{stem.name}.png")), picture[..., ::-1])
     return report
 

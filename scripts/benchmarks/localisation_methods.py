@@ -13,7 +13,7 @@ from kiss_icp.kiss_icp import KissICP
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame, Intrinsics
-from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.slam import Slam
 from pipeline.transforms import inverse, transform_points
 from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.scripts.benchmarks.localisation_scores import trajectory_scores
@@ -25,6 +25,11 @@ LEAST_RETURNS = 0.1
 """Share of the pixels; with fewer the peers lose themselves, as before a wall that is nearer than the camera sees."""
 STRAYED = 0.1, np.deg2rad(5)
 """m and rad; where they find themselves farther off the odometry after one frame, they are lost, and it counts."""
+
+KEYFRAME = 0.2, np.deg2rad(10)
+"""m and rad from one of our keyframes to the next."""
+CORRECTED = 20
+"""Keyframes between corrections."""
 
 RgbdImage = o3d.t.geometry.RGBDImage
 
@@ -46,36 +51,60 @@ class Method(ABC):
 
 
 class Ours(Method):
-    """The robot's own localisation."""
+    """The robot's own localisation; without loops it never corrects what it once believed."""
 
     def __init__(self, T_map_start: NDArray[np.float64], loops: bool = True):
-        self._localisation = OdometryLocalisation()
+        self._slam, self._loops = Slam(), loops
         self._keyframes: list[int] = []
-        self._seconds: list[float] = []
+        self._last = np.full((4, 4), np.inf)
         self._frames = 0
+        self._keyframe_s: list[float] = []
+        self._correction_s: list[float] = []
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """Localise, and make a keyframe of what the localisation wants."""
+        """Localise, make a keyframe of what is far enough from the last one, and correct the poses now and then."""
         start = process_time()
-        T_map_base = self._localisation.localise(frame)
-        self._seconds.append(process_time() - start)
-        self._keyframes.append(self._frames)
+        T_map_base = self._slam.localise(frame)
+        if self._is_far(frame):
+            self._slam.add(frame, T_map_base)
+            self._keyframes.append(self._frames)
+            self._last = frame.T_odom_base
+            self._keyframe_s.append(process_time() - start)
+            if self._loops and len(self._keyframes) % CORRECTED == 0:
+                self._correct()
         self._frames += 1
         return T_map_base
 
+    def _is_far(self, frame: Frame) -> bool:
+        if not self._keyframes:
+            return True
+        moved = inverse(self._last) @ frame.T_odom_base
+        turned = np.arccos(np.clip((np.trace(moved[:3, :3]) - 1) / 2, -1, 1))
+        return bool(np.linalg.norm(moved[:3, 3]) >= KEYFRAME[0] or turned >= KEYFRAME[1])
+
+    def _correct(self) -> None:
+        start = process_time()
+        self._slam.optimise()
+        self._correction_s.append(process_time() - start)
+
     def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
         """Each pose beside its last keyframe, where that is now believed to have been."""
+        if self._loops:
+            self._correct()
         keyframes = np.array(self._keyframes)
         last = np.searchsorted(keyframes, np.arange(len(online)), side="right") - 1
-        return (self._poses @ np.linalg.inv(online[keyframes]))[last] @ online
+        return (self._slam.poses @ np.linalg.inv(online[keyframes]))[last] @ online
 
     def report(self, true: NDArray[np.float64], online: NDArray[np.float64]) -> dict[str, float]:
-        """The time of a keyframe, and the errors on the way."""
-        return {
-            "keyframes": len(self._keyframes),
-            "keyframe_ms": 1e3 * float(np.median(self._seconds)),
+        """The times of keyframes and corrections, and the error on the way."""
+        report = {
+            "keyframes": float(len(self._keyframes)),
+            "keyframe_ms": 1e3 * float(np.median(self._keyframe_s)),
             "online_ate_m": trajectory_scores(true, online)["ate_m"],
         }
+        if self._correction_s:
+            report["correction_ms"] = 1e3 * float(np.median(self._correction_s))
+        return report
 
 
 class Odometry(Method):

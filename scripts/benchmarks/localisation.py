@@ -15,7 +15,7 @@ from pipeline.errors import InputError
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_figures import group_figures, reports
-from sarsim.scripts.benchmarks.exploration_table import groups_in, rich_table, rows_of
+from sarsim.scripts.benchmarks.exploration_table import Rows, groups_in, rich_table, rows_of
 from sarsim.scripts.benchmarks.localisation_drives import DriveJob, record_job
 from sarsim.scripts.benchmarks.localisation_replay import replay_job
 from sarsim.settings import EpisodeConfig, LightingName
@@ -70,13 +70,15 @@ def measure(
     replayed = _replay(
         [job for job, drive in drives.items() if drive and "frames" in drive], runs, workers, baselines
     )
-    details = {
+    details: dict[str, Any] = {
         "left_out": {job.config.arena: r["left_out"] for job, r in drives.items() if r and "left_out" in r},
         "failed": [job.name for job in jobs if not drives[job] or (job in replayed and not replayed[job])],
+        "worst": _worst(replayed),
         "drives": {job.name: result["report"] for job, result in replayed.items() if result},
     }
     figures = figures_of(replayed)
-    return Result(figures, details, _table(figures, details), _pictures(replayed, runs))
+    pictures = tuple(runs / "replays" / f"{name}.png" for name in details["worst"].values())
+    return Result(figures, details, _table(figures, details), pictures)
 
 
 def _replay(jobs: Sequence[Job], runs: Path, workers: int | None, peers: bool) -> dict[Job, dict[str, Any] | None]:
@@ -120,23 +122,28 @@ def _overall(told: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     return figures
 
 
-def _pictures(replayed: Mapping[Job, Mapping[str, Any] | None], runs: Path) -> tuple[Path, ...]:
-    """Of each group the drive on which ours was worst."""
+def _worst(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, str]:
+    """By group the name of the drive on which ours was worst."""
     worst: dict[str, tuple[float, str]] = {}
     for job, result in replayed.items():
         if result:
             worst[job.group] = max(worst.get(job.group, (0.0, "")), (result["report"]["ours"]["ate_m"], job.name))
-    return tuple(runs / "replays" / f"{name}.png" for _, name in worst.values())
+    return {group: name for group, (_, name) in worst.items()}
+
+
+def sections_of(figures: Mapping[str, float]) -> list[Rows]:
+    """Rows for each method and of the ratios."""
+    sections = [rows_of(figures, {"drives": "runs", "way of a drive, m, median": "way_m.median"})]
+    for method in (*OURS, *PEERS):
+        rows = {f"{method.replace('_', ' ')}: {row}": f"{method}.{key}" for row, key in ROWS.items()}
+        sections.append(rows_of(figures, rows))
+    ratios = {f"ATE of {peer.replace('_', ' ')} over ours": f"{peer}_vs_ours" for peer in PEERS}
+    return [*sections, rows_of(figures, ratios)]
 
 
 def _table(figures: Mapping[str, float], details: Mapping[str, Any]) -> Table:
     """A section for each method; what is of all drives together below."""
-    sections = [rows_of(figures, {"drives": "runs"})]
-    for method in (*OURS, *PEERS):
-        rows = {f"{method.replace('_', ' ')}: {row}": f"{method}.{key}" for row, key in ROWS.items()}
-        sections.append(rows_of(figures, rows))
-    sections.append(rows_of(figures, {f"{peer}'s ATE over ours": f"{peer}_vs_ours" for peer in PEERS}))
-    table = rich_table("localisation", figures, sections)
+    table = rich_table("localisation", figures, sections_of(figures))
     told = [f"{name} {value:.4g}" for name, value in figures.items() if name.split(".")[0] not in groups_in(figures)]
     told += [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
     told += [f"{name} failed, see its log" for name in details["failed"]]

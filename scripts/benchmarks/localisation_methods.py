@@ -143,9 +143,9 @@ class Guided(Method):
 class Kiss(Guided):
     """KISS-ICP (Vizzo et al., RA-L 2023)."""
 
-    VOXEL = 0.1
-    FIXED = 0.02
-    POINTS = 20
+    VOXEL = 0.05
+    FIXED = 0.01
+    POINTS = 50
 
     def __init__(self, T_map_start: NDArray[np.float64]):
         super().__init__(T_map_start)
@@ -172,6 +172,8 @@ class Open3d(Guided):
 
     METHOD = o3d.t.pipelines.odometry.Method.Hybrid
     TRUNC = 0.07
+    RANGE = 3.5
+    ROUNDS = (10, 5, 3)
 
     def __init__(self, T_map_start: NDArray[np.float64]):
         super().__init__(T_map_start)
@@ -201,7 +203,8 @@ class Open3d(Guided):
                 o3d.core.Tensor.from_numpy(matrix),
                 o3d.core.Tensor.from_numpy(guess),
                 depth_scale=1.0,
-                depth_max=PIONEER_3AT.camera_range[1],
+                depth_max=self.RANGE,
+                criteria_list=[o3d.t.pipelines.odometry.OdometryConvergenceCriteria(n) for n in self.ROUNDS],
                 method=self.METHOD,
                 params=o3d.t.pipelines.odometry.OdometryLossParams(self.TRUNC, 0.05, 0.1),
             )

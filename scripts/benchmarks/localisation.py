@@ -21,6 +21,7 @@ from sarsim.scripts.benchmarks.localisation_replay import replay_job
 from sarsim.settings import EpisodeConfig, LightingName
 
 OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
+REGISTERING = PEERS[1:]
 NEEDED = ("evo", "kiss_icp")
 """Packages that come with ``pip install -e '.[dev]'``."""
 ROWS: Mapping[str, str] = {
@@ -114,7 +115,7 @@ def _overall(told: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     for key in ("loops", "false_loops"):
         if values := [report["ours"][key] for report in told if key in report["ours"]]:
             figures[key] = float(sum(values))
-    for peer in PEERS:
+    for peer in REGISTERING:
         both = [r for r in told if peer in r and "keyframe_ms" in r["ours"]]
         if both:
             ratios = [r[peer]["frame_ms"] / r["ours"]["keyframe_ms"] for r in both]

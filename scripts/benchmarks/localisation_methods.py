@@ -22,7 +22,7 @@ STRIDE = 4
 """Pixels between the points that KISS-ICP is given: they lie closer than the voxels of which it keeps one each."""
 
 LEAST_RETURNS = 0.1
-"""Share of the pixels; with fewer the peers lose themselves, as before a wall that is nearer than the camera sees."""
+"""Share of the pixels; with fewer, before a wall that is nearer than the camera sees, the peers lose themselves."""
 STRAYED = 0.1, np.deg2rad(5)
 """m and rad; where they find themselves farther off the odometry after one frame, they are lost, and it counts."""
 
@@ -32,6 +32,11 @@ CORRECTED = 20
 """Keyframes between corrections."""
 
 RgbdImage = o3d.t.geometry.RGBDImage
+
+
+def is_blind(frame: Frame) -> bool:
+    """Whether there is too little in a frame to register it."""
+    return bool(np.mean(frame.returns) < LEAST_RETURNS)
 
 
 class Method(ABC):
@@ -69,7 +74,8 @@ class Ours(Method):
             self._slam.add(frame, T_map_base)
             self._keyframes.append(self._frames)
             self._last = frame.T_odom_base
-            self._keyframe_s.append(process_time() - start)
+            if not is_blind(frame):
+                self._keyframe_s.append(process_time() - start)
             if self._loops and len(self._keyframes) % CORRECTED == 0:
                 self._correct()
         self._frames += 1
@@ -129,7 +135,7 @@ class Guided(Method):
         """Register the frame, or where it is all but blind leave the motion to the odometry."""
         last, self._last = self._last, frame
         guess = self._T_map_base @ inverse(last.T_odom_base) @ frame.T_odom_base if last else self._T_map_base
-        found = self._register(frame, last, guess) if np.mean(frame.returns) >= LEAST_RETURNS else guess
+        found = guess if is_blind(frame) else self._register(frame, last, guess)
         E = inverse(guess) @ found
         is_lost = not (np.linalg.norm(E[:3, 3]) < STRAYED[0] and np.trace(E[:3, :3]) > 1 + 2 * np.cos(STRAYED[1]))
         self._T_map_base = guess if is_lost else found
@@ -143,9 +149,7 @@ class Guided(Method):
 class Kiss(Guided):
     """KISS-ICP (Vizzo et al., RA-L 2023)."""
 
-    VOXEL = 0.05
-    FIXED = 0.01
-    POINTS = 50
+    VOXEL, POINTS, THRESHOLD = 0.05, 50, 0.01
 
     def __init__(self, T_map_start: NDArray[np.float64]):
         super().__init__(T_map_start)
@@ -154,7 +158,7 @@ class Kiss(Guided):
             data=DataConfig(max_range=1.5 * far, min_range=near / 2, deskew=False),
             mapping=MappingConfig(voxel_size=self.VOXEL, max_points_per_voxel=self.POINTS),
             registration=RegistrationConfig(max_num_threads=1),
-            adaptive_threshold=AdaptiveThresholdConfig(fixed_threshold=self.FIXED),
+            adaptive_threshold=AdaptiveThresholdConfig(fixed_threshold=self.THRESHOLD),
         )
         self._kiss = KissICP(config)
 
@@ -169,11 +173,6 @@ class Kiss(Guided):
 
 class Open3d(Guided):
     """Open3D's RGB-D odometry (Park, Zhou and Koltun, ICCV 2017), from frame to frame."""
-
-    METHOD = o3d.t.pipelines.odometry.Method.Hybrid
-    TRUNC = 0.07
-    RANGE = 3.5
-    ROUNDS = (10, 5, 3)
 
     def __init__(self, T_map_start: NDArray[np.float64]):
         super().__init__(T_map_start)
@@ -203,10 +202,8 @@ class Open3d(Guided):
                 o3d.core.Tensor.from_numpy(matrix),
                 o3d.core.Tensor.from_numpy(guess),
                 depth_scale=1.0,
-                depth_max=self.RANGE,
-                criteria_list=[o3d.t.pipelines.odometry.OdometryConvergenceCriteria(n) for n in self.ROUNDS],
-                method=self.METHOD,
-                params=o3d.t.pipelines.odometry.OdometryLossParams(self.TRUNC, 0.05, 0.1),
+                depth_max=PIONEER_3AT.camera_range[1],
+                method=o3d.t.pipelines.odometry.Method.Hybrid,
             )
         except RuntimeError:  # too little overlap
             return guess

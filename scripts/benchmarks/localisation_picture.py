@@ -40,8 +40,9 @@ def picture_of(surface: TrueSurface, ways: Mapping[str, NDArray[np.float64]], te
 def _legend(names: list[str], width: int) -> NDArray[np.uint8]:
     """(BAND, width, 3) the names in their colours."""
     band = np.full((BAND, width, 3), 255, np.uint8)
-    for place, name in enumerate(names):
-        corner = (6 + place * width // len(names), BAND - 9)
-        text, font = name.replace("_", " "), cv2.FONT_HERSHEY_SIMPLEX
-        cv2.putText(band, text, corner, font, 0.45, COLOURS[name], 1, cv2.LINE_AA)
+    font, size, x = cv2.FONT_HERSHEY_SIMPLEX, 0.45, 6
+    for name in names:
+        text = name.replace("_", " ")
+        cv2.putText(band, text, (x, BAND - 9), font, size, COLOURS[name], 1, cv2.LINE_AA)
+        x += cv2.getTextSize(text, font, size, 1)[0][0] + 20
     return band

@@ -16,7 +16,7 @@ from pipeline.files import whole_file
 from sarsim.scoring.trajectory import write_tum
 from sarsim.scripts.benchmarks.episodes import Job
 from sarsim.scripts.benchmarks.localisation_drives import Drive, drive_file
-from sarsim.scripts.benchmarks.localisation_methods import METHODS, Method
+from sarsim.scripts.benchmarks.localisation_methods import METHODS, Method, is_blind
 from sarsim.scripts.benchmarks.localisation_picture import picture_of
 from sarsim.scripts.benchmarks.localisation_scores import evo_ate, trajectory_scores, way_driven
 
@@ -68,12 +68,13 @@ def replay(drive: Drive, methods: Mapping[str, Method], stem: Path) -> dict[str,
 def follow(
     drive: Drive, methods: Mapping[str, Method]
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
-    """By method, (N, 4, 4) poses as told on the way, and (N,) s of processor time that each frame took."""
+    """By method, (N, 4, 4) poses as told on the way, and s of processor time for each frame that was not blind."""
     poses: dict[str, list[NDArray[np.float64]]] = {name: [] for name in methods}
     seconds: dict[str, list[float]] = {name: [] for name in methods}
     for frame in drive:
         for name, method in methods.items():
             start = process_time()
             poses[name].append(method.localise(frame))
-            seconds[name].append(process_time() - start)
+            if not is_blind(frame):
+                seconds[name].append(process_time() - start)
     return {n: np.array(p) for n, p in poses.items()}, {n: np.array(s) for n, s in seconds.items()}

@@ -18,7 +18,7 @@ from sarsim.scripts.benchmarks.localisation_replay import replay_job
 from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, WALL
 from sarsim.settings import EpisodeConfig
 
-K = Intrinsics(160, 120, 134, 134, 80, 60)
+K = Intrinsics(640, 480, 536, 536, 320, 240)
 T_BASE_CAMERA = from_rotation(np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]), [0, 0, 0.6])
 JOB = DriveJob("random", "ours", EpisodeConfig(arena="random:0", labels="truth"), 99)
 

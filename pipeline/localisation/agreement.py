@@ -1,5 +1,6 @@
 """Whether what the camera sees agrees with the map: how a robot notices that it was carried elsewhere."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -41,6 +42,16 @@ class Agreement(NamedTuple):
     def known(self) -> int:
         """Tiles of which the map knows what they show."""
         return self.explained + self.short + self.through
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether the robot must have been carried."""
+        return self.share < CARRIED
+
+    @classmethod
+    def of(cls, parts: Iterable["Agreement"]) -> "Agreement":
+        """The sum of several frames' agreement."""
+        return cls(*(sum(counts) for counts in zip(*parts, strict=True)))
 
     @property
     def share(self) -> float:

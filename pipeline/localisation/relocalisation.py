@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
 from pipeline.grid_map import Grid
-from pipeline.localisation.agreement import CARRIED, agreement
+from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.localisation.relocalisation_kernels import count_values, score
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
-from pipeline.transforms import from_yaw, inverse, tilt_of, transform_points, wrap_angles, yaw_of
+from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points, wrap_angles, yaw_of
 from pipeline.traversability.elevation_map import ElevationMap
 
 UNKNOWN, SURFACE, FREE = range(3)
@@ -28,10 +28,12 @@ PATCH = 0.2
 SEARCHED = 256
 SAMPLES = 2000
 """Random poses that tell how likely a patch meets a surface by chance."""
-RIGHT = 0.9
+RIGHT = 0.95
 """Probability that a patch of what is known lies on a surface if the pose is right."""
-HYPOTHESES = 8
-"""The most that are compared."""
+HYPOTHESES = 12
+"""The most that are compared; with more there is doubt."""
+PROMISING = 0.7
+"""Of the best hypothesis' evidence, which others need to be compared: the search is out by half a step."""
 DISTINCT = 0.4, np.deg2rad(20)
 """m and rad; hypotheses nearer than both are one."""
 THIN, COARSE = 0.05, 0.1
@@ -42,9 +44,9 @@ LEVEL = np.deg2rad(2)
 """rad; a registration that tilts the robot more is wrong, for gravity is known to 3 mrad."""
 RIVAL = 1e-4
 """Probability of the best other hypothesis, compared with the accepted one, from which on there is doubt."""
-CORRELATED = 6
+CORRELATED = 3
 """Patches that are right or wrong together: a quarter of a square metre."""
-COVERED = 0.7
+COVERED = 0.85
 """Share of the patches that must lie on surfaces of the map: elsewhere it is not known well enough."""
 
 
@@ -55,11 +57,13 @@ class Field(NamedTuple):
         voxels: (nx, ny, nz) uint8 UNKNOWN, SURFACE or FREE.
         lower: (3,) m in ``map``, where they begin.
         size: m, of a voxel.
+        border: (3,) m at both ends of each axis.
     """
 
     voxels: NDArray[np.uint8]
     lower: NDArray[np.float64]
     size: float
+    border: NDArray[np.float64]
 
     @classmethod
     def around(cls, metric_map: MetricMap, border: NDArray[np.float64]) -> "Field":
@@ -69,7 +73,8 @@ class Field(NamedTuple):
         log_odds = metric_map.log_odds(lower - cells, upper + cells)
         surface = ndimage.maximum_filter(log_odds > 0, 3)
         voxels = np.where(surface, SURFACE, np.where(log_odds < 0, FREE, UNKNOWN)).astype(np.uint8)
-        return cls(voxels, metric_map.corner + (lower - cells) * metric_map.voxel_size, metric_map.voxel_size)
+        corner, size = metric_map.corner + (lower - cells) * metric_map.voxel_size, metric_map.voxel_size
+        return cls(voxels, corner, size, border)
 
     def index(self, points: NDArray) -> NDArray[np.float32]:
         """(N, 3) float32 voxels from the field's corner of points (N, 3), m in ``map``."""
@@ -90,13 +95,11 @@ class Hypothesis(NamedTuple):
     Attributes:
         T_map_level: 4×4 pose of the levelled robot.
         evidence: log-likelihood ratio of what it sees there, to what it would see at a random place.
-        is_possible: whether nothing speaks against it.
         covered: share of the patches that lie on surfaces of the map.
     """
 
     T_map_level: NDArray[np.float64]
     evidence: float
-    is_possible: bool = True
     covered: float = 0.0
 
     def is_near(self, other: "Hypothesis") -> bool:
@@ -158,12 +161,14 @@ class Relocalisation:
         found: list[Hypothesis] = []
         for guess in guesses:
             T_map_level = target.align(source, guess.T_map_level)
-            hypothesis = self._judge(T_map_level, patches, gain, target, field, metric_map)
+            hypothesis = self._judge(T_map_level, patches, gain, target, field)
             if not any(hypothesis.is_near(other) for other in found):
                 found.append(hypothesis)
         self.debug = found
         best = decide(found)
-        return None if best is None else self._refine(best.T_map_level, target)
+        if best is None or not self._agrees(best.T_map_level, metric_map):
+            return None
+        return self._refine(best.T_map_level, target)
 
     @property
     def _T_level_odom(self) -> NDArray[np.float64]:
@@ -175,30 +180,34 @@ class Relocalisation:
         T_level_camera = self._T_level_odom @ frame.T_odom_base @ frame.T_base_camera
         return thinned(frame.points(T_level_camera)[::2].astype(np.float64), THIN)
 
-    def _judge(self, T_map_level, patches, gain, target, field, metric_map) -> Hypothesis:
+    def _judge(self, T_map_level, patches, gain, target, field) -> Hypothesis:
         moved = transform_points(T_map_level, patches)
         on_surface = target.near(moved)
-        value = np.where(on_surface, SURFACE, np.where(field.at(moved) == FREE, FREE, UNKNOWN))
+        value = np.where(on_surface, SURFACE, np.where(field.at(moved) == UNKNOWN, UNKNOWN, FREE))
         evidence = float(gain[np.arange(len(gain)), value].sum())
+        return Hypothesis(T_map_level, evidence, float(on_surface.mean()))
+
+    def _agrees(self, T_map_level: NDArray[np.float64], metric_map: MetricMap) -> bool:
+        """Whether the map would not notice at once that the robot is elsewhere."""
         T_map_odom = T_map_level @ self._T_level_odom
         parts = [agreement(f, T_map_odom @ f.T_odom_base @ f.T_base_camera, metric_map) for f in self.frames]
-        self.last = (on_surface.mean(), (value == FREE).mean(), *[sum(p[k] for p in parts) for k in range(4)])
-        contradicted = sum(p.short + p.through for p in parts)
-        share = contradicted / max(1, sum(p.known for p in parts))
-        is_possible = share < 1 - CARRIED and max(map(abs, tilt_of(T_map_level))) < LEVEL
-        return Hypothesis(T_map_level, evidence, is_possible, float(on_surface.mean()))
+        return not Agreement.of(parts).is_elsewhere
 
     def _refine(self, T_map_level, target):
+        """Let the newest frame alone correct the pose, for wheels slide while a robot looks around."""
+        points = self._points(self.frames[-1])
+        if len(points) < SEARCHED:
+            return T_map_level @ self._T_level_odom @ self.frames[-1].T_odom_base
+        source, _ = small_gicp.preprocess_points(points, THIN, num_neighbors=10)
+        T_map_level = target.correct(source, T_map_level)
         return T_map_level @ self._T_level_odom @ self.frames[-1].T_odom_base
 
 
 def decide(found: list[Hypothesis]) -> Hypothesis | None:
-    possible = sorted((h for h in found if h.is_possible), key=lambda h: -h.evidence)
-    if not possible or possible[0].covered < COVERED:
-        return None
-    rival = possible[1].evidence if len(possible) > 1 else 0.0
-    is_clear = possible[0].evidence - rival > -CORRELATED * np.log(RIVAL)
-    return possible[0] if is_clear else None
+    found = sorted(found, key=lambda h: -h.evidence)
+    rival = found[1].evidence if len(found) > 1 else 0.0
+    is_clear = found[0].evidence - rival > -CORRELATED * np.log(RIVAL)
+    return found[0] if found[0].covered > COVERED and is_clear else None
 
 
 class MapPoints:
@@ -211,8 +220,21 @@ class MapPoints:
 
     def align(self, source, T):
         for d in (0.3, 0.1):
-            T = small_gicp.align(self.cloud, source, self.tree, T, "GICP", d, 1, 20).T_target_source
+            T = small_gicp.align(self.cloud, source, self.tree, T, "GICP", d, 1, 10).T_target_source
+            T = from_yaw(*T[:3, 3], yaw_of(T))
         return T
+
+    def correct(self, source, T):
+        T_found = T
+        for d in (0.2, 0.1):
+            result = small_gicp.align(self.cloud, source, self.tree, T_found, "GICP", d, 1, 20)
+            T_found = result.T_target_source
+        delta = inverse(T) @ T_found
+        step = np.concatenate([Rotation.from_matrix(delta[:3, :3]).as_rotvec(), delta[:3, 3]])
+        H = result.H / 100
+        prior = np.diag(np.array([0.003, 0.003, 0.05, 0.1, 0.1, 0.03]) ** -2.0)
+        step = np.linalg.solve(H + prior, H @ step)
+        return T @ from_rotation(Rotation.from_rotvec(step[:3]).as_matrix(), step[3:])
 
     def near(self, points):
         _, d2 = self.tree.batch_nearest_neighbor_search(points.astype(np.float64))
@@ -238,15 +260,17 @@ def search(patches, gain, places, field) -> list[Hypothesis]:
     scores = np.empty((len(places), len(YAWS)), np.float32)
     score((patches[pick] / field.size).astype(np.float32), gain[pick], field.index(places), YAWS, field.voxels, scores)
     result: list[Hypothesis] = []
+    best = 0.0
     while len(result) < HYPOTHESES:
         n, m = np.unravel_index(scores.argmax(), scores.shape)
-        if scores[n, m] <= 0:
-            break
+        if scores[n, m] <= (PROMISING * best if result else 0):
+            return result
+        best = max(best, scores[n, m])
         result.append(Hypothesis(from_yaw(*places[n], YAWS[m]), float(scores[n, m]) * len(patches) / len(pick)))
         beside = np.hypot(*(places[:, :2] - places[n, :2]).T) < DISTINCT[0]
         turned = np.abs(wrap_angles(YAWS - YAWS[m])) < DISTINCT[1]
         scores[np.ix_(beside, turned)] = -np.inf
-    return result
+    return []
 
 
 def standable(elevation_map: ElevationMap, field: Field, model: RobotModel) -> NDArray[np.float64]:
@@ -254,7 +278,8 @@ def standable(elevation_map: ElevationMap, field: Field, model: RobotModel) -> N
     elevation = elevation_map.elevation[::STEP, ::STEP]
     cells = np.argwhere(~np.isnan(elevation))
     places = np.column_stack([elevation_map.grid.centre_of(STEP * cells), elevation[tuple(cells.T)]])
-    inside = ((places >= field.lower + 1) & (places <= field.lower + np.array(field.voxels.shape) * field.size - 1)).all(axis=1)
+    low, high = field.lower + field.border, field.lower + np.array(field.voxels.shape) * field.size - field.border
+    inside = ((places > low) & (places < high)).all(axis=1)
     places = places[inside]
     filled = [field.at(places + [0, 0, z]) == SURFACE for z in (model.body_height + 0.05, model.headroom - 0.05)]
     return places[~np.any(filled, axis=0)]

@@ -1,122 +1,116 @@
-"""Where in its map a robot stands that was carried there: every place is tried, and a doubtful one is refused."""
+"""Where in its map a robot stands that was carried there: a doubtful place is refused."""
 
 from typing import NamedTuple
 
 import numpy as np
 import small_gicp
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
-from pipeline.grid_map import Grid
 from pipeline.localisation.agreement import Agreement, agreement
-from pipeline.localisation.relocalisation_kernels import count_values, score
+from pipeline.localisation.place_search import (
+    FREE,
+    SEARCHED,
+    SURFACE,
+    UNKNOWN,
+    Field,
+    Guess,
+    search,
+    standable,
+    weigh,
+)
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
-from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points, wrap_angles, yaw_of
+from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points, yaw_of
 from pipeline.traversability.elevation_map import ElevationMap
 
-UNKNOWN, SURFACE, FREE = range(3)
-"""Values of the field: what the map knows of a voxel; all that touches an occupied voxel is SURFACE."""
-YAWS = np.arange(72) * 2 * np.pi / 72
-"""rad, the headings that are tried: at 3 m, half a step moves a point by 0.13 m, which SURFACE allows for."""
-STEP = 2
-"""Cells of the elevation map from place to place: 0.1 m."""
 PATCH = 0.2
-"""m; what is seen is compared patch by patch of this side, of which SEARCHED, drawn at random, decide on hypotheses."""
-SEARCHED = 256
-SAMPLES = 2000
-"""Random poses that tell how likely a patch meets a surface by chance."""
-RIGHT = 0.95
-"""Probability that a patch of what is known lies on a surface if the pose is right."""
-HYPOTHESES = 12
-"""The most that are compared; with more there is doubt."""
-PROMISING = 0.7
-"""Of the best hypothesis' evidence, which others need to be compared: the search is out by half a step."""
-DISTINCT = 0.4, np.deg2rad(20)
-"""m and rad; hypotheses nearer than both are one."""
+"""m; what the robot sees is compared patch by patch of this side."""
 THIN, COARSE = 0.05, 0.1
-"""m, to which the map's points and a single frame, and all frames together, are thinned."""
-REACH = 0.1
-"""m from a point of the map within which a patch lies on its surface: a voxel."""
-LEVEL = np.deg2rad(2)
-"""rad; a registration that tilts the robot more is wrong, for gravity is known to 3 mrad."""
-RIVAL = 1e-4
-"""Probability of the best other hypothesis, compared with the accepted one, from which on there is doubt."""
-CORRELATED = 3
-"""Patches that are right or wrong together: a quarter of a square metre."""
+"""m, to which the map's points and a single frame, and all frames together, are thinned for registration."""
+REACHES = 0.3, 0.1
+"""m from points to their correspondences: first to make up for half a step of the search, then those of one voxel."""
 COVERED = 0.85
-"""Share of the patches that must lie on surfaces of the map: elsewhere it is not known well enough."""
+"""Share of the patches that must lie within a voxel of the map's points; elsewhere the map knows too little."""
+RIVAL = 1e-4
+"""How likely, compared with the best place, another one may be at most."""
+CORRELATED = 3
+"""Patches that lie on a surface together, by chance or rightly: so many count as one."""
+NEIGHBOURS = 10
+"""Points by which normals are estimated."""
+DRIFT = np.array([3e-3, 3e-3, 0.05, 0.1, 0.1, 0.03])
+"""rad and m, standard deviations: roll, pitch, yaw, x, y and z of the newest pose by all frames together, while a
+robot turns on a slope and slides."""
+DEPENDENT = 4
+"""Points of THIN that err together: those of a voxel of COARSE on a surface."""
+CERTAIN = 0.05
+"""m, standard deviation of the position from which on there is doubt."""
 
 
-class Field(NamedTuple):
-    """What the map knows, with a border of the unknown.
+class Place(NamedTuple):
+    """A registered guess; ``covered`` is the share of the patches that lie on surfaces of the map."""
 
-    Attributes:
-        voxels: (nx, ny, nz) uint8 UNKNOWN, SURFACE or FREE.
-        lower: (3,) m in ``map``, where they begin.
-        size: m, of a voxel.
-        border: (3,) m at both ends of each axis.
-    """
-
-    voxels: NDArray[np.uint8]
-    lower: NDArray[np.float64]
-    size: float
-    border: NDArray[np.float64]
-
-    @classmethod
-    def around(cls, metric_map: MetricMap, border: NDArray[np.float64]) -> "Field":
-        """Of the whole map; (3,) m of border at both ends of each axis."""
-        lower, upper = metric_map.bounds()
-        cells = np.ceil(border / metric_map.voxel_size).astype(np.int64) + 2
-        log_odds = metric_map.log_odds(lower - cells, upper + cells)
-        surface = ndimage.maximum_filter(log_odds > 0, 3)
-        voxels = np.where(surface, SURFACE, np.where(log_odds < 0, FREE, UNKNOWN)).astype(np.uint8)
-        corner, size = metric_map.corner + (lower - cells) * metric_map.voxel_size, metric_map.voxel_size
-        return cls(voxels, corner, size, border)
-
-    def index(self, points: NDArray) -> NDArray[np.float32]:
-        """(N, 3) float32 voxels from the field's corner of points (N, 3), m in ``map``."""
-        return ((points - self.lower) / self.size).astype(np.float32)
-
-    def at(self, points: NDArray) -> NDArray[np.uint8]:
-        """(N,) values at points (N, 3), m in ``map``; UNKNOWN beyond its ends."""
-        index = np.floor(self.index(points)).astype(np.int64)
-        inside = ((index >= 0) & (index < self.voxels.shape)).all(axis=1)
-        values = np.zeros(len(points), np.uint8)
-        values[inside] = self.voxels[tuple(index[inside].T)]
-        return values
+    guess: Guess
+    covered: float
 
 
-class Hypothesis(NamedTuple):
-    """A pose that the robot may have.
+class MapPoints:
+    """The map's points around some guesses, to register clouds with by GICP (Segal et al. 2009)."""
 
-    Attributes:
-        T_map_level: 4×4 pose of the levelled robot.
-        evidence: log-likelihood ratio of what it sees there, to what it would see at a random place.
-        covered: share of the patches that lie on surfaces of the map.
-    """
+    def __init__(self, points: NDArray[np.float32], guesses: list[Guess], reach: float) -> None:
+        """Take of (N, 3) points in ``map`` those within ``reach`` m of a guess along x and y."""
+        near = np.zeros(len(points), np.bool_)
+        for guess in guesses:
+            near |= (np.abs(points[:, :2] - guess.T_map_level[:2, 3]) < reach).all(axis=1)
+        self.is_empty = not near.any()
+        if not self.is_empty:
+            self._cloud, self._tree = prepared(points[near], THIN)
 
-    T_map_level: NDArray[np.float64]
-    evidence: float
-    covered: float = 0.0
+    def are_near(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """(N,) whether a point of the map lies within a voxel of points (N, 3), m in ``map``."""
+        _, squared = self._tree.batch_nearest_neighbor_search(points.astype(np.float64))
+        return np.asarray(np.asarray(squared) < REACHES[-1] ** 2)
 
-    def is_near(self, other: "Hypothesis") -> bool:
-        """Whether another one is the same but for the accuracy of the search."""
-        T = inverse(self.T_map_level) @ other.T_map_level
-        return bool(np.hypot(*T[:2, 3]) < DISTINCT[0] and abs(yaw_of(T)) < DISTINCT[1])
+    def align(self, cloud: small_gicp.PointCloud, T_map_level: NDArray[np.float64]) -> NDArray[np.float64]:
+        """4×4 pose of a levelled cloud, which stays level."""
+        for reach in REACHES:
+            T = self._register(cloud, T_map_level, reach).T_target_source
+            T_map_level = level(T)
+        return T_map_level
+
+    def correct(self, cloud: small_gicp.PointCloud, T_map_level: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """4×4 pose of a cloud as registered, as far as its surfaces tell more than DRIFT; None if not CERTAIN."""
+        T = T_map_level
+        for reach in REACHES:
+            result = self._register(cloud, T, reach)
+            T = result.T_target_source
+        move = inverse(T_map_level) @ T
+        change = np.concatenate([Rotation.from_matrix(move[:3, :3]).as_rotvec(), move[:3, 3]])
+        covariance = np.linalg.inv(result.H / DEPENDENT + np.diag(DRIFT**-2))
+        if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > CERTAIN**2:
+            return None
+        change = covariance @ (result.H / DEPENDENT) @ change
+        return T_map_level @ from_rotation(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:])
+
+    def _register(
+        self, cloud: small_gicp.PointCloud, T: NDArray[np.float64], reach: float
+    ) -> small_gicp.RegistrationResult:
+        return small_gicp.align(
+            self._cloud, cloud, self._tree, T, "GICP", max_correspondence_distance=reach, max_iterations=10
+        )
 
 
 class Relocalisation:
-    """Gathers frames, and finds where they were taken.
+    """Gathers frames since the robot was set down, and finds where in a map they were taken.
 
     Attributes:
-        frames: since the robot was set down.
+        frames: so far.
     """
 
     def __init__(self, model: RobotModel) -> None:
-        self.model = model
+        """For a robot of this size."""
+        self._model = model
         self.frames: list[Frame] = []
 
     def clear(self) -> None:
@@ -133,160 +127,100 @@ class Relocalisation:
         """Where the robot is.
 
         Args:
-            metric_map, elevation_map: to find it in.
-            points: (N, 3) float32 of the same map, m in ``map``.
+            metric_map: in which to find it.
+            elevation_map: of the same ground.
+            points: (N, 3) float32 of the same surfaces, m in ``map``.
 
         Returns:
-            4×4 ``T_map_base`` of the newest frame; None if no place fits, the map is not known well enough or there
-            is doubt.
+            4×4 ``T_map_base`` of the newest frame; None if there is doubt: no place fits, more than one does, or the
+            map knows too little there.
         """
-        self.debug = []
-        cloud = np.vstack([self._points(frame) for frame in self.frames])
-        if len(cloud) < SEARCHED:
-            return None
+        cloud = np.vstack([np.zeros((0, 3)), *map(self._points, self.frames)])
         patches = thinned(cloud, PATCH)
-        border = np.full(3, np.linalg.norm(patches[:, :2], axis=1).max())
-        border[2] = np.abs(patches[:, 2]).max()
-        field = Field.around(metric_map, border)
-        places = standable(elevation_map, field, self.model)
+        if len(cloud) < SEARCHED or not len(points):
+            return None
+        field = Field.around(metric_map, patches)
+        places = standable(elevation_map, field, self._model)
         if not len(places):
             return None
-        gain = evidence_of(patches, places, field)
+        gain = weigh(patches, places, field)
         guesses = search(patches, gain, places, field)
-        self.debug = guesses
-        if not guesses:
+        target = MapPoints(points, guesses, field.border[0] + REACHES[0])
+        if target.is_empty:
             return None
-        target = MapPoints(points, guesses, border[0])
-        source, _ = small_gicp.preprocess_points(cloud, COARSE, num_neighbors=10)
-        found: list[Hypothesis] = []
+        source, _ = prepared(cloud, COARSE)
+        found: list[Place] = []
         for guess in guesses:
             T_map_level = target.align(source, guess.T_map_level)
-            hypothesis = self._judge(T_map_level, patches, gain, target, field)
-            if not any(hypothesis.is_near(other) for other in found):
-                found.append(hypothesis)
+            if not any(place.guess.is_near(T_map_level) for place in found):
+                found.append(judge(T_map_level, patches, gain, target, field))
         self.debug = found
         best = decide(found)
-        if best is None or not self._agrees(best.T_map_level, metric_map):
-            return None
-        return self._refine(best.T_map_level, target)
+        return None if best is None or self._contradicts(best, metric_map) else self._correct(best, target)
 
     @property
     def _T_level_odom(self) -> NDArray[np.float64]:
+        """``level`` is the newest ``base_link`` but without roll and pitch."""
         T_odom_base = self.frames[-1].T_odom_base
-        return inverse(from_yaw(*T_odom_base[:3, 3], yaw_of(T_odom_base)))
+        return inverse(level(T_odom_base))
 
     def _points(self, frame: Frame) -> NDArray[np.float64]:
-        """(N, 3) what a frame shows, m from the newest pose, levelled."""
-        T_level_camera = self._T_level_odom @ frame.T_odom_base @ frame.T_base_camera
-        return thinned(frame.points(T_level_camera)[::2].astype(np.float64), THIN)
+        """(N, 3) thinned returns, m from the newest pose, levelled."""
+        return thinned(frame.points(self._T_level_odom @ frame.T_odom_base @ frame.T_base_camera)[::2], THIN)
 
-    def _judge(self, T_map_level, patches, gain, target, field) -> Hypothesis:
-        moved = transform_points(T_map_level, patches)
-        on_surface = target.near(moved)
-        value = np.where(on_surface, SURFACE, np.where(field.at(moved) == UNKNOWN, UNKNOWN, FREE))
-        evidence = float(gain[np.arange(len(gain)), value].sum())
-        return Hypothesis(T_map_level, evidence, float(on_surface.mean()))
-
-    def _agrees(self, T_map_level: NDArray[np.float64], metric_map: MetricMap) -> bool:
-        """Whether the map would not notice at once that the robot is elsewhere."""
+    def _contradicts(self, T_map_level: NDArray[np.float64], metric_map: MetricMap) -> bool:
+        """Whether the robot would notice at once that it is elsewhere."""
         T_map_odom = T_map_level @ self._T_level_odom
-        parts = [agreement(f, T_map_odom @ f.T_odom_base @ f.T_base_camera, metric_map) for f in self.frames]
-        return not Agreement.of(parts).is_elsewhere
+        parts = (agreement(f, T_map_odom @ f.T_odom_base @ f.T_base_camera, metric_map) for f in self.frames)
+        return Agreement.of(parts).was_carried
 
-    def _refine(self, T_map_level, target):
-        """Let the newest frame alone correct the pose, for wheels slide while a robot looks around."""
+    def _correct(self, T_map_level: NDArray[np.float64], target: MapPoints) -> NDArray[np.float64] | None:
+        """4×4 ``T_map_base`` corrected by the newest frame alone, for wheels slide while a robot looks around."""
         points = self._points(self.frames[-1])
         if len(points) < SEARCHED:
-            return T_map_level @ self._T_level_odom @ self.frames[-1].T_odom_base
-        source, _ = small_gicp.preprocess_points(points, THIN, num_neighbors=10)
-        T_map_level = target.correct(source, T_map_level)
-        return T_map_level @ self._T_level_odom @ self.frames[-1].T_odom_base
+            return None
+        corrected = target.correct(prepared(points, THIN)[0], T_map_level)
+        return None if corrected is None else corrected @ self._T_level_odom @ self.frames[-1].T_odom_base
 
 
-def decide(found: list[Hypothesis]) -> Hypothesis | None:
-    found = sorted(found, key=lambda h: -h.evidence)
-    rival = found[1].evidence if len(found) > 1 else 0.0
-    is_clear = found[0].evidence - rival > -CORRELATED * np.log(RIVAL)
-    return found[0] if found[0].covered > COVERED and is_clear else None
+def judge(
+    T_map_level: NDArray[np.float64],
+    patches: NDArray[np.float64],
+    gain: NDArray[np.float32],
+    target: MapPoints,
+    field: Field,
+) -> Place:
+    """How well a pose explains (P, 3) patches, m from the levelled robot, with what (P, 3) they are worth."""
+    moved = transform_points(T_map_level, patches)
+    covered = target.are_near(moved)
+    value = np.where(covered, SURFACE, np.where(field.at(moved) == UNKNOWN, UNKNOWN, FREE))
+    evidence = float(gain[np.arange(len(gain)), value].sum())
+    return Place(Guess(T_map_level, evidence), float(covered.mean()))
 
 
-class MapPoints:
-    def __init__(self, points, guesses, reach):
-        centres = np.array([g.T_map_level[:2, 3] for g in guesses])
-        near = np.zeros(len(points), bool)
-        for c in centres:
-            near |= (np.abs(points[:, :2] - c) < reach + 0.5).all(axis=1)
-        self.cloud, self.tree = small_gicp.preprocess_points(points[near].astype(np.float64), THIN, num_neighbors=10)
-
-    def align(self, source, T):
-        for d in (0.3, 0.1):
-            T = small_gicp.align(self.cloud, source, self.tree, T, "GICP", d, 1, 10).T_target_source
-            T = from_yaw(*T[:3, 3], yaw_of(T))
-        return T
-
-    def correct(self, source, T):
-        T_found = T
-        for d in (0.2, 0.1):
-            result = small_gicp.align(self.cloud, source, self.tree, T_found, "GICP", d, 1, 20)
-            T_found = result.T_target_source
-        delta = inverse(T) @ T_found
-        step = np.concatenate([Rotation.from_matrix(delta[:3, :3]).as_rotvec(), delta[:3, 3]])
-        H = result.H / 100
-        prior = np.diag(np.array([0.003, 0.003, 0.05, 0.1, 0.1, 0.03]) ** -2.0)
-        step = np.linalg.solve(H + prior, H @ step)
-        return T @ from_rotation(Rotation.from_rotvec(step[:3]).as_matrix(), step[3:])
-
-    def near(self, points):
-        _, d2 = self.tree.batch_nearest_neighbor_search(points.astype(np.float64))
-        return np.asarray(d2) < REACH**2
+def decide(found: list[Place]) -> NDArray[np.float64] | None:
+    """4×4 pose of the place that is well known and far likelier than any other and than chance; None in doubt."""
+    ranked = sorted(found, key=lambda place: -place.guess.evidence)
+    if not ranked or ranked[0].covered < COVERED:
+        return None
+    rival = ranked[1].guess.evidence if len(ranked) > 1 else 0.0
+    is_clear = (ranked[0].guess.evidence - rival) / CORRELATED > -np.log(RIVAL)
+    return ranked[0].guess.T_map_level if is_clear else None
 
 
-def evidence_of(patches, places, field) -> NDArray[np.float32]:
-    rng = np.random.default_rng(0)
-    at = field.index(places[rng.integers(len(places), size=SAMPLES)])
-    counts = np.zeros((len(patches), 3), np.int64)
-    count_values((patches / field.size).astype(np.float32), at, rng.choice(YAWS, SAMPLES), field.voxels, counts)
-    by_chance = (counts + 1) / (SAMPLES + 3)
-    known = 1 - by_chance[:, UNKNOWN]
-    gain = np.zeros_like(by_chance)
-    gain[:, SURFACE] = np.log(RIGHT * known / by_chance[:, SURFACE])
-    gain[:, FREE] = np.log((1 - RIGHT) * known / by_chance[:, FREE])
-    return gain.astype(np.float32)
+def level(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A 4×4 pose without its roll and pitch."""
+    x, y, z = T[:3, 3].tolist()
+    return from_yaw(x, y, z, yaw_of(T))
 
 
-def search(patches, gain, places, field) -> list[Hypothesis]:
-    rng = np.random.default_rng(0)
-    pick = rng.permutation(len(patches))[:SEARCHED]
-    scores = np.empty((len(places), len(YAWS)), np.float32)
-    score((patches[pick] / field.size).astype(np.float32), gain[pick], field.index(places), YAWS, field.voxels, scores)
-    result: list[Hypothesis] = []
-    best = 0.0
-    while len(result) < HYPOTHESES:
-        n, m = np.unravel_index(scores.argmax(), scores.shape)
-        if scores[n, m] <= (PROMISING * best if result else 0):
-            return result
-        best = max(best, scores[n, m])
-        result.append(Hypothesis(from_yaw(*places[n], YAWS[m]), float(scores[n, m]) * len(patches) / len(pick)))
-        beside = np.hypot(*(places[:, :2] - places[n, :2]).T) < DISTINCT[0]
-        turned = np.abs(wrap_angles(YAWS - YAWS[m])) < DISTINCT[1]
-        scores[np.ix_(beside, turned)] = -np.inf
-    return []
-
-
-def standable(elevation_map: ElevationMap, field: Field, model: RobotModel) -> NDArray[np.float64]:
-    """(N, 3) places on known ground where nothing known fills the room of the robot, m in ``map``."""
-    elevation = elevation_map.elevation[::STEP, ::STEP]
-    cells = np.argwhere(~np.isnan(elevation))
-    places = np.column_stack([elevation_map.grid.centre_of(STEP * cells), elevation[tuple(cells.T)]])
-    low, high = field.lower + field.border, field.lower + np.array(field.voxels.shape) * field.size - field.border
-    inside = ((places > low) & (places < high)).all(axis=1)
-    places = places[inside]
-    filled = [field.at(places + [0, 0, z]) == SURFACE for z in (model.body_height + 0.05, model.headroom - 0.05)]
-    return places[~np.any(filled, axis=0)]
-
-
-def thinned(points: NDArray[np.float64], size: float) -> NDArray[np.float64]:
+def thinned(points: NDArray[np.floating], size: float) -> NDArray[np.float64]:
     """(M, 3) means of the points (N, 3) in each voxel of a grid, m."""
     if not len(points):
         return np.zeros((0, 3))
-    return np.ascontiguousarray(small_gicp.voxelgrid_sampling(points, size).points()[:, :3])
+    return np.ascontiguousarray(small_gicp.voxelgrid_sampling(points.astype(np.float64), size).points()[:, :3])
+
+
+def prepared(points: NDArray[np.floating], size: float) -> tuple[small_gicp.PointCloud, small_gicp.KdTree]:
+    """Points (N, 3) thinned to voxels, m, with their covariances, and a tree of them."""
+    return small_gicp.preprocess_points(points.astype(np.float64), size, num_neighbors=NEIGHBOURS)

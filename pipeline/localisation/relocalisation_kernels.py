@@ -3,37 +3,51 @@
 import numpy as np
 from numba import njit
 
+STEP = 0.25
+"""Voxels along the optical axis between the samples of a ray."""
+
 
 @njit(cache=True)
-def cast(rays, origin, voxels, step, reach, depth, is_occupied):
-    """How far the map knows every ray to be free, and whether a surface ends it.
+def cast(rays, origins, voxels, reach, free, surface):
+    """How far a map knows rays to be free at least, and where surfaces end them at most, from any of some origins.
 
     Args:
         rays: (N, 3) float64 voxels along each ray for every voxel along the optical axis, in the grid's axes.
-        origin: (3,) float64 of all rays, in voxels of the box.
+        origins: (M, 3) float64 in voxels of the box; each ray begins at each of them.
         voxels: (nx, ny, nz) int8 log-odds; what lies beyond is unknown.
-        step, reach: voxels along the optical axis from sample to sample, and of the farthest.
-        depth: (N,) float64, filled with voxels along the optical axis up to what is not free.
-        is_occupied: (N,) bool, filled.
+        reach: voxels along the optical axis.
+        free: (N,) float64, filled with voxels along the optical axis.
+        surface: (N,) float64, filled likewise; infinite where a ray ends at no surface.
     """
-    nx, ny, nz = voxels.shape
     for n in range(len(rays)):
-        z = 0.0
-        depth[n], is_occupied[n] = reach, False
-        seen_free = False
-        while z < reach:
-            i = int(np.floor(origin[0] + rays[n, 0] * z))
-            j = int(np.floor(origin[1] + rays[n, 1] * z))
-            k = int(np.floor(origin[2] + rays[n, 2] * z))
-            inside = 0 <= i < nx and 0 <= j < ny and 0 <= k < nz
-            value = voxels[i, j, k] if inside else 0
-            if value > 0 or (value == 0 and seen_free):
-                depth[n], is_occupied[n] = z, value > 0
-                break
-            seen_free = seen_free or value < 0
-            z += step
-        if not seen_free and not is_occupied[n]:
-            depth[n] = 0.0
+        free[n], surface[n] = np.inf, 0.0
+        for origin in origins:
+            depth, is_occupied = _follow(rays[n], origin, voxels, reach)
+            free[n] = min(free[n], depth)
+            surface[n] = max(surface[n], depth if is_occupied else np.inf)
+
+
+@njit(cache=True)
+def _follow(ray, origin, voxels, reach):
+    """Voxels along the optical axis up to the end of what is free, and whether an occupied voxel is there.
+
+    What is unknown at the camera itself, which sees nothing so near, is skipped.
+    """
+    depth, last_free = 0.0, 0.0
+    while depth < reach:
+        i = int(np.floor(origin[0] + ray[0] * depth))
+        j = int(np.floor(origin[1] + ray[1] * depth))
+        k = int(np.floor(origin[2] + ray[2] * depth))
+        inside = 0 <= i < voxels.shape[0] and 0 <= j < voxels.shape[1] and 0 <= k < voxels.shape[2]
+        value = voxels[i, j, k] if inside else 0
+        if value > 0:
+            return depth, True
+        if value < 0:
+            last_free = depth
+        elif last_free > 0:
+            return depth, False
+        depth += STEP
+    return (reach if last_free > 0 else 0.0), False
 
 
 @njit(cache=True)

@@ -26,8 +26,8 @@ SEARCHED = 256
 """Patches, drawn at random, that find the guesses."""
 SAMPLES = 2000
 """Random poses that tell how likely a patch meets a surface by chance."""
-RIGHT = 0.95
-"""Probability that a patch where the map knows anything lies on a surface if the pose is right."""
+MISSED = 0.05
+"""How likely a patch lies in free space if the pose is right, compared with a random one."""
 DISTINCT = 0.4, np.deg2rad(20)
 """m and rad; poses nearer than both are one."""
 PROMISING = 0.7
@@ -127,9 +127,9 @@ def weigh(points: NDArray[np.float64], places: NDArray[np.float64], field: Field
     at, yaws = field.voxel(places[rng.integers(len(places), size=SAMPLES)]), rng.choice(YAWS, SAMPLES)
     count_values((points / field.size).astype(np.float32), at, yaws, field.voxels, counts)
     counts += 1  # Laplace's rule of succession
-    by_chance = counts[:, (SURFACE, FREE)] / counts[:, (SURFACE, FREE)].sum(axis=1, keepdims=True)
+    free = counts[:, FREE] / (counts[:, FREE] + counts[:, SURFACE])
     gain = np.zeros(counts.shape, np.float32)
-    gain[:, (SURFACE, FREE)] = np.log((RIGHT, 1 - RIGHT) / by_chance)
+    gain[:, SURFACE], gain[:, FREE] = np.log((1 - MISSED * free) / (1 - free)), np.log(MISSED)
     return gain
 
 

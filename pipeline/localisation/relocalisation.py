@@ -154,7 +154,6 @@ class Relocalisation:
             T_map_level = target.align(source, guess.T_map_level)
             if not any(place.guess.is_near(T_map_level) for place in found):
                 found.append(judge(T_map_level, patches, gain, target, field))
-        self.debug = found
         best = decide(found)
         return None if best is None or self._contradicts(best, metric_map) else self._correct(best, target)
 

@@ -19,14 +19,15 @@ def room() -> MetricMap:
     return Maps().add(ROOM, tour([(0.8, 0.8), (0.8, 3.0), (2.6, 2.2), (3.0, 0.6), (4.2, 2.8)])).metric_map
 
 
-@pytest.mark.parametrize("towards", np.arange(8) * np.pi / 4)
-@pytest.mark.parametrize("yaw", [-2.0, 0.0, 2.0])
-def test_an_ordinary_error_of_the_pose_is_no_contradiction(towards: float, yaw: float) -> None:
-    error = from_yaw(0.05 * np.cos(towards), 0.05 * np.sin(towards), 0.0, np.deg2rad(yaw))
-    for T_map_base in (HERE, from_yaw(3.0, 2.5, 0.0, -1.5), from_yaw(2.6, 1.0, 0.0, 0.4)):
-        found = agreement(seen(ROOM, T_map_base), T_map_base @ error @ T_BASE_CAMERA, room())
-        assert found.known > 100
-        assert not found.was_carried
+@pytest.mark.parametrize("T_map_base", [HERE, from_yaw(3.0, 2.5, 0.0, -1.5), from_yaw(2.6, 1.0, 0.0, 0.4)])
+def test_an_ordinary_error_of_the_pose_is_no_contradiction(T_map_base: np.ndarray) -> None:
+    frame = seen(ROOM, T_map_base)
+    for yaw in np.deg2rad([-2.0, 0.0, 2.0]):
+        for towards in np.arange(8) * np.pi / 4:
+            error = from_yaw(0.05 * np.cos(towards), 0.05 * np.sin(towards), 0.0, yaw)
+            found = agreement(frame, T_map_base @ error @ T_BASE_CAMERA, room())
+            assert found.known > 100
+            assert not found.was_carried
 
 
 @pytest.mark.parametrize("T_map_base", [from_yaw(3, 0.6, 0, 0), from_yaw(4.2, 2.6, 0, -1.5), from_yaw(1, 3, 0, 2.2)])

@@ -27,6 +27,8 @@ from pipeline.victims.reobservation import Reobservation
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
 """m and rad that the robot drives or turns from one keyframe to the next."""
+LABELLED = 2
+"""Of so many keyframes that are taken while the robot drives one is labelled: the network takes longest of all."""
 KIDNAPPED = 0.3
 """m; a robot that is elsewhere by this without having driven was carried there."""
 PATIENCE = 6
@@ -235,7 +237,7 @@ class Explorer:
         motion = inverse(self._T_odom_keyframe) @ self.navigator.motion.T_odom_base
         turn = np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1))
         if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or turn >= KEYFRAME_TURN:
-            self._add(self.robot.sense(), labelled=False)
+            self._add(self.robot.sense(), labelled=self.mapper.keyframes % LABELLED == 0)
 
     def _returns(self) -> NDArray[np.float32]:
         """(N, 3) the returns that the camera has now, of a keyframe, m in ``map``."""

@@ -67,6 +67,8 @@ class EpisodeScore:
         self.victims.add(truth.image)
         self.fiducials.add(keyframe.frame, keyframe.T_map_base)
         self.trajectory.add()
+        if len(keyframe.labels):
+            self._semantics.add(keyframe)
 
     def add(self, step: Step) -> None:
         """Take the newest step into account."""
@@ -75,7 +77,6 @@ class EpisodeScore:
         self._kidnaps += step.was_kidnapped
         self._frontiers_left = len(step.frontiers)
         self.progress.append((self._robot.time - self._start_time, self.explored_fraction))
-        self._semantics.add(step.keyframe)
         if step.plan is not None and step.plan.length > 0.1:
             self._cost_ratios.append(
                 step.plan.length / self._optimum(truth.T_world_base[:2, 3], step.plan.way_points[-1, :2])

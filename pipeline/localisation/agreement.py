@@ -1,0 +1,115 @@
+"""Whether what the camera sees agrees with the map: how a robot notices that it was carried elsewhere."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.frame import Frame
+from pipeline.localisation.relocalisation_kernels import cast
+from pipeline.metric_map.metric_map import MetricMap
+
+TILE = 20
+"""Pixels along each side of the squares that are compared: 1.8° of the Xtion's 640 × 480."""
+WINDOW = 3
+"""Tiles along each side within which any depth will do: ±2.7°, for a pose may be turned by 2°."""
+SHIFT = 0.1
+"""m, by which the pose may be off along x and y: 5 cm, and half a voxel."""
+MARGIN = 0.2
+"""m of depth that will do besides: the diagonal of a voxel, 0.17, and noise."""
+CARRIED = 0.95
+"""Share of what the map knows that it has to explain: at a right pose it explains 0.99, in dust of 0.5, 0.97."""
+
+
+class Agreement(NamedTuple):
+    """How many tiles of images the map explains and contradicts; those of which it knows nothing count in neither.
+
+    Attributes:
+        explained: show what the map has there.
+        short: show something in space that the map has as free.
+        through: see through what the map has as occupied.
+        seen: with returns.
+    """
+
+    explained: int
+    short: int
+    through: int
+    seen: int
+
+    @classmethod
+    def of(cls, parts: Iterable["Agreement"]) -> "Agreement":
+        """The sum over several images."""
+        return cls(*(sum(counts) for counts in zip(*parts, strict=True)))
+
+    @property
+    def known(self) -> int:
+        """Tiles of which the map knows what they show."""
+        return self.explained + self.short + self.through
+
+    @property
+    def share(self) -> float:
+        """Of the known tiles those that the map explains, in [0, 1]; 1 if none is known."""
+        return self.explained / self.known if self.known else 1.0
+
+    @property
+    def was_carried(self) -> bool:
+        """Whether the robot must be elsewhere; what shows nothing known tells nothing."""
+        return self.share < CARRIED
+
+
+def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap) -> Agreement:
+    """Compare a frame with what the map has before the camera, tile by tile of the depth image.
+
+    A tile contradicts the map if all returns in the window around it are nearer, or farther, than all that the map
+    has there, seen from wherever the camera may be. So neither errors of the pose at edges nor specks of dust count.
+    """
+    depth = tile_depths(frame)
+    free, surface = expected_depths(frame, T_map_camera, metric_map)
+    short = _highest(depth) + MARGIN < _lowest(free)
+    through = _lowest(depth) > _highest(surface) + MARGIN
+    seen = np.isfinite(depth)
+    # The windows of the outermost tiles would reach beyond the image.
+    seen[[0, -1]] = seen[:, [0, -1]] = False
+    explained = np.isfinite(surface) & ~short & ~through
+    return Agreement(*(int((mask & seen).sum()) for mask in (explained, short, through, seen)))
+
+
+def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
+    return ndimage.minimum_filter(depths, WINDOW)
+
+
+def _highest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
+    return ndimage.maximum_filter(depths, WINDOW)
+
+
+def tile_depths(frame: Frame) -> NDArray[np.float64]:
+    """(H / TILE, W / TILE) median depths, m; infinite where fewer than half of the pixels returned."""
+    rows, columns = (n // TILE for n in frame.depth.shape)
+    depth = np.where(frame.returns, frame.depth, np.inf)[: rows * TILE : 2, : columns * TILE : 2]
+    tiles = depth.reshape(rows, TILE // 2, columns, TILE // 2).swapaxes(1, 2).reshape(rows, columns, -1)
+    middle = tiles.shape[-1] // 2
+    return np.partition(tiles, middle, axis=-1)[..., middle].astype(np.float64)
+
+
+def expected_depths(
+    frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What the map has before a camera that is off by up to SHIFT, at the middle of every tile (H / TILE, W / TILE).
+
+    Returns:
+        m along the optical axis up to which space is known to be free at least, and at which something occupied ends
+        it at most; infinite where nothing is known to.
+    """
+    middle = frame.intrinsics.rays[TILE // 2 :: TILE, TILE // 2 :: TILE].astype(np.float64)
+    shape, size = middle.shape[:2], metric_map.voxel_size
+    rays = middle.reshape(-1, 3) @ T_map_camera[:3, :3].T
+    shifts = SHIFT * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
+    origins = T_map_camera[:3, 3] + shifts
+    index = metric_map.voxel_index(np.vstack([origins, *(o + rays * metric_map.max_range for o in origins)]))
+    lower, upper = index.min(axis=0), index.max(axis=0) + 1
+    free, surface = np.empty(len(rays)), np.empty(len(rays))
+    origins = (origins - metric_map.corner) / size - lower
+    cast(rays, origins, metric_map.log_odds(lower, upper), metric_map.max_range / size, free, surface)
+    return free.reshape(shape) * size, surface.reshape(shape) * size

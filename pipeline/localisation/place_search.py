@@ -1,0 +1,161 @@
+"""Which poses in a whole map explain a levelled cloud best: every place at every heading is tried.
+
+Correlative scan matching (Olson, "Real-time correlative scan matching", 2009) in 3D: gravity gives roll and pitch,
+the elevation map the height.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.localisation.relocalisation_kernels import count_values, score
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.robot import RobotModel
+from pipeline.transforms import from_yaw, inverse, wrap_angles, yaw_of
+from pipeline.traversability.elevation_map import ElevationMap
+
+UNKNOWN, SURFACE, FREE = range(3)
+"""What the map knows of a place; all that touches an occupied voxel is SURFACE."""
+YAWS = np.arange(72) * 2 * np.pi / 72
+"""rad, the headings that are tried: at 3 m, half a step moves a point by 0.13 m, which SURFACE allows for."""
+STEP = 2
+"""Cells of the elevation map from place to place: 0.1 m."""
+SEARCHED = 256
+"""Patches, drawn at random, that find the guesses."""
+SAMPLES = 2000
+"""Random poses that tell how likely a patch meets a surface by chance."""
+MISSED = 0.05
+"""How likely a patch lies in free space if the pose is right, compared with a random one."""
+DISTINCT = 0.4, np.deg2rad(20)
+"""m and rad; poses nearer than both are one."""
+PROMISING = 0.7
+"""Of the best guess's evidence, which another needs to be compared with it: both are out by half a step."""
+MOST = 12
+"""Promising guesses; with more there is doubt."""
+
+
+class Field(NamedTuple):
+    """What the map knows, with a border of the unknown.
+
+    Attributes:
+        voxels: (nx, ny, nz) uint8 UNKNOWN, SURFACE or FREE.
+        lower: (3,) m in ``map``, where they begin.
+        size: m, of a voxel.
+        border: (3,) m at both ends of each axis.
+    """
+
+    voxels: NDArray[np.uint8]
+    lower: NDArray[np.float64]
+    size: float
+    border: NDArray[np.float64]
+
+    @classmethod
+    def around(cls, metric_map: MetricMap, points: NDArray[np.float64]) -> "Field":
+        """Of the whole map, so large that (N, 3) points, m, stay inside however they are turned about z anywhere."""
+        reach, height = np.linalg.norm(points[:, :2], axis=1).max(), np.abs(points[:, 2]).max()
+        border = np.array([reach, reach, height])
+        lower, upper = metric_map.bounds()
+        cells = np.ceil(border / metric_map.voxel_size).astype(np.int64) + 2
+        log_odds = metric_map.log_odds(lower - cells, upper + cells)
+        surface = ndimage.maximum_filter(log_odds > 0, 3)
+        voxels = np.where(surface, SURFACE, np.where(log_odds < 0, FREE, UNKNOWN)).astype(np.uint8)
+        corner, size = metric_map.corner + (lower - cells) * metric_map.voxel_size, metric_map.voxel_size
+        return cls(voxels, corner, size, border)
+
+    def voxel(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(N, 3) float32 voxels from the field's corner to points (N, 3), m in ``map``."""
+        return ((points - self.lower) / self.size).astype(np.float32)
+
+    def at(self, points: NDArray[np.floating]) -> NDArray[np.uint8]:
+        """(N,) values at points (N, 3), m in ``map``; UNKNOWN beyond its ends."""
+        index = np.floor(self.voxel(points)).astype(np.int64)
+        inside = ((index >= 0) & (index < self.voxels.shape)).all(axis=1)
+        values = np.full(len(points), UNKNOWN, np.uint8)
+        values[inside] = self.voxels[tuple(index[inside].T)]
+        return values
+
+    def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) whether places (N, 3), m in ``map``, are not in the border."""
+        high = self.lower + np.array(self.voxels.shape) * self.size
+        return np.asarray(((places > self.lower + self.border) & (places < high - self.border)).all(axis=1))
+
+
+class Guess(NamedTuple):
+    """A pose that the robot may have.
+
+    Attributes:
+        T_map_level: 4×4 pose of the levelled robot.
+        evidence: log of how much likelier what it sees is there than at a random place of the map.
+    """
+
+    T_map_level: NDArray[np.float64]
+    evidence: float
+
+    def is_near(self, T_map_level: NDArray[np.float64]) -> bool:
+        """Whether a 4×4 pose is the same but for the accuracy of the search."""
+        T = inverse(self.T_map_level) @ T_map_level
+        return bool(np.hypot(*T[:2, 3]) < DISTINCT[0] and abs(yaw_of(T)) < DISTINCT[1])
+
+
+def standable(elevation_map: ElevationMap, field: Field, model: RobotModel) -> NDArray[np.float64]:
+    """(N, 3) places on known ground where nothing known fills the middle of the robot, m in ``map``."""
+    elevation = elevation_map.elevation[::STEP, ::STEP]
+    cells = np.argwhere(~np.isnan(elevation))
+    places = np.column_stack([elevation_map.grid.centre_of(STEP * cells), elevation[tuple(cells.T)]])
+    places = places[field.holds(places)]
+    filled = [field.at(places + np.array([0, 0, z])) == SURFACE for z in (model.body_height, model.headroom)]
+    return places[~np.any(filled, axis=0)]
+
+
+def weigh(points: NDArray[np.float64], places: NDArray[np.float64], field: Field) -> NDArray[np.float32]:
+    """What each point of a cloud is worth as evidence, by how often random poses explain it.
+
+    Level ground is met almost anywhere and tells little, a wall tells much; what falls into the unknown, nothing.
+
+    Args:
+        points: (P, 3) m from the levelled robot.
+        places: (N, 3) m in ``map``, where it may stand.
+        field: of the map.
+
+    Returns:
+        (P, 3) log-likelihood ratios of a right pose to a random one for UNKNOWN, SURFACE and FREE.
+    """
+    rng = np.random.default_rng(0)
+    counts = np.zeros((len(points), 3), np.int64)
+    at, yaws = field.voxel(places[rng.integers(len(places), size=SAMPLES)]), rng.choice(YAWS, SAMPLES)
+    count_values((points / field.size).astype(np.float32), at, yaws, field.voxels, counts)
+    counts += 1  # Laplace's rule of succession
+    free = counts[:, FREE] / (counts[:, FREE] + counts[:, SURFACE])
+    gain = np.zeros(counts.shape, np.float32)
+    gain[:, SURFACE], gain[:, FREE] = np.log((1 - MISSED * free) / (1 - free)), np.log(MISSED)
+    return gain
+
+
+def search(
+    points: NDArray[np.float64], gain: NDArray[np.float32], places: NDArray[np.float64], field: Field
+) -> list[Guess]:
+    """The promising poses, the best first; none if there are too many to tell them apart.
+
+    Args:
+        points: (P, 3) m from the levelled robot.
+        gain: (P, 3) as :func:`weigh` gives it.
+        places: (N, 3) m in ``map``, where the robot may stand.
+        field: of the map.
+    """
+    some = np.random.default_rng(0).permutation(len(points))[:SEARCHED]
+    scores = np.empty((len(places), len(YAWS)), np.float32)
+    cloud = (points[some] / field.size).astype(np.float32)
+    score(cloud, gain[some], field.voxel(places), YAWS, field.voxels, scores)
+    least, guesses = PROMISING * scores.max(), list[Guess]()
+    while len(guesses) <= MOST:
+        n, m = np.unravel_index(scores.argmax(), scores.shape)
+        if scores[n, m] <= max(least, 0):
+            return guesses
+        x, y, z = places[n].tolist()
+        guesses.append(Guess(from_yaw(x, y, z, YAWS[m]), float(scores[n, m])))
+        beside = np.hypot(*(places[:, :2] - places[n, :2]).T) < DISTINCT[0]
+        turned = np.abs(wrap_angles(YAWS - YAWS[m])) < DISTINCT[1]
+        scores[np.ix_(beside, turned)] = -np.inf
+    return []

@@ -1,0 +1,225 @@
+"""Where in its map a robot stands that was carried there: a doubtful place is refused."""
+
+from typing import NamedTuple
+
+import numpy as np
+import small_gicp
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.frame import Frame
+from pipeline.localisation.agreement import Agreement, agreement
+from pipeline.localisation.place_search import (
+    FREE,
+    SEARCHED,
+    SURFACE,
+    UNKNOWN,
+    Field,
+    Guess,
+    search,
+    standable,
+    weigh,
+)
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.robot import RobotModel
+from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points, yaw_of
+from pipeline.traversability.elevation_map import ElevationMap
+
+PATCH = 0.2
+"""m; what the robot sees is compared patch by patch of this side."""
+THIN, COARSE = 0.05, 0.1
+"""m, to which the map's points and a single frame, and all frames together, are thinned for registration."""
+REACHES = 0.3, 0.1
+"""m from points to their correspondences: first to make up for half a step of the search, then those of one voxel."""
+COVERED = 0.85
+"""Share of the patches that must lie within a voxel of the map's points; elsewhere the map knows too little."""
+RIVAL = 1e-4
+"""How likely, compared with the best place, another one may be at most."""
+CORRELATED = 3
+"""Patches that lie on a surface together, by chance or rightly: so many count as one."""
+NEIGHBOURS = 10
+"""Points by which normals are estimated."""
+DRIFT = np.array([3e-3, 3e-3, 0.05, 0.1, 0.1, 0.03])
+"""rad and m, standard deviations: roll, pitch, yaw, x, y and z of the newest pose by all frames together, while a
+robot turns on a slope and slides."""
+DEPENDENT = 4
+"""Points of THIN that err together: those of a voxel of COARSE on a surface."""
+CERTAIN = 0.05
+"""m, standard deviation of the position from which on there is doubt."""
+
+
+class Place(NamedTuple):
+    """A registered guess; ``covered`` is the share of the patches that lie on surfaces of the map."""
+
+    guess: Guess
+    covered: float
+
+
+class MapPoints:
+    """The map's points around some guesses, to register clouds with by GICP (Segal et al. 2009)."""
+
+    def __init__(self, points: NDArray[np.float32], guesses: list[Guess], reach: float) -> None:
+        """Take of (N, 3) points in ``map`` those within ``reach`` m of a guess along x and y."""
+        near = np.zeros(len(points), np.bool_)
+        for guess in guesses:
+            near |= (np.abs(points[:, :2] - guess.T_map_level[:2, 3]) < reach).all(axis=1)
+        self.is_empty = not near.any()
+        if not self.is_empty:
+            self._cloud, self._tree = prepared(points[near], THIN)
+
+    def are_near(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """(N,) whether a point of the map lies within a voxel of points (N, 3), m in ``map``."""
+        _, squared = self._tree.batch_nearest_neighbor_search(points.astype(np.float64))
+        return np.asarray(np.asarray(squared) < REACHES[-1] ** 2)
+
+    def align(self, cloud: small_gicp.PointCloud, T_map_level: NDArray[np.float64]) -> NDArray[np.float64]:
+        """4×4 pose of a levelled cloud, which stays level."""
+        for reach in REACHES:
+            T = self._register(cloud, T_map_level, reach).T_target_source
+            T_map_level = level(T)
+        return T_map_level
+
+    def correct(self, cloud: small_gicp.PointCloud, T_map_level: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """4×4 pose of a cloud as registered, as far as its surfaces tell more than DRIFT; None if not CERTAIN."""
+        T = T_map_level
+        for reach in REACHES:
+            result = self._register(cloud, T, reach)
+            T = result.T_target_source
+        move = inverse(T_map_level) @ T
+        change = np.concatenate([Rotation.from_matrix(move[:3, :3]).as_rotvec(), move[:3, 3]])
+        covariance = np.linalg.inv(result.H / DEPENDENT + np.diag(DRIFT**-2))
+        if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > CERTAIN**2:
+            return None
+        change = covariance @ (result.H / DEPENDENT) @ change
+        return T_map_level @ from_rotation(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:])
+
+    def _register(
+        self, cloud: small_gicp.PointCloud, T: NDArray[np.float64], reach: float
+    ) -> small_gicp.RegistrationResult:
+        return small_gicp.align(
+            self._cloud, cloud, self._tree, T, "GICP", max_correspondence_distance=reach, max_iterations=10
+        )
+
+
+class Relocalisation:
+    """Gathers frames since the robot was set down, and finds where in a map they were taken.
+
+    Attributes:
+        frames: so far.
+    """
+
+    def __init__(self, model: RobotModel) -> None:
+        """For a robot of this size."""
+        self._model = model
+        self.frames: list[Frame] = []
+
+    def clear(self) -> None:
+        """Forget all frames."""
+        self.frames = []
+
+    def add(self, frame: Frame) -> None:
+        """Take one more frame; the odometry tells where it was taken as seen from the others."""
+        self.frames.append(frame)
+
+    def find(
+        self, metric_map: MetricMap, elevation_map: ElevationMap, points: NDArray[np.float32]
+    ) -> NDArray[np.float64] | None:
+        """Where the robot is.
+
+        Args:
+            metric_map: in which to find it.
+            elevation_map: of the same ground.
+            points: (N, 3) float32 of the same surfaces, m in ``map``.
+
+        Returns:
+            4×4 ``T_map_base`` of the newest frame; None if there is doubt: no place fits, more than one does, or the
+            map knows too little there.
+        """
+        cloud = np.vstack([np.zeros((0, 3)), *map(self._points, self.frames)])
+        patches = thinned(cloud, PATCH)
+        if len(cloud) < SEARCHED or not len(points):
+            return None
+        field = Field.around(metric_map, patches)
+        places = standable(elevation_map, field, self._model)
+        if not len(places):
+            return None
+        gain = weigh(patches, places, field)
+        guesses = search(patches, gain, places, field)
+        target = MapPoints(points, guesses, field.border[0] + REACHES[0])
+        if target.is_empty:
+            return None
+        source, _ = prepared(cloud, COARSE)
+        found: list[Place] = []
+        for guess in guesses:
+            T_map_level = target.align(source, guess.T_map_level)
+            if not any(place.guess.is_near(T_map_level) for place in found):
+                found.append(judge(T_map_level, patches, gain, target, field))
+        best = decide(found)
+        return None if best is None or self._contradicts(best, metric_map) else self._correct(best, target)
+
+    @property
+    def _T_level_odom(self) -> NDArray[np.float64]:
+        """``level`` is the newest ``base_link`` but without roll and pitch."""
+        T_odom_base = self.frames[-1].T_odom_base
+        return inverse(level(T_odom_base))
+
+    def _points(self, frame: Frame) -> NDArray[np.float64]:
+        """(N, 3) thinned returns, m from the newest pose, levelled."""
+        return thinned(frame.points(self._T_level_odom @ frame.T_odom_base @ frame.T_base_camera)[::2], THIN)
+
+    def _contradicts(self, T_map_level: NDArray[np.float64], metric_map: MetricMap) -> bool:
+        """Whether the robot would notice at once that it is elsewhere."""
+        T_map_odom = T_map_level @ self._T_level_odom
+        parts = (agreement(f, T_map_odom @ f.T_odom_base @ f.T_base_camera, metric_map) for f in self.frames)
+        return Agreement.of(parts).was_carried
+
+    def _correct(self, T_map_level: NDArray[np.float64], target: MapPoints) -> NDArray[np.float64] | None:
+        """4×4 ``T_map_base`` corrected by the newest frame alone, for wheels slide while a robot looks around."""
+        points = self._points(self.frames[-1])
+        if len(points) < SEARCHED:
+            return None
+        corrected = target.correct(prepared(points, THIN)[0], T_map_level)
+        return None if corrected is None else corrected @ self._T_level_odom @ self.frames[-1].T_odom_base
+
+
+def judge(
+    T_map_level: NDArray[np.float64],
+    patches: NDArray[np.float64],
+    gain: NDArray[np.float32],
+    target: MapPoints,
+    field: Field,
+) -> Place:
+    """How well a pose explains (P, 3) patches, m from the levelled robot, with what (P, 3) they are worth."""
+    moved = transform_points(T_map_level, patches)
+    covered = target.are_near(moved)
+    value = np.where(covered, SURFACE, np.where(field.at(moved) == UNKNOWN, UNKNOWN, FREE))
+    evidence = float(gain[np.arange(len(gain)), value].sum())
+    return Place(Guess(T_map_level, evidence), float(covered.mean()))
+
+
+def decide(found: list[Place]) -> NDArray[np.float64] | None:
+    """4×4 pose of the place that is well known and far likelier than any other and than chance; None in doubt."""
+    ranked = sorted(found, key=lambda place: -place.guess.evidence)
+    if not ranked or ranked[0].covered < COVERED:
+        return None
+    rival = ranked[1].guess.evidence if len(ranked) > 1 else 0.0
+    is_clear = (ranked[0].guess.evidence - rival) / CORRELATED > -np.log(RIVAL)
+    return ranked[0].guess.T_map_level if is_clear else None
+
+
+def level(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A 4×4 pose without its roll and pitch."""
+    x, y, z = T[:3, 3].tolist()
+    return from_yaw(x, y, z, yaw_of(T))
+
+
+def thinned(points: NDArray[np.floating], size: float) -> NDArray[np.float64]:
+    """(M, 3) means of the points (N, 3) in each voxel of a grid, m."""
+    if not len(points):
+        return np.zeros((0, 3))
+    return np.ascontiguousarray(small_gicp.voxelgrid_sampling(points.astype(np.float64), size).points()[:, :3])
+
+
+def prepared(points: NDArray[np.floating], size: float) -> tuple[small_gicp.PointCloud, small_gicp.KdTree]:
+    """Points (N, 3) thinned to voxels, m, with their covariances, and a tree of them."""
+    return small_gicp.preprocess_points(points.astype(np.float64), size, num_neighbors=NEIGHBOURS)

@@ -1,0 +1,52 @@
+"""A robot that was carried sees what its map denies; one that drove does not."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pipeline.localisation.agreement import agreement
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.transforms import from_yaw
+from tests.pipeline.localisation.carried_robot import ROOM, T_BASE_CAMERA, Maps, seen, tour
+
+HERE = from_yaw(1.0, 2.0, 0.0, 0.2)
+
+
+@cache
+def room() -> MetricMap:
+    return Maps().add(ROOM, tour([(0.8, 0.8), (0.8, 3.0), (2.6, 2.2), (3.0, 0.6), (4.2, 2.8)])).metric_map
+
+
+@pytest.mark.parametrize("T_map_base", [HERE, from_yaw(3.0, 2.5, 0.0, -1.5), from_yaw(2.6, 1.0, 0.0, 0.4)])
+def test_an_ordinary_error_of_the_pose_is_no_contradiction(T_map_base: np.ndarray) -> None:
+    frame = seen(ROOM, T_map_base)
+    for yaw in np.deg2rad([-2.0, 0.0, 2.0]):
+        for towards in np.arange(8) * np.pi / 4:
+            error = from_yaw(0.05 * np.cos(towards), 0.05 * np.sin(towards), 0.0, yaw)
+            found = agreement(frame, T_map_base @ error @ T_BASE_CAMERA, room())
+            assert found.known > 100
+            assert not found.was_carried
+
+
+@pytest.mark.parametrize("T_map_base", [from_yaw(3, 0.6, 0, 0), from_yaw(4.2, 2.6, 0, -1.5), from_yaw(1, 3, 0, 2.2)])
+def test_a_carried_robot_sees_what_the_map_denies(T_map_base: np.ndarray) -> None:
+    found = agreement(seen(ROOM, T_map_base), HERE @ T_BASE_CAMERA, room())
+    assert found.was_carried
+    assert found.short + found.through == found.known - found.explained > 0
+
+
+def test_what_the_map_does_not_know_counts_neither_way() -> None:
+    found = agreement(seen(ROOM, HERE), HERE @ T_BASE_CAMERA, MetricMap())
+    assert (found.known, found.share, found.was_carried) == (0, 1.0, False)
+    assert found.seen > 100
+
+
+def test_specks_of_dust_are_no_contradiction() -> None:
+    frame, rng = seen(ROOM, HERE), np.random.default_rng(0)
+    specks = rng.random(frame.depth.shape) < 0.1
+    dusty = replace(
+        frame, depth=np.where(specks, rng.uniform(0.8, 1.5, specks.shape), frame.depth).astype(np.float32)
+    )
+    assert not agreement(dusty, HERE @ T_BASE_CAMERA, room()).was_carried

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.frame import Frame
-from pipeline.localisation.odometry import Localisation
+from pipeline.localisation.agreement import agreement
+from pipeline.localisation.odometry import Localisation, LostError
+from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.mission import Mission
 from pipeline.navigation.navigator import Navigator, Outcome
@@ -19,8 +21,8 @@ from pipeline.navigation.recovery import backtrack, escape, touched
 from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier
-from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.transforms import inverse
+from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.victims.detection.detection import Detector
 from pipeline.victims.reobservation import Reobservation
@@ -29,6 +31,8 @@ KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
 """m and rad that the robot drives or turns from one keyframe to the next."""
 LABELLED = 2
 """Of so many keyframes that are taken while the robot drives one is labelled: the network takes longest of all."""
+LOOKS = 8
+"""Frames that a robot takes around itself when it does not know where it is."""
 KIDNAPPED = 0.3
 """m; a robot that is elsewhere by this without having driven was carried there."""
 PATIENCE = 6
@@ -71,6 +75,7 @@ class Explorer:
         mapper: all maps.
         mission: what to do next.
         navigator: drives.
+        relocalised: how often the robot found its place again after it was carried.
         track: (N, 2) m in ``map``, where the robot has been since it was set down.
         steps: how many were made.
         on_keyframe: called with every keyframe, also those taken while the robot drives.
@@ -100,6 +105,7 @@ class Explorer:
         self.on_keyframe: Callable[[Keyframe], object] = lambda keyframe: None
         self.T_odom_expected: NDArray[np.float64] | None = None
         self.track = np.zeros((0, 2))
+        self.relocalised = 0
         self._failed_drives = 0
         self._T_odom_keyframe = np.eye(4)
 
@@ -108,6 +114,8 @@ class Explorer:
         self.settle()
         with self.mapper.stopwatch("sense"):
             frame = self.robot.sense()
+        if not self._agrees(frame):
+            frame = self._find_place(frame)
         was_kidnapped = self._notice_kidnapping(frame)
         keyframe = self._add(frame, labelled=True)
         self.steps += 1
@@ -231,13 +239,44 @@ class Explorer:
         self.on_keyframe(keyframe)
         return keyframe
 
-    def _look(self) -> None:
-        """Take a keyframe if the robot has driven or turned far enough since the last one."""
+    def _agrees(self, frame: Frame) -> bool:
+        """Whether a frame shows what the map has where the robot believes to be."""
+        mapper = self.mapper
+        T_map_camera = mapper.localise(frame) @ frame.T_base_camera
+        return not (mapper.localisation.may_err and agreement(frame, T_map_camera, mapper.metric_map).was_carried)
+
+    def _find_place(self, frame: Frame) -> Frame:
+        """Look around until the robot knows where it is; the newest frame.
+
+        Raises:
+            LostError: it remains in doubt.
+        """
+        mapper, relocalisation = self.mapper, Relocalisation(self.robot.model)
+        self.navigator.look = lambda: True
+        for _ in range(LOOKS):
+            relocalisation.add(frame)
+            T = relocalisation.find(mapper.metric_map, mapper.elevation_map, mapper.localisation.points())
+            if T is not None:
+                mapper.localisation.set_down(T)
+                self.relocalised += 1
+                self.T_odom_expected, self.navigator.look = None, self._look
+                return frame
+            if not self.navigator.turn(2 * np.pi / LOOKS):
+                break
+            frame = self.robot.sense()
+        raise LostError("the camera shows what the map does not, and no place fits for sure")
+
+    def _look(self) -> bool:
+        """Take a keyframe if the robot has come far enough; False if it is not where it believes to be."""
         assert self.navigator.motion is not None
         motion = inverse(self._T_odom_keyframe) @ self.navigator.motion.T_odom_base
         turn = np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1))
         if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or turn >= KEYFRAME_TURN:
-            self._add(self.robot.sense(), labelled=self.mapper.keyframes % LABELLED == 0)
+            frame = self.robot.sense()
+            if not self._agrees(frame):
+                return False
+            self._add(frame, labelled=self.mapper.keyframes % LABELLED == 0)
+        return True
 
     def _returns(self) -> NDArray[np.float32]:
         """(N, 3) the returns that the camera has now, of a keyframe, m in ``map``."""

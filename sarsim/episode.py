@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
 from pipeline.files import whole_file
-from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.odometry import LostError, OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.planning.path_plan import place_name
@@ -64,6 +64,7 @@ class Episode:
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
         self.robot.on_motion = self.recorder.log_motion
         self.explorer.on_keyframe = self.score.add_keyframe
+        self.lost: str | None = None
         self._wall_start, self._sim_start = perf_counter(), self.robot.time
 
     def run(
@@ -85,6 +86,9 @@ class Episode:
                 while self._may_step() and not interrupted() and self.step():
                     on_step(f"{self.config.arena}: {task}, {self.score.explored_fraction:.0%} explored")
             self._log_news()
+        except LostError as error:
+            self.lost = str(error)
+            self.recorder.log_message("WARN", f"the robot does not know where it is and stays: {error}")
         finally:
             self._finish()
         return not interrupted()
@@ -160,6 +164,7 @@ class Episode:
             "timing_ms": {stage: percentiles(times) for stage, times in seconds.items()},
             **self.score.report(),
             **self.mission.report(),
+            **({"lost": self.lost} if self.lost else {}),
         }
 
     def _write(self) -> None:

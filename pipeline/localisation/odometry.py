@@ -23,6 +23,10 @@ class Loop:
     T_first_second: NDArray[np.float64]
 
 
+class LostError(Exception):
+    """The robot does not know where it is, and says why."""
+
+
 class Localisation(Protocol):
     """Tells where the robot was when frames were taken.
 
@@ -30,10 +34,12 @@ class Localisation(Protocol):
         T_map_odom: 4×4, where the odometry's origin is by the newest frame.
         poses: (K, 4, 4) ``T_map_base`` of the keyframes, as they are now believed.
         loops: closed so far.
+        may_err: whether its poses are to be checked against the map.
     """
 
     T_map_odom: NDArray[np.float64]
     loops: list[Loop]
+    may_err: bool
 
     @property
     def poses(self) -> NDArray[np.float64]:
@@ -41,7 +47,11 @@ class Localisation(Protocol):
         ...
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` at the time of the frame."""
+        """4×4 pose of ``base_link`` in ``map`` at the time of the frame.
+
+        Raises:
+            LostError: the frame or its odometry cannot be used.
+        """
         ...
 
     def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
@@ -52,6 +62,14 @@ class Localisation(Protocol):
         """Correct the poses of all keyframes."""
         ...
 
+    def set_down(self, T_map_base: NDArray[np.float64]) -> None:
+        """Take it that the robot was carried to a pose (4×4), whatever the odometry says."""
+        ...
+
+    def points(self) -> NDArray[np.float32]:
+        """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
+        ...
+
 
 class OdometryLocalisation:
     """Takes the odometry at its word: ``map`` and ``odom`` are one frame, and no pose is ever corrected."""
@@ -60,9 +78,11 @@ class OdometryLocalisation:
         self.T_map_odom = np.eye(4)
         self.loops: list[Loop] = []
         self.poses: NDArray[np.float64] = np.zeros((0, 4, 4))
+        self.may_err = False
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` at the time of the frame."""
+        """4×4 pose of ``base_link`` in ``map`` at the time of the frame; LostError if the odometry is not finite."""
+        check_odometry(frame)
         return self.T_map_odom @ frame.T_odom_base
 
     def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
@@ -71,3 +91,16 @@ class OdometryLocalisation:
 
     def optimise(self) -> None:
         """Do nothing."""
+
+    def set_down(self, T_map_base: NDArray[np.float64]) -> None:
+        """Do nothing: the odometry is taken at its word."""
+
+    def points(self) -> NDArray[np.float32]:
+        """(0, 3) none are kept."""
+        return np.zeros((0, 3), np.float32)
+
+
+def check_odometry(frame: Frame) -> None:
+    """Raises LostError if the odometry of a frame is not finite."""
+    if not np.isfinite(frame.T_odom_base).all():
+        raise LostError(f"the odometry at {frame.time:.2f} s is not finite")

@@ -61,9 +61,9 @@ class PoseGraph:
             information: (6, 6) in the tangent at that pose, 1/rad² and 1/m².
             is_loop: whether it may be an outlier.
         """
-        model = gtsam.noiseModel.Gaussian.Information(information + LOOSE * np.eye(6))
-        if is_loop:
-            model = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.GemanMcClure.Create(OUTLIER), model)
+        gaussian = gtsam.noiseModel.Gaussian.Information(information + LOOSE * np.eye(6))
+        robust = gtsam.noiseModel.mEstimator.GemanMcClure.Create(OUTLIER)
+        model = gtsam.noiseModel.Robust.Create(robust, gaussian) if is_loop else gaussian
         T_i_j = gtsam.Pose3(np.linalg.solve(self.poses[i], T_map_base))
         self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
 

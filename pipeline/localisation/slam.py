@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import MARGIN, LocalMap
-from pipeline.localisation.odometry import Loop
+from pipeline.localisation.odometry import Loop, LostError, check_odometry
 from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
 from pipeline.localisation.registration import (
     GATES,
@@ -40,9 +40,15 @@ WAY_SIGMA = 0.004, 0.03, 0.01
 SLIDE = 0.3
 """m per rad turned, times the sine of the tilt: the same on a ramp."""
 SLIPPED = 22.5
-"""χ² of six degrees of freedom, 99.9 %: a registration that contradicts the odometry so much shows wheels that slip."""
+"""χ² of six degrees of freedom, 99.9 %; a registration contradicts the odometry so much where wheels slip."""
 POOR, BETTER = 0.6, 0.1
 """Overlap below which wheels may have slipped, and by how much more shows it."""
+STOPPED = 0.05
+"""m that the robot drives by its odometry while a camera shows the very same, which one with noise never does."""
+JUMP = 1.0
+"""m between keyframes; an odometry that says more has jumped, and tells nothing."""
+SET_DOWN = np.repeat([0.05, 0.1], 3)
+"""rad and m, standard deviations of a pose at which a robot was found again."""
 MOST_SHARES = 6
 """Keyframes that a new one is connected with, those that tell most of it."""
 KNOWN = 0.05
@@ -75,6 +81,8 @@ class Slam:
         slips: how often registration contradicted the odometry.
     """
 
+    may_err = True
+
     def __init__(self, closes_loops: bool = True) -> None:
         self.T_map_odom = np.eye(4)
         self.graph = PoseGraph()
@@ -98,8 +106,14 @@ class Slam:
         return self._match.registration.covariance if self._match and self._match.registration else None
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` at the time of the frame."""
+        """4×4 pose of ``base_link`` in ``map`` at the time of the frame.
+
+        Raises:
+            LostError: the odometry is not finite, or the camera has stopped.
+        """
         if self._match is None or self._match.frame is not frame:
+            check_odometry(frame)
+            self._check_camera(frame)
             self._match = self._find(frame)
             self.T_map_odom = self._match.T_map_base @ inverse(frame.T_odom_base)
         return self._match.T_map_base
@@ -111,7 +125,7 @@ class Slam:
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         if match.prior is not None:
             self.graph.connect(number - 1, number, match.prior.T, match.prior.information)
-            self.graph.link(number - 1, number, np.linalg.inv(match.prior.information))
+            self.graph.link(number - 1, number, np.asarray(np.linalg.inv(match.prior.information)))
         new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
         if match.target is not None and match.cloud is not None:
             new = self._connect(number, match.cloud, match.target, match.registration)
@@ -134,20 +148,30 @@ class Slam:
         self._anchor = T_map_base
         self._match = None
 
+    def points(self) -> NDArray[np.float32]:
+        """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
+        return self.local_map.all_points()
+
+    def _check_camera(self, frame: Frame) -> None:
+        last = self._match.frame if self._match else None
+        if last is not None and np.array_equal(last.depth, frame.depth) and frame.returns.any():
+            moved = inverse(last.T_odom_base) @ frame.T_odom_base
+            if np.linalg.norm(moved[:3, 3]) > STOPPED:
+                raise LostError(f"the camera has stopped: at {frame.time:.2f} s it shows what it showed before")
+
     def _renew(self) -> None:
         self.local_map.place(self.poses)
         self._deviations = self.graph.deviations()
 
     def _find(self, frame: Frame) -> _Match:
         cloud = self._cloud(frame)
-        if self._anchor is not None:
-            sigmas = np.array([0.05, 0.05, 0.05, 0.1, 0.1, 0.1])
-            priors, odometry = [Prior(self._anchor, np.diag(sigmas**-2.0))], None
-        elif not len(self.graph):
+        if not len(self.graph) and self._anchor is None:
             return _Match(frame, frame.T_odom_base, cloud=cloud)
-        else:
-            odometry = self._by_odometry(frame)
-            priors = [odometry, by_gravity(odometry.T, frame)]
+        odometry = self._by_odometry(frame) if self._anchor is None else None
+        if odometry is not None and np.linalg.norm(odometry.T[:3, 3] - self.poses[-1, :3, 3]) > JUMP:
+            self._anchor, odometry = self.poses[-1], None
+        first = odometry or Prior(np.asarray(self._anchor), np.diag(SET_DOWN**-2.0))
+        priors = [first, by_gravity(first.T, frame)]
         points = cloud.points()[:, :3] if cloud else np.zeros((1, 3))
         T = priors[0].T
         target = self._target(points, T, frame, self._deviations < KNOWN, MARGIN) if cloud else None
@@ -155,26 +179,11 @@ class Slam:
             return _Match(frame, T, odometry, cloud)
         registration = register(target, cloud, priors)
         if odometry is not None and (registration.chi2 > SLIPPED or registration.overlap < POOR):
-            slipped = self._find_slipped(frame, cloud, odometry, target)
-            if registration.chi2 > SLIPPED or slipped.registration.overlap > registration.overlap + BETTER:
+            prior, slipped = slipped_registration(target, cloud, odometry, self.poses[-1], frame)
+            if registration.chi2 > SLIPPED or slipped.overlap > registration.overlap + BETTER:
                 self.slips += 1
-                return slipped
+                return _Match(frame, slipped.T, prior, cloud, target, slipped)
         return _Match(frame, registration.T, odometry, cloud, target, registration)
-
-    def _find_slipped(self, frame: Frame, cloud: small_gicp.PointCloud, odometry: Prior, target: Target) -> _Match:
-        """The wheels may have turned on the spot: the way is known no better than its length."""
-        stayed = odometry.T.copy()
-        stayed[:3, 3] = self.poses[-1, :3, 3]
-        way = float(np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3]))
-        information = odometry.information.copy()
-        information[3:, 3:] = np.eye(3) / (WAY_SIGMA[0] + way) ** 2
-        slipped = Prior(stayed, information)
-        registrations = [
-            register(target, cloud, [replaced, by_gravity(replaced.T, frame)])
-            for replaced in (slipped, Prior(odometry.T, information))
-        ]
-        best = max(registrations, key=lambda r: r.overlap)
-        return _Match(frame, best.T, slipped, cloud, target, best)
 
     def _cloud(self, frame: Frame) -> small_gicp.PointCloud | None:
         """The frame's returns in ``base_link``, thinned; None if there are too few."""
@@ -238,6 +247,22 @@ class Slam:
             self.graph.connect(share.owner, number, share.T, share.information, is_loop=True)
             self.graph.link(share.owner, number, found.covariance)
             self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
+
+
+def slipped_registration(
+    target: Target, cloud: small_gicp.PointCloud, odometry: Prior, T_map_base: NDArray[np.float64], frame: Frame
+) -> tuple[Prior, Registration]:
+    """Register a frame as if the wheels had turned on the spot: the way is known no better than its length.
+
+    ``T_map_base`` (4×4) is where the robot was before; it begins there and where the odometry has it.
+    """
+    stayed = odometry.T.copy()
+    stayed[:3, 3] = T_map_base[:3, 3]
+    information = odometry.information.copy()
+    information[3:, 3:] = np.eye(3) / (WAY_SIGMA[0] + np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3])) ** 2
+    priors = Prior(stayed, information), Prior(odometry.T, information)
+    found = [register(target, cloud, [prior, by_gravity(prior.T, frame)]) for prior in priors]
+    return priors[0], max(found, key=lambda registration: registration.overlap)
 
 
 def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:

@@ -50,7 +50,7 @@ class Outcome(Enum):
     BLOCKED = "blocked"
     """Something stands in the way that the map does not show."""
     MOVED = "moved"
-    """The robot was carried elsewhere."""
+    """The robot was carried elsewhere, or may have been."""
 
 
 @dataclass
@@ -106,7 +106,7 @@ class Navigator:
         recovered: how often it got away from what held it, so far.
         motion: the newest motion of the body.
         attitude: how far the robot leans.
-        look: called before each command; it may renew ``T_map_odom``.
+        look: called before each command; it may renew ``T_map_odom``. False if the robot must not drive on.
     """
 
     robot: Robot
@@ -118,7 +118,7 @@ class Navigator:
     recovered: int = 0
     motion: Motion | None = None
     attitude: Attitude = field(default_factory=Attitude)
-    look: Callable[[], object] = lambda: None
+    look: Callable[[], bool] = lambda: True
     _leaned_at: NDArray[np.float64] | None = field(default=None, init=False)
 
     def follow(
@@ -151,6 +151,11 @@ class Navigator:
             # A turn that fails is a leg that failed.
             self.legs[-1].outcome = outcome
         return outcome is Outcome.REACHED
+
+    def turn(self, angle: float) -> bool:
+        """Turn in place by an angle, rad, counter-clockwise; True if it was possible."""
+        self._drive(Velocity())
+        return self._finish(self._turn_to(yaw_of(self.T_map_base) + angle)) is Outcome.REACHED
 
     def _drive_leg(self, target: NDArray[np.float64], back_up: bool | None, is_clear: IsClear) -> bool:
         """Turn towards the way point, or away from it, then drive straight to it."""
@@ -245,7 +250,9 @@ class Navigator:
         """Give commands until they end or something stands ahead; a robot that leans too far or is held backs out."""
         progress = Progress(self.robot.model, self.T_map_base, self._time, length)
         for command in commands:
-            self.look()
+            if not self.look():
+                self._drive(Velocity())
+                return Outcome.MOVED
             if command.v > 0 and not isinstance(command, Turn) and not is_clear(self.T_map_base[:2, 3]):
                 self._drive(Velocity())
                 return Outcome.BLOCKED

@@ -98,7 +98,9 @@ class EpisodeScore:
             "path_plan": self._path_plan(),
             "navigation": self._navigation(),
             "exploration": self._exploration(),
-            "localisation": self.trajectory.report() | self.fiducials.report(explorer.mapper.poses),
+            "localisation": self.trajectory.report()
+            | {"relocalised": explorer.relocalised}
+            | self.fiducials.report(list(explorer.mapper.poses)),
             **({"victims": self.victims.report(self._confirmed)} if explorer.mapper.detector else {}),
         }
         return {name: stage for name, stage in stages.items() if stage}

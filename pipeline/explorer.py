@@ -1,5 +1,6 @@
 """The whole pipeline (thesis, chapter 3): sense, map, decide where to go, plan, drive."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.frame import Frame
+from pipeline.localisation.odometry import Localisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.mission import Mission
 from pipeline.navigation.navigator import Navigator, Outcome
@@ -18,10 +20,13 @@ from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.transforms import inverse
 from pipeline.traversability.traversability import Traversability
 from pipeline.victims.detection.detection import Detector
 from pipeline.victims.reobservation import Reobservation
 
+KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
+"""m and rad that the robot drives or turns from one keyframe to the next."""
 KIDNAPPED = 0.3
 """m; a robot that is elsewhere by this without having driven was carried there."""
 PATIENCE = 6
@@ -65,7 +70,9 @@ class Explorer:
         mission: what to do next.
         navigator: drives.
         track: (N, 2) m in ``map``, where the robot has been since it was set down.
-        T_map_expected: 4×4 pose where the last step or drive left the robot; None if it was kidnapped.
+        steps: how many were made.
+        on_keyframe: called with every keyframe, also those taken while the robot drives.
+        T_odom_expected: 4×4 pose where the last step or drive left the robot; None if it was kidnapped.
     """
 
     def __init__(
@@ -77,26 +84,31 @@ class Explorer:
         voxel_size: float = 0.1,
         graph: Literal["mst", "roadmap"] = "roadmap",
         seed: int = 0,
+        localisation: Localisation | None = None,
     ):
         """Begin where the robot stands; the parameters are those of :class:`pipeline.mapper.Mapper`."""
         self.robot = robot
-        self.mapper = Mapper(robot.model, classifier, detector, voxel_size, graph, seed)
+        self.mapper = Mapper(robot.model, classifier, detector, voxel_size, graph, seed, localisation)
         self.reobservation = Reobservation(self.mapper.victims, self.mapper.metric_map)
         exploration = Exploration(robot.model)
         exploration.rewards = self.reobservation
         self.mission = Mission(exploration, self.mapper.topological_map)
-        self.navigator = Navigator(robot)
-        self._failed_drives = 0
-        self.T_map_expected: NDArray[np.float64] | None = None
+        self.navigator = Navigator(robot, look=self._look)
+        self.steps = 0
+        self.on_keyframe: Callable[[Keyframe], object] = lambda keyframe: None
+        self.T_odom_expected: NDArray[np.float64] | None = None
         self.track = np.zeros((0, 2))
+        self._failed_drives = 0
+        self._T_odom_keyframe = np.eye(4)
 
     def step(self) -> Step:
         """Sense, localise, map, decide where to go next and plan the way there."""
+        self.settle()
         with self.mapper.stopwatch("sense"):
             frame = self.robot.sense()
-        T_map_base = self.mapper.localise(frame)
-        was_kidnapped = self._notice_kidnapping(T_map_base)
-        keyframe = self.mapper.add(frame, T_map_base)
+        was_kidnapped = self._notice_kidnapping(frame)
+        keyframe = self._add(frame, labelled=True)
+        self.steps += 1
         self.reobservation.count(frame)
         with self.mapper.stopwatch("exploration"):
             viewpoint, context, approach = self.decide(keyframe)
@@ -115,7 +127,6 @@ class Explorer:
         if step.viewpoint is None or step.plan is None:
             return False
         T_map_start, viewpoint = step.keyframe.T_map_base, step.viewpoint
-        self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
         check = ObstacleCheck(self._returns, step.traversability)
         with self.mapper.stopwatch("navigation"):
             reached = self.navigator.follow(
@@ -127,16 +138,12 @@ class Explorer:
             )
         T_map_base = self.navigator.T_map_base
         was_kidnapped = self.navigator.legs[-1].outcome is Outcome.MOVED
-        self.T_map_expected = None if was_kidnapped else T_map_base
+        assert self.navigator.motion is not None
+        self.T_odom_expected = None if was_kidnapped else self.navigator.motion.T_odom_base
         came_away = np.linalg.norm(T_map_base[:2, 3] - T_map_start[:2, 3]) > KIDNAPPED
         self._failed_drives = 0 if came_away else self._failed_drives + (not reached)
         self._learn_from_drive(check.obstacles)
         return reached
-
-    @property
-    def steps(self) -> int:
-        """How many were made; each is a keyframe in the maps."""
-        return self.mapper.keyframes
 
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
@@ -206,16 +213,40 @@ class Explorer:
         self.mapper.add_drive(track, obstacles, [touched(halt, self.robot.model) for halt in halts])
         self.track = np.vstack([self.track, track])
 
-    def _returns(self) -> NDArray[np.float32]:
-        """(N, 3) the returns that the camera has now, m in ``map``."""
-        frame: Frame = self.robot.sense()
-        return frame.points(self.mapper.localisation.localise(frame) @ frame.T_base_camera)
+    def settle(self) -> None:
+        """Correct the keyframes' poses; the maps, and what is known by its place in them, follow."""
+        correction = self.mapper.settle()
+        if correction is not None:
+            self.mission.exploration.correct(correction)
+            self.reobservation.correct(correction)
+            self.track = correction.moved(self.track)
+        self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
 
-    def _notice_kidnapping(self, T_map_base: NDArray[np.float64]) -> bool:
+    def _add(self, frame: Frame, labelled: bool) -> Keyframe:
+        keyframe = self.mapper.add(frame, self.mapper.localise(frame), labelled)
+        self._T_odom_keyframe = frame.T_odom_base
+        self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
+        self.on_keyframe(keyframe)
+        return keyframe
+
+    def _look(self) -> None:
+        """Take a keyframe if the robot has driven or turned far enough since the last one."""
+        assert self.navigator.motion is not None
+        motion = inverse(self._T_odom_keyframe) @ self.navigator.motion.T_odom_base
+        turn = np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1))
+        if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or turn >= KEYFRAME_TURN:
+            self._add(self.robot.sense(), labelled=False)
+
+    def _returns(self) -> NDArray[np.float32]:
+        """(N, 3) the returns that the camera has now, of a keyframe, m in ``map``."""
+        frame: Frame = self.robot.sense()
+        return frame.points(self._add(frame, labelled=False).T_map_base @ frame.T_base_camera)
+
+    def _notice_kidnapping(self, frame: Frame) -> bool:
         """Whether the robot is elsewhere than it drove; the ground is assumed flat wherever it is set down."""
-        last, self.T_map_expected = self.T_map_expected, T_map_base
-        set_down = last is None or bool(np.linalg.norm(T_map_base[:3, 3] - last[:3, 3]) > KIDNAPPED)
+        last, self.T_odom_expected = self.T_odom_expected, frame.T_odom_base
+        set_down = last is None or bool(np.linalg.norm(frame.T_odom_base[:3, 3] - last[:3, 3]) > KIDNAPPED)
         if set_down:
             self.track = np.zeros((0, 2))
-            self.mapper.assume_ground(T_map_base)
+            self.mapper.assume_ground(self.mapper.localise(frame))
         return set_down and self.steps > 0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.localisation.correction import Correction
-from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.odometry import Localisation, OdometryLocalisation
 from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.metric_map.packed_depth import pack_depth, unpack_depth
@@ -39,6 +39,8 @@ START_RADIUS = 0.5
 """m around a robot that was set down; taken for flat until it is seen: the camera sees no ground nearer than 1 m."""
 START_AHEAD, START_WIDTH = 1.4, 0.8
 """m, length and width of a strip before it that is taken for flat as well."""
+NOTICEABLE = 0.01, np.deg2rad(0.5)
+"""m and rad that a keyframe's pose is corrected by before the maps are made anew."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +125,7 @@ class Mapper:
         voxel_size: float = 0.1,
         graph: Literal["mst", "roadmap"] = "roadmap",
         seed: int = 0,
+        localisation: Localisation | None = None,
     ):
         """Begin with empty maps.
 
@@ -133,9 +136,10 @@ class Mapper:
             voxel_size: of the metric map, m.
             graph: what plans are made on: ``mst``, the thesis's tree, or ``roadmap``, which adds loops.
             seed: of RANSAC.
+            localisation: tells where frames were taken; by default the odometry does.
         """
         self.classifier, self.detector = classifier, detector
-        self.localisation = OdometryLocalisation()
+        self.localisation: Localisation = localisation or OdometryLocalisation()
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
         self.traversability_layer = TraversabilityLayer()
@@ -179,6 +183,8 @@ class Mapper:
 
         A frame that is not ``labelled`` goes into the metric map and the elevation map alone.
         """
+        with self.stopwatch("localisation"):
+            self.localisation.add(frame, T_map_base)
         with self.stopwatch("observation"):
             points = frame.points(frame.T_base_camera)
             cloud = VoxelCloud.of(points, VOXEL if labelled else CELL / 2)
@@ -233,6 +239,17 @@ class Mapper:
             own = on_ground[near_track == k], obstacles[near[0] == k], felt[near[1] == k]
             if any(map(len, own)):
                 self._put(first + k, Driven(*(transform_points(inverse(T), points) for points in own)))
+
+    def settle(self) -> Correction | None:
+        """Let the localisation correct its keyframes; if one has moved noticeably, every map follows."""
+        if not self.keyframes:
+            return None
+        with self.stopwatch("pose_graph"):
+            self.localisation.optimise()
+        motions = np.linalg.inv(self.poses) @ self.localisation.poses
+        moved = np.linalg.norm(motions[:, :3, 3], axis=1) > NOTICEABLE[0]
+        turned = np.trace(motions[:, :3, :3], axis1=1, axis2=2) < 1 + 2 * np.cos(NOTICEABLE[1])
+        return self.correct(self.localisation.poses) if (moved | turned).any() else None
 
     def correct(self, T_map_base: NDArray[np.float64]) -> Correction:
         """Make every map anew, as if each keyframe had been taken at its (N, 4, 4) pose from the start.

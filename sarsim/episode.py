@@ -13,12 +13,15 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
 from pipeline.files import whole_file
+from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.slam import Slam
 from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.planning.path_plan import place_name
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from pipeline.victims.detection.detector import VictimDetector
+from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.recording import EpisodeRecorder
 from sarsim.scoring.episode import EpisodeScore
@@ -40,18 +43,27 @@ class Episode:
         classifier = make_classifier(config.labels, config.weights)
         detector = VictimDetector.load(*config.detector) if config.detector else None
         arena = load_arena(config.arena, config.start, config.random)
+        fiducials = hang_fiducials(arena, config.fiducials, config.seed)
         self.out = config.folder
         make_folder(self.out)
         simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust, config.speed)
         self.robot = SimulatedRobot(arena, simulation, config.seed)
+        is_told = config.odometry == "truth" or config.localisation == "odometry"
         self.explorer = Explorer(
-            self.robot, classifier, detector, voxel_size=config.voxel_size, graph=config.graph, seed=config.seed
+            self.robot,
+            classifier,
+            detector,
+            voxel_size=config.voxel_size,
+            graph=config.graph,
+            seed=config.seed,
+            localisation=OdometryLocalisation() if is_told else Slam(),
         )
         self.mission = self.explorer.mission
-        self.score = EpisodeScore(self.robot, self.explorer)
+        self.score = EpisodeScore(self.robot, self.explorer, fiducials)
         self.rescue_report = RescueReport(self.explorer)
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
         self.robot.on_motion = self.recorder.log_motion
+        self.explorer.on_keyframe = self.score.add_keyframe
         self._wall_start, self._sim_start = perf_counter(), self.robot.time
 
     def run(
@@ -123,6 +135,7 @@ class Episode:
     def _finish(self) -> None:
         wall_time, sim_time = perf_counter() - self._wall_start, self.robot.time - self._sim_start
         if self.explorer.steps:
+            self.explorer.settle()
             self.situation = self.rescue_report.situation
             self.recorder.log_ways([p.route.trace for p in self.situation.everyone if p.route])
         self.recorder.close()
@@ -155,10 +168,9 @@ class Episode:
         save_metric_map(self.explorer.mapper.metric_map, self.out / "metric_map.npz")
         self.explorer.mapper.semantic_map.save(self.out / "semantic_map.ply")
         self.explorer.mapper.topological_map.save(self.out / "topology.json")
-        poses = self.robot.trajectory
-        times = [p.time for p in poses]
-        write_tum(self.out / "trajectory_true.tum", times, [p.T_world_base for p in poses])
-        write_tum(self.out / "trajectory_estimated.tum", times, [p.T_odom_base for p in poses])
+        times = [p.time for p in self.robot.trajectory]
+        write_tum(self.out / "trajectory_true.tum", times, [p.T_world_base for p in self.robot.trajectory])
+        write_tum(self.out / "trajectory_estimated.tum", times, self.score.trajectory.estimated())
         write_page(self.out / "report.html", self.situation, self.report)
 
 

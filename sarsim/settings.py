@@ -32,10 +32,13 @@ class EpisodeConfig:
         labels: what labels the points: the network, or the simulator, to see what perfect labels would bring.
         weights: of the network, as train.py writes them.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
-        odometry: the true pose, or dead reckoning by wheels and gyro, which drifts.
+        odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
+        localisation: registration of what the camera sees (slam), or the odometry taken at its word.
         sensor: the Xtion with its noise, or its range alone, to see what noise costs.
         lighting: of the arena; in the dark the robot's lamp is on.
         dust: in the air, from 0 to 1; it swallows depth returns, makes false ones and veils colours.
+        fiducials: AprilTags on the arena's walls, by which the report tells how true distances in the map are; the
+            robot takes no notice of them.
         speed: on level ground, m/s; the thesis drives at 0.2. Faster robots are done earlier and look less often.
         voxel_size: of the metric map, m; smaller voxels show more detail and take more time and memory.
         graph: what plans are made on: the thesis's minimum spanning tree (mst), or the tree and loops that shorten
@@ -55,10 +58,12 @@ class EpisodeConfig:
     labels: Labels = "dgcnn"
     weights: Path = WEIGHTS
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
-    odometry: Odometry = "truth"
+    odometry: Odometry = "wheel"
+    localisation: Literal["slam", "odometry"] = "slam"
     sensor: Literal["xtion", "ideal"] = "xtion"
     lighting: LightingName = "normal"
     dust: float = 0.0
+    fiducials: int = 0
     speed: float = 0.2
     voxel_size: float = 0.1
     graph: Literal["mst", "roadmap"] = "roadmap"

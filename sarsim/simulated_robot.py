@@ -43,7 +43,7 @@ class SimulationConfig:
         speed: at which the robot is driven on level ground, m/s.
     """
 
-    odometry: Literal["truth", "wheel"] = "truth"
+    odometry: Literal["truth", "wheel"] = "wheel"
     sensor: Literal["xtion", "ideal"] = "xtion"
     lighting: Literal["normal", "dim", "dark"] = "normal"
     dust: float = 0.0
@@ -124,6 +124,11 @@ class SimulatedRobot:
         """Simulated seconds since the robot was set down."""
         return float(self.physics.time())
 
+    @property
+    def T_wheel_base(self) -> NDArray[np.float64]:
+        """4×4 pose in the world by wheels and gyro alone, also where the pipeline is told the true one."""
+        return self._T_world_start @ self._odometry.T_odom_base
+
     def sense(self) -> Frame:
         """Take a frame where the robot stands."""
         truth = self._camera.capture(self.physics.data.ptr)
@@ -140,12 +145,9 @@ class SimulatedRobot:
             self.collisions.count(self.physics.data.ptr)
         robot, physics = self.robot, self.physics
         gyro, accelerometer = robot.gyro(physics), robot.accelerometer(physics)
-        T_odom_base = self._T_world_start @ self._odometry.update(
-            robot.wheel_angle(physics), gyro, accelerometer, self.control_period
-        )
+        self._odometry.update(robot.wheel_angle(physics), gyro, accelerometer, self.control_period)
         T_world_base = robot.T_world_base(physics)
-        if self.config.odometry == "truth":
-            T_odom_base = T_world_base
+        T_odom_base = T_world_base if self.config.odometry == "truth" else self.T_wheel_base
         self.trajectory.append(Pose(self.time, T_world_base, T_odom_base))
         self.on_motion(self.trajectory[-1])
         wheel_speed = robot.wheel_speed(physics) * WHEEL_RADIUS

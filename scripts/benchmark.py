@@ -32,32 +32,35 @@ class Benchmark:
     Attributes:
         subject: camera, dataset: time of a frame and of a scene beside mujoco.Renderer; metric-map: time and accuracy
             beside OctoMap; semantic: DGCNN's time, and accuracy of the labels; exploration: whole episodes beside
-            two baselines; victims: precision and time of the detector, and whole episodes.
+            two baselines; localisation: recorded drives beside KISS-ICP and Open3D; victims: precision and time of
+            the detector, and whole episodes.
         json: file for the figures, with the machine and the settings that they hold for.
-        frames: frames in all (camera 60), of a scene (dataset 100, victims 12), or of an arena (metric-map 160,
-            semantic 40); more make figures steadier.
+        frames: frames in all (camera 60), of a scene (dataset 100, victims 12), of an arena (metric-map 160,
+            semantic 40), or at most of a drive (localisation 3000); more make figures steadier.
         rounds: rounds that are timed (dataset 5, semantic 7, victims 15); 0 times nothing (victims).
         scenes: random arenas that are rendered (dataset 4, victims 30); 0 for none (victims).
         seed: of arenas and drives (dataset, metric-map, semantic 0; victims 2026, with which none was trained).
-        nist: episodes in nist_6x4 (exploration, victims 10); fewer are done earlier and say less.
-        esogu: episodes in esogu_52x15 (exploration, victims 2).
-        random: episodes in random arenas of difficulties 0, 1 and 2 (exploration, victims 30).
-        raf: folder of .raf arenas to explore or to label (exploration, semantic).
+        nist: episodes in nist_6x4 (exploration, localisation, victims 10); fewer are done earlier and say less.
+        esogu: episodes in esogu_52x15 (exploration, victims 2, localisation 1).
+        random: episodes in random arenas of difficulties 0, 1 and 2 (exploration, victims 30, localisation 9).
+        raf: folder of .raf arenas to explore or to label (exploration, localisation, semantic).
         raf_frames: frames of each .raf arena (semantic 10).
         baselines: also run what is compared with: two other strategies (exploration), episodes without a detector
-            (victims), OctoMap without discretize (metric-map); without them it is done earlier.
+            (victims), OctoMap without discretize (metric-map), the peers (localisation); without them it is done
+            earlier.
         odometry: of the episodes, the true pose or wheels and gyro (exploration, victims truth).
-        lighting: of the episodes (exploration, victims normal).
+        lighting: of the episodes (exploration, localisation, victims normal).
         labels: what labels the points in episodes (exploration, victims dgcnn).
         weights: of the network that labels (exploration, semantic, victims); by default the shipped ones.
         detector: of victims: .cfg and .weights (exploration, victims); by default the shipped one.
-        workers: episodes at a time (exploration, victims: one a core).
-        runs: folder for the result of each episode (exploration, victims: runs/benchmark-<subject>); those that are
-            there already are not run again.
+        workers: episodes at a time (exploration, localisation, victims: one a core).
+        runs: folder for the result of each episode (exploration, localisation, victims: runs/benchmark-<subject>);
+            those that are there already are not run again. A drive (localisation) takes half a gigabyte.
     """
 
     subject: Annotated[
-        Literal["camera", "dataset", "exploration", "metric-map", "semantic", "victims"], tyro.conf.Positional
+        Literal["camera", "dataset", "exploration", "localisation", "metric-map", "semantic", "victims"],
+        tyro.conf.Positional,
     ]
     json: Path | None = None
     frames: int | None = None
@@ -130,6 +133,7 @@ def machine() -> dict[str, Any]:
     return {
         "system": platform.platform(),
         "processor": processor(),
+        "instructions": instructions(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
         "packages": {name: importlib.metadata.version(name) for name in ("mujoco", "numba", "numpy", "torch")},
@@ -144,9 +148,19 @@ def processor() -> str:
     return names[0] if names else platform.processor()
 
 
+def instructions() -> str:
+    """The widest vectors that numba compiles for: the processor's, or what NUMBA_CPU_FEATURES leaves of them."""
+    from numba import config  # whose import takes too long for --help
+    from numba.core.codegen import get_host_cpu_features
+
+    features = get_host_cpu_features() if config.CPU_FEATURES is None else config.CPU_FEATURES
+    names = {"+avx512f": "AVX-512", "+avx2": "AVX2", "+avx": "AVX", "+sse2": "SSE", "+neon": "NEON"}
+    return next((name for feature, name in names.items() if feature in features.split(",")), platform.machine())
+
+
 def table(name: str, figures: Mapping[str, float]) -> Table:
     """The figures, to print."""
-    result = Table("figure", title=name)
+    result = Table("figure", title=name, caption=f"{processor()}, {instructions()}")
     result.add_column("value", justify="right")
     for key, value in figures.items():
         result.add_row(key, f"{value:,.4g}")

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import RandomArenaConfig
 from sarsim.assets import asset
@@ -32,6 +33,8 @@ def main() -> None:
     roofed = RandomArenaConfig(ceiling=True, difficulty=1)
     save("arenas-more.jpg", [overview("random:11", large), eye("random:3", None, roofed)])
     furnished = RandomArenaConfig(columns=9, rows=7, furniture=0.25)
+    tags = [eye("nist_6x4", start, fiducials=8) for start in ((-2.5, -1.3, -30.0), (1.6, -1.3, 10.0))]
+    save("arena-fiducial.jpg", tags)
     save("arenas-furniture.jpg", [overview("random:16", furnished), eye("random:5", None, furnished)])
 
 
@@ -58,10 +61,12 @@ def overview(name: str, random: RandomArenaConfig | None = None) -> NDArray[np.u
 
 
 def eye(
-    name: str, start: tuple[float, float, float] | None, random: RandomArenaConfig | None = None
+    name: str, start: tuple[float, float, float] | None, random: RandomArenaConfig | None = None, fiducials: int = 0
 ) -> NDArray[np.uint8]:
     """(H, W, 3) what the robot sees from a place."""
-    robot = SimulatedRobot(load_arena(name, start, random), SimulationConfig(), seed=0)
+    arena = load_arena(name, start, random)
+    hang_fiducials(arena, fiducials, seed=0)
+    robot = SimulatedRobot(arena, SimulationConfig(), seed=0)
     picture = robot.sense().rgb
     robot.close()
     return cv2.resize(picture, SIZE, interpolation=cv2.INTER_AREA)

@@ -17,13 +17,14 @@ BLOCK = 8
 """Voxels along a side of the blocks that are decided together."""
 SIDE = BLOCK + 1
 """Voxel corners along a side of a block."""
-CORNERS = SIDE**3
+CORNERS = -(-(SIDE**3) // 64) * 64
+"""Of a block, and the last one again and again, so that they fill whole vectors."""
 SEEN, HIDDEN = np.uint8(1), np.uint8(2)
 TILE = 8
 """Pixels along a side of the tiles of the depth pyramid's finest level."""
 
-TOO_NEAR = 1e-3
-"""m of depth; what reaches nearer may lie anywhere in the picture."""
+TOO_NEAR = 1e-6
+"""m of depth; what is nearer is not seen."""
 SHADE = 1.0
 """m behind a crest that may hold what slopes down from it."""
 NARROW = 6.0
@@ -86,12 +87,11 @@ def _mark_returns(depth, camera, shape, flat, high):
     index = np.empty(width, np.int32)
     deepest = np.zeros(high.shape[1] * TILE, np.float32)
     for top in range(0, height, TILE):
-        deepest[:] = 0
         for v in range(top, min(top + TILE, height)):
             _voxels_of_row(depth[v], far, first[v], step, origin, ny, nz, nowhere, index)
             for u in range(width):
                 flat[np.uint32(index[u])] = HIT
-            _deepest_of_columns(depth[v], deepest)
+        _deepest_of_columns(depth, top, deepest)
         _deepest_of_tiles(deepest, far, high[top // TILE])
     flat[nowhere] = 0
 
@@ -122,15 +122,22 @@ def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
         i = np.int32(o0 + d * (a0 + b0 * column))
         j = np.int32(o1 + d * (a1 + b1 * column))
         k = np.int32(o2 + d * (a2 + b2 * column))
-        # numba widens int32 products; narrowing each step keeps the loop in 32-bit vectors.
-        index[u] = np.int32(np.int32(np.int32(i * ny) + j) * nz) + k if ends else nowhere
+        # numba widens int32 sums and products; narrowing each step keeps the loop in 32-bit vectors.
+        voxel = np.int32(np.int32(np.int32(np.int32(i * ny) + j) * nz) + k)
+        index[u] = voxel if ends else nowhere
 
 
 @njit(cache=True)
-def _deepest_of_columns(row, deepest):
-    """Fold the depths of an image row into the greatest of each column."""
-    for u in range(row.size):
-        deepest[u] = row[u] if row[u] > deepest[u] else deepest[u]
+def _deepest_of_columns(depth, top, deepest):
+    """Fill the greatest depth of each column of a row of tiles."""
+    height, width = depth.shape
+    for u in range(width):
+        # Written once: a value that is only replaced by greater ones would be stored lane by lane without AVX-512.
+        greatest = np.float32(0)
+        for i in range(TILE):
+            d = depth[min(top + i, height - 1), u]
+            greatest = d if d > greatest else greatest
+        deepest[u] = greatest
 
 
 @njit(cache=True)
@@ -194,8 +201,10 @@ def _mark_free(depth, camera, marks, high):
     """
     metric = camera.axes * (camera.size * camera.size)  # m per voxel along each camera axis
     offsets = _corner_offsets(metric)
-    spread = np.abs(metric).sum(axis=1) * (0.5 * BLOCK)
+    sides = _sides(depth.shape, camera) @ metric
+    spread, room = np.abs(metric).sum(axis=1) * (0.5 * BLOCK), np.abs(sides).sum(axis=1) * (0.5 * BLOCK)
     middle = metric.sum(axis=1) * (0.5 * BLOCK)
+    pixels = depth.reshape(-1)
     pixel, deep = np.empty(CORNERS, np.int32), np.empty(CORNERS, np.float32)
     reach = np.empty(CORNERS, np.float32)
     seen = np.zeros(CORNERS + SIDE * SIDE, np.uint8)
@@ -203,43 +212,58 @@ def _mark_free(depth, camera, marks, high):
         for j in range(0, marks.shape[1], BLOCK):
             for k in range(0, marks.shape[2], BLOCK):
                 x, y, z = i - camera.origin[0], j - camera.origin[1], k - camera.origin[2]
+                if _lies_outside(x + 0.5 * BLOCK, y + 0.5 * BLOCK, z + 0.5 * BLOCK, sides, room):
+                    continue
                 r = metric[0, 0] * x + metric[0, 1] * y + metric[0, 2] * z
                 d = metric[1, 0] * x + metric[1, 1] * y + metric[1, 2] * z
                 w = metric[2, 0] * x + metric[2, 1] * y + metric[2, 2] * z
                 if _may_be_seen(r + middle[0], d + middle[1], w + middle[2], spread, depth.shape, camera, high):
                     _project_corners(r, d, w, offsets, depth.shape, camera, pixel, deep)
-                    _see_corners(depth.reshape(-1), camera, pixel, deep, reach, seen)
-                    _join_corners(seen)
-                    _mark_block(seen, marks[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK])
+                    if _see_corners(pixels, camera, pixel, deep, reach, seen):
+                        _join_corners(seen)
+                        _mark_block(seen, marks[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK])
+
+
+@njit(cache=True)
+def _sides(shape, camera):
+    """(5, 3) normals, in camera axes, of the planes through the optical centre between which the picture lies."""
+    left, top = camera.cx / camera.fx, camera.cy / camera.fy
+    right, bottom = shape[1] / camera.fx - left, shape[0] / camera.fy - top
+    return np.array([(1.0, 0.0, left), (-1.0, 0.0, right), (0.0, 1.0, top), (0.0, -1.0, bottom), (0.0, 0.0, 1.0)])
+
+
+@njit(cache=True)
+def _lies_outside(x, y, z, sides, room):
+    """Whether a block, its centre in voxels from the optical centre, lies whole beyond a side of the view."""
+    outside = False
+    for n in range(room.size):
+        outside |= sides[n, 0] * x + sides[n, 1] * y + sides[n, 2] * z < -room[n]
+    return outside
 
 
 @njit(cache=True)
 def _corner_offsets(metric):
     """(3, CORNERS) float32, m in camera axes, from a block's first corner to the corners of its voxels."""
     offsets = np.empty((3, CORNERS), np.float32)
-    n = 0
-    for i in range(SIDE):
-        for j in range(SIDE):
-            for k in range(SIDE):
-                for axis in range(3):
-                    offsets[axis, n] = metric[axis, 0] * i + metric[axis, 1] * j + metric[axis, 2] * k
-                n += 1
+    for n in range(CORNERS):
+        corner = min(n, SIDE**3 - 1)
+        i, j, k = corner // (SIDE * SIDE), corner // SIDE % SIDE, corner % SIDE
+        for axis in range(3):
+            offsets[axis, n] = metric[axis, 0] * i + metric[axis, 1] * j + metric[axis, 2] * k
     return offsets
 
 
 @njit(cache=True)
 def _may_be_seen(r, d, w, spread, shape, camera, high):
     """False if the cuboid (r, d, w) ± spread, m in camera axes, lies out of the picture or behind all returns."""
-    near, deep = w - spread[2], w + spread[2]
-    if deep <= 0 or near >= camera.far:
+    near, deep = max(w - spread[2], TOO_NEAR), max(w + spread[2], TOO_NEAR)
+    if near + camera.margin >= camera.far:
         return False
-    if near < TOO_NEAR:
-        return True
     u0, u1 = _interval(r, spread[0], near, deep, camera.fx, camera.cx)
     v0, v1 = _interval(d, spread[1], near, deep, camera.fy, camera.cy)
     if u0 >= shape[1] or v0 >= shape[0] or u1 < 0 or v1 < 0:
         return False
-    return _deepest(high, max(u0, 0), min(u1, shape[1] - 1), max(v0, 0), min(v1, shape[0] - 1)) > near
+    return _deepest(high, max(u0, 0), min(u1, shape[1] - 1), max(v0, 0), min(v1, shape[0] - 1)) > near + camera.margin
 
 
 @njit(cache=True)
@@ -286,13 +310,17 @@ def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
 
 @njit(cache=True)
 def _see_corners(depth, camera, pixel, deep, reach, seen):
-    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to SHADE before it."""
+    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to SHADE before it.
+
+    Returns whether any corner is SEEN.
+    """
     # Fetching the depths apart from comparing them lets the comparison run in vectors.
     for n in range(CORNERS):
         reach[n] = depth[np.uint32(pixel[n])]
     far, margin = np.float32(camera.far), np.float32(camera.margin)
     size, shade = np.float32(camera.size), np.float32(SHADE)
     zero, infinity = np.float32(0), np.float32(np.inf)
+    any_seen = np.uint8(0)
     for n in range(CORNERS):
         d = reach[n]
         returns = (d > zero) & (d < infinity)
@@ -301,6 +329,8 @@ def _see_corners(depth, camera, pixel, deep, reach, seen):
         is_seen = np.uint8(returns & (d - margin > deep[n]))
         is_hidden = np.uint8(returns & (d + size < deep[n]) & (d + shade > deep[n]))
         seen[n] = is_seen * SEEN + is_hidden * HIDDEN
+        any_seen |= is_seen
+    return any_seen != 0
 
 
 @njit(cache=True)

@@ -106,6 +106,7 @@ class Navigator:
         recovered: how often it got away from what held it, so far.
         motion: the newest motion of the body.
         attitude: how far the robot leans.
+        look: called before each command; it may renew ``T_map_odom``.
     """
 
     robot: Robot
@@ -117,6 +118,7 @@ class Navigator:
     recovered: int = 0
     motion: Motion | None = None
     attitude: Attitude = field(default_factory=Attitude)
+    look: Callable[[], object] = lambda: None
     _leaned_at: NDArray[np.float64] | None = field(default=None, init=False)
 
     def follow(
@@ -243,6 +245,7 @@ class Navigator:
         """Give commands until they end or something stands ahead; a robot that leans too far or is held backs out."""
         progress = Progress(self.robot.model, self.T_map_base, self._time, length)
         for command in commands:
+            self.look()
             if command.v > 0 and not isinstance(command, Turn) and not is_clear(self.T_map_base[:2, 3]):
                 self._drive(Velocity())
                 return Outcome.BLOCKED

@@ -16,7 +16,8 @@ from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
 from sarsim.robots.skid_steer import WHEEL_RADIUS
-from sarsim.sensors.odometry import GRAVITY, WheelOdometry
+from sarsim.sensors.inertial import GRAVITY
+from sarsim.sensors.odometry import WheelOdometry
 
 SPEED, TURN_RATE = 0.2, 0.6
 """m/s and rad/s of the drive."""

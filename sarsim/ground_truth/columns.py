@@ -51,12 +51,13 @@ class ConvexBodies:
 
 
 def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None) -> ConvexBodies:
-    """The bodies of all geoms but the robot's.
+    """The bodies of all geoms but the robot's and those that nothing touches.
 
     A height field counts as the box around it, and a round shape as a polyhedron within 0.5 % of it.
     """
     labels = geom_labels(model)
-    others = np.flatnonzero(model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body))
+    other = model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body)
+    others = np.flatnonzero(other & ((model.geom_contype | model.geom_conaffinity) != 0))
     shapes = _turned_shapes(model, data, others)
     position = data.geom_xpos[others]
     planes = [

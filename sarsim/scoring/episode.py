@@ -6,14 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer, Step
+from pipeline.mapper import Keyframe
 from pipeline.navigation.navigator import Outcome
 from pipeline.traversability.shortest_paths_kernels import free_rules, shortest_paths
 from sarsim.ground_truth.faces import true_faces
 from sarsim.ground_truth.true_surface import Survey
+from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.segments import score_segments
 from sarsim.scoring.semantics import KeyframeTruth
 from sarsim.scoring.topology import score_topology
-from sarsim.scoring.trajectory import driven, greatest_tilt, score_localisation, times_tipped
+from sarsim.scoring.trajectory import TrajectoryScore, driven, greatest_tilt, times_tipped
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot
@@ -31,10 +33,13 @@ class EpisodeScore:
         surface: the true ground.
         seen: (nx, ny) bool on its grid, the cells in which a noise-free return fell.
         victims: which of them came into view.
+        fiducials: where the tags on the walls were seen.
+        trajectory: where the robot believes to have been.
         progress: after each step, s since the start and the share of the drivable area that was seen.
     """
 
-    def __init__(self, robot: SimulatedRobot, explorer: Explorer):
+    def __init__(self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: NDArray[np.float64]):
+        """``T_world_tag``: (N, 4, 4) true poses of the tags on the arena's walls."""
         self._robot = robot
         self._explorer = explorer
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
@@ -43,6 +48,8 @@ class EpisodeScore:
         self._voxels = VoxelScore(explorer.mapper.metric_map)
         self._semantics = KeyframeTruth()
         self.victims = VictimScore(model, data)
+        self.fiducials = FiducialScore(T_world_tag)
+        self.trajectory = TrajectoryScore(explorer.mapper.localisation, robot.trajectory)
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
@@ -50,16 +57,23 @@ class EpisodeScore:
         self._frontiers_left = 0
         self.progress: list[tuple[float, float]] = []
 
+    def add_keyframe(self, keyframe: Keyframe) -> None:
+        """Take the newest keyframe into account."""
+        truth = self._robot.true_frame
+        assert truth is not None
+        points = truth.points()
+        self._voxels.add(points, truth.image.T_world_camera[:3, 3])
+        self._see(points)
+        self.victims.add(truth.image)
+        self.fiducials.add(keyframe.frame, keyframe.T_map_base)
+        self.trajectory.add()
+
     def add(self, step: Step) -> None:
         """Take the newest step into account."""
         truth = self._robot.true_frame
         assert truth is not None
         self._kidnaps += step.was_kidnapped
         self._frontiers_left = len(step.frontiers)
-        points = truth.points()
-        self._voxels.add(points, truth.image.T_world_camera[:3, 3])
-        self._see(points)
-        self.victims.add(truth.image)
         self.progress.append((self._robot.time - self._start_time, self.explored_fraction))
         self._semantics.add(step.keyframe)
         if step.plan is not None and step.plan.length > 0.1:
@@ -74,7 +88,7 @@ class EpisodeScore:
 
     def report(self) -> dict[str, Any]:
         """All stages of which there is something to say; the commands add what ran and how long it took."""
-        explorer, trajectory = self._explorer, self._robot.trajectory
+        explorer = self._explorer
         stages = {
             "metric_map": self._voxels.report(),
             "semantic_map": self._semantics.score(explorer.mapper.poses).report(explorer.mapper.semantic_map),
@@ -83,7 +97,7 @@ class EpisodeScore:
             "path_plan": self._path_plan(),
             "navigation": self._navigation(),
             "exploration": self._exploration(),
-            "localisation": score_localisation(trajectory),
+            "localisation": self.trajectory.report() | self.fiducials.report(explorer.mapper.poses),
             **({"victims": self.victims.report(self._confirmed)} if explorer.mapper.detector else {}),
         }
         return {name: stage for name, stage in stages.items() if stage}

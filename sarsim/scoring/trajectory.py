@@ -1,5 +1,6 @@
 """Where the robot was, where it believed to be, and how far it leaned."""
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.files import whole_file
-from pipeline.transforms import tilt_of
+from pipeline.localisation.odometry import Localisation, Loop
+from pipeline.transforms import inverse, tilt_of, wrap_angle, yaw_of
 from sarsim.robots.pose import Pose
 
 TIPPED = np.deg2rad(45)
@@ -16,16 +18,53 @@ LIFT = 0.15
 """m from one pose to the next."""
 
 
-def score_localisation(trajectory: Sequence[Pose]) -> dict[str, float]:
-    """Absolute trajectory error (both frames coincide, so nothing is aligned) and the drift at the end."""
-    true = np.array([p.T_world_base[:3, 3] for p in trajectory])
-    believed = np.array([p.T_odom_base[:3, 3] for p in trajectory])
-    error = np.linalg.norm(true - believed, axis=1)
-    distance = driven(trajectory)
-    return {
-        "ate_rmse_m": float(np.sqrt(np.mean(error**2))),
-        "drift_percent": float(100 * error[-1] / distance) if distance > 0 else 0.0,
-    }
+FALSE_LOOP = 0.2, np.deg2rad(5)
+"""m and rad by which the relative pose of a false loop is off."""
+
+
+class TrajectoryScore:
+    """Collects the keyframes, and holds where the robot believes to have been against where it was."""
+
+    def __init__(self, localisation: Localisation, trajectory: Sequence[Pose]):
+        """``trajectory`` grows while the robot drives."""
+        self._localisation, self._trajectory = localisation, trajectory
+        self._keyframes: list[Pose] = []
+
+    def add(self) -> None:
+        """The newest pose of the trajectory is that of a new keyframe."""
+        self._keyframes.append(self._trajectory[-1])
+
+    def estimated(self) -> list[NDArray[np.float64]]:
+        """4×4 ``T_map_base`` at every pose of the trajectory: by odometry from the keyframe before it."""
+        if not self._keyframes:
+            return [pose.T_odom_base for pose in self._trajectory]
+        pairs = zip(self._localisation.poses, self._keyframes, strict=True)
+        T_map_odom = [T @ inverse(keyframe.T_odom_base) for T, keyframe in pairs]
+        times = [keyframe.time for keyframe in self._keyframes]
+        return [T_map_odom[max(bisect_right(times, p.time) - 1, 0)] @ p.T_odom_base for p in self._trajectory]
+
+    def report(self) -> dict[str, float]:
+        """Errors without alignment, since ``map`` is the world's frame at the start; the drift is that at the end."""
+        true = np.array([pose.T_world_base for pose in self._trajectory])
+        estimated = np.array(self.estimated())
+        error = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
+        heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
+        distance = driven(self._trajectory)
+        loops = self._localisation.loops
+        return {
+            "ate_rmse_m": float(np.sqrt(np.mean(error**2))),
+            "heading_rmse_deg": float(np.degrees(np.sqrt(np.mean(np.square(heading))))),
+            "drift_percent": float(100 * error[-1] / distance) if distance > 0 else 0.0,
+            "keyframes": len(self._keyframes),
+            "loops": len(loops),
+            "false_loops": sum(map(self._is_false, loops)),
+        }
+
+    def _is_false(self, loop: Loop) -> bool:
+        first, second = (self._keyframes[k].T_world_base for k in (loop.first, loop.second))
+        off = np.linalg.solve(np.linalg.solve(first, second), loop.T_first_second)
+        turn = Rotation.from_matrix(off[:3, :3]).magnitude()
+        return bool(np.linalg.norm(off[:3, 3]) > FALSE_LOOP[0] or turn > FALSE_LOOP[1])
 
 
 def driven(trajectory: Sequence[Pose]) -> float:

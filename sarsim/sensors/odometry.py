@@ -6,40 +6,37 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.transforms import from_rotation
 from sarsim.robots.skid_steer import WHEEL_RADIUS
+from sarsim.sensors.inertial import GRAVITY, MTI_300_ACCELEROMETER, MTI_300_GYRO, InertialTriad
 
-GRAVITY = 9.81
-"""m/s²."""
+TICKS = 34_000
+"""Of an encoder in a turn of the wheel, 49 a millimetre (Pioneer 3 operations manual, P3-AT)."""
 LEVELLING_TIME = 5.0
 """s in which roll and pitch follow the accelerometer."""
-GYRO_BIAS = 3e-4
-"""rad/s, standard deviation of a constant bias of each axis, drawn once."""
-GYRO_NOISE = 3e-4
-"""rad/s/√Hz."""
-ACCELEROMETER_BIAS = 0.03
-"""m/s², standard deviation of a constant bias of each axis, drawn once."""
-ACCELEROMETER_NOISE = 0.003
-"""m/s²/√Hz."""
-SCALE_ERROR = 0.01
-"""Standard deviation of the relative error of the distance (worn or soft tyres), drawn once."""
+TYRE_ERROR = 0.01
+"""Standard deviation of the relative error of the tyres' rolling radius, which their pressure, load and wear change.
+This one, the next and the slip are chosen; the manual only says to measure the ticks per millimetre anew."""
+SIDE_ERROR = 0.003
+"""Standard deviation by which the radius of each side's tyres differs from that."""
 SLIP = 0.01
-"""m/√m, random walk of the distance by slipping wheels. With these errors the pose drifts by some per cent."""
+"""m/√m, random walk of each side's way: dust and bumps, which the physics' smooth floor does not have. How the tyres
+scrub in a turn is in the physics."""
 
 
 class WheelOdometry:
-    """Dead reckoning in 3D: the encoders give the distance, the gyro the direction, the accelerometer what is level.
+    """Dead reckoning in 3D: the encoders give the distance, the gyros the direction, the accelerometers the level.
 
     ``odom`` begins where the robot stands at the first update, turned so that its z is up and its x the robot's yaw.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """``rng`` draws the biases now and the noise of every update."""
+        """``rng`` draws the constant errors now and the noise of every update."""
         self._rng = rng
-        self._gyro_bias = GYRO_BIAS * rng.standard_normal(3)
-        self._accelerometer_bias = ACCELEROMETER_BIAS * rng.standard_normal(3)
-        self._scale = 1.0 + SCALE_ERROR * rng.standard_normal()
+        self._gyros = InertialTriad(MTI_300_GYRO, rng)
+        self._accelerometers = InertialTriad(MTI_300_ACCELEROMETER, rng)
+        self._radius = WHEEL_RADIUS * (1.0 + TYRE_ERROR * rng.standard_normal() + SIDE_ERROR * rng.standard_normal(2))
         self._R: NDArray[np.float64] | None = None
         self._position = np.zeros(3)
-        self._angle = np.zeros(2)
+        self._ticks = np.zeros(2)
         self._gyro = np.zeros(3)
 
     @property
@@ -62,42 +59,27 @@ class WheelOdometry:
             accelerometer: (3,) m/s² in ``base_link``, gravity included.
             dt: s since the last update.
         """
-        accelerometer = self._measure_acceleration(accelerometer, dt)
+        gyro = self._gyros.measure(gyro, dt)
+        accelerometer = self._accelerometers.measure(accelerometer, dt)
+        ticks = np.floor(wheel_angle * TICKS / (2 * np.pi))
         if self._R is None:
             self._R = level(accelerometer)
         else:
-            self._advance(self._R, wheel_angle, self._measure_rotation(gyro, dt), accelerometer, dt)
-        self._angle = np.array(wheel_angle)
-        self._gyro = np.array(gyro)
+            turn = (self._gyro + gyro) / 2 + self._levelling(self._R, accelerometer)
+            self._advance(self._R, self._distance(ticks - self._ticks), turn * dt)
+        self._ticks, self._gyro = ticks, gyro
         return self.T_odom_base
 
-    def _advance(
-        self,
-        R: NDArray[np.float64],
-        wheel_angle: NDArray[np.float64],
-        rotation: NDArray[np.float64],
-        accelerometer: NDArray[np.float64],
-        dt: float,
-    ) -> None:
+    def _advance(self, R: NDArray[np.float64], distance: float, rotation: NDArray[np.float64]) -> None:
         """Move along the mean direction of the period, by the midpoint rule."""
-        rotation = rotation + self._levelling(R, accelerometer) * dt
         half = Rotation.from_rotvec(rotation / 2).as_matrix()
-        self._position = self._position + R @ half[:, 0] * self._distance(wheel_angle)
+        self._position = self._position + R @ half[:, 0] * distance
         self._R = R @ half @ half
 
-    def _distance(self, wheel_angle: NDArray[np.float64]) -> float:
-        """Metres forward since the last update, as the slipping wheels tell them."""
-        distance = WHEEL_RADIUS * float(np.mean(wheel_angle - self._angle)) * self._scale
-        return distance + SLIP * np.sqrt(abs(distance)) * self._rng.standard_normal()
-
-    def _measure_rotation(self, gyro: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-        """(3,) rad turned since the last update, as the gyro tells them: its bias and noise integrated."""
-        noise = GYRO_NOISE * np.sqrt(dt) * self._rng.standard_normal(3)
-        return ((self._gyro + gyro) / 2 + self._gyro_bias) * dt + noise
-
-    def _measure_acceleration(self, true: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-        noise = ACCELEROMETER_NOISE / np.sqrt(dt) * self._rng.standard_normal(3)
-        return true + self._accelerometer_bias + noise
+    def _distance(self, ticks: NDArray[np.float64]) -> float:
+        """Metres forward, the mean of both sides, as the encoders tell them."""
+        way = ticks * (2 * np.pi / TICKS) * self._radius
+        return float(np.mean(way + SLIP * np.sqrt(np.abs(way)) * self._rng.standard_normal(2)))
 
     def _levelling(self, R: NDArray[np.float64], accelerometer: NDArray[np.float64]) -> NDArray[np.float64]:
         """(3,) rad/s that turn the believed vertical towards the felt one; none while the robot is being shaken.

@@ -7,7 +7,7 @@ import json
 import os
 import tempfile
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
@@ -107,11 +107,14 @@ def configs(
         yield group, replace(base, arena=arena, seed=seed, steps=STEPS)
 
 
-def run_jobs(jobs: Sequence[Job], folder: Path, workers: int | None) -> list[dict[str, Any] | None]:
+def run_jobs(
+    jobs: Sequence[Job], folder: Path, workers: int | None, run: Callable[..., None] | None = None, *args: Any
+) -> list[dict[str, Any] | None]:
     """The result of every job, in their order; None for one whose process failed.
 
-    So many ``workers`` run at a time, None for one a core. Ctrl-C ends it and the episodes under way; those that are
-    finished stay in the folder and are not run again.
+    ``run``, by default :func:`run_job`, is called with the job, the folder and ``args``, by so many ``workers`` at a
+    time, None for one a core. Ctrl-C ends it and the jobs under way; those that are finished stay in the folder and
+    are not run again.
 
     Raises:
         InputError: the folder cannot be made, or holds results of other settings.
@@ -127,7 +130,7 @@ def run_jobs(jobs: Sequence[Job], folder: Path, workers: int | None) -> list[dic
         running: list[BaseProcess] = []
         while waiting or running:
             while waiting and len(running) < most:
-                running.append(processes.start(run_job, waiting.pop(0), folder))
+                running.append(processes.start(run or run_job, waiting.pop(0), folder, *args))
             connection.wait([process.sentinel for process in running])
             running = [process for process in running if process.is_alive()]
             bars.update(bar, completed=len(jobs) - len(waiting) - len(running))

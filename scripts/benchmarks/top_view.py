@@ -41,10 +41,8 @@ def top_view(
         failed: (2,) m, targets of legs that were not reached; violet diamonds.
         text: for the line below.
     """
-    scale = int(np.clip(WIDTH // max(surface.grid.shape), 1, MOST_PIXELS))
-    cells = _cells(surface, seen).transpose(1, 0, 2)[::-1]
-    picture = np.ascontiguousarray(cells.repeat(scale, axis=0).repeat(scale, axis=1))
-    line = _pixels(surface.grid, scale, way)
+    picture, scale = ground_picture(surface, seen)
+    line = pixels(surface.grid, scale, way)
     cv2.polylines(picture, [line], False, WAY, 1, cv2.LINE_AA)
     cv2.circle(picture, line[0].tolist(), 5, START, cv2.FILLED, cv2.LINE_AA)
     cv2.circle(picture, line[0].tolist(), 5, WAY, 1, cv2.LINE_AA)
@@ -53,8 +51,15 @@ def top_view(
         *((c, CONTACT, cv2.MARKER_TILTED_CROSS) for c in contacts),
         *((f, FAILED, cv2.MARKER_DIAMOND) for f in failed),
     ):
-        cv2.drawMarker(picture, _pixels(surface.grid, scale, place).tolist(), colour, marker, 10, 2, cv2.LINE_AA)
-    return np.vstack([picture, _caption(text, picture.shape[1])])
+        cv2.drawMarker(picture, pixels(surface.grid, scale, place).tolist(), colour, marker, 10, 2, cv2.LINE_AA)
+    return np.vstack([picture, caption(text, picture.shape[1])])
+
+
+def ground_picture(surface: TrueSurface, seen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
+    """(H, W, 3) uint8 RGB of the ground of which (nx, ny) cells were seen, and the pixels along a cell."""
+    scale = int(np.clip(WIDTH // max(surface.grid.shape), 1, MOST_PIXELS))
+    cells = _cells(surface, seen).transpose(1, 0, 2)[::-1]
+    return np.ascontiguousarray(cells.repeat(scale, axis=0).repeat(scale, axis=1)), scale
 
 
 def _cells(surface: TrueSurface, seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -68,13 +73,14 @@ def _cells(surface: TrueSurface, seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return cells
 
 
-def _pixels(grid: Grid, scale: int, xy: NDArray[np.float64]) -> NDArray[np.int32]:
+def pixels(grid: Grid, scale: int, xy: NDArray[np.float64]) -> NDArray[np.int32]:
     """(..., 2) column and row of points (..., 2), m in the world."""
     column, row = np.moveaxis((np.asarray(xy) - grid.origin) / grid.cell * scale, -1, 0)
     return np.stack([column, grid.shape[1] * scale - row], axis=-1).astype(np.int32)
 
 
-def _caption(text: str, width: int) -> NDArray[np.uint8]:
+def caption(text: str, width: int) -> NDArray[np.uint8]:
+    """(BAND, width, 3) uint8 RGB, a line of text."""
     band = np.full((BAND, width, 3), 255, np.uint8)
     font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.45
     fitting = min(1.0, (width - 12) / cv2.getTextSize(text, font, size, 1)[0][0])

@@ -95,6 +95,12 @@ def short_report(out: Path, seed: int, **changes: object) -> dict:
     return json.loads((out / "report.json").read_text())
 
 
+def test_tags_on_the_walls_tell_how_true_the_maps_distances_are(tmp_path):
+    localisation = short_report(tmp_path, 0, fiducials=30, detector=None)["localisation"]
+    assert 2 <= localisation["fiducials_found"] <= 30
+    assert 0 < localisation["fiducial_error_m"] < 0.02
+
+
 def test_the_same_seed_gives_the_same_episode(tmp_path):
     first, again, other = (short_report(tmp_path / name, seed) for name, seed in (("a", 3), ("b", 3), ("c", 4)))
     for report in (first, again, other):
@@ -196,6 +202,7 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--detector", "none.cfg", "none.weights"], "none.cfg: No such file"),
         (["--detector", "one.cfg"], "--detector"),
         (["--steps", "0"], "--steps 0"),
+        (["--fiducials", "99"], "--fiducials 99: 0 to 50"),
         (["--steps", "many"], "--steps"),
         (["--out", "/dev/null/x"], "/dev/null/x"),
     ],

@@ -17,7 +17,7 @@ def score():
     """The score of three looks in the NIST arena."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
     explorer = Explorer(robot, TruthClassifier())
-    score = EpisodeScore(robot, explorer)
+    score = EpisodeScore(robot, explorer, np.zeros((0, 4, 4)))
     for _ in range(3):
         step = explorer.step()
         score.add(step)

@@ -11,5 +11,5 @@ class NoNoise(np.random.Generator):
     def __init__(self) -> None:
         super().__init__(np.random.PCG64(0))
 
-    def standard_normal(self, size: int | None = None, *args: Any, **kwargs: Any) -> Any:
+    def standard_normal(self, size: int | tuple[int, ...] | None = None, *args: Any, **kwargs: Any) -> Any:
         return 0.0 if size is None else np.zeros(size)

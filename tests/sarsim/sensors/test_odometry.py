@@ -1,21 +1,32 @@
+"""Dead reckoning by hand and in the simulator; run with -s to see what it costs."""
+
+from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from dm_control import composer, mjcf
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.transforms import tilt_of, yaw_of
+from pipeline.robot import Velocity
+from pipeline.transforms import inverse, tilt_of, wrap_angle, yaw_of
+from sarsim.robots.pioneer3at import Pioneer3AT
 from sarsim.robots.skid_steer import WHEEL_RADIUS as RADIUS
+from sarsim.robots.skid_steer import SkidSteer
 from sarsim.sensors import odometry as module
-from sarsim.sensors.odometry import LEVELLING_TIME, WheelOdometry, level
+from sarsim.sensors.inertial import MTI_300_GYRO, DataSheet
+from sarsim.sensors.odometry import LEVELLING_TIME, TICKS, WheelOdometry, level
 from tests.sarsim.sensors.no_noise import NoNoise
 
 DT = 0.02
 UP = np.array([0.0, 0.0, 9.81])
 NO_TURN = np.zeros(3)
+TICK = 2 * np.pi * RADIUS / TICKS
 
 components = st.floats(-3, 3)
 
@@ -42,13 +53,13 @@ def test_level_finds_roll_and_pitch(roll, pitch):
 
 def test_straight_ahead():
     T = drive(ideal(), 0.2, 0.0, 5.0)
-    assert_allclose(T[:3, 3], [1.0, 0, 0], atol=1e-9)
+    assert_allclose(T[:3, 3], [1.0, 0, 0], atol=TICK)
     assert_allclose(T[:3, :3], np.eye(3), atol=1e-12)
 
 
 def test_turn_in_place():
     T = drive(ideal(), 0.0, 0.5, 2.0)
-    assert_allclose(T[:3, 3], 0, atol=1e-12)
+    assert_allclose(T[:3, 3], 0, atol=TICK)
     assert_allclose(yaw_of(T), 1.0)
 
 
@@ -64,7 +75,7 @@ def test_up_a_slope():
     odometry = ideal()
     odometry.update(np.zeros(2), NO_TURN, gravity, DT)
     T = odometry.update(np.full(2, 1.0 / RADIUS), NO_TURN, gravity, DT)
-    assert_allclose(T[:3, 3], [np.cos(pitch), 0, -np.sin(pitch)], atol=1e-9)
+    assert_allclose(T[:3, 3], [np.cos(pitch), 0, -np.sin(pitch)], atol=TICK)
 
 
 def test_first_update_says_where_to_begin():
@@ -117,24 +128,82 @@ def test_same_seed_gives_the_same_drift():
     assert np.array_equal(*runs)
 
 
-def test_drifts_by_some_per_cent_of_the_distance():
-    truth = drive(ideal(), 0.2, 0.02, 150.0)
-    drifts = []
-    for seed in range(8):
-        believed = drive(WheelOdometry(np.random.default_rng(seed)), 0.2, 0.02, 150.0)
-        drifts.append(100 * np.linalg.norm(believed[:3, 3] - truth[:3, 3]) / (0.2 * 150))
-    print(f"\ndrift over 30 m: median {np.median(drifts):.1f} %, worst {max(drifts):.1f} %")
-    assert 0.3 < np.median(drifts) < 4
-    assert max(drifts) < 10
+def test_encoders_count_whole_ticks():
+    odometry, tick = ideal(), 2 * np.pi / TICKS
+    believed = [odometry.update(np.full(2, k * tick), NO_TURN, UP, DT)[0, 3] for k in (0.5, 0.9, 1.1, 3.5, -0.5)]
+    assert_allclose(np.divide(believed, TICK), [0, 0, 1, 3, -1], atol=1e-9)
+    assert_allclose(TICK, 1e-3 / 49, rtol=0.01)
 
 
-ERRORS = ("GYRO_BIAS", "GYRO_NOISE", "ACCELEROMETER_BIAS", "SCALE_ERROR", "SLIP")
+class Plane(composer.Arena):
+    def _build(self) -> None:
+        self._mjcf_root = mjcf.RootElement("plane")
+        self._mjcf_root.worldbody.add("geom", type="plane", size=(0, 0, 0.1))
 
 
-@pytest.mark.parametrize("error", ERRORS)
+@cache
+def driven(v: float, omega: float, seconds: float) -> list[tuple[NDArray[np.float64], ...]]:
+    """What encoders, gyros and accelerometers truly feel and the true pose, 5 Hz, of a command in the physics."""
+    plane, robot, firmware, ways = Plane(), Pioneer3AT(), SkidSteer(), []
+    plane.add_free_entity(robot)
+    physics = mjcf.Physics.from_mjcf_model(plane.mjcf_model)
+    for k in range(round((seconds + 1.0) / DT)):
+        command = Velocity(v, omega) if k * DT >= 1.0 else Velocity()
+        robot.set_wheel_speed(
+            physics, *firmware.command(command, robot.wheel_speed(physics), robot.gyro(physics)[2], DT)
+        )
+        physics.step(round(DT / physics.timestep()))
+        if k * DT >= 0.5 and k % 10 == 0:
+            sensed = robot.wheel_angle(physics), robot.gyro(physics), robot.accelerometer(physics)
+            ways.append((*map(np.array, sensed), robot.T_world_base(physics)))
+    return ways
+
+
+def errors(ways: list[tuple[NDArray[np.float64], ...]], seed: int) -> NDArray[np.float64]:
+    """(3,) m along the ground, m upwards and degrees of heading that the odometry is wrong at the end."""
+    odometry = WheelOdometry(np.random.default_rng(seed))
+    for wheels, gyro, accelerometer, _ in ways:
+        believed = odometry.update(wheels, gyro, accelerometer, 10 * DT)
+    true = inverse(ways[0][3]) @ ways[-1][3]
+    x, y, z = believed[:3, 3] - true[:3, 3]
+    return np.array([np.hypot(x, y), abs(z), abs(np.degrees(wrap_angle(yaw_of(believed) - yaw_of(true))))])
+
+
+@pytest.mark.parametrize(
+    ("way", "motion", "at_least", "at_most"),
+    [
+        ("1 m", (0.2, 0.0, 5.0), (0.005, 0.001, 0.01), (0.02, 0.01, 0.1)),
+        ("10 m", (0.2, 0.0, 50.0), (0.04, 0.01, 0.05), (0.2, 0.08, 0.5)),
+        ("100 m", (0.2, 0.0, 500.0), (0.4, 0.1, 0.5), (2.5, 0.8, 4.0)),
+        ("ten turns", (0.0, 0.5, 20 * np.pi / 0.5), (0.005, 0.0, 2.0), (0.2, 0.01, 10.0)),
+    ],
+)
+def test_what_a_way_costs(way, motion, at_least, at_most):
+    wrong = np.array([errors(driven(*motion), seed) for seed in range(20)])
+    median, worst = np.median(wrong, axis=0), wrong.max(axis=0)
+    print(f"\n{way}: median {median.round(3)}, worst {worst.round(3)} (m, m upwards, degrees)")
+    assert (at_least <= median).all() and (median <= at_most).all()
+
+
+SHEETS = [f"{kind} {error}" for kind in ("GYRO", "ACCELEROMETER") for error in ("noise", "drift", "offset", "scale")]
+ERRORS = ("TYRE_ERROR", "SIDE_ERROR", "SLIP")
+
+
+@pytest.mark.parametrize("error", [*SHEETS, *ERRORS])
 def test_each_error_alone_makes_it_drift(error, monkeypatch):
-    for other in {*ERRORS, "ACCELEROMETER_NOISE"} - {error}:
+    for other in {*ERRORS} - {error}:
         monkeypatch.setattr(module, other, 0.0)
+    for kind in ("GYRO", "ACCELEROMETER"):
+        name = f"MTI_300_{kind}"
+        only = {error.split()[1]: getattr(getattr(module, name), error.split()[1])} if kind in error else {}
+        monkeypatch.setattr(module, name, DataSheet(**only))
     believed = drive(WheelOdometry(np.random.default_rng(1)), 0.2, 0.1, 10.0)
-    drift = np.linalg.norm(believed[:3, 3] - drive(ideal(), 0.2, 0.1, 10.0)[:3, 3])
-    assert 1e-5 < drift < 0.5
+    drift = np.linalg.norm(believed - drive(ideal(), 0.2, 0.1, 10.0))
+    assert (drift == 0.0) if error == "ACCELEROMETER scale" else (1e-6 < drift < 0.1)
+
+
+def test_a_gyro_that_reads_too_much_turns_too_far(monkeypatch):
+    monkeypatch.setattr(module, "MTI_300_GYRO", replace(MTI_300_GYRO, noise=0.0, drift=0.0, offset=0.0))
+    rng = np.random.default_rng(4)
+    scale = 1 + MTI_300_GYRO.scale * np.random.default_rng(4).standard_normal(3)
+    assert_allclose(yaw_of(drive(WheelOdometry(rng), 0.0, 0.5, 2.0)), scale[2], atol=1e-4)

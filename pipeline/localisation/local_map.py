@@ -1,0 +1,61 @@
+"""The points that frames are registered with: each surface as the keyframe has it that saw it first."""
+
+import numpy as np
+import small_gicp
+from numpy.typing import NDArray
+
+from pipeline.localisation.registration import Target, front_normals
+
+MARGIN = 0.3
+"""m around a frame's points in which points of the map may correspond to them."""
+LEAST = 100
+"""Points of the map; with fewer there is nothing to register with."""
+
+
+class LocalMap:
+    """Points in the frames of the keyframes that own them, so that they follow these when poses are corrected."""
+
+    def __init__(self) -> None:
+        self._points = np.zeros((0, 3))
+        self._normals = np.zeros((0, 3))
+        self._owner = np.zeros(0, np.int64)
+        self._in_map = self._points, self._normals
+
+    def add(
+        self, owner: int, cloud: small_gicp.PointCloud, camera: NDArray[np.float64], new: NDArray[np.bool_]
+    ) -> None:
+        """Add the ``new`` (N,) ones of a keyframe's points, in ``base_link``, seen from a camera (3,) there."""
+        self._points = np.vstack([self._points, cloud.points()[new, :3]])
+        self._normals = np.vstack([self._normals, front_normals(cloud, camera)[new]])
+        self._owner = np.append(self._owner, np.full(np.count_nonzero(new), owner))
+
+    def place(self, poses: NDArray[np.float64]) -> None:
+        """Put the points where their keyframes (K, 4, 4) are in ``map``."""
+        T = poses[self._owner]
+        points = np.einsum("nij,nj->ni", T[:, :3, :3], self._points) + T[:, :3, 3]
+        self._in_map = points, np.einsum("nij,nj->ni", T[:, :3, :3], self._normals)
+
+    def around(
+        self,
+        points: NDArray[np.float64],
+        camera: NDArray[np.float64],
+        owners: NDArray[np.bool_],
+        margin: float = MARGIN,
+    ) -> Target | None:
+        """What a camera can see near (N, 3) points: a wall seen from behind is another surface.
+
+        Args:
+            points: m in ``map``.
+            camera: (3,) m in ``map``.
+            owners: (K,) bool, the keyframes whose points may be taken.
+            margin: m around the points.
+        """
+        low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+        at, normals = self._in_map
+        near = np.flatnonzero(owners[self._owner] & ((at >= low) & (at <= high)).all(axis=1))
+        near = near[np.einsum("ni,ni->n", normals[near], camera - at[near]) > 0]
+        return Target(at[near], self._owner[near]) if len(near) >= LEAST else None
+
+    def all_points(self) -> NDArray[np.float32]:
+        """(N, 3) float32 all points, m in ``map``."""
+        return self._in_map[0].astype(np.float32)

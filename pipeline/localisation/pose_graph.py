@@ -1,0 +1,95 @@
+"""The pose graph: keyframes, what odometry, gravity and registration say of them, and the poses that fit all best."""
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+GRAVITY = np.deg2rad(0.3)
+"""rad, standard deviation of a keyframe's roll and pitch by the odometry: the accelerometer's, while it drives."""
+FIXED = 1e-4
+"""rad and m, standard deviation of what the first keyframe fixes: its place and its heading."""
+LOOSE = 1e-3
+"""1/rad² and 1/m², added to each constraint: of a plane alone a registration knows three directions."""
+LEVER = 2.0
+"""m from the robot to what it sees: how much an error of heading counts beside one of place."""
+OUTLIER = 3.0
+"""Standard deviations from which on a loop counts for less (Geman and McClure)."""
+_UP = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
+
+
+class PoseGraph:
+    """Poses of keyframes and the constraints between them.
+
+    Attributes:
+        poses: (K, 4, 4) ``T_map_base`` of every keyframe, as it is now believed.
+    """
+
+    def __init__(self) -> None:
+        self.poses = np.zeros((0, 4, 4))
+        self._factors = gtsam.NonlinearFactorGraph()
+        self._ups: list[NDArray[np.float64]] = []
+        self._links: list[tuple[int, int, float]] = []
+
+    def __len__(self) -> int:
+        """Number of keyframes."""
+        return len(self.poses)
+
+    def add(self, T_map_base: NDArray[np.float64], up: NDArray[np.float64]) -> int:
+        """Add a keyframe and return its number.
+
+        Args:
+            T_map_base: 4×4 pose.
+            up: (3,) the vertical in ``base_link``, by the odometry.
+        """
+        if not len(self):
+            model = gtsam.noiseModel.Diagonal.Sigmas(np.array([1.0, 1.0, FIXED, FIXED, FIXED, FIXED]))
+            self._factors.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(T_map_base), model))
+        self.poses = np.concatenate([self.poses, T_map_base[None]])
+        self._ups.append(up)
+        return len(self) - 1
+
+    def connect(
+        self, i: int, j: int, T_map_base: NDArray[np.float64], information: NDArray[np.float64], is_loop: bool = False
+    ) -> None:
+        """Tell where keyframe j would be if keyframe i is where it is believed to be now.
+
+        Args:
+            i, j: numbers of keyframes.
+            T_map_base: 4×4 pose of j.
+            information: (6, 6) in the tangent at that pose, 1/rad² and 1/m².
+            is_loop: whether it may be an outlier.
+        """
+        model = gtsam.noiseModel.Gaussian.Information(information + LOOSE * np.eye(6))
+        if is_loop:
+            model = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.GemanMcClure.Create(OUTLIER), model)
+        T_i_j = gtsam.Pose3(np.linalg.solve(self.poses[i], T_map_base))
+        self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
+
+    def link(self, i: int, j: int, covariance: NDArray[np.float64]) -> None:
+        """Remember the (6, 6) covariance that keyframe j has as seen from i, all constraints together."""
+        variance = np.trace(covariance[3:, 3:]) + LEVER**2 * np.linalg.eigvalsh(covariance[:3, :3])[-1]
+        self._links.append((i, j, float(variance)))
+
+    def deviations(self) -> NDArray[np.float64]:
+        """(K,) m, how well each keyframe's place is known from the newest one: by the best chain of links."""
+        i, j, variance = zip(*self._links, strict=True) if self._links else ((), (), ())
+        links = coo_array((variance, (i, j)), shape=(len(self), len(self))).tocsr()
+        return np.sqrt(dijkstra(links, directed=False, indices=len(self) - 1))
+
+    def optimise(self) -> None:
+        """Move the poses to where they fit all constraints best."""
+        graph = self._factors.clone()
+        model = gtsam.noiseModel.Isotropic.Sigma(2, GRAVITY)
+        bias = np.mean(np.array(self._ups) - self.poses[:, 2, :3], axis=0)  # of a level that is mounted askew
+        for k, up in enumerate(self._ups):
+            graph.add(gtsam.AttitudeFactorPose3(k, _UP, model, gtsam.Unit3(up - bias)))
+        values = gtsam.Values()
+        for k, T in enumerate(self.poses):
+            values.insert(k, gtsam.Pose3(T))
+        params = gtsam.LevenbergMarquardtParams()
+        params.setMaxIterations(10)
+        params.setRelativeErrorTol(1e-3)
+        result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
+        self.poses = np.array([result.atPose3(k).matrix() for k in range(len(self))])

@@ -1,0 +1,255 @@
+"""Simultaneous localisation and mapping: where the robot is, by its frames, its odometry and gravity.
+
+The thesis leaves this to RTAB-Map. Each frame is registered with what earlier keyframes saw of the same surfaces,
+and each keyframe joins a pose graph, with what registration says of it as seen from each of these. Where the robot
+comes back to a place that it knows less well than a registration must, a loop is closed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import small_gicp
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.localisation.local_map import MARGIN, LocalMap
+from pipeline.localisation.odometry import Loop
+from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
+from pipeline.localisation.registration import (
+    GATES,
+    Prior,
+    Registration,
+    Target,
+    cloud_of,
+    exponential,
+    register,
+    shares_of,
+)
+from pipeline.transforms import inverse, transform_points
+
+FARTHEST = 3.3
+"""m of depth; beyond, the sensor's limit cuts off the far half of its noise."""
+STRIDE = 2
+"""Pixels; every other row and column is enough for means over ``VOXEL``."""
+LEAST_RETURNS = 300
+"""Of these, below which a frame shows nothing to register."""
+TURN_SIGMA = 2e-3, 0.01
+"""rad, and rad per rad turned: standard deviation of the odometry's rotation between keyframes."""
+WAY_SIGMA = 0.004, 0.03, 0.01
+"""m, m per m driven and m per rad turned: of its translation. Skid-steered wheels slide in turns."""
+SLIDE = 0.3
+"""m per rad turned, times the sine of the tilt: the same on a ramp."""
+SLIPPED = 22.5
+"""χ² of six degrees of freedom, 99.9 %: a registration that contradicts the odometry so much shows wheels that slip."""
+POOR, BETTER = 0.6, 0.1
+"""Overlap below which wheels may have slipped, and by how much more shows it."""
+MOST_SHARES = 6
+"""Keyframes that a new one is connected with, those that tell most of it."""
+KNOWN = 0.05
+"""m; keyframes known better than this from the newest one make up one map to register with. Others make a loop."""
+LOOP_OVERLAP = 0.5
+"""Share of a frame's points that a loop explains, at least."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Match:
+    """A frame and where it was found."""
+
+    frame: Frame
+    T_map_base: NDArray[np.float64]
+    prior: Prior | None = None
+    cloud: small_gicp.PointCloud | None = None
+    target: Target | None = None
+    registration: Registration | None = None
+
+
+class Slam:
+    """Localises frames in the map of its keyframes.
+
+    Attributes:
+        T_map_odom: 4×4, where the odometry's origin is by the newest frame.
+        graph: of the keyframes.
+        local_map: what they saw.
+        loops: closed so far.
+        closes_loops: False for comparison alone.
+        slips: how often registration contradicted the odometry.
+    """
+
+    def __init__(self, closes_loops: bool = True) -> None:
+        self.T_map_odom = np.eye(4)
+        self.graph = PoseGraph()
+        self.local_map = LocalMap()
+        self.loops: list[Loop] = []
+        self.closes_loops = closes_loops
+        self.slips = 0
+        self._odometry: list[NDArray[np.float64]] = []
+        self._anchor: NDArray[np.float64] | None = None
+        self._deviations = np.zeros(0)
+        self._match: _Match | None = None
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """(K, 4, 4) ``T_map_base`` of every keyframe, as it is now believed."""
+        return self.graph.poses
+
+    @property
+    def covariance(self) -> NDArray[np.float64] | None:
+        """(6, 6) of the newest frame's pose in its own tangent, rad² and m²; None if it was not registered."""
+        return self._match.registration.covariance if self._match and self._match.registration else None
+
+    def localise(self, frame: Frame) -> NDArray[np.float64]:
+        """4×4 pose of ``base_link`` in ``map`` at the time of the frame."""
+        if self._match is None or self._match.frame is not frame:
+            self._match = self._find(frame)
+            self.T_map_odom = self._match.T_map_base @ inverse(frame.T_odom_base)
+        return self._match.T_map_base
+
+    def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
+        """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
+        match = self._match
+        assert match is not None and match.frame is frame
+        number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
+        if match.prior is not None:
+            self.graph.connect(number - 1, number, match.prior.T, match.prior.information)
+            self.graph.link(number - 1, number, np.linalg.inv(match.prior.information))
+        new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
+        if match.target is not None and match.cloud is not None:
+            new = self._connect(number, match.cloud, match.target, match.registration)
+        if match.cloud is not None:
+            self.local_map.add(number, match.cloud, frame.T_base_camera[:3, 3], new)
+        self._odometry.append(frame.T_odom_base)
+        self._anchor = None
+        self._renew()
+
+    def optimise(self) -> None:
+        """Close a loop if there is one, and correct the poses of all keyframes."""
+        if self.closes_loops:
+            self._close_loop()
+        self.graph.optimise()
+        self.T_map_odom = self.poses[-1] @ inverse(self._odometry[-1])
+        self._renew()
+
+    def set_down(self, T_map_base: NDArray[np.float64]) -> None:
+        """The robot was carried and found again at a pose (4×4), whatever the odometry says."""
+        self._anchor = T_map_base
+        self._match = None
+
+    def _renew(self) -> None:
+        self.local_map.place(self.poses)
+        self._deviations = self.graph.deviations()
+
+    def _find(self, frame: Frame) -> _Match:
+        cloud = self._cloud(frame)
+        if self._anchor is not None:
+            sigmas = np.array([0.05, 0.05, 0.05, 0.1, 0.1, 0.1])
+            priors, odometry = [Prior(self._anchor, np.diag(sigmas**-2.0))], None
+        elif not len(self.graph):
+            return _Match(frame, frame.T_odom_base, cloud=cloud)
+        else:
+            odometry = self._by_odometry(frame)
+            priors = [odometry, by_gravity(odometry.T, frame)]
+        points = cloud.points()[:, :3] if cloud else np.zeros((1, 3))
+        T = priors[0].T
+        target = self._target(points, T, frame, self._deviations < KNOWN, MARGIN) if cloud else None
+        if target is None:
+            return _Match(frame, T, odometry, cloud)
+        registration = register(target, cloud, priors)
+        if odometry is not None and (registration.chi2 > SLIPPED or registration.overlap < POOR):
+            slipped = self._find_slipped(frame, cloud, odometry, target)
+            if registration.chi2 > SLIPPED or slipped.registration.overlap > registration.overlap + BETTER:
+                self.slips += 1
+                return slipped
+        return _Match(frame, registration.T, odometry, cloud, target, registration)
+
+    def _find_slipped(self, frame: Frame, cloud: small_gicp.PointCloud, odometry: Prior, target: Target) -> _Match:
+        """The wheels may have turned on the spot: the way is known no better than its length."""
+        stayed = odometry.T.copy()
+        stayed[:3, 3] = self.poses[-1, :3, 3]
+        way = float(np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3]))
+        information = odometry.information.copy()
+        information[3:, 3:] = np.eye(3) / (WAY_SIGMA[0] + way) ** 2
+        slipped = Prior(stayed, information)
+        registrations = [
+            register(target, cloud, [replaced, by_gravity(replaced.T, frame)])
+            for replaced in (slipped, Prior(odometry.T, information))
+        ]
+        best = max(registrations, key=lambda r: r.overlap)
+        return _Match(frame, best.T, slipped, cloud, target, best)
+
+    def _cloud(self, frame: Frame) -> small_gicp.PointCloud | None:
+        """The frame's returns in ``base_link``, thinned; None if there are too few."""
+        depth = frame.depth[::STRIDE, ::STRIDE]
+        returns = (depth > 0) & (depth <= FARTHEST)
+        if np.count_nonzero(returns) < LEAST_RETURNS:
+            return None
+        points = frame.intrinsics.rays[::STRIDE, ::STRIDE][returns] * depth[returns, None]
+        return cloud_of(transform_points(frame.T_base_camera, points))
+
+    def _target(
+        self,
+        points: NDArray[np.float64],
+        T: NDArray[np.float64],
+        frame: Frame,
+        owners: NDArray[np.bool_],
+        margin: float,
+    ) -> Target | None:
+        camera = (T @ frame.T_base_camera)[:3, 3]
+        return self.local_map.around(points @ T[:3, :3].T + T[:3, 3], camera, owners, margin)
+
+    def _by_odometry(self, frame: Frame) -> Prior:
+        """The pose by what the odometry has measured since the newest keyframe."""
+        delta = inverse(self._odometry[-1]) @ frame.T_odom_base
+        way = float(np.linalg.norm(delta[:3, 3]))
+        turn = float(np.arccos(np.clip((np.trace(delta[:3, :3]) - 1) / 2, -1, 1)))
+        rotation = TURN_SIGMA[0] + TURN_SIGMA[1] * turn
+        slope = float(np.linalg.norm(frame.T_odom_base[2, :2]))
+        translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE * slope) * turn
+        return Prior(self.poses[-1] @ delta, np.diag(np.repeat([rotation, translation], 3) ** -2.0))
+
+    def _connect(
+        self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration | None
+    ) -> NDArray[np.bool_]:
+        """Connect a keyframe with those that it was registered with; (N,) which of its points are new."""
+        assert registration is not None
+        shares, new = shares_of(target, cloud, registration.T)
+        for share in shares[:MOST_SHARES]:
+            self.graph.connect(share.owner, number, share.T, share.information)
+            self.graph.link(share.owner, number, registration.covariance)
+        return new
+
+    def _close_loop(self) -> None:
+        """Register the newest keyframe with those near that it knows too little of."""
+        match = self._match
+        unknown = self._deviations >= KNOWN
+        if match is None or match.cloud is None or not unknown.any():
+            return
+        number, T = len(self.graph) - 1, self.poses[-1]
+        reach = min(float(self._deviations[np.isfinite(self._deviations)].max()), 1.0)
+        target = self._target(match.cloud.points()[:, :3], T, match.frame, unknown, MARGIN + reach)
+        if target is None:
+            return
+        deviation = float(self._deviations[np.unique(target.owner)].max())
+        prior = Prior(T, np.diag(np.repeat([deviation / LEVER, deviation], 3) ** -2.0))
+        gates = (max(2 * deviation, GATES[0]),) * 4 + GATES
+        found = register(target, match.cloud, [prior, by_gravity(T, match.frame)], gates)
+        if found.overlap < LOOP_OVERLAP or found.chi2 > SLIPPED or not is_pinned(found):
+            return
+        for share in shares_of(target, match.cloud, found.T)[0][:MOST_SHARES]:
+            self.graph.connect(share.owner, number, share.T, share.information, is_loop=True)
+            self.graph.link(share.owner, number, found.covariance)
+            self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
+
+
+def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:
+    """The pose ``T`` (4×4), turned until its vertical is the odometry's, of which roll and pitch alone are known."""
+    up = frame.T_odom_base[2, :3]
+    level = T @ exponential(np.append(np.cross(up, T[2, :3]), np.zeros(3)))
+    information = np.zeros((6, 6))
+    information[:3, :3] = (np.eye(3) - np.outer(up, up)) / GRAVITY**2
+    return Prior(level, information)
+
+
+def is_pinned(registration: Registration) -> bool:
+    """Whether surfaces alone, without odometry, tell the position to within ``KNOWN``."""
+    position = np.linalg.inv(registration.information + np.eye(6))[3:, 3:]
+    return bool(np.linalg.eigvalsh(position)[-1] < KNOWN**2)

@@ -1,0 +1,96 @@
+"""How well distances in the map agree with the truth, by tags on the walls, as RoboCup Rescue scores maps.
+
+The robot knows nothing of the tags. They are read in the keyframes' colour images, and go into ``map`` with the
+keyframes' poses at the end.
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.transforms import transform_points
+from sarsim.arenas.fiducials import FAMILY, SIDE
+
+CORNERS = SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
+"""(4, 3) m of the black square as OpenCV numbers them, x right, y up, z at the viewer."""
+NEAR = 1.0
+"""m up to which the corners tell the distance within some millimetres; the depth camera sees from 0.8 m."""
+
+
+def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
+    """The tags in a colour image and where the middle of each is, (3,) m in ``camera_optical``.
+
+    The way to it by the tag's corners, how far by the depth there; where it is too near for the depth camera, by the
+    corners too (Collins and Bartoli 2014). A tag farther away without depth is left out.
+    """
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
+    corners, ids, _ = cv2.aruco.ArucoDetector(FAMILY, parameters).detectMarkers(grey)
+    if ids is None:
+        return []
+    middles = [_middle(found[0], frame) for found in corners]
+    return [(int(tag), middle) for tag, middle in zip(ids.ravel(), middles, strict=True) if middle is not None]
+
+
+def _middle(corners: NDArray[np.float32], frame: Frame) -> NDArray[np.float64] | None:
+    """(3,) m in ``camera_optical`` where the diagonals of (4, 2) pixels cross, whose centres are at integers."""
+    a, b, c, d = np.column_stack([corners.astype(np.float64), np.ones(4)])
+    middle = np.cross(np.cross(a, c), np.cross(b, d))
+    u, v = middle[:2] / middle[2] + 0.5
+    within = cv2.fillConvexPoly(np.zeros(frame.depth.shape, np.uint8), corners.round().astype(np.int32), 1) > 0
+    returns, camera = frame.depth[within & frame.returns], frame.intrinsics
+    ray = np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
+    if returns.size >= within.sum() / 2:
+        return float(np.median(returns)) * ray
+    matrix = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
+    _, _, t = cv2.solvePnP(CORNERS, corners.astype(np.float64), matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    return float(t[2, 0]) * ray if t[2, 0] < NEAR else None
+
+
+class FiducialScore:
+    """Collects where each tag was seen, and compares the distances between them."""
+
+    def __init__(self, T_world_tag: NDArray[np.float64]) -> None:
+        """``T_world_tag``: (N, 4, 4) true poses of the tags 0 to N - 1."""
+        self._true = T_world_tag[:, :3, 3]
+        self._poses: list[NDArray[np.float64]] = []
+        self._seen: list[tuple[int, int, NDArray[np.float64], float]] = []
+
+    def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
+        """Read the tags in the next keyframe, which was taken at a 4×4 pose as far as is known by now."""
+        for tag, middle in read_fiducials(frame) if len(self._true) else ():
+            if tag < len(self._true):
+                in_base = transform_points(frame.T_base_camera, middle[None])[0]
+                self._seen.append((len(self._poses), tag, in_base, float(np.linalg.norm(middle))))
+        self._poses.append(T_map_base)
+
+    def positions(self, T_map_base: Sequence[NDArray[np.float64]] | None = None) -> dict[int, NDArray[np.float64]]:
+        """(3,) m in ``map`` of each tag that was seen: the mean, in which near views count more.
+
+        ``T_map_base``: 4×4 poses of all keyframes so far; by default those at which they were added.
+        """
+        poses = self._poses if T_map_base is None else T_map_base
+        views: dict[int, list[tuple[NDArray[np.float64], float]]] = {}
+        for keyframe, tag, in_base, distance in self._seen:
+            views.setdefault(tag, []).append((transform_points(poses[keyframe], in_base[None])[0], distance**-2))
+        return {tag: np.average([p for p, _ in v], axis=0, weights=[w for _, w in v]) for tag, v in views.items()}
+
+    def report(self, T_map_base: Sequence[NDArray[np.float64]] | None = None) -> dict[str, float]:
+        """How many tags were found and the RMS error of the distances between them; nothing where there are none.
+
+        ``fiducial_error_m`` is missing where fewer than two were found. ``T_map_base`` as for :meth:`positions`.
+        """
+        if not len(self._true):
+            return {}
+        found = self.positions(T_map_base)
+        errors = [
+            np.linalg.norm(found[a] - found[b]) - np.linalg.norm(self._true[a] - self._true[b])
+            for a, b in combinations(found, 2)
+        ]
+        error = {"fiducial_error_m": float(np.sqrt(np.mean(np.square(errors))))} if errors else {}
+        return {"fiducials_found": len(found), **error}

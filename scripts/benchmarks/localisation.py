@@ -1,0 +1,152 @@
+"""Localisation on recorded drives, beside odometry, KISS-ICP and Open3D's RGB-D odometry.
+
+Every method follows the same frames, one after the other, in a process of one thread; its processor time counts.
+"""
+
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from pipeline.errors import InputError
+from sarsim.scripts.benchmarks.common import Result, at_least
+from sarsim.scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
+from sarsim.scripts.benchmarks.exploration_figures import group_figures, reports
+from sarsim.scripts.benchmarks.exploration_table import Rows, groups_in, rich_table, rows_of
+from sarsim.scripts.benchmarks.localisation_drives import DriveJob, record_job
+from sarsim.scripts.benchmarks.localisation_replay import replay_job
+from sarsim.settings import EpisodeConfig, LightingName
+
+OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
+REGISTERING = PEERS[1:]
+NEEDED = ("evo", "kiss_icp")
+"""Packages that come with ``pip install -e '.[dev]'``."""
+ROWS: Mapping[str, str] = {
+    "ATE, m, median": "ate_m.median",
+    "ATE, m, worst": "ate_m.worst",
+    "heading, °, median": "heading_deg.median",
+    "drift, %, median": "drift_percent.median",
+    "error over 1 m, m, median": "rpe_m.median",
+    "error over 1 m, °, median": "rpe_deg.median",
+    "time of a frame, ms": "frame_ms.median",
+}
+"""Of the table, for each method, and the figures in them."""
+
+Results = Sequence[Mapping[str, Any] | None]
+
+
+def measure(
+    nist: int = 10,
+    esogu: int = 1,
+    random: int = 9,
+    raf: Path | None = None,
+    frames: int = 3000,
+    baselines: bool = True,
+    lighting: LightingName = "normal",
+    workers: int | None = None,
+    runs: Path = Path("runs/benchmark-localisation"),
+) -> Result:
+    """Record the drives that are not there yet, of at most so many ``frames`` each, and replay all of them.
+
+    The parameters are explained by ``benchmark.py --help``.
+
+    Raises:
+        InputError: nothing is to be driven, a package is missing, or a folder cannot be had.
+    """
+    at_least(0, nist=nist, esogu=esogu, random=random)
+    at_least(1, frames=frames, workers=workers)
+    if missing := [name for name in NEEDED if find_spec(name) is None]:
+        raise InputError(f"{' and '.join(missing)} is missing: pip install -e '.[dev]'")
+    rafs = sorted(raf.glob("*.raf")) if raf else []
+    if raf and not rafs:
+        raise InputError(f"--raf {raf}: no .raf file is there")
+    base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=lighting)
+    jobs = [DriveJob(group, "ours", config, frames) for group, config in configs(base, nist, esogu, random, rafs)]
+    if not jobs:
+        raise InputError("no arena is to be driven in")
+    drives = dict(zip(jobs, run_jobs(jobs, runs, workers, record_job), strict=True))
+    replayed = _replay(
+        [job for job, drive in drives.items() if drive and "frames" in drive], runs, workers, baselines
+    )
+    details: dict[str, Any] = {
+        "left_out": {job.config.arena: r["left_out"] for job, r in drives.items() if r and "left_out" in r},
+        "failed": [job.name for job in jobs if not drives[job] or (job in replayed and not replayed[job])],
+        "worst": _worst(replayed),
+        "drives": {job.name: result["report"] for job, result in replayed.items() if result},
+    }
+    figures = figures_of(replayed)
+    pictures = tuple(runs / "replays" / f"{name}.png" for name in details["worst"].values())
+    return Result(figures, details, _table(figures, details), pictures)
+
+
+def _replay(jobs: Sequence[Job], runs: Path, workers: int | None, peers: bool) -> dict[Job, dict[str, Any] | None]:
+    """The result of every drive. Earlier ones do not count, for they are of other code."""
+    folder = runs / "replays"
+    for job in jobs:
+        (folder / f"{job.name}.json").unlink(missing_ok=True)
+    names = (*OURS, *(PEERS if peers else ()))
+    return dict(zip(jobs, run_jobs(jobs, folder, workers, replay_job, runs, names), strict=True))
+
+
+def figures_of(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, float]:
+    """Every figure of every group, what holds for all, and the ratios to the peers."""
+    figures: dict[str, float] = {}
+    for group in GROUPS:
+        told = reports([result for job, result in replayed.items() if job.group == group])
+        if not told:
+            continue
+        figures[f"{group}.runs"] = len(told)
+        figures |= {f"{group}.{key}": value for key, value in group_figures(told).items()}
+        for peer in PEERS:
+            if (ate := figures.get(f"{group}.{peer}.ate_m.median")) is not None:
+                figures[f"{group}.{peer}_vs_ours"] = ate / figures[f"{group}.ours.ate_m.median"]
+    return figures | _overall(reports(list(replayed.values())))
+
+
+def _overall(told: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Times, loops and trust of all drives together."""
+    figures: dict[str, float] = {}
+    for key in ("keyframe_ms", "correction_ms", "nees"):
+        if values := [report["ours"][key] for report in told if key in report["ours"]]:
+            figures["nees" if key == "nees" else f"ours.{key}"] = float(np.median(values))
+    for key in ("loops", "false_loops"):
+        if values := [report["ours"][key] for report in told if key in report["ours"]]:
+            figures[key] = float(sum(values))
+    for peer in REGISTERING:
+        both = [r for r in told if peer in r and "keyframe_ms" in r["ours"]]
+        if both:
+            ratios = [r[peer]["frame_ms"] / r["ours"]["keyframe_ms"] for r in both]
+            figures[f"{peer}_vs_ours_time"] = float(np.median(ratios))
+    return figures
+
+
+def _worst(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, str]:
+    """By group the name of the drive on which ours was worst."""
+    worst: dict[str, tuple[float, str]] = {}
+    for job, result in replayed.items():
+        if result:
+            worst[job.group] = max(worst.get(job.group, (0.0, "")), (result["report"]["ours"]["ate_m"], job.name))
+    return {group: name for group, (_, name) in worst.items()}
+
+
+def sections_of(figures: Mapping[str, float]) -> list[Rows]:
+    """Rows for each method and of the ratios."""
+    sections = [rows_of(figures, {"drives": "runs", "way of a drive, m, median": "way_m.median"})]
+    for method in (*OURS, *PEERS):
+        rows = {f"{method.replace('_', ' ')}: {row}": f"{method}.{key}" for row, key in ROWS.items()}
+        sections.append(rows_of(figures, rows))
+    ratios = {f"ATE of {peer.replace('_', ' ')} over ours": f"{peer}_vs_ours" for peer in PEERS}
+    return [*sections, rows_of(figures, ratios)]
+
+
+def _table(figures: Mapping[str, float], details: Mapping[str, Any]) -> Table:
+    """A section for each method; what is of all drives together below."""
+    table = rich_table("localisation", figures, sections_of(figures))
+    told = [f"{name} {value:.4g}" for name, value in figures.items() if name.split(".")[0] not in groups_in(figures)]
+    told += [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
+    told += [f"{name} failed, see its log" for name in details["failed"]]
+    table.caption = "\n".join(told)
+    return table

@@ -1,0 +1,216 @@
+"""Drives for the localisation's benchmark: what the robot saw and how its wheels turned, beside where it truly was.
+
+Decisions are made by the true pose, so that a drive does not depend on what is to be measured with it.
+"""
+
+import json
+import traceback
+from collections.abc import Iterator
+from contextlib import ExitStack, redirect_stderr
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.errors import InputError
+from pipeline.explorer import Explorer
+from pipeline.files import whole_file
+from pipeline.frame import Frame, Intrinsics
+from pipeline.grid_map import Grid
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import inverse
+from sarsim.arenas.load import load_arena
+from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
+from sarsim.dataset.scene_file import MILLIMETRE
+from sarsim.ground_truth.true_surface import Survey, TrueSurface
+from sarsim.robots.pose import Pose
+from sarsim.scripts.benchmarks.episodes import Job
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+SPACING, TURN = 0.1, np.deg2rad(5)
+"""m and rad from one frame to the next."""
+JPEG_QUALITY = 95
+"""Of colour, which noise makes all but incompressible otherwise."""
+_GROUND = ("height", "drivable", "walls")
+"""What a file keeps of the true ground."""
+
+
+@dataclass(frozen=True)
+class DriveJob(Job):
+    """A drive to record.
+
+    Attributes:
+        frames: of the drive, at most.
+    """
+
+    frames: int
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """All that the drive depends on; no network has a part in it."""
+        told = super().settings
+        config = {name: value for name, value in told["config"].items() if name not in ("weights", "detector", "out")}
+        return told | {"config": config, "frames": self.frames}
+
+
+class DriveWriter(ExitStack):
+    """Writes a drive's file, frame by frame."""
+
+    def __init__(self, path: Path, settings: dict[str, Any], surface: TrueSurface):
+        """OSError here or later where the file cannot be written."""
+        super().__init__()
+        self._new = self.enter_context(NewFile(path))
+        self._file = self._new.file
+        self._rows: dict[str, list[Any]] = {"time": [], "T_world_base": [], "T_odom_base": [], "T_base_camera": []}
+        self._file.attrs.update(settings=json.dumps(settings), low=surface.grid.low, cell=surface.grid.cell)
+        for name in _GROUND:
+            self._file.create_dataset(f"ground/{name}", data=getattr(surface, name), **FAST)
+        self.callback(self._write_rows)
+
+    def __len__(self) -> int:
+        return len(self._rows["time"])
+
+    def write(self, frame: Frame, T_world_base: NDArray[np.float64]) -> None:
+        """Add the next frame, taken at that true pose."""
+        self._new.check()
+        if not len(self):
+            self._make_images(frame.intrinsics)
+        index = len(self)
+        for name in ("rgb", "depth"):
+            self._file[name].resize(index + 1, axis=0)
+        bgr = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)
+        self._file["rgb"][index] = cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].ravel()
+        write_noisy(self._file["depth"], index, np.rint(frame.depth / MILLIMETRE).astype(np.uint16))
+        row = (frame.time, T_world_base, frame.T_odom_base, frame.T_base_camera)
+        for column, value in zip(self._rows.values(), row, strict=True):
+            column.append(value)
+
+    def _make_images(self, k: Intrinsics) -> None:
+        shape = (k.height, k.width)
+        self._file["intrinsics"] = [k.fx, k.fy, k.cx, k.cy]
+        self._file.create_dataset("rgb", (0,), h5py.vlen_dtype(np.uint8), maxshape=(None,))
+        filters = FAST | {"shuffle": True, "chunks": (1, *shape), "maxshape": (None, *shape)}
+        self._file.create_dataset("depth", (0, *shape), np.uint16, **filters)
+
+    def _write_rows(self) -> None:
+        for name, values in self._rows.items():
+            self._file[name] = np.array(values)
+
+
+class Drive(ExitStack):
+    """Reads a drive's file; iterating gives its frames, whose ``T_odom_base`` is of wheels and gyro.
+
+    Attributes:
+        settings: of the job that recorded it.
+        time: (N,) s.
+        T_world_base: (N, 4, 4) true poses; ``odom`` and the world's frame coincide at the start.
+        T_odom_base: (N, 4, 4) by wheels and gyro.
+        surface: the true ground.
+    """
+
+    def __init__(self, path: Path):
+        """Open a file.
+
+        Raises:
+            InputError: it is missing or broken.
+        """
+        super().__init__()
+        file = self._file = self.enter_context(open_file(path))
+        try:
+            self.settings: dict[str, Any] = json.loads(file.attrs["settings"])
+            self.time, self.T_world_base = file["time"][:], file["T_world_base"][:]
+            self.T_odom_base, self._T_base_camera = file["T_odom_base"][:], file["T_base_camera"][:]
+            height, drivable, walls = (file[f"ground/{name}"][:] for name in _GROUND)
+            grid = Grid(file.attrs["low"], float(file.attrs["cell"]), height.shape)
+            self.surface = TrueSurface(grid, height, drivable, walls)
+            self._intrinsics = Intrinsics(*file["depth"].shape[:0:-1], *map(float, file["intrinsics"]))
+        except (KeyError, ValueError, OSError, RuntimeError) as error:
+            self.close()
+            raise InputError(f"{path}: not a recorded drive: {' '.join(str(error).split())}") from error
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return map(self.frame, range(len(self)))
+
+    def frame(self, index: int) -> Frame:
+        """One frame, without labels."""
+        bgr: Any = cv2.imdecode(self._file["rgb"][index], cv2.IMREAD_COLOR)
+        return Frame(
+            time=float(self.time[index]),
+            rgb=bgr[..., ::-1].copy(),
+            depth=self._file["depth"][index] * MILLIMETRE,
+            intrinsics=self._intrinsics,
+            T_base_camera=self._T_base_camera[index],
+            T_odom_base=self.T_odom_base[index],
+        )
+
+
+def drive_file(job: Job, folder: Path) -> Path:
+    """Where a job's drive is kept."""
+    return folder / f"{job.name}.h5"
+
+
+def record_job(job: DriveJob, folder: Path) -> None:
+    """Explore by the true pose, and leave a drive in a folder and a JSON file that says it is whole."""
+    with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
+        try:
+            content: dict[str, Any] = {"settings": job.settings}
+            try:
+                content["frames"] = _record(job, drive_file(job, folder))
+            except InputError as error:
+                content["left_out"] = str(error)
+            with whole_file(folder / f"{job.name}.json") as file:
+                file.write_text(json.dumps(content, indent=1) + "\n")
+        except Exception:
+            traceback.print_exc()
+            raise SystemExit(1) from None
+
+
+def _record(job: DriveJob, path: Path) -> int:
+    """The number of frames."""
+    config = job.config
+    simulation = SimulationConfig("truth", config.sensor, config.lighting, config.dust, config.speed)
+    robot = SimulatedRobot(load_arena(config.arena), simulation, config.seed)
+    survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
+    surface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
+    with whole_file(path) as partial, DriveWriter(partial, job.settings, surface) as writer:
+        recorder = _Recorder(robot, writer)
+        robot.on_motion = recorder.watch
+        explorer = Explorer(robot, TruthClassifier(), seed=config.seed)
+        step = explorer.step()
+        recorder.take(step.keyframe.frame)
+        while step.plan is not None and explorer.steps < config.steps and len(writer) < job.frames:
+            explorer.drive(step)
+            step = explorer.step()
+            recorder.take(step.keyframe.frame)
+    robot.close()
+    return len(writer)
+
+
+class _Recorder:
+    """Takes a frame wherever the robot is ``SPACING`` or ``TURN`` from where it took the last one."""
+
+    def __init__(self, robot: SimulatedRobot, writer: DriveWriter):
+        self._robot, self._writer = robot, writer
+        self._last = robot.trajectory[-1]
+
+    def watch(self, pose: Pose) -> None:
+        """Take a frame if it is time to."""
+        moved = inverse(self._last.T_world_base) @ pose.T_world_base
+        turned = Rotation.from_matrix(moved[:3, :3]).magnitude()
+        if np.linalg.norm(moved[:3, 3]) >= SPACING or turned >= TURN:
+            self.take(self._robot.sense())
+
+    def take(self, frame: Frame) -> None:
+        """Keep a frame that was just taken, with the pose by the wheels, unless one of that moment is there."""
+        pose = self._robot.trajectory[-1]
+        if pose.time > self._last.time or not len(self._writer):
+            self._writer.write(replace(frame, T_odom_base=self._robot.T_wheel_base), pose.T_world_base)
+            self._last = pose

@@ -1,0 +1,220 @@
+"""What localises a robot in the localisation's benchmark: ours, and peers that are told the first true pose."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import partial
+from time import process_time
+
+import numpy as np
+import open3d as o3d
+from kiss_icp.config import KISSConfig
+from kiss_icp.config.config import AdaptiveThresholdConfig, DataConfig, MappingConfig, RegistrationConfig
+from kiss_icp.kiss_icp import KissICP
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame, Intrinsics
+from pipeline.localisation.slam import Slam
+from pipeline.transforms import inverse, transform_points
+from sarsim.robots.pioneer3at import PIONEER_3AT
+from sarsim.scripts.benchmarks.localisation_scores import trajectory_scores
+
+STRIDE = 4
+"""Pixels between the points that KISS-ICP is given: they lie closer than the voxels of which it keeps one each."""
+
+LEAST_RETURNS = 0.1
+"""Share of the pixels; with fewer, before a wall that is nearer than the camera sees, the peers lose themselves."""
+STRAYED = 0.1, np.deg2rad(5)
+"""m and rad; where they find themselves farther off the odometry after one frame, they are lost, and it counts."""
+
+KEYFRAME = 0.2, np.deg2rad(10)
+"""m and rad from one of our keyframes to the next."""
+CORRECTED = 20
+"""Keyframes between corrections."""
+
+RgbdImage = o3d.t.geometry.RGBDImage
+
+
+def is_blind(frame: Frame) -> bool:
+    """Whether there is too little in a frame to register it."""
+    return bool(np.mean(frame.returns) < LEAST_RETURNS)
+
+
+class Method(ABC):
+    """Follows a drive frame by frame."""
+
+    @abstractmethod
+    def localise(self, frame: Frame) -> NDArray[np.float64]:
+        """4×4 pose of ``base_link`` in ``map`` when the next frame was taken."""
+
+    def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 4, 4) what the method believes in the end of the poses that it told on the way."""
+        return online
+
+    def report(self, true: NDArray[np.float64], online: NDArray[np.float64]) -> dict[str, float]:
+        """What else there is to say of it, beside (N, 4, 4) true poses and those that it told on the way."""
+        return {}
+
+
+class Ours(Method):
+    """The robot's own localisation; without loops it never corrects what it once believed."""
+
+    def __init__(self, T_map_start: NDArray[np.float64], loops: bool = True):
+        self._slam, self._loops = Slam(), loops
+        self._keyframes: list[int] = []
+        self._last = np.full((4, 4), np.inf)
+        self._frames = 0
+        self._keyframe_s: list[float] = []
+        self._correction_s: list[float] = []
+
+    def localise(self, frame: Frame) -> NDArray[np.float64]:
+        """Localise, make a keyframe of what is far enough from the last one, and correct the poses now and then."""
+        start = process_time()
+        T_map_base = self._slam.localise(frame)
+        if self._is_far(frame):
+            self._slam.add(frame, T_map_base)
+            self._keyframes.append(self._frames)
+            self._last = frame.T_odom_base
+            if not is_blind(frame):
+                self._keyframe_s.append(process_time() - start)
+            if self._loops and len(self._keyframes) % CORRECTED == 0:
+                self._correct()
+        self._frames += 1
+        return T_map_base
+
+    def _is_far(self, frame: Frame) -> bool:
+        if not self._keyframes:
+            return True
+        moved = inverse(self._last) @ frame.T_odom_base
+        turned = np.arccos(np.clip((np.trace(moved[:3, :3]) - 1) / 2, -1, 1))
+        return bool(np.linalg.norm(moved[:3, 3]) >= KEYFRAME[0] or turned >= KEYFRAME[1])
+
+    def _correct(self) -> None:
+        start = process_time()
+        self._slam.optimise()
+        self._correction_s.append(process_time() - start)
+
+    def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Each pose beside its last keyframe, where that is now believed to have been."""
+        if self._loops:
+            self._correct()
+        keyframes = np.array(self._keyframes)
+        last = np.searchsorted(keyframes, np.arange(len(online)), side="right") - 1
+        return (self._slam.poses @ np.linalg.inv(online[keyframes]))[last] @ online
+
+    def report(self, true: NDArray[np.float64], online: NDArray[np.float64]) -> dict[str, float]:
+        """The times of keyframes and corrections, and the error on the way."""
+        report = {
+            "keyframes": float(len(self._keyframes)),
+            "keyframe_ms": 1e3 * float(np.median(self._keyframe_s)),
+            "online_ate_m": trajectory_scores(true, online)["ate_m"],
+        }
+        if self._correction_s:
+            report["correction_ms"] = 1e3 * float(np.median(self._correction_s))
+        return report
+
+
+class Odometry(Method):
+    """Wheels and gyro alone."""
+
+    def __init__(self, T_map_start: NDArray[np.float64]):
+        pass
+
+    def localise(self, frame: Frame) -> NDArray[np.float64]:
+        """As the frame says."""
+        return frame.T_odom_base
+
+
+class Guided(Method):
+    """A peer that corrects what the odometry says of the motion since the last frame, where it can."""
+
+    def __init__(self, T_map_start: NDArray[np.float64]):
+        self._T_map_base = T_map_start
+        self._last: Frame | None = None
+
+    def localise(self, frame: Frame) -> NDArray[np.float64]:
+        """Register the frame, or where it is all but blind leave the motion to the odometry."""
+        last, self._last = self._last, frame
+        guess = self._T_map_base @ inverse(last.T_odom_base) @ frame.T_odom_base if last else self._T_map_base
+        found = guess if is_blind(frame) else self._register(frame, last, guess)
+        E = inverse(guess) @ found
+        is_lost = not (np.linalg.norm(E[:3, 3]) < STRAYED[0] and np.trace(E[:3, :3]) > 1 + 2 * np.cos(STRAYED[1]))
+        self._T_map_base = guess if is_lost else found
+        return self._T_map_base
+
+    @abstractmethod
+    def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
+        """4×4 pose of a frame's ``base_link`` in ``map``, where the last one's is ``_T_map_base``."""
+
+
+class Kiss(Guided):
+    """KISS-ICP (Vizzo et al., RA-L 2023)."""
+
+    VOXEL, POINTS, THRESHOLD = 0.05, 50, 0.01
+
+    def __init__(self, T_map_start: NDArray[np.float64]):
+        super().__init__(T_map_start)
+        near, far = PIONEER_3AT.camera_range
+        config = KISSConfig(
+            data=DataConfig(max_range=1.5 * far, min_range=near / 2, deskew=False),
+            mapping=MappingConfig(voxel_size=self.VOXEL, max_points_per_voxel=self.POINTS),
+            registration=RegistrationConfig(max_num_threads=1),
+            adaptive_threshold=AdaptiveThresholdConfig(fixed_threshold=self.THRESHOLD),
+        )
+        self._kiss = KissICP(config)
+
+    def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
+        """With the local map."""
+        depth, rays = frame.depth[::STRIDE, ::STRIDE], frame.intrinsics.rays[::STRIDE, ::STRIDE]
+        points = transform_points(frame.T_base_camera, rays[depth > 0] * depth[depth > 0, None])
+        self._kiss.last_pose, self._kiss.last_delta = guess, np.eye(4)
+        self._kiss.register_frame(points.astype(np.float64), np.zeros(0))
+        return self._kiss.last_pose
+
+
+class Open3d(Guided):
+    """Open3D's RGB-D odometry (Park, Zhou and Koltun, ICCV 2017), from frame to frame."""
+
+    def __init__(self, T_map_start: NDArray[np.float64]):
+        super().__init__(T_map_start)
+        self._image: tuple[Frame | None, RgbdImage | None] = None, None
+
+    def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
+        """With the last frame, unless that was all but blind."""
+        colour, depth = (o3d.t.geometry.Image(np.ascontiguousarray(image)) for image in (frame.rgb, frame.depth))
+        image = RgbdImage(colour, depth)
+        (seen, target), self._image = self._image, (frame, image)
+        if last is None or seen is not last:
+            return guess
+        T_map_camera = self._T_map_base @ last.T_base_camera
+        T = self._motion(image, target, frame.intrinsics, inverse(T_map_camera) @ guess @ frame.T_base_camera)
+        return T_map_camera @ T @ inverse(frame.T_base_camera)
+
+    def _motion(
+        self, source: RgbdImage, target: RgbdImage | None, k: Intrinsics, guess: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """4×4 pose of the source's camera in the target's; the guess where Open3D finds none."""
+        # Open3D has the centres of pixels at whole numbers.
+        matrix = np.array([[k.fx, 0, k.cx - 0.5], [0, k.fy, k.cy - 0.5], [0, 0, 1]])
+        try:
+            result = o3d.t.pipelines.odometry.rgbd_odometry_multi_scale(
+                source,
+                target,
+                o3d.core.Tensor.from_numpy(matrix),
+                o3d.core.Tensor.from_numpy(guess),
+                depth_scale=1.0,
+                depth_max=PIONEER_3AT.camera_range[1],
+                method=o3d.t.pipelines.odometry.Method.Hybrid,
+            )
+        except RuntimeError:  # too little overlap
+            return guess
+        return result.transformation.numpy()
+
+
+METHODS: dict[str, Callable[[NDArray[np.float64]], Method]] = {
+    "ours": Ours,
+    "ours_without_loops": partial(Ours, loops=False),
+    "odometry": Odometry,
+    "kiss_icp": Kiss,
+    "open3d": Open3d,
+}
+"""Each begins at a 4×4 ``T_map_base``."""

@@ -1,0 +1,80 @@
+"""A recorded drive through every method: its trajectories as TUM files, its scores, its times, and a picture."""
+
+import json
+import traceback
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stderr
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.files import whole_file
+from sarsim.scoring.trajectory import write_tum
+from sarsim.scripts.benchmarks.episodes import Job
+from sarsim.scripts.benchmarks.localisation_drives import Drive, drive_file
+from sarsim.scripts.benchmarks.localisation_methods import METHODS, Method, is_blind
+from sarsim.scripts.benchmarks.localisation_picture import picture_of
+from sarsim.scripts.benchmarks.localisation_scores import evo_ate, trajectory_scores, way_driven
+
+AGREEMENT = 1e-6
+"""m by which our absolute trajectory error may differ from evo's, which reads rounded files."""
+
+
+def replay_job(job: Job, folder: Path, drives: Path, names: Sequence[str]) -> None:
+    """Replay a drive, and leave scores as JSON, trajectories as TUM files, and a picture in a folder."""
+    with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
+        try:
+            with Drive(drive_file(job, drives)) as drive:
+                report = replay(
+                    drive, {name: METHODS[name](drive.T_world_base[0]) for name in names}, folder / job.name
+                )
+            with whole_file(folder / f"{job.name}.json") as file:
+                content = {"settings": job.settings, "report": report}
+                file.write_text(json.dumps(content, indent=1, default=float, allow_nan=False) + "\n")
+        except Exception:
+            traceback.print_exc()
+            raise SystemExit(1) from None
+
+
+def replay(drive: Drive, methods: Mapping[str, Method], stem: Path) -> dict[str, Any]:
+    """Scores of every method by its name; leaves ``<stem>-<name>.tum``, ``<stem>-true.tum`` and ``<stem>.png``.
+
+    Raises:
+        ArithmeticError: our absolute trajectory error is not evo's.
+    """
+    online, seconds = follow(drive, methods)
+    believed = {name: method.corrected(online[name]) for name, method in methods.items()}
+    report: dict[str, Any] = {"frames": len(drive), "way_m": float(way_driven(drive.T_world_base)[-1])}
+    files = {name: stem.with_name(f"{stem.name}-{name}.tum") for name in (*methods, "true")}
+    for name, poses in {"true": drive.T_world_base, **believed}.items():
+        write_tum(files[name], drive.time.tolist(), list(poses))
+    for name, method in methods.items():
+        scores = trajectory_scores(drive.T_world_base, believed[name])
+        if not abs(scores["ate_m"] - evo_ate(files["true"], files[name])) <= AGREEMENT:
+            raise ArithmeticError(f"{name}: ATE {scores['ate_m']} m is not evo's")
+        told = {"frame_ms": 1e3 * float(np.median(seconds[name]))} | method.report(drive.T_world_base, online[name])
+        report[name] = scores | told
+    ways = {"true": drive.T_world_base[:, :3, 3]} | {name: poses[:, :3, 3] for name, poses in believed.items()}
+    text = ", ".join(f"{name.replace('_', ' ')} {report[name]['ate_m']:.3f} m" for name in methods)
+    picture = picture_of(drive.surface, ways, f"{drive.settings['config']['arena']}: {text}")
+    cv2.imwrite(str(stem.with_name(f"{stem.name}.png")), picture[..., ::-1])
+    return report
+
+
+def follow(
+    drive: Drive, methods: Mapping[str, Method]
+) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
+    """By method, (N, 4, 4) poses as told on the way, and s of processor time for each frame that was not blind."""
+    poses: dict[str, list[NDArray[np.float64]]] = {name: [] for name in methods}
+    seconds: dict[str, list[float]] = {name: [] for name in methods}
+    for frame in drive:
+        for name, method in methods.items():
+            start = process_time()
+            poses[name].append(method.localise(frame))
+            if not is_blind(frame):
+                seconds[name].append(process_time() - start)
+    return {n: np.array(p) for n, p in poses.items()}, {n: np.array(s) for n, s in seconds.items()}

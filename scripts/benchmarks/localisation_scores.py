@@ -1,0 +1,106 @@
+"""How far a trajectory is from the true one; nothing is aligned, for ``map`` is the world's frame at the start."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.transforms import inverse, wrap_angles
+
+SECTION = 1.0
+"""m driven over which relative pose errors are taken."""
+FALSE_LOOP = 0.2, np.deg2rad(5)
+"""m and rad; a loop whose relative pose is off by more is false."""
+
+
+def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> dict[str, float]:
+    """Errors of (N, 4, 4) poses of the same moments.
+
+    Absolute: ``ate_m``, root mean square of the distance, ``max_m``, the greatest, and ``heading_deg``, root mean
+    square of the yaw's error. Relative: ``rpe_m`` and ``rpe_deg``, root mean squares over ``SECTION`` (Sturm et al.,
+    IROS 2012). ``drift_percent``: distance at the end over the way driven.
+    """
+    distance = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
+    yaw, believed = (np.arctan2(T[:, 1, 0], T[:, 0, 0]) for T in (true, estimated))
+    way = way_driven(true)
+    scores = {
+        "ate_m": rms(distance),
+        "max_m": float(distance.max()),
+        "heading_deg": float(np.rad2deg(rms(wrap_angles(yaw - believed)))),
+        "drift_percent": float(100 * distance[-1] / way[-1]) if way[-1] else 0.0,
+    }
+    first = np.flatnonzero(way <= way[-1] - SECTION)
+    if len(first):
+        last = np.searchsorted(way, way[first] + SECTION)
+        errors = errors_of(relative(true, first, last), relative(estimated, first, last))
+        scores["rpe_m"] = rms(np.linalg.norm(errors[:, 3:], axis=1))
+        scores["rpe_deg"] = float(np.rad2deg(rms(np.linalg.norm(errors[:, :3], axis=1))))
+    return scores
+
+
+def way_driven(true: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) m driven up to each of (N, 4, 4) poses."""
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)))
+
+
+def relative(poses: NDArray[np.float64], first: NDArray[np.int64], last: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(M, 4, 4) the ``last`` ones of (N, 4, 4) poses in the frames of the ``first`` ones, (M,) indices each."""
+    return np.linalg.inv(poses[first]) @ poses[last]
+
+
+def errors_of(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 6) rad turned, then m moved, from (N, 4, 4) estimates to the truth, in the estimates' frames."""
+    E = np.linalg.inv(estimated) @ true
+    return np.hstack([Rotation.from_matrix(E[:, :3, :3]).as_rotvec(), E[:, :3, 3]])
+
+
+def rms(values: NDArray[np.floating]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float:
+    """Normalised estimation error squared of (N, 6) errors with (N, 6, 6) covariances, per dimension.
+
+    It is 1 where errors are as large as the covariances say; more says that the estimate trusts itself too much
+    (Bar-Shalom, Li and Kirubarajan 2001, 5.4.2).
+    """
+    return float(np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]).mean() / 6)
+
+
+@dataclass(frozen=True, eq=False)
+class LoopEdge:
+    """A loop that a method closed.
+
+    Attributes:
+        first, second: numbers of the frames that it joins.
+        T_first_second: 4×4 the second's robot in the frame of the first's, as registered.
+    """
+
+    first: int
+    second: int
+    T_first_second: NDArray[np.float64]
+
+
+def false_loops(loops: Sequence[LoopEdge], true: NDArray[np.float64]) -> int:
+    """How many loops are off by more than ``FALSE_LOOP`` from (N, 4, 4) true poses."""
+    wrong = 0
+    for loop in loops:
+        E = inverse(loop.T_first_second) @ inverse(true[loop.first]) @ true[loop.second]
+        wrong += bool(
+            np.linalg.norm(E[:3, 3]) > FALSE_LOOP[0] or Rotation.from_matrix(E[:3, :3]).magnitude() > FALSE_LOOP[1]
+        )
+    return wrong
+
+
+def evo_ate(true: Path, estimated: Path) -> float:
+    """Root mean square of the distance in m between two TUM files, by evo's own measure and without alignment."""
+    from evo.core.metrics import APE, PoseRelation, StatisticsType
+    from evo.tools.file_interface import read_tum_trajectory_file
+
+    ape = APE(PoseRelation.translation_part)
+    ape.process_data((read_tum_trajectory_file(true), read_tum_trajectory_file(estimated)))
+    return float(ape.get_statistic(StatisticsType.rmse))

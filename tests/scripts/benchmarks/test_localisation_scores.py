@@ -1,0 +1,108 @@
+"""Errors of trajectories, by hand and beside evo's."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline.transforms import from_rotation, from_yaw
+from sarsim.scoring.trajectory import write_tum
+from sarsim.scripts.benchmarks.localisation_scores import (
+    LoopEdge,
+    errors_of,
+    evo_ate,
+    false_loops,
+    nees,
+    trajectory_scores,
+    way_driven,
+)
+
+
+def line(n=31, yaw=0.0, scale=1.0):
+    """(n, 4, 4) poses every 0.1 m along a line from the origin."""
+    s = 0.1 * scale * np.arange(n)
+    return np.array([from_yaw(d * np.cos(yaw), d * np.sin(yaw), 0, yaw) for d in s])
+
+
+def wandering(seed, n=60):
+    """(n, 4, 4) poses of a body that moves and turns in space."""
+    rng = np.random.default_rng(seed)
+    poses = [np.eye(4)]
+    for _ in range(n - 1):
+        step = from_rotation(Rotation.from_rotvec(0.1 * rng.standard_normal(3)).as_matrix(), rng.normal(0, 0.1, 3))
+        poses.append(poses[-1] @ step)
+    return np.array(poses)
+
+
+def test_a_perfect_trajectory_has_no_error():
+    scores = trajectory_scores(line(), line())
+    assert set(scores) == {"ate_m", "max_m", "heading_deg", "drift_percent", "rpe_m", "rpe_deg"}
+    assert scores == pytest.approx(dict.fromkeys(scores, 0.0), abs=1e-6)
+
+
+def test_an_offset_is_an_absolute_error_and_no_relative_one():
+    moved = line()
+    moved[:, 1, 3] += 0.3
+    scores = trajectory_scores(line(), moved)
+    expected = {"ate_m": 0.3, "max_m": 0.3, "heading_deg": 0, "rpe_m": 0, "rpe_deg": 0, "drift_percent": 10}
+    assert scores == pytest.approx(expected, abs=1e-6)  # 0.3 m after 3 m
+
+
+def test_a_wrong_scale_is_a_relative_error_over_a_metre():
+    scores = trajectory_scores(line(), line(scale=1.02))
+    assert scores["rpe_m"] == pytest.approx(0.02)
+    assert scores["max_m"] == pytest.approx(0.06)
+    assert scores["drift_percent"] == pytest.approx(2)
+
+
+def test_a_wrong_heading_counts_across_the_half_turn():
+    scores = trajectory_scores(line(yaw=np.deg2rad(179)), line(yaw=np.deg2rad(-179)))
+    assert scores["heading_deg"] == pytest.approx(2)
+
+
+def test_a_drive_of_less_than_a_metre_has_no_relative_error():
+    assert "rpe_m" not in trajectory_scores(line(5), line(5))
+
+
+def test_the_way_is_that_of_the_positions():
+    assert way_driven(line(3)) == pytest.approx([0, 0.1, 0.2])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_absolute_error_is_evos(tmp_path, seed):
+    true, estimated = wandering(seed), wandering(seed + 10)
+    times = [0.04 * n for n in range(len(true))]
+    for name, poses in (("true", true), ("estimated", estimated)):
+        write_tum(tmp_path / name, times, list(poses))
+    ate = trajectory_scores(true, estimated)["ate_m"]
+    assert ate > 0.1
+    assert ate == pytest.approx(evo_ate(tmp_path / "true", tmp_path / "estimated"), abs=1e-6)
+
+
+def test_errors_lead_from_the_estimate_to_the_truth():
+    estimated = wandering(1)
+    error = from_rotation(Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix(), [1, 2, 3])
+    assert errors_of(estimated @ error, estimated) == pytest.approx(np.tile([0.1, -0.2, 0.3, 1, 2, 3], (60, 1)))
+
+
+def test_nees_is_one_where_covariances_are_right_and_four_where_errors_are_twice_as_large():
+    rng = np.random.default_rng(0)
+    root = rng.standard_normal((6, 6))
+    errors = rng.standard_normal((20_000, 6)) @ root.T
+    covariances = np.tile(root @ root.T, (len(errors), 1, 1))
+    assert nees(errors, covariances) == pytest.approx(1, abs=0.02)
+    assert nees(2 * errors, covariances) == pytest.approx(4, abs=0.08)
+
+
+@pytest.mark.parametrize(
+    ("off", "is_false"),
+    [
+        (from_yaw(0.19, 0, 0, 0), False),
+        (from_yaw(0.21, 0, 0, 0), True),
+        (from_yaw(0, 0, 0, np.deg2rad(4.9)), False),
+        (from_yaw(0, 0, 0, np.deg2rad(5.1)), True),
+    ],
+)
+def test_a_loop_is_false_beyond_20_cm_or_5_degrees(off, is_false):
+    true = wandering(2)
+    relative = np.linalg.inv(true[3]) @ true[40]
+    assert false_loops([LoopEdge(3, 40, relative @ off)], true) == is_false

@@ -76,5 +76,7 @@ class Frame:
 
     def points(self, T_target_camera: NDArray[np.float64]) -> NDArray[np.float32]:
         """(N, 3) float32 points of all returns, row-major over the image, in the target frame, m."""
-        points = self.intrinsics.rays[self.returns] * self.depth[self.returns, None]
-        return transform_points(T_target_camera, points)
+        with np.errstate(invalid="ignore"):
+            points = (self.intrinsics.rays * self.depth[..., None]).reshape(-1, 3)
+        # Faster than a mask.
+        return transform_points(T_target_camera, points.take(np.flatnonzero(self.returns), axis=0))

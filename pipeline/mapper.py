@@ -303,7 +303,7 @@ class Mapper:
             self._put(k, Assumed(T_base_start, START_RADIUS, START_AHEAD, START_WIDTH))
             self._set_down = None
         dropouts = VoxelCloud.of(find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera), VOXEL)
-        missing = dropouts.points, dropouts.hits.astype(np.uint32)
+        missing = dropouts.points, dropouts.hits
         self._put(k, Seen(observation.points, observation.hits, *missing))
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:

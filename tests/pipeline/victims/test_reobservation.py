@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from pipeline.localisation.correction import Correction
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.transforms import from_yaw
 from pipeline.victims import reobservation as module
 from pipeline.victims.reobservation import HALF_VIEW, LEAST, REWARD, Reobservation
 from pipeline.victims.victim_map import Victims
@@ -131,3 +133,12 @@ def test_the_confirmed_are_left_alone():
     victims.update(step(T, [PERSON]), [detection_of(T, PERSON)], T)
     assert victims.confirmed
     assert reobservation.wanted == []
+
+
+def test_what_the_next_frame_is_aimed_at_follows_a_correction() -> None:
+    victims, reobservation = seen_once(mapped_room())
+    there = place(0.6, 1.1)[0]
+    reobservation.aim(there, float(bearing_to_person(0.6, 1.1)[0]))
+    reobservation.correct(Correction(np.eye(4)[None], from_yaw(2, 0, 0, np.pi / 2)[None]))
+    reobservation.count(step(camera_at(0, 0)))
+    np.testing.assert_allclose(victims.all[0].tried, [(0.9, 0.6, 0)], atol=1e-12)

@@ -19,6 +19,7 @@ from pipeline.localisation.registration import (
     GATES,
     Prior,
     Registration,
+    Share,
     Target,
     cloud_of,
     exponential,
@@ -53,6 +54,8 @@ MOST_SHARES = 6
 """Keyframes that a new one is connected with, those that tell most of it."""
 KNOWN = 0.05
 """m; keyframes known better than this from the newest one make up one map to register with. Others make a loop."""
+FEIGNED = 1e-3
+"""Of the information across surfaces, at most so much does noise in their normals feign along them."""
 LOOP_OVERLAP = 0.5
 """Share of a frame's points that a loop explains, at least."""
 
@@ -241,9 +244,10 @@ class Slam:
         prior = Prior(T, np.diag(np.repeat([deviation / LEVER, deviation], 3) ** -2.0))
         gates = (max(2 * deviation, GATES[0]),) * 4 + GATES
         found = register(target, match.cloud, [prior, by_gravity(T, match.frame)], gates)
-        if found.overlap < LOOP_OVERLAP or found.chi2 > SLIPPED or not is_pinned(found):
+        shares, _ = shares_of(target, match.cloud, found.T)
+        if found.overlap < LOOP_OVERLAP or found.chi2 > SLIPPED or not is_pinned(shares):
             return
-        for share in shares_of(target, match.cloud, found.T)[0][:MOST_SHARES]:
+        for share in shares[:MOST_SHARES]:
             self.graph.connect(share.owner, number, share.T, share.information, is_loop=True)
             self.graph.link(share.owner, number, found.covariance)
             self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
@@ -274,7 +278,8 @@ def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:
     return Prior(level, information)
 
 
-def is_pinned(registration: Registration) -> bool:
+def is_pinned(shares: list[Share]) -> bool:
     """Whether surfaces alone, without odometry, tell the position to within ``KNOWN``."""
-    position = np.linalg.inv(registration.information + np.eye(6))[3:, 3:]
-    return bool(np.linalg.eigvalsh(position)[-1] < KNOWN**2)
+    information = np.sum([share.information for share in shares], axis=0) + np.eye(6)
+    variances = np.linalg.eigvalsh(np.linalg.inv(information)[3:, 3:])
+    return bool(variances[-1] < min(KNOWN**2, variances[0] / FEIGNED))

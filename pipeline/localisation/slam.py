@@ -48,6 +48,8 @@ STOPPED = 0.05
 """m that the robot drives by its odometry while a camera shows the very same, which one with noise never does."""
 JUMP = 1.0
 """m between keyframes; an odometry that says more has jumped, and tells nothing."""
+SINCE_JUMP = (0.5,) * 6 + GATES
+"""m, gates of a registration that begins where the robot was before the odometry jumped."""
 SET_DOWN = np.repeat([0.05, 0.1], 3)
 """rad and m, standard deviations of a pose at which a robot was found again."""
 MOST_SHARES = 6
@@ -170,9 +172,9 @@ class Slam:
         cloud = self._cloud(frame)
         if not len(self.graph) and self._anchor is None:
             return _Match(frame, frame.T_odom_base, cloud=cloud)
-        odometry = self._by_odometry(frame) if self._anchor is None else None
+        odometry, gates = self._by_odometry(frame) if self._anchor is None else None, GATES
         if odometry is not None and np.linalg.norm(odometry.T[:3, 3] - self.poses[-1, :3, 3]) > JUMP:
-            self._anchor, odometry = self.poses[-1], None
+            self._anchor, odometry, gates = self.poses[-1], None, SINCE_JUMP
         first = odometry or Prior(np.asarray(self._anchor), np.diag(SET_DOWN**-2.0))
         priors = [first, by_gravity(first.T, frame)]
         points = cloud.points()[:, :3] if cloud else np.zeros((1, 3))
@@ -180,7 +182,7 @@ class Slam:
         target = self._target(points, T, frame, self._deviations < KNOWN, MARGIN) if cloud else None
         if target is None:
             return _Match(frame, T, odometry, cloud)
-        registration = register(target, cloud, priors)
+        registration = register(target, cloud, priors, gates)
         if odometry is not None and (registration.chi2 > SLIPPED or registration.overlap < POOR):
             prior, slipped = slipped_registration(target, cloud, odometry, self.poses[-1], frame)
             if registration.chi2 > SLIPPED or slipped.overlap > registration.overlap + BETTER:

@@ -5,6 +5,7 @@ and each keyframe joins a pose graph, with what registration says of it as seen 
 comes back to a place that it knows less well than a registration must, a loop is closed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -172,7 +173,8 @@ class Slam:
         cloud = self._cloud(frame)
         if not len(self.graph) and self._anchor is None:
             return _Match(frame, frame.T_odom_base, cloud=cloud)
-        odometry, gates = self._by_odometry(frame) if self._anchor is None else None, GATES
+        odometry = self._by_odometry(frame) if self._anchor is None else None
+        gates: Sequence[float] = GATES
         if odometry is not None and np.linalg.norm(odometry.T[:3, 3] - self.poses[-1, :3, 3]) > JUMP:
             self._anchor, odometry, gates = self.poses[-1], None, SINCE_JUMP
         first = odometry or Prior(np.asarray(self._anchor), np.diag(SET_DOWN**-2.0))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.localisation.agreement import agreement
+from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.localisation.odometry import LostError
 from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Keyframe, Mapper
@@ -86,15 +86,18 @@ class Lookout:
 
     def _agrees(self, frame: Frame) -> bool:
         """Whether a frame shows what the map has where the robot believes to be."""
-        mapper = self._mapper
-        T_map_camera = mapper.localise(frame) @ frame.T_base_camera
-        return not (mapper.localisation.may_err and agreement(frame, T_map_camera, mapper.metric_map).was_carried)
+        return not (self._mapper.localisation.may_err and self._agreement(frame).was_carried)
+
+    def _agreement(self, frame: Frame) -> Agreement:
+        T_map_camera = self._mapper.localise(frame) @ frame.T_base_camera
+        return agreement(frame, T_map_camera, self._mapper.metric_map)
 
     def _find_place(self, frame: Frame) -> Frame:
         """Look around until the robot knows where it is; the newest frame."""
         mapper, relocalisation = self._mapper, Relocalisation(self._robot.model)
-        self._navigator.look = lambda: True
+        self._navigator.look, agreements = lambda: True, []
         for _ in range(LOOKS):
+            agreements.append(self._agreement(frame))
             relocalisation.add(frame)
             T = relocalisation.find(mapper.metric_map, mapper.elevation_map, mapper.localisation.points())
             if T is not None:
@@ -105,4 +108,8 @@ class Lookout:
             if not self._navigator.turn(2 * np.pi / LOOKS):
                 break
             frame = self._robot.sense()
+        if len(agreements) == LOOKS and not Agreement.of(agreements).was_carried:
+            # The map explains all but something new: that was carried, not the robot.
+            self.T_odom_expected, self._navigator.look = frame.T_odom_base, self.look
+            return frame
         raise LostError("the camera shows what the map does not, and no place fits for sure")

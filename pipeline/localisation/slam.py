@@ -31,8 +31,8 @@ FARTHEST = 3.3
 """m of depth; beyond, the sensor's limit cuts off the far half of its noise."""
 STRIDE = 2
 """Pixels; every other row and column is enough for means over ``VOXEL``."""
-LEAST_RETURNS = 300
-"""Of these, below which a frame shows nothing to register."""
+LEAST_RETURNS, LEAST_POINTS = 300, 50
+"""Of these, and of points that they are thinned to, below which a frame shows nothing to register."""
 TURN_SIGMA = 2e-3, 0.01
 """rad, and rad per rad turned: standard deviation of the odometry's rotation between keyframes."""
 WAY_SIGMA = 0.004, 0.03, 0.01
@@ -192,7 +192,8 @@ class Slam:
         if np.count_nonzero(returns) < LEAST_RETURNS:
             return None
         points = frame.intrinsics.rays[::STRIDE, ::STRIDE][returns] * depth[returns, None]
-        return cloud_of(transform_points(frame.T_base_camera, points))
+        cloud = cloud_of(transform_points(frame.T_base_camera, points))
+        return cloud if cloud.size() >= LEAST_POINTS else None
 
     def _target(
         self,

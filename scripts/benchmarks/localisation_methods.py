@@ -156,7 +156,7 @@ class Guided(Method):
 class Kiss(Guided):
     """KISS-ICP (Vizzo et al., RA-L 2023)."""
 
-    VOXEL, POINTS, THRESHOLD = 0.05, 50, 0.01
+    VOXEL, POINTS, THRESHOLD = 0.1, 20, 0.02
 
     def __init__(self, T_map_start: NDArray[np.float64]):
         super().__init__(T_map_start)

@@ -25,7 +25,7 @@ from pipeline.localisation.registration import (
     register,
     shares_of,
 )
-from pipeline.transforms import inverse, transform_points
+from pipeline.transforms import inverse, orthonormal, transform_points
 
 FARTHEST = 3.3
 """m of depth; beyond, the sensor's limit cuts off the far half of its noise."""
@@ -214,7 +214,7 @@ class Slam:
         rotation = TURN_SIGMA[0] + TURN_SIGMA[1] * turn
         slope = float(np.linalg.norm(frame.T_odom_base[2, :2]))
         translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE * slope) * turn
-        return Prior(self.poses[-1] @ delta, np.diag(np.repeat([rotation, translation], 3) ** -2.0))
+        return Prior(orthonormal(self.poses[-1] @ delta), np.diag(np.repeat([rotation, translation], 3) ** -2.0))
 
     def _connect(
         self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration | None

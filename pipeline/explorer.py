@@ -11,6 +11,7 @@ from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.frame import Frame
 from pipeline.localisation.agreement import agreement
+from pipeline.localisation.correction import Correction
 from pipeline.localisation.odometry import Localisation, LostError
 from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Keyframe, Mapper
@@ -79,6 +80,7 @@ class Explorer:
         track: (N, 2) m in ``map``, where the robot has been since it was set down.
         steps: how many were made.
         on_keyframe: called with every keyframe, also those taken while the robot drives.
+        on_correction: called when the maps were made anew with corrected poses of the keyframes.
         T_odom_expected: 4×4 pose where the last step or drive left the robot; None if it was kidnapped.
     """
 
@@ -103,6 +105,7 @@ class Explorer:
         self.navigator = Navigator(robot, look=self._look)
         self.steps = 0
         self.on_keyframe: Callable[[Keyframe], object] = lambda keyframe: None
+        self.on_correction: Callable[[Correction], object] = lambda correction: None
         self.T_odom_expected: NDArray[np.float64] | None = None
         self.track = np.zeros((0, 2))
         self.relocalised = 0
@@ -230,6 +233,7 @@ class Explorer:
             self.mission.exploration.correct(correction)
             self.reobservation.correct(correction)
             self.track = correction.moved(self.track)
+            self.on_correction(correction)
         self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
 
     def _add(self, frame: Frame, labelled: bool) -> Keyframe:

@@ -64,6 +64,7 @@ class Episode:
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
         self.robot.on_motion = self.recorder.log_motion
         self.explorer.on_keyframe = self.score.add_keyframe
+        self.explorer.on_correction = self.recorder.log_correction
         self.lost: str | None = None
         self._wall_start, self._sim_start = perf_counter(), self.robot.time
 

@@ -40,7 +40,7 @@ def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: in
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(maps, _camera(), column_shares=[3.4, 1]),
-            rrb.Horizontal(*_plots(), log, column_shares=[1, 1, 1, 1, 1.5]),
+            rrb.Horizontal(*_plots(), log, column_shares=[1, 1, 1, 1.5]),
             row_shares=[3.2, 1],
         ),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
@@ -83,12 +83,12 @@ def _camera() -> rrb.Vertical:
     )
 
 
-def _plots() -> list[rrb.TimeSeriesView]:
+def _plots() -> list[rrb.TimeSeriesView | rrb.Tabs]:
+    tilt = _plot("Tilt, °", "$origin/roll_deg", "$origin/pitch_deg")
     return [
         _plot("Explored area, m²", "$origin/explored_area_m2"),
-        _plot("Error and corrections, m", "$origin/position_error_m", "$origin/localisation/correction_m"),
-        _plot("Tilt, degrees", "$origin/roll_deg", "$origin/pitch_deg"),
-        _plot("Time per stage, ms", "$origin/time_ms/**", "- $origin/time_ms/navigation"),
+        _plot("Position, m", "$origin/position_error_m", "$origin/localisation/correction_m"),
+        rrb.Tabs(_plot("Time, ms", "$origin/time_ms/**", "- $origin/time_ms/navigation"), tilt, active_tab=0),
     ]
 
 

@@ -28,6 +28,14 @@ def from_rotation(R: ArrayLike, t: ArrayLike) -> NDArray[np.float64]:
     return result
 
 
+def orthonormal(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(..., 4, 4) the transforms with the nearest rotations: products of many grow or shrink by rounding."""
+    result = T.copy()
+    u, _, v = np.linalg.svd(T[..., :3, :3])
+    result[..., :3, :3] = u @ v
+    return result
+
+
 def from_yaw(x: float, y: float, z: float, yaw: float) -> NDArray[np.float64]:
     """The transform of a level body at (x, y, z) m with heading ``yaw`` rad."""
     c, s = np.cos(yaw), np.sin(yaw)

@@ -19,8 +19,10 @@ SHIFT = 0.1
 """m, by which the pose may be off along x and y: 5 cm, and half a voxel."""
 MARGIN = 0.2
 """m of depth that will do besides: the diagonal of a voxel, 0.17, and noise."""
-CARRIED = 0.95
+CARRIED = 0.85
 """Share of what the map knows that it has to explain: at a right pose it explains 0.99, in dust of 0.5, 0.97."""
+CONTRADICTED = 40
+"""Tiles that contradict the map, at least: a twentieth of the image. Fewer may be one edge, or one thin panel."""
 
 
 class Agreement(NamedTuple):
@@ -56,7 +58,7 @@ class Agreement(NamedTuple):
     @property
     def was_carried(self) -> bool:
         """Whether the robot must be elsewhere; what shows nothing known tells nothing."""
-        return self.share < CARRIED
+        return self.share < CARRIED and self.short + self.through >= CONTRADICTED
 
 
 def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap) -> Agreement:

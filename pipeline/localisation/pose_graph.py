@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
+from pipeline.transforms import orthonormal
+
 GRAVITY = np.deg2rad(0.3)
 """rad, standard deviation of a keyframe's roll and pitch by the odometry: the accelerometer's, while it drives."""
 FIXED = 1e-4
@@ -92,4 +94,4 @@ class PoseGraph:
         params.setMaxIterations(10)
         params.setRelativeErrorTol(1e-3)
         result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
-        self.poses = np.array([result.atPose3(k).matrix() for k in range(len(self))])
+        self.poses = orthonormal(np.array([result.atPose3(k).matrix() for k in range(len(self))]))

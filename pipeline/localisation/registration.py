@@ -15,6 +15,8 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
+from pipeline.transforms import orthonormal
+
 VOXEL = 0.05
 """m; clouds are thinned to the mean of the returns of a voxel."""
 NEIGHBOURS = 20
@@ -128,6 +130,7 @@ def register(
             total = total + prior.information
             pull = pull + prior.information @ logarithm(np.linalg.solve(T, prior.T))
         T = T @ exponential(np.linalg.solve(total, pull))
+    T = orthonormal(T)
     offsets = [logarithm(np.linalg.solve(T, prior.T)) for prior in priors]
     chi2 = sum(float(o @ p.information @ o) for o, p in zip(offsets, priors, strict=True))
     overlap = step.num_inliers / source.size()

@@ -25,14 +25,14 @@ from pipeline.localisation.registration import (
     register,
     shares_of,
 )
-from pipeline.transforms import inverse, transform_points
+from pipeline.transforms import inverse, orthonormal, transform_points
 
 FARTHEST = 3.3
 """m of depth; beyond, the sensor's limit cuts off the far half of its noise."""
 STRIDE = 2
 """Pixels; every other row and column is enough for means over ``VOXEL``."""
-LEAST_RETURNS = 300
-"""Of these, below which a frame shows nothing to register."""
+LEAST_RETURNS, LEAST_POINTS = 300, 50
+"""Of these, and of points that they are thinned to, below which a frame shows nothing to register."""
 TURN_SIGMA = 2e-3, 0.01
 """rad, and rad per rad turned: standard deviation of the odometry's rotation between keyframes."""
 WAY_SIGMA = 0.004, 0.03, 0.01
@@ -192,7 +192,8 @@ class Slam:
         if np.count_nonzero(returns) < LEAST_RETURNS:
             return None
         points = frame.intrinsics.rays[::STRIDE, ::STRIDE][returns] * depth[returns, None]
-        return cloud_of(transform_points(frame.T_base_camera, points))
+        cloud = cloud_of(transform_points(frame.T_base_camera, points))
+        return cloud if cloud.size() >= LEAST_POINTS else None
 
     def _target(
         self,
@@ -213,7 +214,7 @@ class Slam:
         rotation = TURN_SIGMA[0] + TURN_SIGMA[1] * turn
         slope = float(np.linalg.norm(frame.T_odom_base[2, :2]))
         translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE * slope) * turn
-        return Prior(self.poses[-1] @ delta, np.diag(np.repeat([rotation, translation], 3) ** -2.0))
+        return Prior(orthonormal(self.poses[-1] @ delta), np.diag(np.repeat([rotation, translation], 3) ** -2.0))
 
     def _connect(
         self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration | None

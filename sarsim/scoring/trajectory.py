@@ -50,21 +50,22 @@ class TrajectoryScore:
         error = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
         heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
         distance = driven(self._trajectory)
-        loops = self._localisation.loops
+        loops, poses = self._localisation.loops, [keyframe.T_world_base for keyframe in self._keyframes]
         return {
             "ate_rmse_m": float(np.sqrt(np.mean(error**2))),
             "heading_rmse_deg": float(np.degrees(np.sqrt(np.mean(np.square(heading))))),
             "drift_percent": float(100 * error[-1] / distance) if distance > 0 else 0.0,
             "keyframes": len(self._keyframes),
             "loops": len(loops),
-            "false_loops": sum(map(self._is_false, loops)),
+            "false_loops": sum(is_false(loop, poses[loop.first], poses[loop.second]) for loop in loops),
         }
 
-    def _is_false(self, loop: Loop) -> bool:
-        first, second = (self._keyframes[k].T_world_base for k in (loop.first, loop.second))
-        off = np.linalg.solve(np.linalg.solve(first, second), loop.T_first_second)
-        turn = Rotation.from_matrix(off[:3, :3]).magnitude()
-        return bool(np.linalg.norm(off[:3, 3]) > FALSE_LOOP[0] or turn > FALSE_LOOP[1])
+
+def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDArray[np.float64]) -> bool:
+    """Whether a loop between keyframes at these true poses, 4×4, is off by more than ``FALSE_LOOP``."""
+    off = np.linalg.solve(np.linalg.solve(T_world_first, T_world_second), loop.T_first_second)
+    turn = Rotation.from_matrix(off[:3, :3]).magnitude()
+    return bool(np.linalg.norm(off[:3, 3]) > FALSE_LOOP[0] or turn > FALSE_LOOP[1])
 
 
 def driven(trajectory: Sequence[Pose]) -> float:

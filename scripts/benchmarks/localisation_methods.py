@@ -11,12 +11,15 @@ from kiss_icp.config import KISSConfig
 from kiss_icp.config.config import AdaptiveThresholdConfig, DataConfig, MappingConfig, RegistrationConfig
 from kiss_icp.kiss_icp import KissICP
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from pipeline.explorer import KEYFRAME_TURN, KEYFRAME_WAY
 from pipeline.frame import Frame, Intrinsics
 from pipeline.localisation.slam import Slam
 from pipeline.transforms import inverse, transform_points
 from sarsim.robots.pioneer3at import PIONEER_3AT
-from sarsim.scripts.benchmarks.localisation_scores import trajectory_scores
+from sarsim.scoring.trajectory import is_false
+from sarsim.scripts.benchmarks.localisation_scores import errors_of, nees, trajectory_scores
 
 STRIDE = 4
 """Pixels between the points that KISS-ICP is given: they lie closer than the voxels of which it keeps one each."""
@@ -26,10 +29,8 @@ LEAST_RETURNS = 0.1
 STRAYED = 0.1, np.deg2rad(5)
 """m and rad; where they find themselves farther off the odometry after one frame, they are lost, and it counts."""
 
-KEYFRAME = 0.2, np.deg2rad(10)
-"""m and rad from one of our keyframes to the next."""
-CORRECTED = 20
-"""Keyframes between corrections."""
+CORRECTED = 3
+"""Keyframes from one of our corrections to the next; as many lie between the steps of an episode."""
 
 RgbdImage = o3d.t.geometry.RGBDImage
 
@@ -56,12 +57,13 @@ class Method(ABC):
 
 
 class Ours(Method):
-    """The robot's own localisation; without loops it never corrects what it once believed."""
+    """The robot's own localisation, with keyframes as the explorer takes them."""
 
     def __init__(self, T_map_start: NDArray[np.float64], loops: bool = True):
-        self._slam, self._loops = Slam(), loops
+        self._slam = Slam(loops)
         self._keyframes: list[int] = []
-        self._last = np.full((4, 4), np.inf)
+        self._last = T_map_start
+        self._covariances: dict[int, NDArray[np.float64]] = {}
         self._frames = 0
         self._keyframe_s: list[float] = []
         self._correction_s: list[float] = []
@@ -70,23 +72,24 @@ class Ours(Method):
         """Localise, make a keyframe of what is far enough from the last one, and correct the poses now and then."""
         start = process_time()
         T_map_base = self._slam.localise(frame)
+        if self._slam.covariance is not None:
+            self._covariances[self._frames] = self._slam.covariance
         if self._is_far(frame):
             self._slam.add(frame, T_map_base)
-            self._keyframes.append(self._frames)
-            self._last = frame.T_odom_base
             if not is_blind(frame):
                 self._keyframe_s.append(process_time() - start)
-            if self._loops and len(self._keyframes) % CORRECTED == 0:
+            self._keyframes.append(self._frames)
+            self._last = frame.T_odom_base
+            if len(self._keyframes) % CORRECTED == 0:
                 self._correct()
         self._frames += 1
         return T_map_base
 
     def _is_far(self, frame: Frame) -> bool:
-        if not self._keyframes:
-            return True
         moved = inverse(self._last) @ frame.T_odom_base
-        turned = np.arccos(np.clip((np.trace(moved[:3, :3]) - 1) / 2, -1, 1))
-        return bool(np.linalg.norm(moved[:3, 3]) >= KEYFRAME[0] or turned >= KEYFRAME[1])
+        turned = Rotation.from_matrix(moved[:3, :3]).magnitude()
+        way = np.linalg.norm(moved[:3, 3])
+        return bool(not self._keyframes or way >= KEYFRAME_WAY or turned >= KEYFRAME_TURN)
 
     def _correct(self) -> None:
         start = process_time()
@@ -95,21 +98,25 @@ class Ours(Method):
 
     def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
         """Each pose beside its last keyframe, where that is now believed to have been."""
-        if self._loops:
-            self._correct()
+        self._correct()
         keyframes = np.array(self._keyframes)
         last = np.searchsorted(keyframes, np.arange(len(online)), side="right") - 1
         return (self._slam.poses @ np.linalg.inv(online[keyframes]))[last] @ online
 
     def report(self, true: NDArray[np.float64], online: NDArray[np.float64]) -> dict[str, float]:
-        """The times of keyframes and corrections, and the error on the way."""
+        """Times of keyframes and corrections, loops, the error on the way, and how far it may be trusted."""
+        poses, loops = true[self._keyframes], self._slam.loops
         report = {
-            "keyframes": float(len(self._keyframes)),
+            "keyframes": float(len(poses)),
             "keyframe_ms": 1e3 * float(np.median(self._keyframe_s)),
+            "correction_ms": 1e3 * float(np.median(self._correction_s)),
             "online_ate_m": trajectory_scores(true, online)["ate_m"],
+            "loops": float(len(loops)),
+            "false_loops": float(sum(is_false(loop, poses[loop.first], poses[loop.second]) for loop in loops)),
         }
-        if self._correction_s:
-            report["correction_ms"] = 1e3 * float(np.median(self._correction_s))
+        if known := list(self._covariances):
+            errors = errors_of(true[known], online[known])
+            report["nees"] = nees(errors, np.array(list(self._covariances.values())))
         return report
 
 
@@ -149,7 +156,7 @@ class Guided(Method):
 class Kiss(Guided):
     """KISS-ICP (Vizzo et al., RA-L 2023)."""
 
-    VOXEL, POINTS, THRESHOLD = 0.05, 50, 0.01
+    VOXEL, POINTS, THRESHOLD = 0.1, 20, 0.02
 
     def __init__(self, T_map_start: NDArray[np.float64]):
         super().__init__(T_map_start)

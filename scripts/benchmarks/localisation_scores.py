@@ -1,19 +1,15 @@
 """How far a trajectory is from the true one; nothing is aligned, for ``map`` is the world's frame at the start."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.transforms import inverse, wrap_angles
+from pipeline.transforms import wrap_angles
 
 SECTION = 1.0
 """m driven over which relative pose errors are taken."""
-FALSE_LOOP = 0.2, np.deg2rad(5)
-"""m and rad; a loop whose relative pose is off by more is false."""
 
 
 def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> dict[str, float]:
@@ -69,31 +65,6 @@ def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float
     (Bar-Shalom, Li and Kirubarajan 2001, 5.4.2).
     """
     return float(np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]).mean() / 6)
-
-
-@dataclass(frozen=True, eq=False)
-class LoopEdge:
-    """A loop that a method closed.
-
-    Attributes:
-        first, second: numbers of the frames that it joins.
-        T_first_second: 4×4 the second's robot in the frame of the first's, as registered.
-    """
-
-    first: int
-    second: int
-    T_first_second: NDArray[np.float64]
-
-
-def false_loops(loops: Sequence[LoopEdge], true: NDArray[np.float64]) -> int:
-    """How many loops are off by more than ``FALSE_LOOP`` from (N, 4, 4) true poses."""
-    wrong = 0
-    for loop in loops:
-        E = inverse(loop.T_first_second) @ inverse(true[loop.first]) @ true[loop.second]
-        wrong += bool(
-            np.linalg.norm(E[:3, 3]) > FALSE_LOOP[0] or Rotation.from_matrix(E[:3, :3]).magnitude() > FALSE_LOOP[1]
-        )
-    return wrong
 
 
 def evo_ate(true: Path, estimated: Path) -> float:

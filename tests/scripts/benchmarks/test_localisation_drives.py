@@ -14,7 +14,7 @@ from sarsim.settings import EpisodeConfig
 SURFACE = TrueSurface(
     Grid(np.array([-3, 2]), 0.05, (4, 3)), np.zeros((4, 3)), np.ones((4, 3), bool), np.eye(4, 3) > 0
 )
-JOB = DriveJob("nist_6x4", "ours", EpisodeConfig(labels="truth", detector=None, steps=2), 12)
+JOB = DriveJob("nist_6x4", "ours", EpisodeConfig(labels="truth", detector=None), 5)
 
 
 def frame_of(n):
@@ -65,7 +65,8 @@ def test_a_recorded_drive_has_the_wheels_poses_beside_the_true_ones(tmp_path):
     record_job(JOB, tmp_path)
     told = JOB.result(tmp_path)
     with Drive(tmp_path / f"{JOB.name}.h5") as drive:
-        assert told["frames"] == len(drive) >= JOB.frames
+        assert told["frames"] == len(drive)
+        assert JOB.frames <= len(drive) < 60  # the drive to the viewpoint under way is finished
         assert (np.diff(drive.time) > 0).all()
         off = np.linalg.norm(drive.T_world_base[:, :3, 3] - drive.T_odom_base[:, :3, 3], axis=1)
         assert off[0] < 0.01
@@ -77,7 +78,7 @@ def test_a_recorded_drive_has_the_wheels_poses_beside_the_true_ones(tmp_path):
 
 
 def test_a_drive_depends_on_its_length_but_on_no_network():
-    longer = DriveJob(JOB.group, JOB.strategy, JOB.config, 13)
+    longer = DriveJob(JOB.group, JOB.strategy, JOB.config, 6)
     assert longer.settings != JOB.settings
     assert not {"weights", "detector"} & set(JOB.settings["config"])
 

@@ -21,6 +21,7 @@ _SCENE = (
 )
 
 _MAPS = "metric_map", "semantic_map", "segments"
+_CORRECTED = *_MAPS, "traversability", "topological_map", "victims"
 
 
 def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0) -> rrb.Blueprint:
@@ -84,11 +85,13 @@ def _camera() -> rrb.Vertical:
 
 
 def _plots() -> list[rrb.TimeSeriesView | rrb.Tabs]:
+    hidden = ["navigation", *(f"correction_{part}" for part in _CORRECTED)]
+    times = _plot("Time, ms", "$origin/time_ms/**", *(f"- $origin/time_ms/{stage}" for stage in hidden))
     tilt = _plot("Tilt, °", "$origin/roll_deg", "$origin/pitch_deg")
     return [
         _plot("Explored area, m²", "$origin/explored_area_m2"),
         _plot("Position, m", "$origin/position_error_m", "$origin/localisation/correction_m"),
-        rrb.Tabs(_plot("Time, ms", "$origin/time_ms/**", "- $origin/time_ms/navigation"), tilt, active_tab=0),
+        rrb.Tabs(times, tilt, active_tab=0),
     ]
 
 

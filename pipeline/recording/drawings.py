@@ -164,9 +164,9 @@ def keyframes(poses: NDArray[np.float64]) -> rr.Arrows3D:
     """(K, 4, 4) poses, an arrow ahead at each."""
     return rr.Arrows3D(
         origins=poses[:, :3, 3] + 1.5 * ABOVE_GROUND,
-        vectors=0.15 * poses[:, :3, 0],
+        vectors=0.12 * poses[:, :3, 0],
         colors=KEYFRAME_COLOUR,
-        radii=0.01,
+        radii=0.006,
         labels=[f"keyframe {k}" for k in range(len(poses))],
         show_labels=False,
     )

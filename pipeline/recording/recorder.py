@@ -57,12 +57,13 @@ class Recorder:
         self._time = 0.0
         self._track = EstimatedTrack()
         self._T_odom_base = np.eye(4)
-        self._correction = 0.0
+        self._times_run: dict[str, int] = {}
         self._moved: tuple[float, float] | None = None
         self._logged_size: dict[str, int] = {}
         self._mapper: Mapper | None = None
         self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
+        self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)
 
     def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
         """Log a step of the explorer, the ``index``-th from 0 on, and the maps after it."""
@@ -109,7 +110,7 @@ class Recorder:
         farthest = f"{100 * ways.max():.1f} cm and {np.rad2deg(turns.max()):.1f}°"
         moved = f"{count} of {len(ways)} keyframes moved by up to {farthest}; the maps were made anew"
         self.log_message("INFO", moved)
-        self._correction = max(self._correction, float(ways.max()))
+        self._log_metrics("localisation/", correction_m=ways.max())
         self._log_robot_pose()
 
     def log_message(self, level: Level, text: str) -> None:
@@ -184,9 +185,7 @@ class Recorder:
         self.log_trajectory(localisation)
         self._log_keyframes(localisation)
         log("world/localisation/loops", drawings.loops(localisation.loops, localisation.poses))
-        counts = {"keyframes": len(localisation.poses), "loops": len(localisation.loops)}
-        self._log_metrics("localisation/", **counts, correction_m=self._correction)
-        self._correction = 0.0
+        self._log_metrics("localisation/", keyframes=len(localisation.poses), loops=len(localisation.loops))
 
     def _log_keyframes(self, localisation: Localisation) -> None:
         if self._has_changed("keyframes", len(localisation.poses), 0.0):
@@ -227,8 +226,10 @@ class Recorder:
         self._log_metrics(explored_area_m2=seen * mapper.elevation_map.grid.cell**2)
         nodes = len(mapper.topological_map.nodes)
         self._log_metrics("map/", segments=len(mapper.segments), nodes=nodes, frontiers=frontiers)
-        times = {stage: 1000 * seconds[-1] for stage, seconds in mapper.stopwatch.seconds.items()}
-        self._log_metrics("time_ms/", **times)
+        for stage, seconds in mapper.stopwatch.seconds.items():
+            if len(seconds) > self._times_run.get(stage, 0):
+                self._log_metrics("time_ms/", **{stage: 1000 * seconds[-1]})
+            self._times_run[stage] = len(seconds)
 
     def _log_metrics(self, group: str = "", /, **values: float) -> None:
         for name, value in values.items():

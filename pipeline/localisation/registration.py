@@ -23,7 +23,7 @@ NEIGHBOURS = 20
 """Of a point, from which the direction of its surface is estimated."""
 GATES = (0.2, 0.2, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1)
 """m, greatest distance of corresponding points, step by step."""
-WEIGHT = 3.0
+WEIGHT = 1.0
 """Information over that of small_gicp, whose points on a surface stray by 3 cm; ours less, but not each on its own.
 By the normalised estimation error squared of drives with known poses."""
 TANGENTIAL = 0.5

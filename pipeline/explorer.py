@@ -9,33 +9,22 @@ from numpy.typing import NDArray
 
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
-from pipeline.frame import Frame
-from pipeline.localisation.agreement import agreement
 from pipeline.localisation.correction import Correction
-from pipeline.localisation.odometry import Localisation, LostError
-from pipeline.localisation.relocalisation import Relocalisation
+from pipeline.localisation.odometry import Localisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.mission import Mission
+from pipeline.navigation.lookout import KIDNAPPED, Lookout
 from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.navigation.recovery import backtrack, escape, touched
 from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier
-from pipeline.transforms import inverse
 from pipeline.traversability.shortest_paths import ShortestPaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.victims.detection.detection import Detector
 from pipeline.victims.reobservation import Reobservation
 
-KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
-"""m and rad that the robot drives or turns from one keyframe to the next."""
-LABELLED = 2
-"""Of so many keyframes that are taken while the robot drives one is labelled: the network takes longest of all."""
-LOOKS = 8
-"""Frames that a robot takes around itself when it does not know where it is."""
-KIDNAPPED = 0.3
-"""m; a robot that is elsewhere by this without having driven was carried there."""
 PATIENCE = 6
 """Failed drives since one last brought the robot further than ``KIDNAPPED``, after which it stays."""
 
@@ -76,12 +65,10 @@ class Explorer:
         mapper: all maps.
         mission: what to do next.
         navigator: drives.
-        relocalised: how often the robot found its place again after it was carried.
+        lookout: looks around meanwhile.
         track: (N, 2) m in ``map``, where the robot has been since it was set down.
         steps: how many were made.
-        on_keyframe: called with every keyframe, also those taken while the robot drives.
         on_correction: called when the maps were made anew with corrected poses of the keyframes.
-        T_odom_expected: 4×4 pose where the last step or drive left the robot; None if it was kidnapped.
     """
 
     def __init__(
@@ -102,25 +89,21 @@ class Explorer:
         exploration = Exploration(robot.model)
         exploration.rewards = self.reobservation
         self.mission = Mission(exploration, self.mapper.topological_map)
-        self.navigator = Navigator(robot, look=self._look)
+        self.navigator = Navigator(robot)
+        self.lookout = Lookout(self.navigator, self.mapper)
         self.steps = 0
-        self.on_keyframe: Callable[[Keyframe], object] = lambda keyframe: None
         self.on_correction: Callable[[Correction], object] = lambda correction: None
-        self.T_odom_expected: NDArray[np.float64] | None = None
         self.track = np.zeros((0, 2))
-        self.relocalised = 0
         self._failed_drives = 0
-        self._T_odom_keyframe = np.eye(4)
 
     def step(self) -> Step:
         """Sense, localise, map, decide where to go next and plan the way there."""
         self.settle()
-        with self.mapper.stopwatch("sense"):
-            frame = self.robot.sense()
-        if not self._agrees(frame):
-            frame = self._find_place(frame)
-        was_kidnapped = self._notice_kidnapping(frame)
-        keyframe = self._add(frame, labelled=True)
+        frame = self.lookout.sense()
+        if was_set_down := self.lookout.was_set_down(frame):
+            self.track = np.zeros((0, 2))
+        was_kidnapped = was_set_down and self.steps > 0
+        keyframe = self.lookout.add(frame, labelled=True)
         self.steps += 1
         self.reobservation.count(frame)
         with self.mapper.stopwatch("exploration"):
@@ -140,19 +123,19 @@ class Explorer:
         if step.viewpoint is None or step.plan is None:
             return False
         T_map_start, viewpoint = step.keyframe.T_map_base, step.viewpoint
-        check = ObstacleCheck(self._returns, step.traversability)
+        check = ObstacleCheck(self.lookout.returns, step.traversability)
         with self.mapper.stopwatch("navigation"):
             reached = self.navigator.follow(
                 step.plan.way_points,
                 viewpoint.heading if viewpoint.turn else None,
-                self._backs_up(step, step.plan),
+                backs_up(step, step.plan),
                 T_map_start[:2, 3],
                 check.is_clear,
             )
         T_map_base = self.navigator.T_map_base
         was_kidnapped = self.navigator.legs[-1].outcome is Outcome.MOVED
         assert self.navigator.motion is not None
-        self.T_odom_expected = None if was_kidnapped else self.navigator.motion.T_odom_base
+        self.lookout.T_odom_expected = None if was_kidnapped else self.navigator.motion.T_odom_base
         came_away = np.linalg.norm(T_map_base[:2, 3] - T_map_start[:2, 3]) > KIDNAPPED
         self._failed_drives = 0 if came_away else self._failed_drives + (not reached)
         self._learn_from_drive(check.obstacles)
@@ -211,13 +194,6 @@ class Explorer:
             plan = plan.after(traversability.on_ground(approach), here)
         return plan
 
-    def _backs_up(self, step: Step, plan: PathPlan) -> bool | None:
-        """Whether to drive the last leg backwards; None, either will do, where the robot could not turn before it."""
-        traversability = step.traversability
-        start = np.vstack([step.keyframe.T_map_base[:3, 3], plan.way_points])[-2]
-        can_turn = traversability.grid.at(traversability.can_turn, start)
-        return step.viewpoint.backwards if step.viewpoint is not None and can_turn else None
-
     def _learn_from_drive(self, obstacles: NDArray[np.float32]) -> None:
         """Tell the mapper what stood in the way (N, 3), where the robot was and what it touched."""
         track = np.array(self.navigator.track).reshape(-1, 2)
@@ -236,62 +212,10 @@ class Explorer:
             self.on_correction(correction)
         self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
 
-    def _add(self, frame: Frame, labelled: bool) -> Keyframe:
-        keyframe = self.mapper.add(frame, self.mapper.localise(frame), labelled)
-        self._T_odom_keyframe = frame.T_odom_base
-        self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
-        self.on_keyframe(keyframe)
-        return keyframe
 
-    def _agrees(self, frame: Frame) -> bool:
-        """Whether a frame shows what the map has where the robot believes to be."""
-        mapper = self.mapper
-        T_map_camera = mapper.localise(frame) @ frame.T_base_camera
-        return not (mapper.localisation.may_err and agreement(frame, T_map_camera, mapper.metric_map).was_carried)
-
-    def _find_place(self, frame: Frame) -> Frame:
-        """Look around until the robot knows where it is; the newest frame.
-
-        Raises:
-            LostError: it remains in doubt.
-        """
-        mapper, relocalisation = self.mapper, Relocalisation(self.robot.model)
-        self.navigator.look = lambda: True
-        for _ in range(LOOKS):
-            relocalisation.add(frame)
-            T = relocalisation.find(mapper.metric_map, mapper.elevation_map, mapper.localisation.points())
-            if T is not None:
-                mapper.localisation.set_down(T)
-                self.relocalised += 1
-                self.T_odom_expected, self.navigator.look = None, self._look
-                return frame
-            if not self.navigator.turn(2 * np.pi / LOOKS):
-                break
-            frame = self.robot.sense()
-        raise LostError("the camera shows what the map does not, and no place fits for sure")
-
-    def _look(self) -> bool:
-        """Take a keyframe if the robot has come far enough; False if it is not where it believes to be."""
-        assert self.navigator.motion is not None
-        motion = inverse(self._T_odom_keyframe) @ self.navigator.motion.T_odom_base
-        turn = np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1))
-        if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or turn >= KEYFRAME_TURN:
-            frame = self.robot.sense()
-            if not self._agrees(frame):
-                return False
-            self._add(frame, labelled=self.mapper.keyframes % LABELLED == 0)
-        return True
-
-    def _returns(self) -> NDArray[np.float32]:
-        """(N, 3) the returns that the camera has now, of a keyframe, m in ``map``."""
-        frame: Frame = self.robot.sense()
-        return frame.points(self._add(frame, labelled=False).T_map_base @ frame.T_base_camera)
-
-    def _notice_kidnapping(self, frame: Frame) -> bool:
-        """Whether the robot is elsewhere than it drove; the ground is assumed flat wherever it is set down."""
-        last, self.T_odom_expected = self.T_odom_expected, frame.T_odom_base
-        set_down = last is None or bool(np.linalg.norm(frame.T_odom_base[:3, 3] - last[:3, 3]) > KIDNAPPED)
-        if set_down:
-            self.track = np.zeros((0, 2))
-            self.mapper.assume_ground(self.mapper.localise(frame))
-        return set_down and self.steps > 0
+def backs_up(step: Step, plan: PathPlan) -> bool | None:
+    """Whether to drive the last leg backwards; None, either will do, where the robot cannot turn before it."""
+    traversability = step.traversability
+    start = np.vstack([step.keyframe.T_map_base[:3, 3], plan.way_points])[-2]
+    can_turn = traversability.grid.at(traversability.can_turn, start)
+    return step.viewpoint.backwards if step.viewpoint is not None and can_turn else None

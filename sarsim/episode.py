@@ -63,7 +63,7 @@ class Episode:
         self.rescue_report = RescueReport(self.explorer)
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
         self.robot.on_motion = self.recorder.log_motion
-        self.explorer.on_keyframe = self.score.add_keyframe
+        self.explorer.lookout.on_keyframe = self.score.add_keyframe
         self.explorer.on_correction = self.recorder.log_correction
         self.lost: str | None = None
         self._wall_start, self._sim_start = perf_counter(), self.robot.time
@@ -105,7 +105,7 @@ class Episode:
 
     def step(self) -> bool:
         """One step of the robot: sense, map, plan, drive; False when there is nowhere to drive to."""
-        relocalised = self.explorer.relocalised
+        relocalised = self.explorer.lookout.relocalised
         step = self.explorer.step()
         self.score.add(step)
         self.rescue_report.add(step)
@@ -114,7 +114,7 @@ class Episode:
         if step.was_kidnapped:
             how = (
                 "looked around and found itself"
-                if self.explorer.relocalised > relocalised
+                if self.explorer.lookout.relocalised > relocalised
                 else "was kidnapped and set down"
             )
             self.recorder.log_message("WARN", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")

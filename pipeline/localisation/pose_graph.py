@@ -32,7 +32,7 @@ class PoseGraph:
         self.poses = np.zeros((0, 4, 4))
         self._factors = gtsam.NonlinearFactorGraph()
         self._ups: list[NDArray[np.float64]] = []
-        self._links: list[tuple[int, int, float]] = []
+        self._links: dict[tuple[int, int], float] = {}
 
     def __len__(self) -> int:
         """Number of keyframes."""
@@ -70,14 +70,14 @@ class PoseGraph:
         self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
 
     def link(self, i: int, j: int, covariance: NDArray[np.float64]) -> None:
-        """Remember the (6, 6) covariance that keyframe j has as seen from i, all constraints together."""
+        """Remember the (6, 6) covariance that keyframe j has as seen from i; of several the best one counts."""
         variance = np.trace(covariance[3:, 3:]) + LEVER**2 * np.linalg.eigvalsh(covariance[:3, :3])[-1]
-        self._links.append((i, j, float(variance)))
+        self._links[i, j] = min(float(variance), self._links.get((i, j), np.inf))
 
     def deviations(self) -> NDArray[np.float64]:
         """(K,) m, how well each keyframe's place is known from the newest one: by the best chain of links."""
-        i, j, variance = zip(*self._links, strict=True) if self._links else ((), (), ())
-        links = coo_array((variance, (i, j)), shape=(len(self), len(self))).tocsr()
+        ends = np.array(list(self._links), np.int64).reshape(-1, 2).T
+        links = coo_array((list(self._links.values()), tuple(ends)), shape=(len(self), len(self))).tocsr()
         return np.sqrt(dijkstra(links, directed=False, indices=len(self) - 1))
 
     def optimise(self) -> None:

@@ -99,7 +99,7 @@ def cloud_of(points: NDArray) -> small_gicp.PointCloud:
     return cloud
 
 
-def logarithm(T: NDArray[np.float64]) -> NDArray[np.float64]:
+def logarithm(T: NDArray[np.floating]) -> NDArray[np.float64]:
     """(6,) the tangent of a 4×4 transform."""
     return np.asarray(gtsam.Pose3.Logmap(gtsam.Pose3(T)))
 

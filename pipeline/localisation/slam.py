@@ -5,6 +5,7 @@ and each keyframe joins a pose graph, with what registration says of it as seen 
 comes back to a place that it knows less well than a registration must, a loop is closed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from pipeline.localisation.registration import (
     GATES,
     Prior,
     Registration,
+    Share,
     Target,
     cloud_of,
     exponential,
@@ -47,12 +49,16 @@ STOPPED = 0.05
 """m that the robot drives by its odometry while a camera shows the very same, which one with noise never does."""
 JUMP = 1.0
 """m between keyframes; an odometry that says more has jumped, and tells nothing."""
+SINCE_JUMP = (0.5,) * 6 + GATES
+"""m, gates of a registration that begins where the robot was before the odometry jumped."""
 SET_DOWN = np.repeat([0.05, 0.1], 3)
 """rad and m, standard deviations of a pose at which a robot was found again."""
 MOST_SHARES = 6
 """Keyframes that a new one is connected with, those that tell most of it."""
 KNOWN = 0.05
 """m; keyframes known better than this from the newest one make up one map to register with. Others make a loop."""
+FEIGNED = 1e-3
+"""Of the information across surfaces, at most so much does noise in their normals feign along them."""
 LOOP_OVERLAP = 0.5
 """Share of a frame's points that a loop explains, at least."""
 
@@ -168,8 +174,9 @@ class Slam:
         if not len(self.graph) and self._anchor is None:
             return _Match(frame, frame.T_odom_base, cloud=cloud)
         odometry = self._by_odometry(frame) if self._anchor is None else None
+        gates: Sequence[float] = GATES
         if odometry is not None and np.linalg.norm(odometry.T[:3, 3] - self.poses[-1, :3, 3]) > JUMP:
-            self._anchor, odometry = self.poses[-1], None
+            self._anchor, odometry, gates = self.poses[-1], None, SINCE_JUMP
         first = odometry or Prior(np.asarray(self._anchor), np.diag(SET_DOWN**-2.0))
         priors = [first, by_gravity(first.T, frame)]
         points = cloud.points()[:, :3] if cloud else np.zeros((1, 3))
@@ -177,7 +184,7 @@ class Slam:
         target = self._target(points, T, frame, self._deviations < KNOWN, MARGIN) if cloud else None
         if target is None:
             return _Match(frame, T, odometry, cloud)
-        registration = register(target, cloud, priors)
+        registration = register(target, cloud, priors, gates)
         if odometry is not None and (registration.chi2 > SLIPPED or registration.overlap < POOR):
             prior, slipped = slipped_registration(target, cloud, odometry, self.poses[-1], frame)
             if registration.chi2 > SLIPPED or slipped.overlap > registration.overlap + BETTER:
@@ -242,9 +249,10 @@ class Slam:
         prior = Prior(T, np.diag(np.repeat([deviation / LEVER, deviation], 3) ** -2.0))
         gates = (max(2 * deviation, GATES[0]),) * 4 + GATES
         found = register(target, match.cloud, [prior, by_gravity(T, match.frame)], gates)
-        if found.overlap < LOOP_OVERLAP or found.chi2 > SLIPPED or not is_pinned(found):
+        shares, _ = shares_of(target, match.cloud, found.T)
+        if found.overlap < LOOP_OVERLAP or found.chi2 > SLIPPED or not is_pinned(shares):
             return
-        for share in shares_of(target, match.cloud, found.T)[0][:MOST_SHARES]:
+        for share in shares[:MOST_SHARES]:
             self.graph.connect(share.owner, number, share.T, share.information, is_loop=True)
             self.graph.link(share.owner, number, found.covariance)
             self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
@@ -275,7 +283,8 @@ def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:
     return Prior(level, information)
 
 
-def is_pinned(registration: Registration) -> bool:
+def is_pinned(shares: list[Share]) -> bool:
     """Whether surfaces alone, without odometry, tell the position to within ``KNOWN``."""
-    position = np.linalg.inv(registration.information + np.eye(6))[3:, 3:]
-    return bool(np.linalg.eigvalsh(position)[-1] < KNOWN**2)
+    information = np.sum([share.information for share in shares], axis=0) + np.eye(6)
+    variances = np.linalg.eigvalsh(np.linalg.inv(information)[3:, 3:])
+    return bool(variances[-1] < min(KNOWN**2, variances[0] / FEIGNED))

@@ -99,7 +99,7 @@ class EpisodeScore:
             "navigation": self._navigation(),
             "exploration": self._exploration(),
             "localisation": self.trajectory.report()
-            | {"relocalised": explorer.relocalised}
+            | {"relocalised": explorer.lookout.relocalised}
             | self.fiducials.report(list(explorer.mapper.poses)),
             **({"victims": self.victims.report(self._confirmed)} if explorer.mapper.detector else {}),
         }

@@ -54,10 +54,10 @@ def pose(x, y, z, yaw, down=0.0):
     return T
 
 
-def look(faces, T_map_camera, sigma=0.0, seed=0, reach=RANGE):
+def look(faces, T_map_camera, sigma=0.0, seed=0, reach=RANGE, camera=CAMERA):
     """The frame that a camera sees, with depth noise of ``sigma`` m; ``instance`` is the face's index."""
     origin = T_map_camera[:3, 3]
-    rays = CAMERA.rays.reshape(-1, 3).astype(float) @ T_map_camera[:3, :3].T
+    rays = camera.rays.reshape(-1, 3).astype(float) @ T_map_camera[:3, :3].T
     depth = np.full(len(rays), np.inf)
     face_of_ray = np.full(len(rays), -1, np.int32)
     for index, face in enumerate(faces):
@@ -72,12 +72,12 @@ def look(faces, T_map_camera, sigma=0.0, seed=0, reach=RANGE):
     depth += np.random.default_rng(seed).normal(0, sigma, depth.shape) if sigma else 0
     depth[~((depth >= reach[0]) & (depth <= reach[1]))] = 0
     labels = np.array([face.label for face in faces] + [Label.UNLABELLED], np.uint8)[face_of_ray]
-    shape = (CAMERA.height, CAMERA.width)
+    shape = (camera.height, camera.width)
     return Frame(
         time=0.0,
         rgb=np.zeros((*shape, 3), np.uint8),
         depth=depth.reshape(shape).astype(np.float32),
-        intrinsics=CAMERA,
+        intrinsics=camera,
         T_base_camera=np.eye(4),
         T_odom_base=T_map_camera,
         label=labels.reshape(shape),

@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pipeline.transforms import from_rotation, from_yaw
+from pipeline.localisation.odometry import Loop, OdometryLocalisation
+from pipeline.transforms import from_rotation, from_yaw, inverse
 from sarsim.robots.pose import Pose
-from sarsim.scoring.trajectory import driven, greatest_tilt, score_localisation, times_tipped, write_tum
+from sarsim.scoring.trajectory import TrajectoryScore, driven, greatest_tilt, times_tipped, write_tum
 
 
 def straight(length, drift=0.0):
@@ -12,14 +15,75 @@ def straight(length, drift=0.0):
     return [Pose(t, from_yaw(x, 0, 0, 0), from_yaw(x, drift * x, 0, 0)) for t, x in enumerate(xs)]
 
 
+def scored(trajectory, keyframes=(), poses=(), loops=()):
+    """The score of a trajectory of which some poses, by index, are keyframes, believed to be at ``poses``."""
+    localisation, grown = OdometryLocalisation(), []
+    score = TrajectoryScore(localisation, grown)
+    for n, pose in enumerate(trajectory):
+        grown.append(pose)
+        if n in keyframes:
+            score.add()
+    if len(poses):
+        localisation.poses = np.array(poses)
+    localisation.loops.extend(loops)
+    return score
+
+
 def test_truth_has_no_error():
-    assert score_localisation(straight(2.0)) == {"ate_rmse_m": 0, "drift_percent": 0}
+    report = scored(straight(2.0)).report()
+    nothing = ("keyframes", "loops", "false_loops")
+    assert report == {"ate_rmse_m": 0, "heading_rmse_deg": 0, "drift_percent": 0} | dict.fromkeys(nothing, 0)
 
 
 def test_drift_is_the_error_at_the_end_over_the_way():
-    score = score_localisation(straight(2.0, drift=0.05))
-    assert score["drift_percent"] == pytest.approx(5.0)
-    assert score["ate_rmse_m"] == pytest.approx(0.1 / np.sqrt(3), rel=0.02)
+    report = scored(straight(2.0, drift=0.05)).report()
+    assert report["drift_percent"] == pytest.approx(5.0)
+    assert report["ate_rmse_m"] == pytest.approx(0.1 / np.sqrt(3), rel=0.02)
+
+
+def test_errors_of_heading_are_those_the_short_way_around():
+    trajectory = [Pose(0, from_yaw(0, 0, 0, np.pi - 0.05), from_yaw(0, 0, 0, -np.pi + 0.05))]
+    report = scored(trajectory).report()
+    assert report["heading_rmse_deg"] == pytest.approx(np.degrees(0.1))
+    assert report["drift_percent"] == 0  # of a robot that did not drive
+
+
+def test_where_it_believes_to_have_been_is_the_keyframe_before_and_the_odometry_since():
+    trajectory = straight(2.0, drift=0.05)
+    keyframes = 10, 60
+    poses = [from_yaw(0.2, 1.0, 0, 0), from_yaw(1.2, 0.0, 0, np.pi / 2)]
+    estimated = scored(trajectory, keyframes, poses).estimated()
+    np.testing.assert_allclose(estimated[0][:2, 3], (0.0, 0.99))  # before the first keyframe: back from that one
+    np.testing.assert_allclose(estimated[10], poses[0])
+    np.testing.assert_allclose(estimated[59][:2, 3], (1.18, 1.049))
+    np.testing.assert_allclose(estimated[60], poses[1])
+    np.testing.assert_allclose(estimated[100][:2, 3], (1.2 - 0.04, 0.8))  # its y is now the odometry's x
+
+
+@given(st.sets(st.integers(0, 100), min_size=1, max_size=8), st.floats(-3, 3), st.floats(-3, 3))
+def test_keyframes_at_the_odometrys_poses_change_nothing(keyframes, x, yaw):
+    trajectory = straight(2.0, drift=0.05)
+    T = from_yaw(x, 1, 0, yaw)
+    score = scored(trajectory, keyframes, [T @ trajectory[n].T_odom_base for n in sorted(keyframes)])
+    np.testing.assert_allclose(score.estimated(), [T @ pose.T_odom_base for pose in trajectory], atol=1e-12)
+    assert score.report()["keyframes"] == len(keyframes)
+
+
+@pytest.mark.parametrize(
+    ("off", "is_false"),
+    [
+        (from_yaw(0.19, 0, 0, 0), False),
+        (from_yaw(0, 0.15, 0.15, 0), True),
+        (from_yaw(0, 0, 0, np.deg2rad(-4.9)), False),
+        (from_yaw(0, 0, 0, np.deg2rad(5.1)), True),
+    ],
+)
+def test_a_loop_is_false_whose_relative_pose_is_off(off, is_false):
+    trajectory = [Pose(t, from_yaw(t, 1, 0, 0.5 * t), np.eye(4)) for t in range(4)]
+    true = inverse(trajectory[1].T_world_base) @ trajectory[3].T_world_base
+    loops = [Loop(0, 1, true @ off), Loop(0, 1, true)]
+    report = scored(trajectory, (1, 3), [pose.T_world_base for pose in trajectory[1::2]], loops).report()
+    assert (report["loops"], report["false_loops"]) == (2, is_false)
 
 
 def test_distance_is_the_length_of_the_way():

@@ -1,0 +1,115 @@
+"""What a robot looks at while it drives and when it stands: keyframes, and whether it is where it believes to be."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.localisation.agreement import Agreement, agreement
+from pipeline.localisation.odometry import LostError
+from pipeline.localisation.relocalisation import Relocalisation
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.navigation.navigator import Navigator
+from pipeline.transforms import inverse
+
+KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
+"""m and rad that the robot drives or turns from one keyframe to the next."""
+LABELLED = 2
+"""Of so many keyframes that are taken while the robot drives one is labelled: the network takes longest of all."""
+LOOKS = 8
+"""Frames that a robot takes around itself when it does not know where it is."""
+KIDNAPPED = 0.3
+"""m; a robot that is elsewhere by this without having driven was carried there."""
+
+
+class Lookout:
+    """The eyes of a robot that drives: it makes keyframes for the mapper and tells the navigator where the robot is.
+
+    Attributes:
+        on_keyframe: called with every keyframe, also those taken while the robot drives.
+        relocalised: how often the robot found its place again after it was carried.
+        T_odom_expected: 4×4 pose where the last step or drive left the robot; None if it was kidnapped.
+    """
+
+    def __init__(self, navigator: Navigator, mapper: Mapper) -> None:
+        """From now on the navigator's robot looks around while it drives."""
+        self.on_keyframe: Callable[[Keyframe], object] = lambda keyframe: None
+        self.relocalised = 0
+        self.T_odom_expected: NDArray[np.float64] | None = None
+        self._navigator, self._robot, self._mapper = navigator, navigator.robot, mapper
+        self._T_odom_keyframe = np.eye(4)
+        navigator.look = self.look
+
+    def sense(self) -> Frame:
+        """What the camera sees, after as much looking around as the robot needs to know where it is.
+
+        Raises:
+            LostError: it remains in doubt.
+        """
+        with self._mapper.stopwatch("sense"):
+            frame = self._robot.sense()
+        return frame if self._agrees(frame) else self._find_place(frame)
+
+    def was_set_down(self, frame: Frame) -> bool:
+        """Whether the robot is elsewhere than it drove, or begins; the ground there is assumed flat."""
+        last, self.T_odom_expected = self.T_odom_expected, frame.T_odom_base
+        is_elsewhere = last is None or bool(np.linalg.norm(frame.T_odom_base[:3, 3] - last[:3, 3]) > KIDNAPPED)
+        if is_elsewhere:
+            self._mapper.assume_ground(self._mapper.localise(frame))
+        return is_elsewhere
+
+    def add(self, frame: Frame, labelled: bool) -> Keyframe:
+        """Make a keyframe."""
+        keyframe = self._mapper.add(frame, self._mapper.localise(frame), labelled)
+        self._T_odom_keyframe = frame.T_odom_base
+        self._navigator.T_map_odom = self._mapper.localisation.T_map_odom
+        self.on_keyframe(keyframe)
+        return keyframe
+
+    def look(self) -> bool:
+        """Take a keyframe if the robot has come far enough; False if it is not where it believes to be."""
+        assert self._navigator.motion is not None
+        motion = inverse(self._T_odom_keyframe) @ self._navigator.motion.T_odom_base
+        turn = np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1))
+        if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or turn >= KEYFRAME_TURN:
+            frame = self._robot.sense()
+            if not self._agrees(frame):
+                return False
+            self.add(frame, labelled=self._mapper.keyframes % LABELLED == 0)
+        return True
+
+    def returns(self) -> NDArray[np.float32]:
+        """(N, 3) the returns that the camera has now, of a keyframe, m in ``map``."""
+        frame = self._robot.sense()
+        return frame.points(self.add(frame, labelled=False).T_map_base @ frame.T_base_camera)
+
+    def _agrees(self, frame: Frame) -> bool:
+        """Whether a frame shows what the map has where the robot believes to be."""
+        return not (self._mapper.localisation.may_err and self._agreement(frame).was_carried)
+
+    def _agreement(self, frame: Frame) -> Agreement:
+        T_map_camera = self._mapper.localise(frame) @ frame.T_base_camera
+        return agreement(frame, T_map_camera, self._mapper.metric_map)
+
+    def _find_place(self, frame: Frame) -> Frame:
+        """Look around until the robot knows where it is; the newest frame."""
+        mapper, relocalisation = self._mapper, Relocalisation(self._robot.model)
+        self._navigator.look, agreements = lambda: True, []
+        for _ in range(LOOKS):
+            agreements.append(self._agreement(frame))
+            relocalisation.add(frame)
+            T = relocalisation.find(mapper.metric_map, mapper.elevation_map, mapper.localisation.points())
+            if T is not None:
+                mapper.localisation.set_down(T)
+                self.relocalised += 1
+                self.T_odom_expected, self._navigator.look = None, self.look
+                return frame
+            if not self._navigator.turn(2 * np.pi / LOOKS):
+                break
+            frame = self._robot.sense()
+        if len(agreements) == LOOKS and not Agreement.of(agreements).was_carried:
+            # The map explains all but something new: that was carried, not the robot.
+            self.T_odom_expected, self._navigator.look = frame.T_odom_base, self.look
+            return frame
+        raise LostError("the camera shows what the map does not, and no place fits for sure")

@@ -1,0 +1,84 @@
+"""What frames are registered with: points that follow their keyframes, as a camera can see them."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.localisation.local_map import LEAST, LocalMap
+from pipeline.localisation.registration import cloud_of
+from pipeline.transforms import from_yaw
+from tests.pipeline.worlds import wall_points
+
+WALL = cloud_of(wall_points((2, -1), (2, 1)))
+"""Seen by a robot at the origin of ``base_link``."""
+CAMERA = np.array([0.0, 0.0, 0.5])
+BEHIND = np.array([4.0, 0.0, 0.5])
+ALL = np.ones(WALL.size(), np.bool_)
+AT_WALL = np.array([[2.0, -1.0, 0.0], [2.0, 1.0, 1.2]])
+
+
+def local_map(*poses: NDArray[np.float64]) -> LocalMap:
+    """A map of keyframes at these poses that have each seen the wall before them."""
+    result = LocalMap()
+    for owner in range(len(poses)):
+        result.add(owner, WALL, CAMERA, ALL)
+    result.place(np.array(poses))
+    return result
+
+
+def test_a_wall_is_there_from_the_side_that_was_seen_alone() -> None:
+    one_wall, known = local_map(np.eye(4)), np.ones(1, np.bool_)
+    front = one_wall.around(AT_WALL, CAMERA, known)
+    assert front is not None
+    assert len(front.owner) == WALL.size()
+    assert one_wall.around(AT_WALL, BEHIND, known) is None
+
+
+def test_both_sides_of_a_thin_wall_are_two_surfaces() -> None:
+    """The second keyframe stands at x = 4 and sees the same wall from behind."""
+    both = local_map(np.eye(4), from_yaw(4, 0, 0, np.pi))
+    for owner, camera in enumerate((CAMERA, BEHIND)):
+        target = both.around(AT_WALL, camera, np.ones(2, np.bool_))
+        assert target is not None
+        assert set(target.owner) == {owner}
+
+
+def test_points_follow_their_keyframes() -> None:
+    moved = local_map(np.eye(4), np.eye(4))
+    moved.place(np.array([np.eye(4), from_yaw(0, 3, 0, np.pi / 2)]))
+    points = moved.all_points()
+    assert points.dtype == np.float32
+    still, turned = np.split(points, 2)
+    np.testing.assert_allclose(still, WALL.points()[:, :3], atol=1e-6)
+    np.testing.assert_allclose(turned[:, 1], 5, atol=1e-6)
+    assert moved.around(np.array([[0.0, 5.0, 0.5]]), np.array([0.0, 8.0, 0.5]), np.ones(2, np.bool_), 1.0) is None
+    target = moved.around(np.array([[0.0, 5.0, 0.5]]), np.array([0.0, 3.0, 0.5]), np.ones(2, np.bool_), 1.0)
+    assert target is not None
+    assert set(target.owner) == {1}
+
+
+def test_only_points_of_the_keyframes_asked_for_are_taken() -> None:
+    both = local_map(np.eye(4), np.eye(4))
+    target = both.around(AT_WALL, CAMERA, np.array([False, True]))
+    assert target is not None
+    assert set(target.owner) == {1}
+    assert both.around(AT_WALL, CAMERA, np.array([False, False])) is None
+
+
+@pytest.mark.parametrize(("margin", "is_there"), [(0.3, False), (0.7, True)])
+def test_points_beyond_the_margin_are_not_taken(margin: float, is_there: bool) -> None:
+    beside = AT_WALL - [0.5, 0, 0]
+    target = local_map(np.eye(4)).around(beside, CAMERA, np.ones(1, np.bool_), margin)
+    assert (target is not None) == is_there
+
+
+def test_what_is_not_new_is_not_added_and_too_few_are_no_target() -> None:
+    few = LocalMap()
+    new = np.arange(WALL.size()) < LEAST - 1
+    few.add(0, WALL, CAMERA, new)
+    few.place(np.eye(4)[None])
+    np.testing.assert_allclose(few.all_points(), WALL.points()[new, :3], atol=1e-6)
+    assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_)) is None
+    few.add(0, WALL, CAMERA, ~new)
+    few.place(np.eye(4)[None])
+    assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_)) is not None

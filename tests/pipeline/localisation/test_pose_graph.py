@@ -1,0 +1,147 @@
+"""The pose graph against what can be worked out by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.localisation.pose_graph import LEVER, PoseGraph
+from pipeline.transforms import from_rotation, from_yaw, inverse, tilt_of, yaw_of
+
+SURE, VAGUE = 1e4 * np.eye(6), 10 * np.eye(6)
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def chain(edges: list[NDArray[np.float64]], information: NDArray[np.float64] = SURE) -> PoseGraph:
+    """A graph of keyframes one after the other, level by the odometry."""
+    graph = PoseGraph()
+    graph.add(np.eye(4), UP)
+    for k, edge in enumerate(edges):
+        T = graph.poses[k] @ edge
+        graph.connect(k, graph.add(T, UP), T, information)
+    return graph
+
+
+def tilted(roll: float, pitch: float) -> NDArray[np.float64]:
+    return from_rotation(Rotation.from_euler("xy", [roll, pitch], degrees=True).as_matrix(), np.zeros(3))
+
+
+def test_a_square_closes() -> None:
+    """Each side is 2 m long and measured 2 % too long, each corner 2° too wide."""
+    edges = [from_yaw(2.04, 0, 0, np.deg2rad(92))] * 4
+    graph = chain(edges)
+    assert np.linalg.norm(graph.poses[-1][:2, 3]) > 0.19
+    graph.connect(0, 4, graph.poses[0], SURE)
+    graph.optimise()
+    corners = [(0, 0), (2, 0), (2, 2), (0, 2), (0, 0)]
+    errors = np.linalg.norm(graph.poses[:, :2, 3] - corners, axis=1)
+    assert errors[-1] < 0.06
+    assert errors.max() < 0.1
+    assert abs(yaw_of(graph.poses[-1])) < np.deg2rad(2)
+    np.testing.assert_allclose(graph.poses[0], np.eye(4), atol=1e-6)
+
+
+@given(st.integers(2, 6), st.floats(0.5, 1.5), st.floats(0.1, 10))
+def test_what_a_loop_contradicts_is_spread_evenly(edges: int, length: float, ratio: float) -> None:
+    """Of n edges d with information 1 and a loop of n m with information r the mean is d + nr (1 - d) / (1 + nr)."""
+    graph = chain([from_yaw(length, 0, 0, 0)] * edges, VAGUE)
+    graph.connect(0, edges, from_yaw(edges, 0, 0, 0), ratio * VAGUE)
+    graph.optimise()
+    share = edges * ratio / (1 + edges * ratio)
+    expected = np.arange(edges + 1) * (length + share * (1 - length))
+    np.testing.assert_allclose(graph.poses[:, 0, 3], expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("may_be_outlier", [True, False])
+def test_a_false_loop_is_outvoted(may_be_outlier: bool) -> None:
+    graph = chain([from_yaw(0.5, 0, 0, 0.2)] * 5)
+    before = graph.poses.copy()
+    graph.connect(0, 5, graph.poses[5] @ from_yaw(0.0, 1.0, 0, 0), SURE, is_loop=may_be_outlier)
+    graph.optimise()
+    moved = np.linalg.norm(graph.poses[5][:3, 3] - before[5][:3, 3])
+    assert moved < 0.01 if may_be_outlier else moved > 0.3
+
+
+def test_a_true_loop_counts_although_it_may_be_an_outlier() -> None:
+    graph = chain([from_yaw(0.51, 0, 0, 0)] * 4)
+    graph.connect(0, 4, from_yaw(2.0, 0, 0, 0), SURE, is_loop=True)
+    graph.optimise()
+    assert 2.005 < graph.poses[4][0, 3] < 2.02
+
+
+def test_gravity_levels_what_registration_has_tilted() -> None:
+    graph = chain([tilted(2, 0), tilted(-4, 0), tilted(2, 3), tilted(0, -6)], VAGUE)
+    graph.optimise()
+    assert max(abs(angle) for T in graph.poses for angle in tilt_of(T)) < np.deg2rad(0.75)
+    spread = np.ptp([tilt_of(T) for T in graph.poses], axis=0)
+    assert spread.max() < np.deg2rad(0.1)
+
+
+def test_a_start_on_a_slope_stays_where_the_odometry_has_it() -> None:
+    T, graph = tilted(5, -10), PoseGraph()
+    graph.add(T, T[2, :3])
+    graph.add(np.eye(4), UP)
+    graph.connect(0, 1, np.eye(4), SURE)
+    graph.optimise()
+    np.testing.assert_allclose(graph.poses, [T, np.eye(4)], atol=1e-6)
+
+
+def test_a_level_that_is_mounted_askew_tilts_nothing() -> None:
+    askew, graph = tilted(1, 2), PoseGraph()
+    for k, yaw in enumerate((0.0, 1.0, 2.5)):
+        T = from_yaw(k, 0, 0, yaw)
+        graph.add(T, askew[2, :3])
+        if k:
+            graph.connect(k - 1, k, T, SURE)
+    before = graph.poses.copy()
+    graph.optimise()
+    np.testing.assert_allclose(graph.poses, before, atol=1e-4)
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3))
+def test_nothing_moves_where_all_agree(x: float, yaw: float) -> None:
+    graph = chain([from_yaw(x, 0.1, 0, yaw), from_yaw(0, x, 0, -yaw)])
+    graph.connect(0, 2, graph.poses[2], SURE, is_loop=True)
+    before = graph.poses.copy()
+    graph.optimise()
+    np.testing.assert_allclose(graph.poses, before, atol=1e-6)
+
+
+def test_a_constraint_is_relative_to_where_its_keyframe_is_believed_to_be() -> None:
+    graph = chain([from_yaw(1, 0, 0, 0)])
+    start = from_yaw(0, 5, 0, np.pi / 2)
+    other = PoseGraph()
+    other.add(start, UP)
+    other.connect(0, other.add(start @ from_yaw(1.5, 0, 0, 0), UP), start @ from_yaw(1, 0, 0, 0), SURE)
+    other.optimise()
+    np.testing.assert_allclose(inverse(other.poses[0]) @ other.poses[1], graph.poses[1], atol=1e-4)
+
+
+def test_deviations_are_those_of_the_best_chain() -> None:
+    graph = chain([from_yaw(1, 0, 0, 0)] * 4)
+    far = np.diag([0, 0, 0, 0.09, 0.09, 0.07])
+    near = np.diag([0, 0, 0, 0.01, 0.01, 0.02])
+    turn = np.diag([0.01, 0.03, 0.02, 0, 0, 0])
+    graph.link(0, 1, near)
+    graph.link(1, 3, turn)
+    graph.link(0, 3, far)
+    graph.link(3, 4, near)
+    by_hand = [0.04 + LEVER**2 * 0.03 + 0.04, LEVER**2 * 0.03 + 0.04, np.inf, 0.04, 0]
+    assert by_hand[0] < 0.25 + 0.04  # the chain over 1 is better than the link
+    np.testing.assert_allclose(graph.deviations(), np.sqrt(by_hand))
+
+
+def test_of_two_links_the_better_one_counts() -> None:
+    graph = chain([from_yaw(1, 0, 0, 0)])
+    for variance in (0.09, 0.01, 0.04):
+        graph.link(0, 1, np.diag([0, 0, 0, variance, 0, 0]))
+    np.testing.assert_allclose(graph.deviations(), [0.1, 0])
+
+
+def test_one_keyframe_is_known() -> None:
+    graph = chain([])
+    np.testing.assert_allclose(graph.deviations(), [0])
+    graph.optimise()
+    np.testing.assert_allclose(graph.poses, [np.eye(4)], atol=1e-9)

@@ -71,8 +71,8 @@ class EpisodeRecorder(Recorder):
         """Log the way driven so far, as it is now believed and as it was."""
         super().log_trajectory(localisation)
         if self._can_err:
-            track = drawings.trajectory(self._true_track.positions, TRUE_TRACK_COLOUR)
-            self.stream.log("world/trajectory/true", track)
+            way = [*self._true_track.positions, self._T_world_base[:3, 3]]
+            self.stream.log("world/trajectory/true", drawings.trajectory(way, TRUE_TRACK_COLOUR))
             self._log_error()
 
     @property

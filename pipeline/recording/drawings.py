@@ -184,6 +184,6 @@ def loops(found: Sequence[Loop], poses: NDArray[np.float64]) -> rr.LineStrips3D:
     )
 
 
-def trajectory(positions: Sequence[ArrayLike] | NDArray[np.float64], colour: tuple[int, int, int]) -> rr.LineStrips3D:
+def trajectory(positions: Sequence[ArrayLike], colour: tuple[int, int, int]) -> rr.LineStrips3D:
     """Positions, (3,) m each, as one line."""
     return rr.LineStrips3D([np.array(positions) + ABOVE_GROUND], colors=colour, radii=0.008)

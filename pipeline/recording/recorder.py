@@ -152,8 +152,8 @@ class Recorder:
 
     def log_trajectory(self, localisation: Localisation) -> None:
         """Log the way driven so far, as it is now believed."""
-        way = drawings.trajectory(self._track.positions(localisation.poses), drawings.TRAJECTORY_COLOUR)
-        self.stream.log("world/trajectory/estimated", way)
+        way = [*self._track.positions(localisation.poses), self.T_map_base[:3, 3]]
+        self.stream.log("world/trajectory/estimated", drawings.trajectory(way, drawings.TRAJECTORY_COLOUR))
 
     def _move(self, T_odom_base: NDArray[np.float64]) -> None:
         self._T_odom_base = T_odom_base

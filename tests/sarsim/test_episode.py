@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from pipeline.explorer import PATIENCE, Step
+from pipeline.transforms import from_yaw
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 
@@ -104,10 +105,12 @@ def lift(episode: Episode, step: Step) -> None:
         mujoco.mj_forward(robot.physics.model.ptr, robot.physics.data.ptr)
 
 
+OTHER_ROOM = [box((6.7, 6.8), (-1.3, 1.3)), box((9.8, 9.9), (-1.3, 1.3))]
+
+
 def test_a_robot_that_was_lifted_drives_no_old_plan_and_says_so(tmp_path):
-    other = [box((6.7, 6.8), (-1.3, 1.3)), box((9.8, 9.9), (-1.3, 1.3))]
-    arena = room((-1.3, 2.5), (-1.3, 1.3), *other)
-    diary = Diary(arena, tmp_path, lift, steps=3, home=True)
+    arena = room((-1.3, 2.5), (-1.3, 1.3), *OTHER_ROOM)
+    diary = Diary(arena, tmp_path, lift, steps=3, home=True, odometry="truth")
     assert diary.said("ended: maybe carried elsewhere")
     assert diary.said("WARN the robot was kidnapped and set down at (8.00, 0.00) m")
     assert diary.said("WARN the goal (0.00, 0.00) m cannot be reached from")
@@ -115,6 +118,26 @@ def test_a_robot_that_was_lifted_drives_no_old_plan_and_says_so(tmp_path):
     assert diary.report["navigation"]["collisions"] == 0
     assert diary.report["navigation"]["distance_m"] < 4
     assert diary.report["home"]["reached"] == 0
+
+
+def test_a_robot_that_was_carried_to_where_it_knows_nothing_stays_and_says_so(tmp_path):
+    diary = Diary(room((-1.3, 2.5), (-1.3, 1.3), *OTHER_ROOM), tmp_path, lift, steps=3)
+    assert diary.said("WARN leg to")
+    assert diary.said("ended: maybe carried elsewhere")
+    assert diary.lines[-1].startswith("WARN the robot does not know where it is and stays: ")
+    assert diary.lines[-1].endswith(diary.report["lost"])
+    assert not diary.said("kidnapped")
+
+
+def misplace(episode: Episode, step: Step) -> None:
+    """Shift the maps by 20 cm, whatever the localisation says."""
+    episode.explorer.mapper.correct(from_yaw(0, 0.2, 0, 0) @ episode.explorer.mapper.poses)
+
+
+def test_maps_that_lie_wrong_are_corrected_and_the_log_says_so(tmp_path):
+    diary = Diary(room((-1.3, 2.5), (-1.3, 1.3)), tmp_path, misplace, steps=1)
+    assert diary.said("keyframes moved by up to 20.0 cm and 0.0°; the maps were made anew")
+    assert np.linalg.norm(diary.episode.explorer.mapper.poses[0, :3, 3]) < 1e-3
 
 
 def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):

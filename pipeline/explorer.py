@@ -1,5 +1,6 @@
 """The whole pipeline (thesis, chapter 3): sense, map, decide where to go, plan, drive."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.localisation.correction import Correction
 from pipeline.localisation.odometry import Localisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.mission import Mission
@@ -66,6 +68,7 @@ class Explorer:
         lookout: looks around meanwhile.
         track: (N, 2) m in ``map``, where the robot has been since it was set down.
         steps: how many were made.
+        on_correction: called when the maps were made anew with corrected poses of the keyframes.
     """
 
     def __init__(
@@ -89,6 +92,7 @@ class Explorer:
         self.navigator = Navigator(robot)
         self.lookout = Lookout(self.navigator, self.mapper)
         self.steps = 0
+        self.on_correction: Callable[[Correction], object] = lambda correction: None
         self.track = np.zeros((0, 2))
         self._failed_drives = 0
 
@@ -205,6 +209,7 @@ class Explorer:
             self.mission.exploration.correct(correction)
             self.reobservation.correct(correction)
             self.track = correction.moved(self.track)
+            self.on_correction(correction)
         self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
 
 

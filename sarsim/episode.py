@@ -64,6 +64,7 @@ class Episode:
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
         self.robot.on_motion = self.recorder.log_motion
         self.explorer.lookout.on_keyframe = self.score.add_keyframe
+        self.explorer.on_correction = self.recorder.log_correction
         self.lost: str | None = None
         self._wall_start, self._sim_start = perf_counter(), self.robot.time
 
@@ -104,15 +105,19 @@ class Episode:
 
     def step(self) -> bool:
         """One step of the robot: sense, map, plan, drive; False when there is nowhere to drive to."""
+        relocalised = self.explorer.lookout.relocalised
         step = self.explorer.step()
         self.score.add(step)
         self.rescue_report.add(step)
         self.recorder.log_step(self.explorer.steps - 1, self.explorer, step)
         self._log_news()
         if step.was_kidnapped:
-            self.recorder.log_message(
-                "WARN", f"the robot was kidnapped and set down at {place_name(step.keyframe.T_map_base[:2, 3])}"
+            how = (
+                "looked around and found itself"
+                if self.explorer.lookout.relocalised > relocalised
+                else "was kidnapped and set down"
             )
+            self.recorder.log_message("WARN", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
         self.recorder.log_message("INFO" if step.can_drive else "WARN", self._tell(step))
         if step.plan is None:
             return False

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer, Step
 from pipeline.labels import Label
+from pipeline.localisation.odometry import Localisation
 from pipeline.recording import drawings
 from pipeline.recording.blueprint import blueprint
-from pipeline.recording.recorder import Recorder, Track
+from pipeline.recording.recorder import Recorder
+from pipeline.recording.track import Track
 from pipeline.recording.viewer import Viewer, ViewerKind
 from pipeline.transforms import from_rotation, inverse
 from sarsim.ground_truth.meshes import Mesh, drawn_geoms, geom_poses, joined_mesh
@@ -43,7 +45,6 @@ class EpisodeRecorder(Recorder):
         base = robot.physics.bind(robot.robot.base).element_id
         self._is_robot = self._model.body_rootid == self._model.body_rootid[base]
         self._geoms = np.flatnonzero(drawn_geoms(self._model))
-        self._T_map_odom = np.eye(4)
         self._true_track = Track()
         arena = self._arena_meshes()
         vertices = np.concatenate([mesh.vertices for mesh in arena.values()])
@@ -55,19 +56,38 @@ class EpisodeRecorder(Recorder):
 
     def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
         """Log a step of the explorer, the ``index``-th from 0 on, and the maps after it."""
-        self._T_map_odom = explorer.mapper.localisation.T_map_odom
-        self._true_track.add(self._robot.trajectory[-1].T_world_base[:3, 3])
+        self._true_track.add(self._T_world_base[:3, 3])
         super().log_step(index, explorer, step)
         self._log_joints()
-        if self._robot.config.odometry == "wheel":
-            track = drawings.trajectory(self._true_track.positions, TRUE_TRACK_COLOUR)
-            self.stream.log("world/trajectory/true", track)
 
     def log_motion(self, pose: Pose) -> None:
         """Log where the robot is after a control period; thinned to 5 poses a second."""
         self._true_track.add(pose.T_world_base[:3, 3])
-        if self.log_pose(pose.time, self._T_map_odom @ pose.T_odom_base):
+        if self.log_pose(pose.time, pose.T_odom_base):
             self._log_joints()
+            self._log_error()
+
+    def log_trajectory(self, localisation: Localisation) -> None:
+        """Log the way driven so far, as it is now believed and as it was."""
+        super().log_trajectory(localisation)
+        if self._can_err:
+            way = [*self._true_track.positions, self._T_world_base[:3, 3]]
+            self.stream.log("world/trajectory/true", drawings.trajectory(way, TRUE_TRACK_COLOUR))
+            self._log_error()
+
+    @property
+    def _can_err(self) -> bool:
+        return self._robot.config.odometry == "wheel"
+
+    @property
+    def _T_world_base(self) -> NDArray[np.float64]:
+        return self._robot.trajectory[-1].T_world_base
+
+    def _log_error(self) -> None:
+        """How far the robot is from where its software believes it to be."""
+        if self._can_err:
+            error = np.linalg.norm((self.T_map_base - self._T_world_base)[:3, 3])
+            self.stream.log("metrics/position_error_m", rr.Scalars(float(error)))
 
     def _arena_meshes(self) -> dict[Label, Mesh]:
         """The meshes of the arena as it is now, by label."""

@@ -32,10 +32,11 @@ LOADING_TIME = 60
 def main() -> None:
     """Draw all pictures of the recording that the command names."""
     recording = Path(sys.argv[1])
-    semantic, metric, segments = (in_window(recording, tab) for tab in range(3))
+    semantic, metric, segments, localisation = (in_window(recording, tab) for tab in (0, 1, 2, 4))
     save("recording-native.jpg", semantic)
     tabs = np.hstack([metric[MAP], segments[MAP]])
     save("recording-tabs.jpg", cv2.resize(tabs, None, fx=0.65, fy=0.65, interpolation=cv2.INTER_AREA))
+    save("recording-localisation.jpg", localisation[MAP])
     save("recording-web.jpg", in_browser(recording))
 
 

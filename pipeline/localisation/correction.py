@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 
 class Correction:
@@ -10,11 +11,15 @@ class Correction:
 
     Attributes:
         motions: (N, 4, 4) of each keyframe, from ``map`` as it was before to ``map`` as it is.
+        ways: (N,) m by which each keyframe moved.
+        turns: (N,) rad by which each turned.
     """
 
     def __init__(self, before: NDArray[np.float64], after: NDArray[np.float64]) -> None:
         """``before``, ``after``: (N, 4, 4) poses of the keyframes, N at least 1."""
         self.motions = after @ np.linalg.inv(before)
+        self.ways = np.linalg.norm((after - before)[:, :3, 3], axis=1)
+        self.turns = Rotation.from_matrix(self.motions[:, :3, :3]).magnitude()
         self._tree = cKDTree(before[:, :2, 3])
 
     def motion_at(self, place: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -49,7 +49,7 @@ class Outcome(Enum):
     TILTED = "tilted"
     BLOCKED = "blocked"
     """Something stands in the way that the map does not show."""
-    MOVED = "moved"
+    MOVED = "maybe carried elsewhere"
     """The robot was carried elsewhere, or may have been."""
 
 

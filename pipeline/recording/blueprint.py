@@ -20,14 +20,20 @@ _SCENE = (
     "- $origin/arena/ceiling/**",
 )
 
+_MAPS = "metric_map", "semantic_map", "segments"
+_CORRECTED = *_MAPS, "traversability", "topological_map", "victims"
+
 
 def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0) -> rrb.Blueprint:
     """The layout, with the eye south of and above the box from ``low`` to ``high``, (3,) m in ``map``."""
     maps = rrb.Tabs(
-        _scene("Semantic map", low, high, hidden=["metric_map", "segments"]),
-        _scene("Metric map", low, high, hidden=["metric_map/free", "semantic_map", "segments", "arena"]),
-        _scene("Segments", low, high, hidden=["metric_map", "semantic_map", "arena"]),
-        _scene("Arena", low, high, hidden=["metric_map", "semantic_map", "segments"]),
+        _scene("Semantic map", low, high, hidden=["metric_map", "segments", "localisation"]),
+        _scene(
+            "Metric map", low, high, hidden=["metric_map/free", "semantic_map", "segments", "arena", "localisation"]
+        ),
+        _scene("Segments", low, high, hidden=["metric_map", "semantic_map", "arena", "localisation"]),
+        _scene("Arena", low, high, hidden=[*_MAPS, "localisation"]),
+        _scene("Localisation", low, high, hidden=[*_MAPS, "topological_map", "frontiers", "victims"]),
         active_tab=tab,
     )
     columns = rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["loglevel", "body"])
@@ -35,7 +41,7 @@ def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: in
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(maps, _camera(), column_shares=[3.4, 1]),
-            rrb.Horizontal(*_plots(), log, column_shares=[1, 1, 1, 1.3]),
+            rrb.Horizontal(*_plots(), log, column_shares=[1, 1, 1, 1.5]),
             row_shares=[3.2, 1],
         ),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
@@ -78,11 +84,14 @@ def _camera() -> rrb.Vertical:
     )
 
 
-def _plots() -> list[rrb.TimeSeriesView]:
+def _plots() -> list[rrb.TimeSeriesView | rrb.Tabs]:
+    hidden = ["navigation", *(f"correction_{part}" for part in _CORRECTED)]
+    times = _plot("Time, ms", "$origin/time_ms/**", *(f"- $origin/time_ms/{stage}" for stage in hidden))
+    tilt = _plot("Tilt, °", "$origin/roll_deg", "$origin/pitch_deg")
     return [
         _plot("Explored area, m²", "$origin/explored_area_m2"),
-        _plot("Tilt, degrees", "$origin/roll_deg", "$origin/pitch_deg"),
-        _plot("Time per stage, ms", "$origin/time_ms/**", "- $origin/time_ms/navigation"),
+        _plot("Position, m", "$origin/position_error_m", "$origin/localisation/correction_m"),
+        rrb.Tabs(times, tilt, active_tab=0),
     ]
 
 

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.explorer import Step
 from pipeline.frame import Frame
 from pipeline.labels import COLOURS, Label
+from pipeline.localisation.odometry import Loop
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.semantic_map import SemanticMap
@@ -21,6 +22,8 @@ EDGE_COLOUR = (25, 25, 25)
 PLAN_COLOUR = (0, 220, 255)
 FRONTIER_COLOUR = (220, 0, 220)
 TRAJECTORY_COLOUR = (255, 255, 255)
+KEYFRAME_COLOUR = (255, 170, 40)
+LOOP_COLOUR = (255, 60, 60)
 
 ABOVE_GROUND = np.array([0, 0, 0.06])
 """m; what lies on the ground is drawn above it, where points and voxels do not hide it."""
@@ -155,6 +158,30 @@ def path(step: Step) -> rr.LineStrips3D:
 def frontier_points(frontiers: NDArray[np.float64]) -> rr.Points3D:
     """(N, 3) m, the middles of the frontiers."""
     return rr.Points3D(frontiers + ABOVE_GROUND, colors=FRONTIER_COLOUR, radii=0.06)
+
+
+def keyframes(poses: NDArray[np.float64]) -> rr.Arrows3D:
+    """(K, 4, 4) poses, an arrow ahead at each."""
+    return rr.Arrows3D(
+        origins=poses[:, :3, 3] + 1.5 * ABOVE_GROUND,
+        vectors=0.12 * poses[:, :3, 0],
+        colors=KEYFRAME_COLOUR,
+        radii=0.006,
+        labels=[f"keyframe {k}" for k in range(len(poses))],
+        show_labels=False,
+    )
+
+
+def loops(found: Sequence[Loop], poses: NDArray[np.float64]) -> rr.LineStrips3D:
+    """Lines between the keyframes, of (K, 4, 4) poses, that loops connect."""
+    ends = [(loop.first, loop.second) for loop in found]
+    return rr.LineStrips3D(
+        [poses[list(pair), :3, 3] + 1.5 * ABOVE_GROUND for pair in ends],
+        colors=LOOP_COLOUR,
+        radii=0.012,
+        labels=[f"keyframe {first} met again by {second}" for first, second in ends],
+        show_labels=False,
+    )
 
 
 def trajectory(positions: Sequence[ArrayLike], colour: tuple[int, int, int]) -> rr.LineStrips3D:

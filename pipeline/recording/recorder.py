@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
-from pipeline.mapper import Keyframe, Mapper
+from pipeline.localisation.correction import Correction
+from pipeline.localisation.odometry import Localisation
+from pipeline.mapper import NOTICEABLE, Keyframe, Mapper
 from pipeline.recording import drawings, victim_drawings
 from pipeline.recording.blueprint import blueprint
+from pipeline.recording.track import EstimatedTrack
 from pipeline.recording.viewer import Viewer, start_rerun
 from pipeline.transforms import tilt_of
-from pipeline.victims.detection.detection import Detection
 from pipeline.victims.victim_map import Victims
 
 Level = Literal["INFO", "WARN", "ERROR"]
@@ -26,32 +28,8 @@ GROWTH = 0.05
 """Share by which a cloud has to grow to be logged again; all are logged at the end."""
 MOTION_PERIOD = 0.2
 """s between two logged poses of the moving robot."""
-TRACK_SPACING = 0.05
-"""m between two points of a trajectory."""
 FLUSH_TIME = 30.0
 """s that a sink may take at the end for what it has not got yet."""
-
-
-class Track:
-    """The way driven so far.
-
-    Attributes:
-        distance: m.
-        positions: (3,) m each, neighbours at least ``TRACK_SPACING`` apart.
-    """
-
-    def __init__(self) -> None:
-        self.distance = 0.0
-        self.positions: list[NDArray[np.float64]] = []
-        self._last: NDArray[np.float64] | None = None
-
-    def add(self, position: NDArray[np.float64]) -> None:
-        """Go on to ``position`` (3,) m."""
-        if self._last is not None:
-            self.distance += float(np.linalg.norm(position - self._last))
-        self._last = position.copy()
-        if not self.positions or np.linalg.norm(position - self.positions[-1]) >= TRACK_SPACING:
-            self.positions.append(self._last)
 
 
 class Recorder:
@@ -77,46 +55,63 @@ class Recorder:
         self.stream = _new_stream(path, viewer)
         self._step = 0
         self._time = 0.0
-        self._track = Track()
+        self._track = EstimatedTrack()
+        self._T_odom_base = np.eye(4)
+        self._times_run: dict[str, int] = {}
         self._moved: tuple[float, float] | None = None
         self._logged_size: dict[str, int] = {}
         self._mapper: Mapper | None = None
         self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
+        self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)
 
     def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
         """Log a step of the explorer, the ``index``-th from 0 on, and the maps after it."""
         mapper, keyframe = explorer.mapper, step.keyframe
         self._step, self._mapper = index, mapper
-        self._track.add(keyframe.T_map_base[:3, 3])
+        self._move(keyframe.frame.T_odom_base)
         self._set_time(keyframe.frame.time)
-        self._log_moved(keyframe.T_map_base)
+        self._log_robot_pose()
         self._log_camera(keyframe, explorer.robot.model.camera_range[1])
-        self._log_clouds(mapper)
+        self._log_maps(mapper)
         if mapper.detector is not None:
-            self._log_victims(mapper.victims, keyframe.detections)
-        log = self.stream.log
-        log("world/segments", drawings.segment_boxes(mapper.segments))
-        log("world/topological_map/nodes", drawings.nodes(mapper.topological_map))
-        log("world/topological_map/edges", drawings.edges(mapper.topological_map))
-        log("world/path_plan", drawings.path(step))
-        log("world/frontiers", drawings.frontier_points(step.frontiers))
-        log("world/trajectory", drawings.trajectory(self._track.positions, drawings.TRAJECTORY_COLOUR))
+            found = victim_drawings.detections(keyframe.detections, mapper.victims.refusals)
+            self.stream.log("world/robot/camera/victims", found)
+        self.stream.log("world/path_plan", drawings.path(step))
+        self.stream.log("world/frontiers", drawings.frontier_points(step.frontiers))
         self._log_progress(mapper, len(step.frontiers))
 
-    def log_pose(self, time: float, T_map_base: NDArray[np.float64]) -> bool:
-        """Log the robot's 4×4 pose between steps, thinned to 5 a second; whether this one was logged."""
-        self._track.add(T_map_base[:3, 3])
+    def log_pose(self, time: float, T_odom_base: NDArray[np.float64]) -> bool:
+        """Log the robot's pose between steps, thinned to 5 a second; whether this one was logged.
+
+        Args:
+            time: s.
+            T_odom_base: 4×4 by the odometry; the newest keyframe tells where that is in ``map``.
+        """
+        self._move(T_odom_base)
         # Half a millisecond, for times that are sums of many control periods.
         if self._moved is not None and time - self._moved[0] < MOTION_PERIOD - 5e-4:
             return False
         self._set_time(time, on_a_step=False)
-        self._log_moved(T_map_base)
+        self._log_robot_pose()
+        if self._mapper is not None:
+            self._log_keyframes(self._mapper.localisation)
         if self._moved is not None:
             before, distance = self._moved
             self._log_metrics(speed_m_s=(self._track.distance - distance) / (time - before))
         self._moved = (time, self._track.distance)
         return True
+
+    def log_correction(self, correction: Correction) -> None:
+        """Log that keyframes were corrected; the maps lie elsewhere now and are logged with the next step."""
+        self._logged_size.clear()
+        ways, turns = correction.ways, correction.turns
+        count = np.count_nonzero((ways > NOTICEABLE[0]) | (turns > NOTICEABLE[1]))
+        farthest = f"{100 * ways.max():.1f} cm and {np.rad2deg(turns.max()):.1f}°"
+        moved = f"{count} of {len(ways)} keyframes moved by up to {farthest}; the maps were made anew"
+        self.log_message("INFO", moved)
+        self._log_metrics("localisation/", correction_m=ways.max())
+        self._log_robot_pose()
 
     def log_message(self, level: Level, text: str) -> None:
         """Log a line of text."""
@@ -133,7 +128,8 @@ class Recorder:
         if self._mapper is not None:
             self._set_time(self._time)
             self._logged_size.clear()
-            self._log_clouds(self._mapper)
+            self._log_maps(self._mapper)
+            self._log_robot_pose()
         # A window that was closed meanwhile takes no data any more; the file is whole all the same.
         with suppress(RuntimeError) if self.viewer else nullcontext():
             self.stream.flush(timeout_sec=FLUSH_TIME)
@@ -149,7 +145,22 @@ class Recorder:
         else:
             self.stream.disable_timeline("step")
 
-    def _log_moved(self, T_map_base: NDArray[np.float64]) -> None:
+    @property
+    def T_map_base(self) -> NDArray[np.float64]:
+        """4×4 where the robot believes to be now; before the first step ``map`` is the odometry's frame."""
+        return self._mapper.localisation.T_map_odom @ self._T_odom_base if self._mapper else self._T_odom_base
+
+    def log_trajectory(self, localisation: Localisation) -> None:
+        """Log the way driven so far, as it is now believed."""
+        way = [*self._track.positions(localisation.poses), self.T_map_base[:3, 3]]
+        self.stream.log("world/trajectory/estimated", drawings.trajectory(way, drawings.TRAJECTORY_COLOUR))
+
+    def _move(self, T_odom_base: NDArray[np.float64]) -> None:
+        self._T_odom_base = T_odom_base
+        self._track.add(T_odom_base, self._mapper.localisation if self._mapper else None)
+
+    def _log_robot_pose(self) -> None:
+        T_map_base = self.T_map_base
         self.stream.log("world/robot", drawings.transform(T_map_base))
         roll, pitch = np.rad2deg(tilt_of(T_map_base))
         self._log_metrics(roll_deg=roll, pitch_deg=pitch, distance_m=self._track.distance)
@@ -162,9 +173,26 @@ class Recorder:
         log(f"{camera}/depth", drawings.depth_image(frame.depth, max_depth))
         log(f"{camera}/labels", drawings.label_image(frame, keyframe.labels))
 
-    def _log_victims(self, victims: Victims, found: Sequence[Detection]) -> None:
+    def _log_maps(self, mapper: Mapper) -> None:
+        """Log all that moves when keyframes are corrected."""
+        log, localisation = self.stream.log, mapper.localisation
+        self._log_clouds(mapper)
+        log("world/segments", drawings.segment_boxes(mapper.segments))
+        log("world/topological_map/nodes", drawings.nodes(mapper.topological_map))
+        log("world/topological_map/edges", drawings.edges(mapper.topological_map))
+        if mapper.detector is not None:
+            self._log_victims(mapper.victims)
+        self.log_trajectory(localisation)
+        self._log_keyframes(localisation)
+        log("world/localisation/loops", drawings.loops(localisation.loops, localisation.poses))
+        self._log_metrics("localisation/", keyframes=len(localisation.poses), loops=len(localisation.loops))
+
+    def _log_keyframes(self, localisation: Localisation) -> None:
+        if self._has_changed("keyframes", len(localisation.poses), 0.0):
+            self.stream.log("world/localisation/keyframes", drawings.keyframes(localisation.poses))
+
+    def _log_victims(self, victims: Victims) -> None:
         log = self.stream.log
-        log("world/robot/camera/victims", victim_drawings.detections(found, victims.refusals))
         log("world/victims", victim_drawings.boxes(victims))
         log("world/victims/certainty", victim_drawings.certainty(victims))
         log("world/victims/photos", victim_drawings.photo_sheet(victims))
@@ -198,8 +226,10 @@ class Recorder:
         self._log_metrics(explored_area_m2=seen * mapper.elevation_map.grid.cell**2)
         nodes = len(mapper.topological_map.nodes)
         self._log_metrics("map/", segments=len(mapper.segments), nodes=nodes, frontiers=frontiers)
-        times = {stage: 1000 * seconds[-1] for stage, seconds in mapper.stopwatch.seconds.items()}
-        self._log_metrics("time_ms/", **times)
+        for stage, seconds in mapper.stopwatch.seconds.items():
+            if len(seconds) > self._times_run.get(stage, 0):
+                self._log_metrics("time_ms/", **{stage: 1000 * seconds[-1]})
+            self._times_run[stage] = len(seconds)
 
     def _log_metrics(self, group: str = "", /, **values: float) -> None:
         for name, value in values.items():

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from pipeline.explorer import PATIENCE, Step
+from pipeline.transforms import from_yaw
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 
@@ -109,7 +110,7 @@ OTHER_ROOM = room((-1.3, 2.5), (-1.3, 1.3), box((6.7, 6.8), (-1.3, 1.3)), box((9
 
 def test_a_robot_that_was_lifted_and_is_told_where_it_is_drives_no_old_plan_and_says_so(tmp_path):
     diary = Diary(OTHER_ROOM, tmp_path, lift, steps=3, home=True, odometry="truth")
-    assert diary.said("ended: moved")
+    assert diary.said("ended: maybe carried elsewhere")
     assert diary.said("WARN the robot was kidnapped and set down at (8.00, 0.00) m")
     assert diary.said("WARN the goal (0.00, 0.00) m cannot be reached from")
     assert diary.report["navigation"]["kidnapped"] == 1
@@ -127,6 +128,17 @@ def test_a_robot_that_was_lifted_to_where_it_has_never_been_stays_and_says_so(tm
     assert diary.report["navigation"]["collisions"] == 0
     assert diary.report["navigation"]["distance_m"] < 1
     assert "home" not in diary.report  # it has not set out
+
+
+def misplace(episode: Episode, step: Step) -> None:
+    """Shift the maps by 20 cm, whatever the localisation says."""
+    episode.explorer.mapper.correct(from_yaw(0, 0.2, 0, 0) @ episode.explorer.mapper.poses)
+
+
+def test_maps_that_lie_wrong_are_corrected_and_the_log_says_so(tmp_path):
+    diary = Diary(room((-1.3, 2.5), (-1.3, 1.3)), tmp_path, misplace, steps=1)
+    assert diary.said("keyframes moved by up to 20.0 cm and 0.0°; the maps were made anew")
+    assert np.linalg.norm(diary.episode.explorer.mapper.poses[0, :3, 3]) < 1e-3
 
 
 def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):

@@ -10,8 +10,10 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from pipeline.explorer import Explorer
+from pipeline.localisation.slam import Slam
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import inverse
 from sarsim.arenas.load import load_arena
 from sarsim.recording import EpisodeRecorder
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
@@ -93,12 +95,50 @@ def test_motion_is_thinned_to_five_poses_a_second(rows):
     assert len(times) == DRIVING_TIME * 5
 
 
-def test_true_and_believed_way_differ_by_the_odometrys_error(rows):
+def test_true_and_believed_way_differ_by_the_error(rows):
     believed, true = (
-        np.array(rows[f"/world/trajectory{end}"][-1]["LineStrips3D:strips"][0]) for end in ("", "/true")
+        np.array(rows[f"/world/trajectory/{name}"][-1]["LineStrips3D:strips"][0]) for name in ("estimated", "true")
     )
     error = np.linalg.norm(believed[-1] - true[-1])
     assert 1e-5 < error < 0.1
+    logged = [row["Scalars:scalars"][0] for row in rows["/metrics/position_error_m"]]
+    assert len(logged) >= DRIVING_TIME * 5
+    assert logged[-1] == pytest.approx(error, abs=1e-6)
+
+
+def test_while_it_drives_the_robot_is_where_its_newest_keyframe_has_it(tmp_path):
+    robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="wheel"), seed=3)
+    slam = Slam()
+    explorer = Explorer(robot, TruthClassifier(), seed=3, localisation=slam)
+    recorder = EpisodeRecorder(robot, tmp_path / "episode.rrd")
+    believed, true = {}, {}
+
+    def watch(pose):
+        recorder.log_motion(pose)
+        T_map_base = slam.poses[-1] @ inverse(odometry[-1]) @ pose.T_odom_base
+        believed[round(pose.time, 3)], true[round(pose.time, 3)] = T_map_base[:3, 3], pose.T_world_base[:3, 3]
+
+    odometry = []
+    robot.on_motion = watch
+    explorer.lookout.on_keyframe = lambda keyframe: odometry.append(keyframe.frame.T_odom_base)
+    for index in range(2):
+        recorder.log_step(index, explorer, step := explorer.step())
+        explorer.drive(step)
+    recorder.close()
+    robot.close()
+    rows = read(tmp_path / "episode.rrd")
+    moving = [row for row in rows["/world/robot"] if row.get("step") is None]
+    assert len(moving) > 10
+    assert len(slam.poses) > 4
+    for row in moving:
+        np.testing.assert_allclose(row["Transform3D:translation"][0], believed[round(row["sim_time"], 3)], atol=1e-6)
+    for row in rows["/metrics/position_error_m"]:
+        if row.get("step") is None:
+            time = round(row["sim_time"], 3)
+            error = np.linalg.norm(believed[time] - true[time])
+            assert row["Scalars:scalars"][0] == pytest.approx(error, abs=1e-9)
+    between = [row for row in rows["/world/localisation/keyframes"] if row.get("step") is None]
+    assert between
 
 
 def test_the_camera_stands_where_it_is_on_the_robot(rows):

@@ -12,9 +12,12 @@ from rerun.chunk import RrdReader
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.labels import COLOURS, Label
-from pipeline.recording.recorder import Recorder, Track
+from pipeline.localisation.odometry import Loop
+from pipeline.recording.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
+from pipeline.victims.victim_map import Sighting
+from tests.pipeline.rescue_report.people import block, victim
 from tests.pipeline.still_robot import WALL, StillRobot
 from tests.recordings import read
 
@@ -60,7 +63,8 @@ def test_every_entity_is_there(recording):
     expected = {
         "world", "world/robot", *EACH_STEP, "world/robot/camera/labels", "world/metric_map/occupied",
         "world/metric_map/free", "world/semantic_map", "world/segments", "world/topological_map/nodes",
-        "world/topological_map/edges", "world/path_plan", "world/frontiers", "world/trajectory", "log",
+        "world/topological_map/edges", "world/path_plan", "world/frontiers", "world/trajectory/estimated", "log",
+        "world/localisation/keyframes", "world/localisation/loops",
         "metrics/explored_area_m2", "metrics/distance_m", "metrics/speed_m_s", "metrics/roll_deg",
         "metrics/pitch_deg", "metrics/map/occupied_voxels", "metrics/time_ms/sense",
     }  # fmt: skip
@@ -224,11 +228,124 @@ def test_recording_needs_no_simulator():
     assert subprocess.check_output([sys.executable, "-c", check], text=True).strip() == "set()"
 
 
-def test_a_track_keeps_the_whole_distance_and_few_points():
-    track = Track()
-    for k in range(101):
-        track.add(np.array([0.01 * k, 0, 0]))
-    assert track.distance == pytest.approx(1.0)
-    gaps = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
-    assert len(gaps) >= 16
-    assert gaps.min() >= 0.05 - 1e-9
+def pose(x=0.0, y=0.0, yaw=0.0):
+    """4×4 of a level body."""
+    return from_yaw(x, y, 0.0, yaw)
+
+
+class Blind:
+    """A detector that finds nobody."""
+
+    def detect(self, rgb):
+        return []
+
+
+def be_elsewhere(explorer, T):
+    """Let the localisation believe from now on that all was seen from elsewhere, by a 4×4 transform in ``map``."""
+    localisation = explorer.mapper.localisation
+    localisation.poses = T @ localisation.poses
+    localisation.T_map_odom = T @ localisation.T_map_odom
+
+
+@pytest.fixture(scope="module")
+def corrected(tmp_path_factory):
+    """(explorer, rows) of a robot that learns after two of its three steps, and again at the end, where it is."""
+    path = tmp_path_factory.mktemp("wall-1") / "episode.rrd"
+    explorer = Explorer(StillRobot(), TruthClassifier(), detector=Blind())
+    recorder = Recorder(path)
+    explorer.on_correction = recorder.log_correction
+    for index in range(STEPS):
+        if index == 1:
+            person = victim(block((1.6, 0.3, 0.2), (0.3, 0.4, 0.5)))
+            person.sightings = [Sighting(0, person.points, person.information, c) for c in person.cameras]
+            explorer.mapper.victims.all = [person]
+        if index == 2:
+            be_elsewhere(explorer, pose(0.2))
+            explorer.mapper.localisation.loops.append(Loop(0, 1, np.eye(4)))
+        recorder.log_step(index, explorer, explorer.step())
+    be_elsewhere(explorer, pose(0, 0.3))
+    explorer.settle()
+    recorder.close()
+    return explorer, read(path)
+
+
+def test_a_correction_is_told(corrected):
+    _, rows = corrected
+    assert [row["TextLog:text"] for row in rows["/log"]] == [
+        ["2 of 2 keyframes moved by up to 20.0 cm and 0.0°; the maps were made anew"],
+        ["3 of 3 keyframes moved by up to 30.0 cm and 0.0°; the maps were made anew"],
+    ]
+    sizes = components(rows["/metrics/localisation/correction_m"], "Scalars:scalars")
+    np.testing.assert_allclose(np.ravel(sizes), [0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("entity", "component"),
+    [
+        ("semantic_map", "Points3D:positions"),
+        ("segments", "Boxes3D:centers"),
+        ("topological_map/nodes", "Points3D:positions"),
+        ("victims", "Boxes3D:centers"),
+        ("localisation/keyframes", "Arrows3D:origins"),
+    ],
+)
+def test_what_was_corrected_is_logged_where_it_is_now(corrected, entity, component):
+    _, rows = corrected
+    before, *_, last = (np.array(row[component]).mean(axis=0) for row in rows[f"/world/{entity}"] if row[component])
+    assert [row["step"] for row in rows[f"/world/{entity}"]][-2:] == [2, 2]
+    np.testing.assert_allclose(last[:2] - before[:2], [0.2, 0.3], atol=0.03)
+
+
+def test_corrected_voxels_are_logged_even_if_they_are_as_many_as_before(corrected):
+    explorer, rows = corrected
+    for name in ("occupied", "free"):
+        found = rows[f"/world/metric_map/{name}"]
+        assert [row["step"] for row in found] == [0, 2, 2]
+        last = found[-1]
+        centres = (np.array(last["VoxelGridMap:voxel_indices"]) + 0.5) * np.array(last["VoxelGridMap:voxel_size"])
+        centres += np.array(last["VoxelGridMap:translation"])
+        np.testing.assert_allclose(centres, getattr(explorer.mapper.metric_map, f"{name}_centres")(), atol=1e-5)
+
+
+def test_loops_join_their_keyframes(corrected):
+    explorer, rows = corrected
+    row = rows["/world/localisation/loops"][-1]
+    ends = np.array(row["LineStrips3D:strips"][0])
+    np.testing.assert_allclose(ends[:, :2], explorer.mapper.poses[[0, 1], :2, 3], atol=1e-6)
+    assert row["LineStrips3D:labels"] == ["keyframe 0 met again by 1"]
+    assert np.ravel(components(rows["/metrics/localisation/loops"], "Scalars:scalars")).tolist() == [0, 0, 1, 1]
+
+
+def test_a_correction_moves_the_robot_and_its_way_but_drives_nowhere(corrected):
+    _, rows = corrected
+    places = [row["Transform3D:translation"][0] for row in rows["/world/robot"]]
+    np.testing.assert_allclose(places[0], [0, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(places[-1], [0.2, 0.3, 0], atol=1e-6)
+    way = np.array(rows["/world/trajectory/estimated"][-1]["LineStrips3D:strips"][0])
+    np.testing.assert_allclose(way, [[0.2, 0.3, 0.06]] * 2, atol=1e-6)
+    assert max(np.ravel(components(rows["/metrics/distance_m"], "Scalars:scalars"))) == 0
+
+
+def test_between_steps_the_newest_keyframe_tells_where_the_odometry_is(tmp_path):
+    robot = StillRobot()
+    explorer = Explorer(robot, TruthClassifier())
+    recorder = Recorder(tmp_path / "episode.rrd")
+    recorder.log_step(0, explorer, explorer.step())
+    recorder.log_pose(0.2, pose(1))
+    be_elsewhere(explorer, pose(yaw=np.pi / 2))
+    explorer.mapper.add(robot.sense(), explorer.mapper.localisation.poses[-1], labelled=False)
+    recorder.log_pose(0.4, pose(1))
+    np.testing.assert_allclose(recorder.T_map_base, pose(yaw=np.pi / 2) @ pose(1))
+    recorder.close()
+    rows = read(tmp_path / "episode.rrd")
+    moving = [row["Transform3D:translation"][0][:2] for row in rows["/world/robot"] if row.get("step") is None]
+    np.testing.assert_allclose(moving, [[1, 0], [0, 1]], atol=1e-6)
+    # The keyframe that was taken meanwhile is there at once.
+    found = {(row.get("step"), len(row["Arrows3D:origins"])) for row in rows["/world/localisation/keyframes"]}
+    assert found == {(0, 1), (None, 2), (0, 2)}
+
+
+def test_stages_that_did_not_run_have_no_time(corrected):
+    _, rows = corrected
+    assert [row["step"] for row in rows["/metrics/time_ms/correction"]] == [2]
+    assert [row["step"] for row in rows["/metrics/time_ms/sense"]] == [0, 1, 2]

@@ -1,0 +1,62 @@
+"""The way that a robot drives, thinned to what a drawing needs."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.localisation.odometry import Localisation
+from pipeline.transforms import inverse
+
+SPACING = 0.05
+"""m between two points of a track."""
+
+
+class Track:
+    """The way driven so far.
+
+    Attributes:
+        distance: m.
+        positions: (3,) m each, neighbours at least ``SPACING`` apart.
+    """
+
+    def __init__(self) -> None:
+        self.distance = 0.0
+        self.positions: list[NDArray[np.float64]] = []
+        self._last: NDArray[np.float64] | None = None
+
+    def add(self, position: NDArray[np.float64]) -> bool:
+        """Go on to ``position`` (3,) m; whether it became one of :attr:`positions`."""
+        if self._last is not None:
+            self.distance += float(np.linalg.norm(position - self._last))
+        self._last = position.copy()
+        if self.positions and np.linalg.norm(position - self.positions[-1]) < SPACING:
+            return False
+        self.positions.append(self._last)
+        return True
+
+
+class EstimatedTrack:
+    """The way driven so far, each point of which follows the keyframe before it when that one is corrected."""
+
+    def __init__(self) -> None:
+        self._odometry = Track()
+        self._keyframes: list[int] = []
+        self._positions: list[NDArray[np.float64]] = []
+
+    @property
+    def distance(self) -> float:
+        """m by odometry: a correction is no drive."""
+        return self._odometry.distance
+
+    def add(self, T_odom_base: NDArray[np.float64], localisation: Localisation | None) -> None:
+        """Go on to a 4×4 pose; before the first keyframe its distance alone counts."""
+        if not self._odometry.add(T_odom_base[:3, 3]) or localisation is None:
+            return
+        keyframe = len(localisation.poses) - 1
+        T_keyframe_odom = inverse(localisation.poses[keyframe]) @ localisation.T_map_odom
+        self._keyframes.append(keyframe)
+        self._positions.append((T_keyframe_odom @ T_odom_base)[:3, 3])
+
+    def positions(self, T_map_base: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 3) m in ``map``, given the (K, 4, 4) poses of the keyframes, as they are now believed."""
+        T = T_map_base[self._keyframes]
+        return np.einsum("nij,nj->ni", T[:, :3, :3], np.reshape(self._positions, (-1, 3))) + T[:, :3, 3]

@@ -11,7 +11,7 @@ from pipeline.localisation.odometry import LostError
 from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.navigator import Navigator
-from pipeline.transforms import inverse
+from pipeline.transforms import inverse, yaw_of
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
 """m and rad that the robot drives or turns from one keyframe to the next."""
@@ -101,15 +101,21 @@ class Lookout:
             relocalisation.add(frame)
             T = relocalisation.find(mapper.metric_map, mapper.elevation_map, mapper.localisation.points())
             if T is not None:
-                mapper.localisation.set_down(T)
-                self.relocalised += 1
-                self.T_odom_expected, self._navigator.look = None, self.look
-                return frame
+                return self._go_on(frame, T)
             if not self._navigator.turn(2 * np.pi / LOOKS):
                 break
             frame = self._robot.sense()
         if len(agreements) == LOOKS and not Agreement.of(agreements).was_carried:
             # The map explains all but something new: that was carried, not the robot.
-            self.T_odom_expected, self._navigator.look = frame.T_odom_base, self.look
-            return frame
+            return self._go_on(frame, mapper.localise(frame))
         raise LostError("the camera shows what the map does not, and no place fits for sure")
+
+    def _go_on(self, frame: Frame, T_map_base: NDArray[np.float64]) -> Frame:
+        """Trust a pose again; unless it is the one that the robot believed to have, it was carried there."""
+        move = inverse(self._mapper.localise(frame)) @ T_map_base
+        self.T_odom_expected, self._navigator.look = frame.T_odom_base, self.look
+        if np.linalg.norm(move[:3, 3]) > KIDNAPPED or abs(yaw_of(move)) > KEYFRAME_TURN:
+            self._mapper.localisation.set_down(T_map_base)
+            self.relocalised += 1
+            self.T_odom_expected = None
+        return frame

@@ -13,9 +13,9 @@ from kiss_icp.kiss_icp import KissICP
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.explorer import KEYFRAME_TURN, KEYFRAME_WAY
 from pipeline.frame import Frame, Intrinsics
 from pipeline.localisation.slam import Slam
+from pipeline.navigation.lookout import KEYFRAME_TURN, KEYFRAME_WAY
 from pipeline.transforms import inverse, transform_points
 from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.scoring.trajectory import is_false

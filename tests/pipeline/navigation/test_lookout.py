@@ -1,0 +1,154 @@
+"""What a robot with eyes makes of what it sees while it drives, and when something has changed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.frame import Frame
+from pipeline.localisation.odometry import LostError
+from pipeline.localisation.slam import Slam
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.navigation.lookout import KEYFRAME_WAY, KIDNAPPED, LOOKS, Lookout
+from pipeline.navigation.navigator import Navigator
+from pipeline.robot import Motion, Velocity
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import from_yaw, inverse, yaw_of
+from tests.pipeline.kinematic_robot import KinematicRobot
+from tests.pipeline.localisation.carried_robot import BARE, seen
+from tests.pipeline.polygon_scene import floor, wall
+from tests.pipeline.robot_model import PIONEER
+
+START = from_yaw(2.0, 2.0, 0.0, 0.0)
+CLOSET = [floor(0.8, 3.3, 0.9, 3.2)]
+CLOSET += [wall(a, b) for a, b in (((0.8, 0.9), (3.3, 0.9)), ((3.3, 0.9), (3.3, 3.2)), ((3.3, 3.2), (0.8, 3.2)))]
+PANEL = wall((3.2, 1.2), (3.2, 2.8))
+
+
+class SeeingRobot(KinematicRobot):
+    """It looks at a scene of faces; its odometry does not notice that it is carried."""
+
+    def __init__(self):
+        super().__init__()
+        self.T = START
+        self.T_map_odom = np.eye(4)
+        self.faces = BARE
+        self.looks = 0
+
+    def sense(self) -> Frame:
+        self.looks += 1
+        return seen(self.faces, self.T, self.T_map_odom, seed=self.looks)
+
+    def drive(self, command: Velocity) -> Motion:
+        motion = super().drive(command)
+        return replace(motion, T_odom_base=inverse(self.T_map_odom) @ self.T)
+
+    def carry(self, T: np.ndarray) -> None:
+        self.T_map_odom = T @ inverse(self.T) @ self.T_map_odom
+        self.T = T
+
+
+class Outlook:
+    """A robot that looks around from where it stands, and all that it has."""
+
+    def __init__(self):
+        self.robot = SeeingRobot()
+        self.navigator = Navigator(self.robot)
+        self.mapper = Mapper(PIONEER, TruthClassifier(), localisation=Slam())
+        self.lookout = Lookout(self.navigator, self.mapper)
+        self.keyframes: list[Keyframe] = []
+        self.lookout.on_keyframe = self.keyframes.append
+
+    def look_around(self, place: np.ndarray) -> "Outlook":
+        """Make keyframes of a full turn."""
+        for yaw in np.arange(6) * np.pi / 3:
+            self.robot.T = place @ from_yaw(0, 0, 0, yaw)
+            frame = self.lookout.sense()
+            self.lookout.was_set_down(frame)
+            self.lookout.add(frame, labelled=False)
+        self.robot.T = place
+        return self
+
+
+@pytest.fixture(scope="module")
+def looked_around():
+    return Outlook().look_around(START)
+
+
+@pytest.fixture
+def outlook(looked_around, monkeypatch):
+    """The same for one test alone that adds no keyframe."""
+    slam = looked_around.mapper.localisation
+    for thing in (looked_around.robot, looked_around.lookout, looked_around.navigator, slam):
+        for name, value in vars(thing).items():
+            monkeypatch.setattr(thing, name, value)
+    return looked_around
+
+
+def test_what_agrees_with_the_map_needs_one_look(outlook):
+    before = outlook.robot.looks
+    frame = outlook.lookout.sense()
+    assert outlook.robot.looks == before + 1
+    assert not outlook.lookout.was_set_down(frame)
+
+
+def test_a_thing_that_was_put_in_the_way_is_no_reason_to_be_lost(outlook):
+    outlook.robot.faces = [*BARE, PANEL]
+    before = outlook.robot.looks
+    frame = outlook.lookout.sense()
+    assert outlook.robot.looks > before + 1
+    assert outlook.lookout.relocalised == 0
+    assert not outlook.lookout.was_set_down(frame)
+    assert outlook.navigator.look == outlook.lookout.look
+
+
+def test_nor_is_it_where_no_place_is_found_for_sure():
+    """In the middle of the room, which looks the same turned by half a turn."""
+    middle = from_yaw(2.5, 2.0, 0, 0)
+    outlook = Outlook().look_around(middle)
+    outlook.robot.faces = [*BARE, wall((3.7, 1.2), (3.7, 2.8))]
+    before = outlook.robot.looks
+    frame = outlook.lookout.sense()
+    assert outlook.robot.looks == before + 1 + LOOKS
+    assert abs(yaw_of(frame.T_odom_base)) < 0.3  # once around
+    assert not outlook.lookout.was_set_down(frame)
+
+
+def test_a_robot_that_was_carried_finds_its_place(outlook):
+    outlook.robot.carry(from_yaw(1.2, 1.4, 0, 2.0))
+    frame = outlook.lookout.sense()
+    assert outlook.lookout.relocalised == 1
+    assert outlook.lookout.was_set_down(frame)
+    np.testing.assert_allclose(outlook.mapper.localise(frame)[:3, 3], (1.2, 1.4, 0), atol=0.05)
+
+
+def test_a_robot_in_another_room_is_lost(outlook):
+    outlook.robot.faces = CLOSET
+    with pytest.raises(LostError, match="no place fits"):
+        outlook.lookout.sense()
+
+
+def test_where_the_odometry_leaps_the_robot_was_set_down(outlook):
+    outlook.lookout.was_set_down(seen(BARE, START))
+    near, far = (seen(BARE, START @ from_yaw(way * KIDNAPPED, 0, 0, 0)) for way in (0.9, 2.0))
+    assert not outlook.lookout.was_set_down(near)
+    assert outlook.lookout.was_set_down(far)
+
+
+def test_keyframes_are_taken_on_the_way_and_every_second_one_is_labelled():
+    outlook = Outlook()
+    outlook.lookout.add(outlook.lookout.sense(), labelled=True)
+    assert outlook.navigator.follow(np.array([(3.0, 2.0)]))
+    places = [keyframe.T_map_base[0, 3] for keyframe in outlook.keyframes]
+    np.testing.assert_allclose(places, 2.0 + KEYFRAME_WAY * np.arange(4), atol=0.05)
+    assert [len(keyframe.labels) > 0 for keyframe in outlook.keyframes] == [True, False, True, False]
+
+
+def test_the_returns_are_those_of_a_keyframe_that_is_not_labelled():
+    outlook = Outlook()
+    points = outlook.lookout.returns()
+    (keyframe,) = outlook.keyframes
+    assert len(points) == keyframe.frame.returns.sum()
+    assert not len(keyframe.labels)
+    assert abs(np.median(points[:, 2])) < 1.0
+    assert points[:, 0].max() == pytest.approx(5.0, abs=0.1)

@@ -15,6 +15,12 @@ def test_places_go_along_with_the_keyframe_that_stood_nearest():
     np.testing.assert_allclose(correction.motion_at(np.array([3.0, 3.0])) @ BEFORE[1], AFTER[1], atol=1e-12)
 
 
+def test_it_tells_how_far_each_keyframe_moved_and_turned():
+    correction = Correction(BEFORE, AFTER)
+    np.testing.assert_allclose(correction.ways, [0, np.hypot(1, 0.5)])
+    np.testing.assert_allclose(correction.turns, [0, np.pi / 2])
+
+
 def test_poses_that_stay_move_nothing():
     places = np.random.default_rng(0).uniform(-5, 5, (20, 3))
     np.testing.assert_allclose(Correction(BEFORE, BEFORE).moved(places), places, atol=1e-12)

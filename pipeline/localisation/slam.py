@@ -59,6 +59,8 @@ KNOWN = 0.05
 """m; keyframes known better than this from the newest one make up one map to register with. Others make a loop."""
 FEIGNED = 1e-3
 """Of the information across surfaces, at most so much does noise in their normals feign along them."""
+FAR_OFF = 1.0
+"""m; a loop is looked for no farther away, however little is known."""
 LOOP_OVERLAP = 0.5
 """Share of a frame's points that a loop explains, at least."""
 
@@ -241,11 +243,11 @@ class Slam:
         if match is None or match.cloud is None or not unknown.any():
             return
         number, T = len(self.graph) - 1, self.poses[-1]
-        reach = min(float(self._deviations[np.isfinite(self._deviations)].max()), 1.0)
+        reach = min(float(self._deviations.max()), FAR_OFF)
         target = self._target(match.cloud.points()[:, :3], T, match.frame, unknown, MARGIN + reach)
         if target is None:
             return
-        deviation = float(self._deviations[np.unique(target.owner)].max())
+        deviation = min(float(self._deviations[np.unique(target.owner)].max()), FAR_OFF)
         prior = Prior(T, np.diag(np.repeat([deviation / LEVER, deviation], 3) ** -2.0))
         gates = (max(2 * deviation, GATES[0]),) * 4 + GATES
         found = register(target, match.cloud, [prior, by_gravity(T, match.frame)], gates)

@@ -22,8 +22,8 @@ AROUND = drive(*[(0.3, 0.0)] * 8, *TURN, *[(0.3, 0.0)] * 6, *TURN, *[(0.3, 0.0)]
 
 @cache
 def frames() -> list[Frame]:
-    """Of that drive, with an odometry that takes it for 2 % longer and veers by 0.1° from frame to frame."""
-    odometry = drifting(AROUND, stretch=1.02, veer=np.deg2rad(0.1))
+    """Of that drive, with an odometry that takes it for 2 % longer and veers by 0.06° from frame to frame."""
+    odometry = drifting(AROUND, stretch=1.02, veer=np.deg2rad(0.06))
     return [seen(*poses, time=k) for k, poses in enumerate(zip(AROUND, odometry, strict=True))]
 
 
@@ -50,10 +50,9 @@ def test_it_stays_near_the_truth_where_the_odometry_does_not() -> None:
     slam, odometry = whole(), OdometryLocalisation()
     alone = [odometry.localise(frame) for frame in frames()]
     errors = [distance(a, b) for a, b in zip(slam.poses, AROUND, strict=True)]
-    assert errors[-1] < 0.02
-    assert max(errors) < 0.03
+    assert max(errors) < 0.02
     assert max(np.linalg.norm(logarithm(inverse(a) @ b)[:3]) for a, b in zip(slam.poses, AROUND, strict=True)) < 0.02
-    assert distance(alone[-1], AROUND[-1]) > 0.1
+    assert distance(alone[-1], AROUND[-1]) > 0.08
     assert slam.slips == 0
 
 

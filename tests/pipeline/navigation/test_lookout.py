@@ -1,7 +1,5 @@
 """What a robot with eyes makes of what it sees while it drives, and when something has changed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,9 +9,8 @@ from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.lookout import KEYFRAME_WAY, KIDNAPPED, LOOKS, Lookout
 from pipeline.navigation.navigator import Navigator
-from pipeline.robot import Motion, Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.transforms import from_yaw, inverse, yaw_of
+from pipeline.transforms import from_yaw, yaw_of
 from tests.pipeline.kinematic_robot import KinematicRobot
 from tests.pipeline.localisation.carried_robot import BARE, seen
 from tests.pipeline.polygon_scene import floor, wall
@@ -26,26 +23,17 @@ PANEL = wall((3.2, 1.2), (3.2, 2.8))
 
 
 class SeeingRobot(KinematicRobot):
-    """It looks at a scene of faces; its odometry does not notice that it is carried."""
+    """It looks at a scene of faces; its odometry is right."""
 
     def __init__(self):
         super().__init__()
         self.T = START
-        self.T_map_odom = np.eye(4)
         self.faces = BARE
         self.looks = 0
 
     def sense(self) -> Frame:
         self.looks += 1
-        return seen(self.faces, self.T, self.T_map_odom, seed=self.looks)
-
-    def drive(self, command: Velocity) -> Motion:
-        motion = super().drive(command)
-        return replace(motion, T_odom_base=inverse(self.T_map_odom) @ self.T)
-
-    def carry(self, T: np.ndarray) -> None:
-        self.T_map_odom = T @ inverse(self.T) @ self.T_map_odom
-        self.T = T
+        return seen(self.faces, self.T, seed=self.looks)
 
 
 class Outlook:
@@ -112,14 +100,6 @@ def test_nor_is_it_where_no_place_is_found_for_sure():
     assert outlook.robot.looks == before + 1 + LOOKS
     assert abs(yaw_of(frame.T_odom_base)) < 0.3  # once around
     assert not outlook.lookout.was_set_down(frame)
-
-
-def test_a_robot_that_was_carried_finds_its_place(outlook):
-    outlook.robot.carry(from_yaw(1.2, 1.4, 0, 2.0))
-    frame = outlook.lookout.sense()
-    assert outlook.lookout.relocalised == 1
-    assert outlook.lookout.was_set_down(frame)
-    np.testing.assert_allclose(outlook.mapper.localise(frame)[:3, 3], (1.2, 1.4, 0), atol=0.05)
 
 
 def test_a_robot_in_another_room_is_lost(outlook):

@@ -52,3 +52,9 @@ def wrap_angle(angle: float) -> float:
 def wrap_angles(angles: NDArray[np.floating]) -> NDArray[np.floating]:
     """The same angles (N, ...) in [−π, π), rad."""
     return (angles + np.pi) % (2 * np.pi) - np.pi
+
+
+def orthonormal(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The rigid 4×4 transform nearest to one whose rotation is so but for rounding."""
+    left, _, right = np.linalg.svd(T[:3, :3])
+    return from_rotation(left @ right, T[:3, 3])

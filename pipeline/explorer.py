@@ -114,7 +114,7 @@ class Explorer:
         self.settle()
         with self.mapper.stopwatch("sense"):
             frame = self.robot.sense()
-        if not self._agrees(frame):
+        if self._is_lost or not self._agrees(frame):
             frame = self._find_place(frame)
         was_kidnapped = self._notice_kidnapping(frame)
         keyframe = self._add(frame, labelled=True)
@@ -154,6 +154,11 @@ class Explorer:
         self._failed_drives = 0 if came_away else self._failed_drives + (not reached)
         self._learn_from_drive(check.obstacles)
         return reached
+
+    @property
+    def _is_lost(self) -> bool:
+        """Whether it has yet to find its place in the map of an earlier episode."""
+        return self.mapper.localisation.may_err and 0 < self.mapper.keyframes == self.mapper.loaded
 
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:

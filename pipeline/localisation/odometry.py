@@ -23,6 +23,25 @@ class Loop:
     T_first_second: NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False)
+class Keyframes:
+    """What a later episode has to know of keyframes to find its place among them.
+
+    Attributes:
+        poses: (K, 4, 4) ``T_map_base``.
+        ups: (K, 3) the vertical in each one's ``base_link``.
+        points: (N, 3) of the surfaces that they saw, in their owner's ``base_link``, m.
+        normals: (N, 3) of these, of length 1.
+        owner: (N,) int64 number of the keyframe that each belongs to.
+    """
+
+    poses: NDArray[np.float64]
+    ups: NDArray[np.float64]
+    points: NDArray[np.floating]
+    normals: NDArray[np.float64]
+    owner: NDArray[np.int64]
+
+
 class LostError(Exception):
     """The robot does not know where it is, and says why."""
 
@@ -70,6 +89,14 @@ class Localisation(Protocol):
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
         ...
 
+    def keyframes(self) -> Keyframes:
+        """All so far."""
+        ...
+
+    def restore(self, keyframes: Keyframes) -> None:
+        """Begin with those of an earlier episode, which stay where they are."""
+        ...
+
 
 class OdometryLocalisation:
     """Takes the odometry at its word: ``map`` and ``odom`` are one frame, and no pose is ever corrected."""
@@ -98,6 +125,15 @@ class OdometryLocalisation:
     def points(self) -> NDArray[np.float32]:
         """(0, 3) none are kept."""
         return np.zeros((0, 3), np.float32)
+
+    def keyframes(self) -> Keyframes:
+        """All so far, without points."""
+        nothing = np.zeros((0, 3))
+        return Keyframes(self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64))
+
+    def restore(self, keyframes: Keyframes) -> None:
+        """Begin with those of an earlier episode."""
+        self.poses = keyframes.poses
 
 
 def check_odometry(frame: Frame) -> None:

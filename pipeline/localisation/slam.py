@@ -5,15 +5,16 @@ and each keyframe joins a pose graph, with what registration says of it as seen 
 comes back to a place that it knows less well than a registration must, a loop is closed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import MARGIN, LocalMap
-from pipeline.localisation.odometry import Loop, LostError, check_odometry
+from pipeline.localisation.odometry import Keyframes, Loop, LostError, check_odometry
 from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
 from pipeline.localisation.registration import (
     GATES,
@@ -25,7 +26,7 @@ from pipeline.localisation.registration import (
     register,
     shares_of,
 )
-from pipeline.transforms import inverse, transform_points
+from pipeline.transforms import inverse, orthonormal, transform_points
 
 FARTHEST = 3.3
 """m of depth; beyond, the sensor's limit cuts off the far half of its noise."""
@@ -114,7 +115,9 @@ class Slam:
         if self._match is None or self._match.frame is not frame:
             check_odometry(frame)
             self._check_camera(frame)
-            self._match = self._find(frame)
+            match = self._find(frame)
+            # What rounding leaves of each keyframe's rotation would add up.
+            self._match = replace(match, T_map_base=orthonormal(match.T_map_base))
             self.T_map_odom = self._match.T_map_base @ inverse(frame.T_odom_base)
         return self._match.T_map_base
 
@@ -151,6 +154,29 @@ class Slam:
     def points(self) -> NDArray[np.float32]:
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
         return self.local_map.all_points()
+
+    def keyframes(self) -> Keyframes:
+        """All so far."""
+        known = self.local_map
+        return Keyframes(self.poses, np.array(self.graph.ups), known.points, known.normals, known.owner)
+
+    def restore(self, keyframes: Keyframes) -> None:
+        """Begin with those of an earlier episode, which stay where they are: where the robot is has to be told.
+
+        Raises:
+            InputError: they come without points, for nothing was registered.
+        """
+        if not len(keyframes.points):
+            raise InputError("its episode registered nothing, so no robot finds its place in it")
+        self.graph.fix(keyframes.poses, keyframes.ups)
+        known = self.local_map
+        known.points, known.normals, known.owner = (
+            keyframes.points.astype(np.float64),
+            keyframes.normals,
+            keyframes.owner,
+        )
+        self._odometry = [np.eye(4)] * len(keyframes.poses)
+        self._renew()
 
     def _check_camera(self, frame: Frame) -> None:
         last = self._match.frame if self._match else None

@@ -123,6 +123,8 @@ def _check(e: Arrays) -> None:
         raise ValueError("something belongs to a keyframe that is not there, or a camera has no focal length")
     if not np.isin(e["members"][:, 2], list(Label)).all() or (e["members"][:, [1, 3]] < 0).any():
         raise ValueError("a segment is of no class")
+    if np.count_nonzero(e["ground"][:, 1] == ASSUMED) != len(e["assumed"]):
+        raise ValueError("assumed has rows that belong to no keyframe")
     lengths = e["labelled"] + 1, e["ground"][:, 2:], e["members"][:, 4:], e["victims"][:, 2:], e["sightings"][:, 1]
     if any((n < 0).any() for n in lengths):
         raise ValueError("a length is negative")

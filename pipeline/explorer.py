@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.frame import Frame
-from pipeline.localisation.agreement import agreement
+from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.localisation.odometry import Localisation, LostError
 from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Keyframe, Mapper
@@ -114,8 +114,10 @@ class Explorer:
         self.settle()
         with self.mapper.stopwatch("sense"):
             frame = self.robot.sense()
-        if self._is_lost or not self._agrees(frame):
-            frame = self._find_place(frame)
+        self.navigator.look = lambda: True
+        frame, is_there = self._confirm(frame)
+        frame = frame if is_there else self._find_place(frame)
+        self.navigator.look = self._look
         was_kidnapped = self._notice_kidnapping(frame)
         keyframe = self._add(frame, labelled=True)
         self.steps += 1
@@ -244,11 +246,23 @@ class Explorer:
         self.on_keyframe(keyframe)
         return keyframe
 
-    def _agrees(self, frame: Frame) -> bool:
-        """Whether a frame shows what the map has where the robot believes to be."""
-        mapper = self.mapper
-        T_map_camera = mapper.localise(frame) @ frame.T_base_camera
-        return not (mapper.localisation.may_err and agreement(frame, T_map_camera, mapper.metric_map).was_carried)
+    def _confirm(self, frame: Frame) -> tuple[Frame, bool]:
+        """Look around until the robot knows whether it is where it believes to be: the newest frame, and whether."""
+        localisation = self.mapper.localisation
+        if not localisation.may_err or self._is_lost:
+            return frame, not self._is_lost
+        found = self._agreement(frame)
+        for _ in range(LOOKS):
+            is_elsewhere = found.was_carried or localisation.is_contradicted
+            if is_elsewhere or not found.is_doubtful or not self.navigator.turn(2 * np.pi / LOOKS):
+                break
+            frame = self.robot.sense()
+            found = Agreement.of([found, self._agreement(frame)])
+        return frame, not (found.was_carried or localisation.is_contradicted or found.is_doubtful)
+
+    def _agreement(self, frame: Frame) -> Agreement:
+        """How a frame agrees with the map where the robot believes to be."""
+        return agreement(frame, self.mapper.localise(frame) @ frame.T_base_camera, self.mapper.metric_map)
 
     def _find_place(self, frame: Frame) -> Frame:
         """Look around until the robot knows where it is; the newest frame.
@@ -257,14 +271,13 @@ class Explorer:
             LostError: it remains in doubt.
         """
         mapper, relocalisation = self.mapper, Relocalisation(self.robot.model)
-        self.navigator.look = lambda: True
         for _ in range(LOOKS):
             relocalisation.add(frame)
             T = relocalisation.find(mapper.metric_map, mapper.elevation_map, mapper.localisation.points())
             if T is not None:
                 mapper.localisation.set_down(T)
                 self.relocalised += 1
-                self.T_odom_expected, self.navigator.look = None, self._look
+                self.T_odom_expected = None
                 return frame
             if not self.navigator.turn(2 * np.pi / LOOKS):
                 break
@@ -278,7 +291,7 @@ class Explorer:
         turn = np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1))
         if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or turn >= KEYFRAME_TURN:
             frame = self.robot.sense()
-            if not self._agrees(frame):
+            if self.mapper.localisation.may_err and self._agreement(frame).was_carried:
                 return False
             self._add(frame, labelled=self.mapper.keyframes % LABELLED == 0)
         return True

@@ -54,11 +54,17 @@ class Localisation(Protocol):
         poses: (K, 4, 4) ``T_map_base`` of the keyframes, as they are now believed.
         loops: closed so far.
         may_err: whether its poses are to be checked against the map.
+        is_contradicted: whether the newest frame fits only where no slip of wheels can have brought the robot.
     """
 
     T_map_odom: NDArray[np.float64]
     loops: list[Loop]
     may_err: bool
+
+    @property
+    def is_contradicted(self) -> bool:
+        """By the newest frame."""
+        ...
 
     @property
     def poses(self) -> NDArray[np.float64]:
@@ -100,6 +106,8 @@ class Localisation(Protocol):
 
 class OdometryLocalisation:
     """Takes the odometry at its word: ``map`` and ``odom`` are one frame, and no pose is ever corrected."""
+
+    is_contradicted = False
 
     def __init__(self) -> None:
         self.T_map_odom = np.eye(4)

@@ -42,6 +42,8 @@ SLIDE = 0.3
 """m per rad turned, times the sine of the tilt: the same on a ramp."""
 SLIPPED = 22.5
 """χ² of six degrees of freedom, 99.9 %; a registration contradicts the odometry so much where wheels slip."""
+CONTRADICTED = 100.0
+"""χ² from which on slipping cannot explain it: of 800 frames of drives the greatest was 45."""
 POOR, BETTER = 0.6, 0.1
 """Overlap below which wheels may have slipped, and by how much more shows it."""
 STOPPED = 0.05
@@ -105,6 +107,12 @@ class Slam:
     def covariance(self) -> NDArray[np.float64] | None:
         """(6, 6) of the newest frame's pose in its own tangent, rad² and m²; None if it was not registered."""
         return self._match.registration.covariance if self._match and self._match.registration else None
+
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether the newest frame fits only where no slip of wheels can have brought the robot."""
+        found = self._match.registration if self._match else None
+        return found is not None and self._match.prior is not None and found.chi2 > CONTRADICTED
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """4×4 pose of ``base_link`` in ``map`` at the time of the frame.

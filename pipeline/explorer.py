@@ -33,6 +33,9 @@ LABELLED = 2
 """Of so many keyframes that are taken while the robot drives one is labelled: the network takes longest of all."""
 LOOKS = 8
 """Frames that a robot takes around itself when it does not know where it is."""
+UNSURE = 0.98, 0.7
+"""Agreement and overlap of a frame, of which one at least is better where the robot is where it believes to be: so
+were those of all 56 steps of two episodes."""
 KIDNAPPED = 0.3
 """m; a robot that is elsewhere by this without having driven was carried there."""
 PATIENCE = 6
@@ -254,7 +257,8 @@ class Explorer:
         found = self._agreement(frame)
         for _ in range(LOOKS):
             is_elsewhere = found.was_carried or localisation.is_contradicted
-            if is_elsewhere or not found.is_doubtful or not self.navigator.turn(2 * np.pi / LOOKS):
+            is_doubtful = found.is_doubtful or (found.share < UNSURE[0] and localisation.overlap < UNSURE[1])
+            if is_elsewhere or not is_doubtful or not self.navigator.turn(2 * np.pi / LOOKS):
                 break
             frame = self.robot.sense()
             found = Agreement.of([found, self._agreement(frame)])

@@ -67,6 +67,11 @@ class Localisation(Protocol):
         ...
 
     @property
+    def overlap(self) -> float:
+        """Share of the newest frame's points that were seen before; 1 if it was not registered."""
+        ...
+
+    @property
     def poses(self) -> NDArray[np.float64]:
         """Of every keyframe."""
         ...
@@ -107,7 +112,7 @@ class Localisation(Protocol):
 class OdometryLocalisation:
     """Takes the odometry at its word: ``map`` and ``odom`` are one frame, and no pose is ever corrected."""
 
-    is_contradicted = False
+    is_contradicted, overlap = False, 1.0
 
     def __init__(self) -> None:
         self.T_map_odom = np.eye(4)

@@ -114,6 +114,11 @@ class Slam:
         found = self._match.registration if self._match else None
         return found is not None and self._match.prior is not None and found.chi2 > CONTRADICTED
 
+    @property
+    def overlap(self) -> float:
+        """Share of the newest frame's points that were seen before; 1 if it was not registered."""
+        return self._match.registration.overlap if self._match and self._match.registration else 1.0
+
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """4×4 pose of ``base_link`` in ``map`` at the time of the frame.
 

@@ -111,8 +111,8 @@ class Slam:
     @property
     def is_contradicted(self) -> bool:
         """Whether the newest frame fits only where no slip of wheels can have brought the robot."""
-        found = self._match.registration if self._match else None
-        return found is not None and self._match.prior is not None and found.chi2 > CONTRADICTED
+        match = self._match
+        return bool(match and match.prior and match.registration and match.registration.chi2 > CONTRADICTED)
 
     @property
     def overlap(self) -> float:

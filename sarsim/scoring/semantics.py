@@ -41,12 +41,10 @@ class KeyframeTruth:
 
     def __init__(self, loaded: Sequence[Observation] = ()) -> None:
         """Of the keyframes of an earlier episode the truth is unknown; their voxels are in the robot's map."""
+        # So little that any true label outweighs it.
+        unknown = 1e-6 * np.eye(1, len(Label), int(Label.UNLABELLED), dtype=np.float32)
         self._added: list[tuple[int, VoxelCloud, NDArray[np.float32]]] = [
-            (
-                k,
-                VoxelCloud(o.points, o.hits, np.zeros(0, np.int64)),
-                np.zeros((len(o.points), len(Label)), np.float32),
-            )
+            (k, VoxelCloud(o.points, o.hits, np.zeros(0, np.int64)), np.repeat(unknown, len(o.points), axis=0))
             for k, o in enumerate(loaded)
             if o.probabilities is not None
         ]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.localisation.odometry import LostError
 from pipeline.localisation.slam import Slam
@@ -64,12 +65,14 @@ def placed(episode: Episode, folder: Path) -> Explorer:
 
 
 def carry(episode: Episode, rng: np.random.Generator) -> None:
-    """Set the robot down elsewhere and let it stand."""
+    """Set the robot down elsewhere and let it stand; InputError if there is nowhere."""
     robot, surface = episode.robot, episode.score.surface
-    free = ndimage.binary_erosion(surface.drivable & episode.score.seen, iterations=round(ROOM / surface.grid.cell))
-    cells = np.argwhere(free)
+    free = ndimage.binary_erosion(surface.drivable, iterations=round(ROOM / surface.grid.cell))
+    cells = np.argwhere(free & episode.score.seen)
     places = surface.grid.centre_of(cells)
     far = np.linalg.norm(places - robot.trajectory[-1].T_world_base[:2, 3], axis=1) > CARRIED
+    if not far.any():
+        raise InputError(f"{episode.config.arena}: too little is mapped to carry a robot anywhere")
     n, yaw = rng.choice(np.flatnonzero(far)), rng.uniform(-np.pi, np.pi)
     place = np.append(places[n], surface.height[tuple(cells[n])] + 0.01)
     robot.robot.set_pose(robot.physics, place, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]))

@@ -87,7 +87,8 @@ def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: Metri
     seen[[0, -1]] = seen[:, [0, -1]] = False
     explained = np.isfinite(surface) & ~short & ~through
     expected = int(((surface > NEAREST) & (surface < FARTHEST))[1:-1, 1:-1].sum())
-    return Agreement(*(int((mask & seen).sum()) for mask in (explained, short, through, seen)), expected=expected)
+    counts = {"explained": explained, "short": short, "through": through, "seen": seen}
+    return Agreement(**{name: int((mask & seen).sum()) for name, mask in counts.items()}, expected=expected)
 
 
 def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -114,6 +114,9 @@ class Mapper:
     Attributes:
         observations: what is kept of each keyframe.
         poses: (N, 4, 4) where each was taken, ``T_map_base``.
+        poses_added: (N, 4, 4) where each was believed to be when it was added.
+        ground: what is known of it, each with the number of the keyframe that it was seen from.
+        loaded: how many keyframes are of an earlier episode.
         stopwatch: the time that each stage took.
     """
 
@@ -149,8 +152,9 @@ class Mapper:
         self.victims = Victims()
         self.stopwatch = Stopwatch()
         self.observations: list[Observation] = []
-        self.poses = self._poses_added = np.zeros((0, 4, 4))
-        self._ground: list[tuple[int, GroundEvidence]] = []
+        self.poses = self.poses_added = np.zeros((0, 4, 4))
+        self.ground: list[tuple[int, GroundEvidence]] = []
+        self.loaded = 0
         self._set_down: NDArray[np.float64] | None = None
         self._newest_at_drive = 0
         self._depth: NDArray[np.float32] | None = None
@@ -163,8 +167,23 @@ class Mapper:
 
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
-        """4×4 pose of the first keyframe; None before it."""
-        return self.poses[0] if self.keyframes else None
+        """4×4 pose of the first keyframe of this episode; None before it."""
+        return self.poses[self.loaded] if self.keyframes > self.loaded else None
+
+    def restore(
+        self,
+        observations: list[Observation],
+        ground: list[tuple[int, GroundEvidence]],
+        T_map_base: NDArray[np.float64],
+        T_map_base_added: NDArray[np.float64],
+    ) -> None:
+        """Begin with what an earlier episode kept of its (K, 4, 4) keyframes, and make every map of it.
+
+        Localisation, segments and victims must have been restored before. The parameters are attributes.
+        """
+        self.observations, self.ground, self.loaded = observations, ground, len(observations)
+        self.poses, self.poses_added, self._newest_at_drive = T_map_base, T_map_base_added, self.loaded
+        self.correct(T_map_base)
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """4×4 pose of ``base_link`` in ``map`` when a frame was taken."""
@@ -186,14 +205,16 @@ class Mapper:
         with self.stopwatch("localisation"):
             self.localisation.add(frame, T_map_base)
         with self.stopwatch("observation"):
+            depth = pack_depth(frame.depth)
+            # What is made of the frame now and what is made again of its packed depth are the same.
+            frame = replace(frame, depth=unpack_depth(depth))
             points = frame.points(frame.T_base_camera)
             cloud = VoxelCloud.of(points, VOXEL if labelled else CELL / 2)
-            depth = pack_depth(frame.depth)
             observation = Observation(depth, frame.intrinsics, frame.T_base_camera, cloud.points, cloud.hits)
         with self.stopwatch("metric_map"):
             self._add_depth(observation, T_map_base)
         self.poses = np.concatenate([self.poses, T_map_base[None]])
-        self._poses_added = np.concatenate([self._poses_added, T_map_base[None]])
+        self.poses_added = np.concatenate([self.poses_added, T_map_base[None]])
         with self.stopwatch("traversability"):
             self._add_ground(frame, observation)
             traversability = self.traversability_layer.update(self.elevation_map)
@@ -266,7 +287,7 @@ class Mapper:
         if poses.shape != self.poses.shape or not all(map(is_rigid, poses)):
             raise InputError(f"a correction must give each of {self.keyframes} keyframes a rigid 4×4 pose")
         correction, self.poses = Correction(self.poses, poses), poses
-        motions = poses @ np.linalg.inv(self._poses_added)
+        motions = poses @ np.linalg.inv(self.poses_added)
         with self.stopwatch("correction"):
             with self.stopwatch("correction_metric_map"):
                 self.metric_map.clear()
@@ -274,7 +295,7 @@ class Mapper:
                     self._add_depth(observation, T)
             with self.stopwatch("correction_traversability"):
                 with self.elevation_map.made_anew():
-                    for k, evidence in self._ground:
+                    for k, evidence in self.ground:
                         evidence.put(self.elevation_map, self.poses[k])
                 self.traversability_layer.update(self.elevation_map)
             with self.stopwatch("correction_semantic_map"):
@@ -307,7 +328,7 @@ class Mapper:
         self._put(k, Seen(observation.points, observation.hits, *missing))
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
-        self._ground.append((keyframe, evidence))
+        self.ground.append((keyframe, evidence))
         evidence.put(self.elevation_map, self.poses[keyframe])
 
     def _add_classes(self, observation: Observation, T_map_base: NDArray[np.float64]) -> None:

@@ -17,6 +17,7 @@ from pipeline.localisation.odometry import LostError, OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.planning.path_plan import place_name
+from pipeline.recording.map_file import load_keyframes, save_keyframes
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
@@ -28,6 +29,9 @@ from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import write_tum
 from sarsim.settings import EpisodeConfig, Labels
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+KEYFRAMES = "keyframes.npz"
+"""In an episode's folder, what ``--map`` reads."""
 
 
 class Episode:
@@ -58,6 +62,8 @@ class Episode:
             seed=config.seed,
             localisation=OdometryLocalisation() if is_told else Slam(),
         )
+        if config.map:
+            load_keyframes(config.map / KEYFRAMES, self.explorer.mapper)
         self.mission = self.explorer.mission
         self.score = EpisodeScore(self.robot, self.explorer, fiducials)
         self.rescue_report = RescueReport(self.explorer)
@@ -148,8 +154,11 @@ class Episode:
             self.situation = self.rescue_report.situation
             self.recorder.log_ways([p.route.trace for p in self.situation.everyone if p.route])
         self.recorder.close()
-        if self.explorer.steps:
+        if self.explorer.steps or self.lost:
             self.report = self._report(wall_time, sim_time)
+            with whole_file(self.out / "report.json") as path:
+                path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
+        if self.explorer.steps:
             self._write()
         self.robot.close()
 
@@ -157,12 +166,13 @@ class Episode:
         seconds = self.explorer.mapper.stopwatch.seconds
         detector = self.config.detector and [str(path) for path in self.config.detector]
         paths = {"out": str(self.out), "weights": str(self.config.weights), "detector": detector}
+        known = {"map": str(self.config.map)} if self.config.map else {}
         return {
             "arena": self.config.arena,
             "seed": self.config.seed,
             "steps": self.explorer.steps,
             "version": version("sarsim"),
-            "config": asdict(self.config) | paths,
+            "config": asdict(self.config) | paths | known,
             "sim_time_s": sim_time,
             "wall_time_s": wall_time,
             "real_time_factor": sim_time / wall_time,
@@ -173,8 +183,7 @@ class Episode:
         }
 
     def _write(self) -> None:
-        with whole_file(self.out / "report.json") as path:
-            path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
+        save_keyframes(self.explorer.mapper, self.out / KEYFRAMES)
         save_metric_map(self.explorer.mapper.metric_map, self.out / "metric_map.npz")
         self.explorer.mapper.semantic_map.save(self.out / "semantic_map.ply")
         self.explorer.mapper.topological_map.save(self.out / "topology.json")

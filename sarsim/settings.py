@@ -27,6 +27,7 @@ class EpisodeConfig:
         seed: of everything random; another one shows how much of a result is chance.
         steps: most steps (sense, map, plan, drive) of exploring, which ends before when no viewpoint is left; fewer
             make a short episode.
+        map: folder of an earlier episode in the same arena, in whose map the robot finds its place and goes on.
         goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
         home: drive back to the start in the end.
         labels: what labels the points: the network, or the simulator, to see what perfect labels would bring.
@@ -53,6 +54,7 @@ class EpisodeConfig:
     start: StartPose | None = None
     seed: int = 0
     steps: int = 160
+    map: Path | None = None
     goals: tuple[tuple[float, float], ...] = ()
     home: bool = False
     labels: Labels = "dgcnn"

@@ -49,6 +49,7 @@ class Benchmark:
             (victims), OctoMap without discretize (metric-map), the peers (localisation); without them it is done
             earlier.
         odometry: of the episodes, the true pose or wheels and gyro (exploration, victims truth).
+        kidnappings: times that a robot is carried elsewhere in its map (localisation 0), in nist_6x4 and in random:1.
         lighting: of the episodes (exploration, localisation, victims normal).
         labels: what labels the points in episodes (exploration, victims dgcnn).
         weights: of the network that labels (exploration, semantic, victims); by default the shipped ones.
@@ -74,6 +75,7 @@ class Benchmark:
     raf_frames: int | None = None
     baselines: bool | None = None
     odometry: Odometry | None = None
+    kidnappings: int | None = None
     lighting: LightingName | None = None
     labels: Labels | None = None
     weights: Path | None = None

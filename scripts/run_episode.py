@@ -26,7 +26,7 @@ def run_episode(config: EpisodeConfig) -> None:
     save_settings(config, episode.out / "config.yaml")
     finished = run_with_progress(episode)
     console = Console()
-    if episode.explorer.steps:
+    if episode.explorer.steps or episode.lost:
         console.print(report_table(episode.report))
     viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
     told = f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}"

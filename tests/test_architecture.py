@@ -16,7 +16,7 @@ FORBIDDEN = {
     "scripts": ("tests",),
 }
 MOST_ENTRIES = {"pipeline": 22, "sarsim": 16}
-MOST_LINES = 31_000
+MOST_LINES = 31_200
 """Of all packages together, without tests; 27 000 until the robot began to localise itself (SLAM)."""
 LONGEST_FUNCTION = 40
 LONGEST_EXPLORER = 120

@@ -24,6 +24,12 @@ CARRIED = 0.85
 CONTRADICTED = 40
 """Tiles that contradict the map, at least: a twentieth of the image. Fewer may be one edge, or one thin panel."""
 
+TELLING, SHOWN = 66, 1 / 3
+"""Tiles, a tenth of an image, that the map must expect to be missed, and the share of these that must be shown: an
+arena's frames show nearly all, while before a wall, or where nothing is mapped, a carried robot shows none."""
+NEAREST, FARTHEST = 0.9, 3.3
+"""m of depth within which a return is expected."""
+
 
 class Agreement(NamedTuple):
     """How many tiles of images the map explains and contradicts; those of which it knows nothing count in neither.
@@ -33,12 +39,14 @@ class Agreement(NamedTuple):
         short: show something in space that the map has as free.
         through: see through what the map has as occupied.
         seen: with returns.
+        expected: before which the map has something in the camera's reach, with or without returns.
     """
 
     explained: int
     short: int
     through: int
     seen: int
+    expected: int
 
     @classmethod
     def of(cls, parts: Iterable["Agreement"]) -> "Agreement":
@@ -60,6 +68,11 @@ class Agreement(NamedTuple):
         """Whether the robot must be elsewhere; what shows nothing known tells nothing."""
         return self.share < CARRIED and self.short + self.through >= CONTRADICTED
 
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether so little of what the map expects is known to be there that the robot may well be elsewhere."""
+        return self.expected >= TELLING and self.known < SHOWN * self.expected
+
 
 def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap) -> Agreement:
     """Compare a frame with what the map has before the camera, tile by tile of the depth image.
@@ -75,7 +88,9 @@ def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: Metri
     # The windows of the outermost tiles would reach beyond the image.
     seen[[0, -1]] = seen[:, [0, -1]] = False
     explained = np.isfinite(surface) & ~short & ~through
-    return Agreement(*(int((mask & seen).sum()) for mask in (explained, short, through, seen)))
+    expected = int(((surface > NEAREST) & (surface < FARTHEST))[1:-1, 1:-1].sum())
+    counts = {"explained": explained, "short": short, "through": through, "seen": seen}
+    return Agreement(**{name: int((mask & seen).sum()) for name, mask in counts.items()}, expected=expected)
 
 
 def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:

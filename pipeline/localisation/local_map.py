@@ -13,27 +13,33 @@ LEAST = 100
 
 
 class LocalMap:
-    """Points in the frames of the keyframes that own them, so that they follow these when poses are corrected."""
+    """Points in the frames of the keyframes that own them, so that they follow these when poses are corrected.
+
+    Attributes:
+        points: (N, 3) m.
+        normals: (N, 3) of length 1, on the side from which they were seen.
+        owner: (N,) int64 number of each one's keyframe.
+    """
 
     def __init__(self) -> None:
-        self._points = np.zeros((0, 3))
-        self._normals = np.zeros((0, 3))
-        self._owner = np.zeros(0, np.int64)
-        self._in_map = self._points, self._normals
+        self.points = np.zeros((0, 3))
+        self.normals = np.zeros((0, 3))
+        self.owner = np.zeros(0, np.int64)
+        self._in_map = self.points, self.normals
 
     def add(
         self, owner: int, cloud: small_gicp.PointCloud, camera: NDArray[np.float64], new: NDArray[np.bool_]
     ) -> None:
         """Add the ``new`` (N,) ones of a keyframe's points, in ``base_link``, seen from a camera (3,) there."""
-        self._points = np.vstack([self._points, cloud.points()[new, :3]])
-        self._normals = np.vstack([self._normals, front_normals(cloud, camera)[new]])
-        self._owner = np.append(self._owner, np.full(np.count_nonzero(new), owner))
+        self.points = np.vstack([self.points, cloud.points()[new, :3]])
+        self.normals = np.vstack([self.normals, front_normals(cloud, camera)[new]])
+        self.owner = np.append(self.owner, np.full(np.count_nonzero(new), owner))
 
     def place(self, poses: NDArray[np.float64]) -> None:
         """Put the points where their keyframes (K, 4, 4) are in ``map``."""
-        T = poses[self._owner]
-        points = np.einsum("nij,nj->ni", T[:, :3, :3], self._points) + T[:, :3, 3]
-        self._in_map = points, np.einsum("nij,nj->ni", T[:, :3, :3], self._normals)
+        T = poses[self.owner]
+        points = np.einsum("nij,nj->ni", T[:, :3, :3], self.points) + T[:, :3, 3]
+        self._in_map = points, np.einsum("nij,nj->ni", T[:, :3, :3], self.normals)
 
     def around(
         self,
@@ -52,9 +58,9 @@ class LocalMap:
         """
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         at, normals = self._in_map
-        near = np.flatnonzero(owners[self._owner] & ((at >= low) & (at <= high)).all(axis=1))
+        near = np.flatnonzero(owners[self.owner] & ((at >= low) & (at <= high)).all(axis=1))
         near = near[np.einsum("ni,ni->n", normals[near], camera - at[near]) > 0]
-        return Target(at[near], self._owner[near]) if len(near) >= LEAST else None
+        return Target(at[near], self.owner[near]) if len(near) >= LEAST else None
 
     def all_points(self) -> NDArray[np.float32]:
         """(N, 3) float32 all points, m in ``map``."""

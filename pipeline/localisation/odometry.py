@@ -23,6 +23,25 @@ class Loop:
     T_first_second: NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False)
+class Keyframes:
+    """What a later episode has to know of keyframes to find its place among them.
+
+    Attributes:
+        poses: (K, 4, 4) ``T_map_base``.
+        ups: (K, 3) the vertical in each one's ``base_link``.
+        points: (N, 3) of the surfaces that they saw, in their owner's ``base_link``, m.
+        normals: (N, 3) of these, of length 1.
+        owner: (N,) int64 number of the keyframe that each belongs to.
+    """
+
+    poses: NDArray[np.float64]
+    ups: NDArray[np.float64]
+    points: NDArray[np.floating]
+    normals: NDArray[np.float64]
+    owner: NDArray[np.int64]
+
+
 class LostError(Exception):
     """The robot does not know where it is, and says why."""
 
@@ -35,11 +54,22 @@ class Localisation(Protocol):
         poses: (K, 4, 4) ``T_map_base`` of the keyframes, as they are now believed.
         loops: closed so far.
         may_err: whether its poses are to be checked against the map.
+        is_contradicted: whether the newest frame fits only where no slip of wheels can have brought the robot.
     """
 
     T_map_odom: NDArray[np.float64]
     loops: list[Loop]
     may_err: bool
+
+    @property
+    def is_contradicted(self) -> bool:
+        """By the newest frame."""
+        ...
+
+    @property
+    def overlap(self) -> float:
+        """Share of the newest frame's points that were seen before; 1 if it was not registered."""
+        ...
 
     @property
     def poses(self) -> NDArray[np.float64]:
@@ -70,9 +100,19 @@ class Localisation(Protocol):
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
         ...
 
+    def keyframes(self) -> Keyframes:
+        """All so far."""
+        ...
+
+    def restore(self, keyframes: Keyframes) -> None:
+        """Begin with those of an earlier episode, which stay where they are."""
+        ...
+
 
 class OdometryLocalisation:
     """Takes the odometry at its word: ``map`` and ``odom`` are one frame, and no pose is ever corrected."""
+
+    is_contradicted, overlap = False, 1.0
 
     def __init__(self) -> None:
         self.T_map_odom = np.eye(4)
@@ -98,6 +138,15 @@ class OdometryLocalisation:
     def points(self) -> NDArray[np.float32]:
         """(0, 3) none are kept."""
         return np.zeros((0, 3), np.float32)
+
+    def keyframes(self) -> Keyframes:
+        """All so far, without points."""
+        nothing = np.zeros((0, 3))
+        return Keyframes(self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64))
+
+    def restore(self, keyframes: Keyframes) -> None:
+        """Begin with those of an earlier episode."""
+        self.poses = keyframes.poses
 
 
 def check_odometry(frame: Frame) -> None:

@@ -26,12 +26,13 @@ class PoseGraph:
 
     Attributes:
         poses: (K, 4, 4) ``T_map_base`` of every keyframe, as it is now believed.
+        ups: (3,) each, the vertical in each one's ``base_link``, by the odometry.
     """
 
     def __init__(self) -> None:
         self.poses = np.zeros((0, 4, 4))
         self._factors = gtsam.NonlinearFactorGraph()
-        self._ups: list[NDArray[np.float64]] = []
+        self.ups: list[NDArray[np.float64]] = []
         self._links: dict[tuple[int, int], float] = {}
 
     def __len__(self) -> int:
@@ -49,8 +50,16 @@ class PoseGraph:
             model = gtsam.noiseModel.Diagonal.Sigmas(np.array([1.0, 1.0, FIXED, FIXED, FIXED, FIXED]))
             self._factors.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(T_map_base), model))
         self.poses = np.concatenate([self.poses, T_map_base[None]])
-        self._ups.append(up)
+        self.ups.append(up)
         return len(self) - 1
+
+    def fix(self, poses: NDArray[np.float64], ups: NDArray[np.float64]) -> None:
+        """Begin with keyframes that stay where they are: (K, 4, 4) poses, and the vertical in each (K, 3)."""
+        model = gtsam.noiseModel.Isotropic.Sigma(6, FIXED)
+        for k, (T, up) in enumerate(zip(poses, ups, strict=True)):
+            self.add(T, up)
+            self._factors.add(gtsam.PriorFactorPose3(k, gtsam.Pose3(T), model))
+        self._links |= {(k - 1, k): FIXED**2 for k in range(1, len(poses))}
 
     def connect(
         self, i: int, j: int, T_map_base: NDArray[np.float64], information: NDArray[np.float64], is_loop: bool = False
@@ -84,8 +93,8 @@ class PoseGraph:
         """Move the poses to where they fit all constraints best."""
         graph = self._factors.clone()
         model = gtsam.noiseModel.Isotropic.Sigma(2, GRAVITY)
-        bias = np.mean(np.array(self._ups) - self.poses[:, 2, :3], axis=0)  # of a level that is mounted askew
-        for k, up in enumerate(self._ups):
+        bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # of a level that is mounted askew
+        for k, up in enumerate(self.ups):
             graph.add(gtsam.AttitudeFactorPose3(k, _UP, model, gtsam.Unit3(up - bias)))
         values = gtsam.Values()
         for k, T in enumerate(self.poses):

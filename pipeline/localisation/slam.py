@@ -12,9 +12,10 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import MARGIN, LocalMap
-from pipeline.localisation.odometry import Loop, LostError, check_odometry
+from pipeline.localisation.odometry import Keyframes, Loop, LostError, check_odometry
 from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
 from pipeline.localisation.registration import (
     GATES,
@@ -43,6 +44,8 @@ SLIDE = 0.3
 """m per rad turned, times the sine of the tilt: the same on a ramp."""
 SLIPPED = 22.5
 """χ² of six degrees of freedom, 99.9 %; a registration contradicts the odometry so much where wheels slip."""
+CONTRADICTED = 100.0
+"""χ² from which on slipping cannot explain it: of 800 frames of drives the greatest was 45."""
 POOR, BETTER = 0.6, 0.1
 """Overlap below which wheels may have slipped, and by how much more shows it."""
 STOPPED = 0.05
@@ -113,6 +116,17 @@ class Slam:
         """(6, 6) of the newest frame's pose in its own tangent, rad² and m²; None if it was not registered."""
         return self._match.registration.covariance if self._match and self._match.registration else None
 
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether the newest frame fits only where no slip of wheels can have brought the robot."""
+        match = self._match
+        return bool(match and match.prior and match.registration and match.registration.chi2 > CONTRADICTED)
+
+    @property
+    def overlap(self) -> float:
+        """Share of the newest frame's points that were seen before; 1 if it was not registered."""
+        return self._match.registration.overlap if self._match and self._match.registration else 1.0
+
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """4×4 pose of ``base_link`` in ``map`` at the time of the frame.
 
@@ -160,6 +174,29 @@ class Slam:
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
         return self.local_map.all_points()
 
+    def keyframes(self) -> Keyframes:
+        """All so far."""
+        known = self.local_map
+        return Keyframes(self.poses, np.array(self.graph.ups), known.points, known.normals, known.owner)
+
+    def restore(self, keyframes: Keyframes) -> None:
+        """Begin with those of an earlier episode, which stay where they are: where the robot is has to be told.
+
+        Raises:
+            InputError: they come without points, for nothing was registered.
+        """
+        if not len(keyframes.points):
+            raise InputError("its episode registered nothing, so no robot finds its place in it")
+        self.graph.fix(keyframes.poses, keyframes.ups)
+        known = self.local_map
+        known.points, known.normals, known.owner = (
+            keyframes.points.astype(np.float64),
+            keyframes.normals,
+            keyframes.owner,
+        )
+        self._odometry = [np.eye(4)] * len(keyframes.poses)
+        self._renew()
+
     def _check_camera(self, frame: Frame) -> None:
         last = self._match.frame if self._match else None
         if last is not None and np.array_equal(last.depth, frame.depth) and frame.returns.any():
@@ -174,7 +211,7 @@ class Slam:
     def _find(self, frame: Frame) -> _Match:
         cloud = self._cloud(frame)
         if not len(self.graph) and self._anchor is None:
-            return _Match(frame, frame.T_odom_base, cloud=cloud)
+            return _Match(frame, orthonormal(frame.T_odom_base), cloud=cloud)
         odometry = self._by_odometry(frame) if self._anchor is None else None
         gates: Sequence[float] = GATES
         if odometry is not None and np.linalg.norm(odometry.T[:3, 3] - self.poses[-1, :3, 3]) > JUMP:

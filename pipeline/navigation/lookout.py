@@ -19,6 +19,9 @@ LABELLED = 2
 """Of so many keyframes that are taken while the robot drives one is labelled: the network takes longest of all."""
 LOOKS = 8
 """Frames that a robot takes around itself when it does not know where it is."""
+UNSURE = 0.98, 0.7
+"""Agreement and overlap of a frame, of which one at least is better where the robot is where it believes to be: so
+were those of all 56 steps of two episodes."""
 KIDNAPPED = 0.3
 """m; a robot that is elsewhere by this without having driven was carried there."""
 
@@ -49,7 +52,11 @@ class Lookout:
         """
         with self._mapper.stopwatch("sense"):
             frame = self._robot.sense()
-        return frame if self._agrees(frame) else self._find_place(frame)
+        self._navigator.look = lambda: True
+        frame, is_there = self._confirm(frame)
+        frame = frame if is_there else self._find_place(frame)
+        self._navigator.look = self.look
+        return frame
 
     def was_set_down(self, frame: Frame) -> bool:
         """Whether the robot is elsewhere than it drove, or begins; the ground there is assumed flat."""
@@ -74,7 +81,7 @@ class Lookout:
         turn = np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1))
         if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or turn >= KEYFRAME_TURN:
             frame = self._robot.sense()
-            if not self._agrees(frame):
+            if self._mapper.localisation.may_err and self._agreement(frame).was_carried:
                 return False
             self.add(frame, labelled=self._mapper.keyframes % LABELLED == 0)
         return True
@@ -84,9 +91,25 @@ class Lookout:
         frame = self._robot.sense()
         return frame.points(self.add(frame, labelled=False).T_map_base @ frame.T_base_camera)
 
-    def _agrees(self, frame: Frame) -> bool:
-        """Whether a frame shows what the map has where the robot believes to be."""
-        return not (self._mapper.localisation.may_err and self._agreement(frame).was_carried)
+    @property
+    def _is_lost(self) -> bool:
+        """Whether it has yet to find its place in the map of an earlier episode."""
+        return self._mapper.localisation.may_err and 0 < self._mapper.keyframes == self._mapper.loaded
+
+    def _confirm(self, frame: Frame) -> tuple[Frame, bool]:
+        """Look around until the robot knows whether it is where it believes to be: the newest frame, and whether."""
+        localisation = self._mapper.localisation
+        if not localisation.may_err or self._is_lost:
+            return frame, not self._is_lost
+        found = self._agreement(frame)
+        for _ in range(LOOKS):
+            is_elsewhere = found.was_carried or localisation.is_contradicted
+            is_doubtful = found.is_doubtful or (found.share < UNSURE[0] and localisation.overlap < UNSURE[1])
+            if is_elsewhere or not is_doubtful or not self._navigator.turn(2 * np.pi / LOOKS):
+                break
+            frame = self._robot.sense()
+            found = Agreement.of([found, self._agreement(frame)])
+        return frame, not (found.was_carried or localisation.is_contradicted or found.is_doubtful)
 
     def _agreement(self, frame: Frame) -> Agreement:
         T_map_camera = self._mapper.localise(frame) @ frame.T_base_camera
@@ -95,7 +118,7 @@ class Lookout:
     def _find_place(self, frame: Frame) -> Frame:
         """Look around until the robot knows where it is; the newest frame."""
         mapper, relocalisation = self._mapper, Relocalisation(self._robot.model)
-        self._navigator.look, agreements = lambda: True, []
+        agreements = []
         for _ in range(LOOKS):
             agreements.append(self._agreement(frame))
             relocalisation.add(frame)
@@ -113,7 +136,7 @@ class Lookout:
     def _go_on(self, frame: Frame, T_map_base: NDArray[np.float64]) -> Frame:
         """Trust a pose again; unless it is the one that the robot believed to have, it was carried there."""
         move = inverse(self._mapper.localise(frame)) @ T_map_base
-        self.T_odom_expected, self._navigator.look = frame.T_odom_base, self.look
+        self.T_odom_expected = frame.T_odom_base
         if np.linalg.norm(move[:3, 3]) > KIDNAPPED or abs(yaw_of(move)) > KEYFRAME_TURN:
             self._mapper.localisation.set_down(T_map_base)
             self.relocalised += 1

@@ -83,12 +83,16 @@ class Segment:
 
 
 class Segments:
-    """All segments, by id. A plane's sums, a hull and coarse cells say what later frames need of them."""
+    """All segments, by id. A plane's sums, a hull and coarse cells say what later frames need of them.
+
+    Attributes:
+        members: the patches that they are made of.
+    """
 
     def __init__(self) -> None:
         """No segments yet."""
         self._segments: dict[int, Segment] = {}
-        self._members: list[Member] = []
+        self.members: list[Member] = []
         self._motions = np.zeros((0, 4, 4))
         self._next_id = 0
 
@@ -111,8 +115,8 @@ class Segments:
     def update(self, patches: Iterable[PlanePatch], step: int) -> None:
         """Add the planes of one frame, each to all the segments that it continues."""
         for p in patches:
-            hull, steps, members = Hull.of(p.points), (step, step), (len(self._members),)
-            self._members.append(Member.of(p, step))
+            hull, steps, members = Hull.of(p.points), (step, step), (len(self.members),)
+            self.members.append(Member.of(p, step))
             self._add(Segment.of(self._next_id, p.label, p.plane.normal, steps, p.cells, p.moments, hull, members))
 
     def correct(self, motions: NDArray[np.float64]) -> None:
@@ -121,10 +125,10 @@ class Segments:
         Args:
             motions: (N, 4, 4) of every step, from ``map`` as it was when its patches were added to ``map`` as it is.
         """
-        if not self._members:
+        if not self.members:
             return
         before = np.concatenate([self._motions, np.tile(np.eye(4), (len(motions) - len(self._motions), 1, 1))])
-        old, new = MovedMembers(self._members, before), MovedMembers(self._members, motions)
+        old, new = MovedMembers(self.members, before), MovedMembers(self.members, motions)
         self._motions = motions
         segments, self._segments = list(self), {}
         apart: list[tuple[Label, int]] = []
@@ -137,9 +141,19 @@ class Segments:
         for label, row in apart:
             self._add(self._made(self._next_id, label, np.array([row]), new))
 
+    def restore(self, members: list[Member], ids: NDArray[np.int64], labels: NDArray[np.uint8]) -> None:
+        """Take up those of an earlier episode: its members, and of each the segment's id (P,) and class (P,)."""
+        self.members = members
+        if members:
+            poses = MovedMembers(members, np.tile(np.eye(4), (max(m.step for m in members) + 1, 1, 1)))
+            for id in np.unique(ids).tolist():
+                rows = np.flatnonzero(ids == id)
+                self._segments[id] = self._made(id, Label(labels[rows[0]]), rows, poses)
+                self._next_id = id + 1
+
     def _made(self, id: int, label: Label, rows: NDArray[np.intp], moved: MovedMembers) -> Segment:
         """A segment of these members."""
-        steps = [self._members[row].step for row in rows]
+        steps = [self.members[row].step for row in rows]
         hull = Hull.of(np.concatenate([moved.outline(row) for row in rows]).astype(np.float32))
         side, moments = moved.normals[rows].sum(axis=0), moved.moments(rows)
         members, cells = tuple(rows.tolist()), moved.cells(rows)

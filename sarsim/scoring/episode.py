@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pipeline.explorer import Explorer, Step
 from pipeline.mapper import Keyframe
 from pipeline.navigation.navigator import Outcome
+from pipeline.segments.cells_kernels import moved
 from pipeline.traversability.shortest_paths_kernels import free_rules, shortest_paths
 from sarsim.ground_truth.faces import true_faces
 from sarsim.ground_truth.true_surface import Survey
@@ -31,7 +32,8 @@ class EpisodeScore:
 
     Attributes:
         surface: the true ground.
-        seen: (nx, ny) bool on its grid, the cells in which a noise-free return fell.
+        seen: (nx, ny) bool on its grid, the cells in which a noise-free return fell, or in an earlier episode one of
+            those that the robot kept.
         victims: which of them came into view.
         fiducials: where the tags on the walls were seen.
         trajectory: where the robot believes to have been.
@@ -46,11 +48,13 @@ class EpisodeScore:
         self.surface = Survey(model, data, robot.base_body).surface_from(robot.trajectory[-1].T_world_base[:3, 3])
         self._faces = true_faces(model, data)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
-        self._semantics = KeyframeTruth()
+        self._semantics = KeyframeTruth(explorer.mapper.observations)
         self.victims = VictimScore(model, data)
         self.fiducials = FiducialScore(T_world_tag)
         self.trajectory = TrajectoryScore(explorer.mapper.localisation, robot.trajectory)
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
+        for observation, T in zip(explorer.mapper.observations, explorer.mapper.poses, strict=True):
+            self._see(moved(T, observation.points))
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
         self._kidnaps = 0
@@ -100,7 +104,7 @@ class EpisodeScore:
             "exploration": self._exploration(),
             "localisation": self.trajectory.report()
             | {"relocalised": explorer.lookout.relocalised}
-            | self.fiducials.report(list(explorer.mapper.poses)),
+            | self.fiducials.report(list(explorer.mapper.poses[explorer.mapper.loaded :])),
             **({"victims": self.victims.report(self._confirmed)} if explorer.mapper.detector else {}),
         }
         return {name: stage for name, stage in stages.items() if stage}

@@ -1,5 +1,6 @@
 """How right the labels of the semantic map are."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import THESIS_FOUR, Label
-from pipeline.mapper import Keyframe
+from pipeline.mapper import Keyframe, Observation
 from pipeline.segments.cells_kernels import moved
 from pipeline.semantic_map.networks.scores import iou
 from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
@@ -38,9 +39,15 @@ class SemanticScore:
 class KeyframeTruth:
     """The true labels of keyframes, which follow their poses."""
 
-    def __init__(self) -> None:
-        """Of no keyframes."""
-        self._added: list[tuple[int, VoxelCloud, NDArray[np.float32]]] = []
+    def __init__(self, loaded: Sequence[Observation] = ()) -> None:
+        """Of the keyframes of an earlier episode the truth is unknown; their voxels are in the robot's map."""
+        # So little that any true label outweighs it.
+        unknown = 1e-6 * np.eye(1, len(Label), int(Label.UNLABELLED), dtype=np.float32)
+        self._added: list[tuple[int, VoxelCloud, NDArray[np.float32]]] = [
+            (k, VoxelCloud(o.points, o.hits, np.zeros(0, np.int64)), np.repeat(unknown, len(o.points), axis=0))
+            for k, o in enumerate(loaded)
+            if o.probabilities is not None
+        ]
 
     def add(self, keyframe: Keyframe) -> None:
         """Keep the true labels of a keyframe, thinned as the robot does it."""

@@ -26,9 +26,10 @@ class TrajectoryScore:
     """Collects the keyframes, and holds where the robot believes to have been against where it was."""
 
     def __init__(self, localisation: Localisation, trajectory: Sequence[Pose]):
-        """``trajectory`` grows while the robot drives."""
+        """``trajectory`` grows while the robot drives. What the localisation has now is of an earlier episode."""
         self._localisation, self._trajectory = localisation, trajectory
         self._keyframes: list[Pose] = []
+        self._loaded = localisation.poses.copy()
 
     def add(self) -> None:
         """The newest pose of the trajectory is that of a new keyframe."""
@@ -38,7 +39,7 @@ class TrajectoryScore:
         """4×4 ``T_map_base`` at every pose of the trajectory: by odometry from the keyframe before it."""
         if not self._keyframes:
             return [pose.T_odom_base for pose in self._trajectory]
-        pairs = zip(self._localisation.poses, self._keyframes, strict=True)
+        pairs = zip(self._localisation.poses[len(self._loaded) :], self._keyframes, strict=True)
         T_map_odom = [T @ inverse(keyframe.T_odom_base) for T, keyframe in pairs]
         times = [keyframe.time for keyframe in self._keyframes]
         return [T_map_odom[max(bisect_right(times, p.time) - 1, 0)] @ p.T_odom_base for p in self._trajectory]
@@ -50,7 +51,8 @@ class TrajectoryScore:
         error = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
         heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
         distance = driven(self._trajectory)
-        loops, poses = self._localisation.loops, [keyframe.T_world_base for keyframe in self._keyframes]
+        # Where the robot was in an earlier episode is taken from its map.
+        loops, poses = self._localisation.loops, [*self._loaded, *(pose.T_world_base for pose in self._keyframes)]
         return {
             "ate_rmse_m": float(np.sqrt(np.mean(error**2))),
             "heading_rmse_deg": float(np.degrees(np.sqrt(np.mean(np.square(heading))))),

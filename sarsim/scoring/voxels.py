@@ -13,6 +13,7 @@ class VoxelScore:
 
     def __init__(self, metric_map: MetricMap):
         self._map = metric_map
+        self._loaded = metric_map.occupied_centres()
         self._size = metric_map.voxel_size
         self._corner = metric_map.voxel_centre(np.zeros((1, 3), np.int64))[0].astype(np.float64) - self._size / 2
         self._lower = np.zeros(3, np.int64)
@@ -42,8 +43,11 @@ class VoxelScore:
         occupied, free = log_odds > 0, log_odds < 0
         crossed = self._crossed & ~self._surface
         near_surface = ndimage.binary_dilation(self._surface, np.ones((3, 3, 3)))
-        # Occupied voxels beyond the window are wrong, too.
-        all_occupied = max(len(self._map.occupied_centres()), 1)
+        # Occupied voxels beyond the window are wrong, too, but for those of an earlier episode.
+        loaded = np.floor((self._loaded - self._corner) / self._size).astype(np.int64) - self._lower
+        within = loaded[((loaded >= 0) & (loaded < occupied.shape)).all(axis=1)]
+        reached = np.count_nonzero((near_surface | self._crossed)[tuple(within.T)])
+        all_occupied = max(len(self._map.occupied_centres()) - (len(loaded) - reached), 1)
         return {
             "occupied_recall": float(occupied[self._surface].mean()),
             "occupied_precision": float((occupied & near_surface).sum() / all_occupied),

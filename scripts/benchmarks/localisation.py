@@ -4,6 +4,7 @@ Every method follows the same frames, one after the other, in a process of one t
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from sarsim.scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_figures import group_figures, reports
 from sarsim.scripts.benchmarks.exploration_table import Rows, groups_in, rich_table, rows_of
 from sarsim.scripts.benchmarks.localisation_drives import DriveJob, record_job
+from sarsim.scripts.benchmarks.localisation_kidnappings import OUTCOMES, kidnap
 from sarsim.scripts.benchmarks.localisation_replay import replay_job
 from sarsim.settings import EpisodeConfig, LightingName
 
@@ -24,6 +26,8 @@ OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
 REGISTERING = PEERS[1:]
 NEEDED = ("evo", "kiss_icp")
 """Packages that come with ``pip install -e '.[dev]'``."""
+KIDNAPPED_IN = {"nist_6x4": "nist_6x4", "random": "random:1"}
+"""By group the arena in which robots are carried elsewhere."""
 ROWS: Mapping[str, str] = {
     "ATE, m, median": "ate_m.median",
     "ATE, m, worst": "ate_m.worst",
@@ -48,6 +52,7 @@ def measure(
     lighting: LightingName = "normal",
     workers: int | None = None,
     runs: Path = Path("runs/benchmark-localisation"),
+    kidnappings: int = 0,
 ) -> Result:
     """Record the drives that are not there yet, of at most so many ``frames`` each, and replay all of them.
 
@@ -56,7 +61,7 @@ def measure(
     Raises:
         InputError: nothing is to be driven, a package is missing, or a folder cannot be had.
     """
-    at_least(0, nist=nist, esogu=esogu, random=random)
+    at_least(0, nist=nist, esogu=esogu, random=random, kidnappings=kidnappings)
     at_least(1, frames=frames, workers=workers)
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         raise InputError(f"{' and '.join(missing)} is missing: pip install -e '.[dev]'")
@@ -65,7 +70,7 @@ def measure(
         raise InputError(f"--raf {raf}: no .raf file is there")
     base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=lighting)
     jobs = [DriveJob(group, "ours", config, frames) for group, config in configs(base, nist, esogu, random, rafs)]
-    if not jobs:
+    if not jobs and not kidnappings:
         raise InputError("no arena is to be driven in")
     drives = dict(zip(jobs, run_jobs(jobs, runs, workers, record_job), strict=True))
     replayed = _replay(
@@ -77,7 +82,7 @@ def measure(
         "worst": _worst(replayed),
         "drives": {job.name: result["report"] for job, result in replayed.items() if result},
     }
-    figures = figures_of(replayed)
+    figures = figures_of(replayed) | _kidnapped(base, kidnappings, runs)
     pictures = tuple(runs / "replays" / f"{name}.png" for name in details["worst"].values())
     return Result(figures, details, _table(figures, details), pictures)
 
@@ -123,6 +128,16 @@ def _overall(told: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     return figures
 
 
+def _kidnapped(base: EpisodeConfig, times: int, runs: Path) -> dict[str, float]:
+    """What became of a robot that was carried elsewhere so often in the map of each of some arenas."""
+    figures: dict[str, float] = {}
+    for group, arena in KIDNAPPED_IN.items() if times else ():
+        config = replace(base, arena=arena, odometry="wheel")
+        for outcome, count in kidnap(config, times, runs / f"kidnapped-{group}").items():
+            figures[f"{group}.kidnapped.{outcome}"] = float(count)
+    return figures
+
+
 def _worst(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, str]:
     """By group the name of the drive on which ours was worst."""
     worst: dict[str, tuple[float, str]] = {}
@@ -138,6 +153,9 @@ def sections_of(figures: Mapping[str, float]) -> list[Rows]:
     for method in (*OURS, *PEERS):
         rows = {f"{method.replace('_', ' ')}: {row}": f"{method}.{key}" for row, key in ROWS.items()}
         sections.append(rows_of(figures, rows))
+    sections.append(
+        rows_of(figures, {f"carried: {name.replace('_', ' ')}": f"kidnapped.{name}" for name in OUTCOMES})
+    )
     ratios = {f"ATE of {peer.replace('_', ' ')} over ours": f"{peer}_vs_ours" for peer in PEERS}
     return [*sections, rows_of(figures, ratios)]
 

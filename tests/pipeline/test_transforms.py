@@ -4,7 +4,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pipeline.transforms import from_rotation, from_yaw, inverse, tilt_of, transform_points, wrap_angle, yaw_of
+from pipeline.transforms import (
+    from_rotation,
+    from_yaw,
+    inverse,
+    orthonormal,
+    tilt_of,
+    transform_points,
+    wrap_angle,
+    yaw_of,
+)
 
 angles = st.floats(-3, 3)
 
@@ -30,3 +39,11 @@ def test_points_move_with_the_frame():
 @pytest.mark.parametrize(("angle", "expected"), [(0, 0), (np.pi, -np.pi), (4, 4 - 2 * np.pi), (-7, 2 * np.pi - 7)])
 def test_angles_wrap(angle, expected):
     assert wrap_angle(angle) == pytest.approx(expected)
+
+
+def test_rounding_is_taken_from_a_rotation():
+    T = from_yaw(1.0, 2.0, 3.0, 0.4)
+    rough = T.copy()
+    rough[:3, :3] *= 1 + 1e-5
+    assert np.abs(rough - T).max() > 5e-6
+    np.testing.assert_allclose(orthonormal(rough), T, atol=1e-12)

@@ -150,3 +150,29 @@ def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):
     assert navigation["legs"] - navigation["reached"] == PATIENCE
     assert "metric_map" not in diary.report
     assert diary.report["goals"]["reached"] == 0
+
+
+def go_on(earlier: Path, folder: Path, **config) -> Episode:
+    episode = Episode(EpisodeConfig(labels="truth", detector=None, map=earlier, out=folder, steps=2, **config))
+    assert episode.run()
+    return episode
+
+
+def test_a_robot_goes_on_in_the_map_of_an_earlier_episode(tmp_path):
+    first = Episode(EpisodeConfig(labels="truth", detector=None, out=tmp_path / "first", steps=8))
+    assert first.run()
+    second = go_on(tmp_path / "first", tmp_path / "second", start=(-0.95, -1.38, 170.0))
+    mapper = second.explorer.mapper
+    assert second.report["localisation"]["relocalised"] == 1
+    assert second.report["localisation"]["ate_rmse_m"] < 0.05
+    assert mapper.loaded == first.explorer.mapper.keyframes < mapper.keyframes
+    np.testing.assert_allclose(mapper.poses[: mapper.loaded], first.explorer.mapper.poses, atol=1e-3)
+    explored = [episode.report["exploration"]["explored_fraction"] for episode in (first, second)]
+    assert 0.3 < explored[0] < explored[1]
+    assert second.report["metric_map"]["occupied_precision"] > 0.95
+    assert second.report["semantic_map"]["accuracy"] > 0.98
+    file = (tmp_path / "first" / "keyframes.npz").read_bytes()
+    lost = go_on(tmp_path / "first", tmp_path / "lost", arena="random:1")
+    assert "no place fits" in json.loads((tmp_path / "lost" / "report.json").read_text())["lost"]
+    assert lost.explorer.mapper.keyframes == mapper.loaded
+    assert (tmp_path / "first" / "keyframes.npz").read_bytes() == file

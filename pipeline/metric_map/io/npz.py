@@ -1,15 +1,12 @@
 """The metric map's own file: a versioned ``.npz``."""
 
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import load_arrays, whole_file
 from pipeline.metric_map.metric_map import GREATEST, HIT, LEAST, MISS, MetricMap
 
 FORMAT = "sarsim metric map"
@@ -54,7 +51,7 @@ def load_metric_map(path: Path) -> MetricMap:
     Raises:
         InputError: the file is missing, damaged, foreign or of another version.
     """
-    entries = _entries(path)
+    entries = load_arrays(path, "metric map")
     if str(entries.pop("format", "")) != FORMAT:
         raise InputError(f"{path}: not a metric map")
     if entries.pop("version", np.array(0)).tolist() != VERSION:
@@ -73,15 +70,3 @@ def load_metric_map(path: Path) -> MetricMap:
         raise InputError(f"{path}: the settings of the metric map are incomplete or wrong") from error
     result.set_log_odds(lower, log_odds)
     return result
-
-
-def _entries(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, KeyError, EOFError, AttributeError, TypeError, NotImplementedError) as error:
-        raise InputError(f"{path}: not a readable metric map ({error})") from error
-    except (MemoryError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"{path}: a damaged metric map ({error})") from error

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.localisation.agreement import agreement
+from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.localisation.carried_robot import ROOM, T_BASE_CAMERA, Maps, seen, tour
@@ -50,3 +50,14 @@ def test_specks_of_dust_are_no_contradiction() -> None:
         frame, depth=np.where(specks, rng.uniform(0.8, 1.5, specks.shape), frame.depth).astype(np.float32)
     )
     assert not agreement(dusty, HERE @ T_BASE_CAMERA, room()).was_carried
+
+
+def test_what_ought_to_be_seen_and_is_not_leaves_doubt() -> None:
+    frame = seen(ROOM, HERE)
+    blind = replace(frame, depth=np.zeros_like(frame.depth))
+    there, nothing = (agreement(f, HERE @ T_BASE_CAMERA, room()) for f in (frame, blind))
+    assert there.known > 0.9 * there.expected > 100
+    assert (nothing.known, nothing.was_carried, nothing.expected) == (0, False, there.expected)
+    assert nothing.is_doubtful and not there.is_doubtful
+    assert not Agreement.of([nothing, there]).is_doubtful
+    assert not agreement(blind, HERE @ T_BASE_CAMERA, MetricMap()).is_doubtful

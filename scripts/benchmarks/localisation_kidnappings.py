@@ -1,0 +1,100 @@
+"""A robot that is carried elsewhere, again and again: whether it notices, and whether it finds its place."""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.errors import InputError
+from pipeline.explorer import Explorer
+from pipeline.localisation.odometry import LostError
+from pipeline.localisation.slam import Slam
+from pipeline.recording.map_file import load_keyframes
+from pipeline.robot import Velocity
+from pipeline.transforms import inverse
+from sarsim.episode import KEYFRAMES, Episode
+from sarsim.settings import EpisodeConfig
+
+ROOM = 0.4
+"""m around the robot's middle that is free where it is set down."""
+CARRIED = 0.5
+"""m at least from where it was."""
+STANDS = 10.0
+"""s after it was set down, in which its level settles."""
+GOOD, WRONG = 0.05, 0.3
+"""m from the true position up to which a place is found, and beyond which it is a wrong one."""
+OUTCOMES = "found", "found_worse", "wrong", "in_doubt", "not_noticed"
+
+
+def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
+    """How often each of ``OUTCOMES`` came of it.
+
+    An episode explores first, unless its map is there; then a robot in its map is carried to a random mapped place,
+    ``times`` in all. One that is lost or does not notice begins anew in the map, at its true pose.
+    """
+    if not (folder / KEYFRAMES).exists():
+        Episode(replace(config, out=folder)).run()
+    episode = Episode(replace(config, out=folder / "kidnapped", map=folder))
+    robot, counts, rng = episode.robot, Counter(dict.fromkeys(OUTCOMES, 0)), np.random.default_rng(config.seed)
+    explorer = placed(episode, folder)
+    for _ in range(times):
+        carry(episode, rng)
+        outcome = look(explorer, episode)
+        counts[outcome] += 1
+        if outcome in OUTCOMES[2:]:
+            explorer = placed(episode, folder)
+    episode.recorder.close()
+    robot.close()
+    return counts
+
+
+def placed(episode: Episode, folder: Path) -> Explorer:
+    """One that knows where it is in the map."""
+    robot, config = episode.robot, episode.config
+    explorer = Explorer(robot, episode.explorer.mapper.classifier, seed=config.seed, localisation=Slam())
+    mapper, frame = explorer.mapper, robot.sense()
+    load_keyframes(folder / KEYFRAMES, mapper)
+    mapper.localisation.set_down(robot.trajectory[-1].T_world_base)
+    mapper.add(frame, mapper.localise(frame))
+    explorer.navigator.motion = robot.drive(Velocity())
+    return explorer
+
+
+def carry(episode: Episode, rng: np.random.Generator) -> None:
+    """Set the robot down elsewhere and let it stand; InputError if there is nowhere."""
+    robot, surface = episode.robot, episode.score.surface
+    free = ndimage.binary_erosion(surface.drivable, iterations=round(ROOM / surface.grid.cell))
+    cells = np.argwhere(free & episode.score.seen)
+    places = surface.grid.centre_of(cells)
+    far = np.linalg.norm(places - robot.trajectory[-1].T_world_base[:2, 3], axis=1) > CARRIED
+    if not far.any():
+        raise InputError(f"{episode.config.arena}: too little is mapped to carry a robot anywhere")
+    n, yaw = rng.choice(np.flatnonzero(far)), rng.uniform(-np.pi, np.pi)
+    place = np.append(places[n], surface.height[tuple(cells[n])] + 0.01)
+    robot.robot.set_pose(robot.physics, place, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]))
+    robot.physics.velocity()[:] = 0
+    mujoco.mj_forward(robot.physics.model.ptr, robot.physics.data.ptr)
+    for _ in range(round(STANDS / robot.control_period)):
+        robot.drive(Velocity())
+
+
+def look(explorer: Explorer, episode: Episode) -> str:
+    """One of ``OUTCOMES``: what a step makes of where the robot is."""
+    found = explorer.lookout.relocalised
+    try:
+        T_map_base = explorer.step().keyframe.T_map_base
+    except LostError:
+        return "in_doubt"
+    error = error_of(T_map_base, episode.robot.trajectory[-1].T_world_base)
+    if explorer.lookout.relocalised == found and error > WRONG:
+        return "not_noticed"
+    return "found" if error < GOOD else "found_worse" if error < WRONG else "wrong"
+
+
+def error_of(T_map_base: NDArray[np.float64], T_world_base: NDArray[np.float64]) -> float:
+    """Metres between two 4×4 poses."""
+    return float(np.linalg.norm((inverse(T_world_base) @ T_map_base)[:3, 3]))

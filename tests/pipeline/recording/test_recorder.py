@@ -293,7 +293,8 @@ def test_what_was_corrected_is_logged_where_it_is_now(corrected, entity, compone
     _, rows = corrected
     before, *_, last = (np.array(row[component]).mean(axis=0) for row in rows[f"/world/{entity}"] if row[component])
     assert [row["step"] for row in rows[f"/world/{entity}"]][-2:] == [2, 2]
-    np.testing.assert_allclose(last[:2] - before[:2], [0.2, 0.3], atol=0.03)
+    # Boxes may be joined meanwhile, which moves their mean.
+    np.testing.assert_allclose(last[:2] - before[:2], [0.2, 0.3], atol=0.06)
 
 
 def test_corrected_voxels_are_logged_even_if_they_are_as_many_as_before(corrected):

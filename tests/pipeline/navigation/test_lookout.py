@@ -7,7 +7,7 @@ from pipeline.frame import Frame
 from pipeline.localisation.odometry import LostError
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.navigation.lookout import KEYFRAME_WAY, KIDNAPPED, LOOKS, Lookout
+from pipeline.navigation.lookout import KEYFRAME_WAY, KIDNAPPED, LABELLED, LOOKS, Lookout
 from pipeline.navigation.navigator import Navigator
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, yaw_of
@@ -115,13 +115,13 @@ def test_where_the_odometry_leaps_the_robot_was_set_down(outlook):
     assert outlook.lookout.was_set_down(far)
 
 
-def test_keyframes_are_taken_on_the_way_and_every_second_one_is_labelled():
+def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
     outlook = Outlook()
     outlook.lookout.add(outlook.lookout.sense(), labelled=True)
     assert outlook.navigator.follow(np.array([(3.0, 2.0)]))
     places = [keyframe.T_map_base[0, 3] for keyframe in outlook.keyframes]
     np.testing.assert_allclose(places, 2.0 + KEYFRAME_WAY * np.arange(4), atol=0.05)
-    assert [len(keyframe.labels) > 0 for keyframe in outlook.keyframes] == [True, False, True, False]
+    assert [len(keyframe.labels) > 0 for keyframe in outlook.keyframes] == [k % LABELLED == 0 for k in range(4)]
 
 
 def test_the_returns_are_those_of_a_keyframe_that_is_not_labelled():

@@ -36,7 +36,7 @@ STRIDE = 2
 """Pixels; every other row and column is enough for means over ``VOXEL``."""
 LEAST_RETURNS, LEAST_POINTS = 300, 50
 """Of these, and of points that they are thinned to, below which a frame shows nothing to register."""
-TURN_SIGMA = 1e-3, 0.005
+TURN_SIGMA = 2e-3, 0.01
 """rad, and rad per rad turned: standard deviation of the odometry's rotation between keyframes."""
 WAY_SIGMA = 0.004, 0.03, 0.01
 """m, m per m driven and m per rad turned: of its translation. Skid-steered wheels slide in turns."""

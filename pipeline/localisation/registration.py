@@ -24,9 +24,9 @@ NEIGHBOURS = 20
 GATES = (0.2, 0.2, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1)
 """m, greatest distance of corresponding points, step by step."""
 WEIGHT = 3.0
-"""Information over that of small_gicp, which has points on a surface stray by 3 cm, each on its own. Ours stray less, but
-not each on its own: on drives with known poses the normalised estimation error squared of the motion between keyframes
-is 0.3 per dimension, on the safe side of 1."""
+"""Information over that of small_gicp, which has points on a surface stray by 3 cm, each on its own. Ours stray less,
+but not each on its own: on drives with known poses the normalised estimation error squared of the motion between
+keyframes is 0.3 per dimension, on the safe side of 1."""
 TANGENTIAL = 0.5
 """Of GICP's weight of a pair in every direction, also along the surface, where a pair says nothing."""
 

@@ -267,10 +267,9 @@ class Mapper:
             return None
         with self.stopwatch("pose_graph"):
             self.localisation.optimise()
-        motions = np.linalg.inv(self.poses) @ self.localisation.poses
-        moved = np.linalg.norm(motions[:, :3, 3], axis=1) > NOTICEABLE[0]
-        turned = np.trace(motions[:, :3, :3], axis1=1, axis2=2) < 1 + 2 * np.cos(NOTICEABLE[1])
-        return self.correct(self.localisation.poses) if (moved | turned).any() else None
+        change = Correction(self.poses, self.localisation.poses)
+        is_noticeable = (change.ways > NOTICEABLE[0]) | (change.turns > NOTICEABLE[1])
+        return self.correct(self.localisation.poses) if is_noticeable.any() else None
 
     def correct(self, T_map_base: NDArray[np.float64]) -> Correction:
         """Make every map anew, as if each keyframe had been taken at its (N, 4, 4) pose from the start.

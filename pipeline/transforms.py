@@ -47,6 +47,11 @@ def yaw_of(T: NDArray[np.float64]) -> float:
     return float(np.arctan2(T[1, 0], T[0, 0]))
 
 
+def angle_of(T: NDArray[np.float64]) -> float:
+    """Angle of the rotation of a 4×4 transform about its axis, rad, [0, π]."""
+    return float(np.arccos(np.clip((np.trace(T[:3, :3]) - 1) / 2, -1, 1)))
+
+
 def tilt_of(T: NDArray[np.float64]) -> tuple[float, float]:
     """Roll and pitch of a 4×4 pose in rad (REP 103: x forward, y left, z up; pitch is positive nose down)."""
     return float(np.arctan2(T[2, 1], T[2, 2])), float(-np.arcsin(np.clip(T[2, 0], -1, 1)))

@@ -28,7 +28,7 @@ from pipeline.localisation.registration import (
     register,
     shares_of,
 )
-from pipeline.transforms import inverse, orthonormal, transform_points
+from pipeline.transforms import angle_of, inverse, orthonormal, transform_points
 
 FARTHEST = 3.3
 """m of depth; beyond, the sensor's limit cuts off the far half of its noise."""
@@ -256,7 +256,7 @@ class Slam:
         """The pose by what the odometry has measured since the newest keyframe."""
         delta = inverse(self._odometry[-1]) @ frame.T_odom_base
         way = float(np.linalg.norm(delta[:3, 3]))
-        turn = float(np.arccos(np.clip((np.trace(delta[:3, :3]) - 1) / 2, -1, 1)))
+        turn = angle_of(delta)
         rotation = TURN_SIGMA[0] + TURN_SIGMA[1] * turn
         slope = float(np.linalg.norm(frame.T_odom_base[2, :2]))
         translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE * slope) * turn

@@ -11,7 +11,7 @@ from pipeline.localisation.odometry import LostError
 from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.navigator import Navigator
-from pipeline.transforms import inverse, yaw_of
+from pipeline.transforms import angle_of, inverse, yaw_of
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
 """m and rad that the robot drives or turns from one keyframe to the next."""
@@ -78,8 +78,7 @@ class Lookout:
         """Take a keyframe if the robot has come far enough; False if it is not where it believes to be."""
         assert self._navigator.motion is not None
         motion = inverse(self._T_odom_keyframe) @ self._navigator.motion.T_odom_base
-        turn = np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1))
-        if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or turn >= KEYFRAME_TURN:
+        if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or angle_of(motion) >= KEYFRAME_TURN:
             frame = self._robot.sense()
             if self._mapper.localisation.may_err and self._agreement(frame).was_carried:
                 return False

@@ -144,7 +144,7 @@ class SimulatedRobot:
             self._environment.step(np.array([command.v, command.omega]))
             self.collisions.count(self.physics.data.ptr)
         robot, physics = self.robot, self.physics
-        gyro, accelerometer = robot.gyro(physics), robot.accelerometer(physics)
+        gyro, accelerometer = self._environment.task.inertial()
         self._odometry.update(robot.wheel_angle(physics), gyro, accelerometer, self.control_period)
         T_world_base = robot.T_world_base(physics)
         T_odom_base = T_world_base if self.config.odometry == "truth" else self.T_wheel_base

@@ -26,6 +26,7 @@ class RescueTask(composer.Task):
         self.robot = robot
         self._frame = arena.add_free_entity(robot)
         self._drive = SkidSteer()
+        self._inertial, self._measured = np.zeros((2, 3)), 0
         self.set_timesteps(CONTROL_TIMESTEP, arena.mjcf_model.option.timestep)
         for observable in robot.observables.proprioception:
             observable.enabled = True
@@ -57,6 +58,20 @@ class RescueTask(composer.Task):
             CONTROL_TIMESTEP,
         )
         self.robot.set_wheel_speed(physics, *wheels)
+
+    def after_substep(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:
+        """Let the inertial sensors measure."""
+        self._inertial += self.robot.gyro(physics), self.robot.accelerometer(physics)
+        self._measured += 1
+
+    def inertial(self) -> NDArray[np.float64]:
+        """(2, 3) mean of the gyros, rad/s, and of the accelerometers, m/s², since they were last asked.
+
+        Inertial sensors integrate much faster than they tell (Xsens MTi: at 2 kHz), so that vibration averages out.
+        """
+        mean = self._inertial / self._measured
+        self._inertial, self._measured = np.zeros((2, 3)), 0
+        return mean
 
     def get_reward(self, physics: mjcf.Physics) -> float:
         """Always 0."""

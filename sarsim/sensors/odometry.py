@@ -37,7 +37,6 @@ class WheelOdometry:
         self._R: NDArray[np.float64] | None = None
         self._position = np.zeros(3)
         self._ticks = np.zeros(2)
-        self._gyro = np.zeros(3)
 
     @property
     def T_odom_base(self) -> NDArray[np.float64]:
@@ -55,8 +54,8 @@ class WheelOdometry:
 
         Args:
             wheel_angle: (2,) rad, unwrapped, of the left and right wheels.
-            gyro: (3,) rad/s in ``base_link``.
-            accelerometer: (3,) m/s² in ``base_link``, gravity included.
+            gyro: (3,) rad/s in ``base_link``, mean since the last update.
+            accelerometer: (3,) m/s² in ``base_link``, gravity included, likewise.
             dt: s since the last update.
         """
         gyro = self._gyros.measure(gyro, dt)
@@ -65,9 +64,9 @@ class WheelOdometry:
         if self._R is None:
             self._R = level(accelerometer)
         else:
-            turn = (self._gyro + gyro) / 2 + self._levelling(self._R, accelerometer)
+            turn = gyro + self._levelling(self._R, accelerometer)
             self._advance(self._R, self._distance(ticks - self._ticks), turn * dt)
-        self._ticks, self._gyro = ticks, gyro
+        self._ticks = ticks
         return self.T_odom_base
 
     def _advance(self, R: NDArray[np.float64], distance: float, rotation: NDArray[np.float64]) -> None:

@@ -45,6 +45,21 @@ def test_true_odometry_is_the_true_pose_and_wheel_odometry_is_near_it(make_robot
     np.testing.assert_allclose(start.T_odom_base[:2, 3], start.T_world_base[:2, 3], atol=1e-3)
 
 
+def test_vibration_in_turns_does_not_turn_the_wheel_odometry(make_robot):
+    """All that is left beside the scale of the gyro and its drift is its noise."""
+    robot = make_robot(odometry="wheel")
+    start = len(robot.trajectory)
+    for step in range(200):
+        robot.drive(Velocity(0.0, 0.5 if step < 100 else -0.5))
+    yaw, believed = (
+        np.unwrap([np.arctan2(T[1, 0], T[0, 0]) for T in poses])
+        for poses in zip(*((p.T_world_base, p.T_odom_base) for p in robot.trajectory[start:]), strict=True)
+    )
+    causes = np.stack([yaw, np.arange(200), np.ones(200)], axis=1)
+    _, unexplained, *_ = np.linalg.lstsq(causes, believed - yaw, rcond=None)
+    assert np.sqrt(unexplained[0] / 200) < 3e-4
+
+
 def test_a_frame_holds_what_the_camera_sees_and_the_truth_of_it(make_robot):
     robot = make_robot()
     frame = robot.sense()

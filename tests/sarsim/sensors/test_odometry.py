@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -117,9 +116,9 @@ def test_gyro_alone_agrees_with_scipy(monkeypatch):
     odometry = ideal()
     true = Rotation.identity()
     odometry.update(np.zeros(2), rates[0], UP, DT)
-    for before, rate in pairwise(rates):
+    for rate in rates[1:]:
         T = odometry.update(np.zeros(2), rate, UP, DT)
-        true = true * Rotation.from_rotvec((before + rate) / 2 * DT)
+        true = true * Rotation.from_rotvec(rate * DT)
     assert_allclose(T[:3, :3], true.as_matrix(), atol=1e-9)
 
 

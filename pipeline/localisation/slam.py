@@ -105,6 +105,7 @@ class Slam:
         self._anchor: NDArray[np.float64] | None = None
         self._deviations = np.zeros(0)
         self._match: _Match | None = None
+        self._keyframe: _Match | None = None
 
     @property
     def poses(self) -> NDArray[np.float64]:
@@ -154,7 +155,7 @@ class Slam:
         if match.cloud is not None:
             self.local_map.add(number, match.cloud, frame.T_base_camera[:3, 3], new)
         self._odometry.append(frame.T_odom_base)
-        self._anchor = None
+        self._anchor, self._keyframe = None, match
         self._renew()
 
     def optimise(self) -> None:
@@ -275,7 +276,7 @@ class Slam:
 
     def _close_loop(self) -> None:
         """Register the newest keyframe with those near that it knows too little of."""
-        match = self._match
+        match = self._keyframe
         unknown = self._deviations >= KNOWN
         if match is None or match.cloud is None or not unknown.any():
             return

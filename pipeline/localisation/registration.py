@@ -2,7 +2,9 @@
 
 GICP (Segal, Haehnel and Thrun 2009) measures a pose as far as the surfaces determine it. Odometry and gravity are
 Gaussians on the same tangent space, so each Gauss-Newton step weighs all of them by their information. Along a
-corridor GICP has none, and the direction stays with the odometry without a rule for corridors.
+corridor GICP has none, and the direction stays with the odometry without a rule for corridors: of the information of
+a pair we leave out what GICP gives it in every direction, for along the surface the nearest point is always the one
+that says that the robot has not moved.
 
 Tangents are rotation, then translation, on the right, T · Exp(δ), as small_gicp and GTSAM have them.
 """
@@ -27,8 +29,8 @@ WEIGHT = 3.0
 """Information over that of small_gicp, which has points on a surface stray by 3 cm, each on its own. Ours stray less,
 but not each on its own: on drives with known poses the normalised estimation error squared of the motion between
 keyframes is 0.3 per dimension, on the safe side of 1."""
-TANGENTIAL = 0.5
-"""Of GICP's weight of a pair in every direction, also along the surface, where a pair says nothing."""
+FLATNESS = 1.0 - 1e-3
+"""Of the variance of a point along its surface, 1, what it has not across (Segal, Haehnel and Thrun 2009)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,7 @@ class Target:
         self.owner = owner
         self.cloud = small_gicp.PointCloud(points)
         self.tree = small_gicp.KdTree(self.cloud)
-        small_gicp.estimate_covariances(self.cloud, self.tree, num_neighbors=NEIGHBOURS)
+        small_gicp.estimate_normals(self.cloud, self.tree, num_neighbors=NEIGHBOURS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +96,9 @@ class Registration:
 
 
 def cloud_of(points: NDArray) -> small_gicp.PointCloud:
-    """A thinned cloud with normals and covariances from (N, 3) points, m."""
+    """A thinned cloud with normals from (N, 3) points, m."""
     cloud = small_gicp.voxelgrid_sampling(points.astype(np.float64), VOXEL)
-    small_gicp.estimate_normals_covariances(cloud, num_neighbors=NEIGHBOURS)
+    small_gicp.estimate_normals(cloud, num_neighbors=NEIGHBOURS)
     return cloud
 
 
@@ -117,16 +119,15 @@ def register(
 
     Args:
         target: in ``map``.
-        source: thinned, with covariances, in its own frame.
+        source: thinned, with normals, in its own frame.
         priors: of the source's pose in ``map``; together they must determine it.
         gates: m, greatest distance of corresponding points in each step.
     """
     T = priors[0].T
     for gate in gates:
-        step = small_gicp.align(
-            target.cloud, source, target.tree, T, max_correspondence_distance=gate, num_threads=1, max_iterations=1
-        )
-        total, pull = WEIGHT * step.H, -WEIGHT * step.b.ravel()
+        pairs = _Pairs(target, source, T, gate)
+        information = pairs.J.T @ pairs.J
+        total, pull = information, -pairs.J.T @ pairs.residual
         for prior in priors:
             total = total + prior.information
             pull = pull + prior.information @ logarithm(np.linalg.solve(T, prior.T))
@@ -134,8 +135,7 @@ def register(
     T = orthonormal(T)
     offsets = [logarithm(np.linalg.solve(T, prior.T)) for prior in priors]
     chi2 = sum(float(o @ p.information @ o) for o, p in zip(offsets, priors, strict=True))
-    overlap = step.num_inliers / source.size()
-    return Registration(T, WEIGHT * step.H, np.linalg.inv(total), overlap, chi2)
+    return Registration(T, information, np.linalg.inv(total), len(pairs.source) / source.size(), chi2)
 
 
 def shares_of(
@@ -150,24 +150,49 @@ def shares_of(
     Returns:
         The shares, the most informative one first, and (N,) bool, the points without one of the target in ``VOXEL``.
     """
-    points, R = source.points()[:, :3], T[:3, :3]
-    index, squared = map(np.array, target.tree.batch_nearest_neighbor_search(points @ R.T + T[:3, 3]))
-    n = np.flatnonzero(squared < GATES[-1] ** 2)
-    n = n[np.argsort(target.owner[index[n]], kind="stable")]
-    m = index[n]
-    C = np.array(target.cloud.covs())[m, :3, :3] + R @ np.array(source.covs())[n, :3, :3] @ R.T
-    residual = target.cloud.points()[m, :3] - points[n] @ R.T - T[:3, 3]
-    J = np.concatenate([R @ _cross_matrices(points[n]), np.broadcast_to(-R, (len(n), 3, 3))], axis=2)
-    JW = WEIGHT * J.transpose(0, 2, 1) @ (np.linalg.inv(C) - TANGENTIAL * np.eye(3))
-    owners, first = np.unique(target.owner[m], return_index=True)
+    pairs = _Pairs(target, source, T, GATES[-1])
+    owner = np.tile(target.owner[pairs.target], 2)
     shares = []
-    for owner, H, b in zip(
-        owners, *(np.add.reduceat(x, first) for x in (JW @ J, JW @ residual[:, :, None])), strict=True
-    ):
+    for one in np.unique(owner):
+        J, residual = pairs.J[owner == one], pairs.residual[owner == one]
+        H = J.T @ J
         # The one makes up for what a few points leave open: there the share's own minimum means nothing.
-        delta = np.linalg.solve(H + np.eye(6), -b[:, 0])
-        shares.append(Share(int(owner), T @ exponential(delta), H))
-    return sorted(shares, key=lambda share: -np.trace(share.information)), squared > VOXEL**2
+        delta = np.linalg.solve(H + np.eye(6), -J.T @ residual)
+        shares.append(Share(int(one), T @ exponential(delta), H))
+    return sorted(shares, key=lambda share: -np.trace(share.information)), pairs.squared > VOXEL**2
+
+
+class _Pairs:
+    """Corresponding points, and what they say of the source's pose.
+
+    With unit normals n and m of a pair, GICP's covariance is 2 I - f (n nᵀ + m mᵀ), whose eigenvectors across the
+    surfaces are n + m and n - m: along these its inverse less I / 2 has the weights below, and elsewhere none.
+
+    Attributes:
+        source, target: (P,) indices of the points of each pair.
+        squared: (N,) m², from each of the source's points to the nearest of the target's.
+        residual: (2 P,) along the two eigenvectors of each pair, weighted.
+        J: (2 P, 6) derivative by the pose, in the tangent.
+    """
+
+    def __init__(self, target: Target, source: small_gicp.PointCloud, T: NDArray[np.float64], gate: float):
+        """Those closer than ``gate`` m, with the source at a pose (4×4)."""
+        points, R = source.points()[:, :3], T[:3, :3]
+        at = points @ R.T + T[:3, 3]
+        index, self.squared = map(np.array, target.tree.batch_nearest_neighbor_search(at))
+        self.source = np.flatnonzero(self.squared < gate**2)
+        self.target = index[self.source]
+        n, m = target.cloud.normals()[self.target, :3], source.normals()[self.source, :3] @ R.T
+        away = target.cloud.points()[self.target, :3] - at[self.source]
+        cosine = np.einsum("ni,ni->n", n, m)
+        directions, residuals = [], []
+        for u, c in ((n + m, cosine), (n - m, -cosine)):
+            u = np.sqrt(WEIGHT * FLATNESS / 4 / (2 - FLATNESS * (1 + c)))[:, None] * u
+            directions.append(u @ R)
+            residuals.append(np.einsum("ni,ni->n", u, away))
+        v = np.concatenate(directions)
+        self.residual = np.concatenate(residuals)
+        self.J = np.hstack([np.cross(v, np.tile(points[self.source], (2, 1))), -v])
 
 
 def front_normals(cloud: small_gicp.PointCloud, camera: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -175,10 +200,3 @@ def front_normals(cloud: small_gicp.PointCloud, camera: NDArray[np.float64]) -> 
     normals = np.array(cloud.normals())[:, :3]
     away = np.einsum("ni,ni->n", normals, camera - cloud.points()[:, :3]) < 0
     return np.where(away[:, None], -normals, normals)
-
-
-def _cross_matrices(v: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3, 3) matrices that make the cross product with (N, 3) vectors."""
-    x, y, z = v.T
-    o = np.zeros(len(v))
-    return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=1).reshape(-1, 3, 3)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import MARGIN, LocalMap
+from pipeline.localisation.motion_model import WAY_SIGMA, Motion, MotionModel
 from pipeline.localisation.odometry import Keyframes, Loop, LostError, check_odometry
 from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
 from pipeline.localisation.registration import (
@@ -28,7 +29,7 @@ from pipeline.localisation.registration import (
     register,
     shares_of,
 )
-from pipeline.transforms import angle_of, inverse, orthonormal, transform_points
+from pipeline.transforms import inverse, orthonormal, transform_points
 
 FARTHEST = 3.3
 """m of depth; beyond, the sensor's limit cuts off the far half of its noise."""
@@ -36,12 +37,6 @@ STRIDE = 2
 """Pixels; every other row and column is enough for means over ``VOXEL``."""
 LEAST_RETURNS, LEAST_POINTS = 300, 50
 """Of these, and of points that they are thinned to, below which a frame shows nothing to register."""
-TURN_SIGMA = 2e-3, 0.01
-"""rad, and rad per rad turned: standard deviation of the odometry's rotation between keyframes."""
-WAY_SIGMA = 0.004, 0.03, 0.01
-"""m, m per m driven and m per rad turned: of its translation. Skid-steered wheels slide in turns."""
-SLIDE = 0.3
-"""m per rad turned, times the sine of the tilt: the same on a ramp."""
 SLIPPED = 22.5
 """χ² of six degrees of freedom, 99.9 %; a registration contradicts the odometry so much where wheels slip."""
 CONTRADICTED = 100.0
@@ -78,6 +73,7 @@ class _Match:
     cloud: small_gicp.PointCloud | None = None
     target: Target | None = None
     registration: Registration | None = None
+    has_slipped: bool = False
 
 
 class Slam:
@@ -87,6 +83,7 @@ class Slam:
         T_map_odom: 4×4, where the odometry's origin is by the newest frame.
         graph: of the keyframes.
         local_map: what they saw.
+        motion: what the odometry's measurements mean.
         loops: closed so far.
         closes_loops: False for comparison alone.
         slips: how often registration contradicted the odometry.
@@ -98,10 +95,11 @@ class Slam:
         self.T_map_odom = np.eye(4)
         self.graph = PoseGraph()
         self.local_map = LocalMap()
+        self.motion = MotionModel()
         self.loops: list[Loop] = []
         self.closes_loops = closes_loops
         self.slips = 0
-        self._odometry: list[NDArray[np.float64]] = []
+        self._odometry: list[tuple[float, NDArray[np.float64]]] = []
         self._anchor: NDArray[np.float64] | None = None
         self._deviations = np.zeros(0)
         self._match: _Match | None = None
@@ -145,6 +143,8 @@ class Slam:
         """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
         match = self._match
         assert match is not None and match.frame is frame
+        if match.prior is not None and match.registration is not None and not match.has_slipped:
+            self.motion.learn(self._moved(frame), match.prior, match.registration)
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         if match.prior is not None:
             self.graph.connect(number - 1, number, match.prior.T, match.prior.information)
@@ -154,7 +154,7 @@ class Slam:
             new = self._connect(number, match.cloud, match.target, match.registration)
         if match.cloud is not None:
             self.local_map.add(number, match.cloud, frame.T_base_camera[:3, 3], new)
-        self._odometry.append(frame.T_odom_base)
+        self._odometry.append((frame.time, frame.T_odom_base))
         self._anchor, self._keyframe = None, match
         self._renew()
 
@@ -163,7 +163,7 @@ class Slam:
         if self.closes_loops:
             self._close_loop()
         self.graph.optimise()
-        self.T_map_odom = self.poses[-1] @ inverse(self._odometry[-1])
+        self.T_map_odom = self.poses[-1] @ inverse(self._odometry[-1][1])
         self._renew()
 
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
@@ -195,7 +195,7 @@ class Slam:
             keyframes.normals,
             keyframes.owner,
         )
-        self._odometry = [np.eye(4)] * len(keyframes.poses)
+        self._odometry = [(0.0, np.eye(4))] * len(keyframes.poses)
         self._renew()
 
     def _check_camera(self, frame: Frame) -> None:
@@ -229,7 +229,7 @@ class Slam:
             prior, slipped = slipped_registration(target, cloud, odometry, self.poses[-1], frame)
             if registration.chi2 > SLIPPED or slipped.overlap > registration.overlap + BETTER:
                 self.slips += 1
-                return _Match(frame, slipped.T, prior, cloud, target, slipped)
+                return _Match(frame, slipped.T, prior, cloud, target, slipped, has_slipped=True)
         return _Match(frame, registration.T, odometry, cloud, target, registration)
 
     def _cloud(self, frame: Frame) -> small_gicp.PointCloud | None:
@@ -255,13 +255,12 @@ class Slam:
 
     def _by_odometry(self, frame: Frame) -> Prior:
         """The pose by what the odometry has measured since the newest keyframe."""
-        delta = inverse(self._odometry[-1]) @ frame.T_odom_base
-        way = float(np.linalg.norm(delta[:3, 3]))
-        turn = angle_of(delta)
-        rotation = TURN_SIGMA[0] + TURN_SIGMA[1] * turn
-        slope = float(np.linalg.norm(frame.T_odom_base[2, :2]))
-        translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE * slope) * turn
-        return Prior(orthonormal(self.poses[-1] @ delta), np.diag(np.repeat([rotation, translation], 3) ** -2.0))
+        return self.motion.predict(self.poses[-1], self._moved(frame))
+
+    def _moved(self, frame: Frame) -> Motion:
+        """Since the newest keyframe."""
+        (time, T_odom_base), up = self._odometry[-1], self.graph.ups[-1]
+        return Motion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time)
 
     def _connect(
         self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration | None

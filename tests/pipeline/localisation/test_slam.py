@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import pipeline.localisation.slam as slam_module
 from pipeline.frame import Frame
 from pipeline.localisation.odometry import LostError, OdometryLocalisation
 from pipeline.localisation.registration import logarithm
@@ -110,7 +111,7 @@ def test_without_a_return_the_pose_is_that_of_the_odometry(depth: float) -> None
         blind = replace(frames()[k], depth=np.full_like(frames()[k].depth, depth))
         expected = slam.poses[-1] @ inverse(frames()[k - 1].T_odom_base) @ blind.T_odom_base
         T = slam.localise(blind)
-        np.testing.assert_allclose(T, expected, atol=1e-9)
+        assert 0 < distance(T, expected) < 0.005  # but for what was learnt of the odometry
         assert slam.covariance is None
         slam.add(blind, T)
         slam.optimise()
@@ -126,7 +127,7 @@ def test_a_first_frame_without_a_return_is_a_keyframe_as_well() -> None:
     slam.optimise()
     np.testing.assert_allclose(slam.poses[0], AROUND[0], atol=1e-6)
     assert len(slam.points()) == 0
-    assert distance(slam.localise(frames()[1]), frames()[1].T_odom_base) < 1e-9
+    assert distance(slam.localise(frames()[1]), frames()[1].T_odom_base) < 1e-3
 
 
 def test_a_camera_that_has_stopped_is_noticed() -> None:
@@ -184,6 +185,19 @@ def test_a_robot_that_was_set_down_goes_on_from_there() -> None:
         slam.optimise()
     errors = [distance(a, b) for a, b in zip(slam.poses, AROUND[:8] + AROUND[:3], strict=True)]
     assert max(errors) < 0.02
+
+
+def test_loops_are_of_keyframes_and_not_of_what_was_seen_since(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(slam_module, "KNOWN", 0.004)
+    slam = Slam()
+    for frame, later in pairwise(frames()[:12]):
+        slam.add(frame, slam.localise(frame))
+        slam.localise(later)
+        slam.optimise()
+    assert slam.loops
+    for loop in slam.loops:
+        expected = inverse(AROUND[loop.first]) @ AROUND[loop.second]
+        assert distance(loop.T_first_second, expected) < 0.05
 
 
 def test_where_loops_are_not_closed_there_are_none() -> None:

@@ -1,0 +1,99 @@
+"""How the robot moves by its odometry, and what is wrong with that, learnt while it drives.
+
+A gyro's scale, the radius of tyres, the centre of a turn and how far the robot slides in turns on a slope are
+constants that no data sheet tells well enough. Registration shows at each keyframe how far off the odometry was, and
+a Kalman filter attributes that to them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.localisation.registration import Prior, Registration, logarithm
+from pipeline.transforms import from_rotation, orthonormal
+
+MEAN = 0.0, 0.0, 0.0, 0.4, 0.0
+"""Of the relative errors of the way and of the turn, of the centre of turns before ``base_link`` in m, of the slide
+downhill in m per rad turned, times the sine of the tilt, and of the yaw rate in rad/s."""
+SIGMA = 0.02, 0.005, 0.02, 0.2, 5e-5
+"""Standard deviations of these before anything is learnt."""
+MEMORY = 1000, 1000, 1000, 1000, 100
+"""Keyframes after which these may be as different as they were unknown at first; floors, tyres and gyros change."""
+TURN_SIGMA = 1e-3, 3e-3
+"""rad, and rad per rad turned: standard deviation of the odometry's rotation between keyframes, beside that."""
+WAY_SIGMA = 0.004, 0.03, 0.01
+"""m, m per m driven and m per rad turned: of its translation. Skid-steered wheels slide in turns."""
+SLIDE_SIGMA = 0.2
+"""m per rad turned, times the sine of the tilt: of the slide."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What the odometry tells of the motion between two moments.
+
+    Attributes:
+        T: 4×4 pose after it in ``base_link`` before it.
+        up: (3,) the vertical in ``base_link`` before it.
+        time: s that it took.
+    """
+
+    T: NDArray[np.float64]
+    up: NDArray[np.float64]
+    time: float
+
+    @property
+    def turn(self) -> NDArray[np.float64]:
+        """(3,) rotation vector, rad."""
+        return Rotation.from_matrix(self.T[:3, :3]).as_rotvec()
+
+    @property
+    def moves(self) -> NDArray[np.float64]:
+        """(3, 5) m by which one of each parameter moves the robot, in ``base_link`` before the motion."""
+        slide = -np.linalg.norm(self.turn) * np.append(self.up[:2], 0.0)
+        nothing = np.zeros(3)
+        return np.stack([self.T[:3, 3], nothing, np.eye(3)[0] - self.T[:3, 0], slide, nothing], axis=1)
+
+    @property
+    def turns(self) -> NDArray[np.float64]:
+        """(3, 5) rad by which one of each parameter turns it."""
+        nothing = np.zeros(3)
+        return np.stack([nothing, self.turn, nothing, nothing, self.time * np.eye(3)[2]], axis=1)
+
+    @property
+    def jacobian(self) -> NDArray[np.float64]:
+        """(6, 5) derivative of the pose after the motion by the parameters, in the tangent there."""
+        return np.vstack([self.turns, self.T[:3, :3].T @ self.moves])
+
+
+class MotionModel:
+    """The motion between keyframes by the odometry, less the errors that are known so far.
+
+    Attributes:
+        parameters: (5,) see ``MEAN``.
+    """
+
+    def __init__(self) -> None:
+        self.parameters = np.array(MEAN)
+        self._covariance = np.diag(np.array(SIGMA) ** 2)
+
+    def predict(self, T_map_base: NDArray[np.float64], motion: Motion) -> Prior:
+        """The pose after a motion that begins at a pose (4×4)."""
+        R = Rotation.from_rotvec(motion.turn + motion.turns @ self.parameters).as_matrix()
+        T = T_map_base @ from_rotation(R, motion.T[:3, 3] + motion.moves @ self.parameters)
+        way, turn, slope = (float(np.linalg.norm(v)) for v in (motion.T[:3, 3], motion.turn, motion.up[:2]))
+        rotation = TURN_SIGMA[0] + TURN_SIGMA[1] * turn
+        translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE_SIGMA * slope) * turn
+        J = motion.jacobian
+        covariance = np.diag(np.repeat([rotation, translation], 3) ** 2) + J @ self._covariance @ J.T
+        return Prior(orthonormal(T), np.linalg.inv(covariance))
+
+    def learn(self, motion: Motion, prior: Prior, registration: Registration) -> None:
+        """Take in how far a registration was from where :meth:`predict` had it after the same motion."""
+        J, P, H = motion.jacobian, prior.information, registration.information
+        gain = self._covariance @ J.T
+        off = logarithm(np.linalg.solve(prior.T, registration.T))
+        self.parameters = self.parameters + gain @ P @ off
+        self._covariance = self._covariance - gain @ P @ np.linalg.solve(P + H, H) @ gain.T
+        self._covariance += np.diag(np.array(SIGMA) ** 2 / MEMORY)

@@ -1,0 +1,85 @@
+"""What a robot learns of its odometry, where registration tells the truth."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from pipeline.localisation.motion_model import MEAN, Motion, MotionModel
+from pipeline.localisation.registration import Registration, logarithm
+from pipeline.transforms import from_yaw, inverse
+
+TRUE = np.array([0.01, -0.007, 0.016, 0.5, 4e-5])
+EXACT, NOTHING = 1e10 * np.eye(6), np.zeros((6, 6))
+numbers = st.floats(-1, 1)
+
+
+def believing(parameters: NDArray[np.float64]) -> MotionModel:
+    model = MotionModel()
+    model.parameters = parameters
+    return model
+
+
+def registered(T: NDArray[np.float64], information: NDArray[np.float64]) -> Registration:
+    return Registration(T, information, np.eye(6), 1.0, 0.0)
+
+
+def motion_of(rng: np.random.Generator) -> Motion:
+    """A keyframe's: 15° either way and up to 0.3 m ahead, on ground of up to 15°."""
+    up = np.append(rng.uniform(-0.18, 0.18, 2), 0.96)
+    return Motion(from_yaw(rng.uniform(0, 0.3), 0, 0, rng.uniform(-0.26, 0.26)), up / np.linalg.norm(up), 1.0)
+
+
+def learnt(information: NDArray[np.float64]) -> MotionModel:
+    """After 300 keyframes that registration finds where they truly are, and says how well it knows."""
+    rng, true, model = np.random.default_rng(4), believing(TRUE), MotionModel()
+    for _ in range(300):
+        motion = motion_of(rng)
+        T = true.predict(np.eye(4), motion).T
+        model.learn(motion, model.predict(np.eye(4), motion), registered(T, information))
+    return model
+
+
+def test_before_anything_is_learnt_a_motion_is_the_odometrys() -> None:
+    motion = Motion(from_yaw(0.3, 0.01, 0.0, 0.1), np.array([0.0, 0.0, 1.0]), 1.0)
+    start = from_yaw(2.0, 3.0, 0.0, 1.0)
+    prior = MotionModel().predict(start, motion)
+    np.testing.assert_allclose(prior.T, start @ motion.T, atol=1e-12)
+    assert MEAN[:3] == (0, 0, 0)
+
+
+def test_a_robot_that_turns_on_a_slope_is_expected_to_slide_downhill() -> None:
+    left_side_up = np.array([0.0, np.sin(0.28), np.cos(0.28)])
+    motion = Motion(from_yaw(0, 0, 0, 0.5), left_side_up, 1.0)
+    slid = MotionModel().predict(np.eye(4), motion).T[:3, 3]
+    np.testing.assert_allclose(slid, [0, -MEAN[3] * 0.5 * np.sin(0.28), 0], atol=1e-12)
+
+
+def test_it_learns_what_is_wrong_with_the_odometry() -> None:
+    model = learnt(EXACT)
+    assert (np.abs(model.parameters - TRUE) < [0.005, 0.001, 0.006, 0.05, 4e-5]).all()
+    motion = motion_of(np.random.default_rng(9))
+    true = believing(TRUE).predict(np.eye(4), motion)
+    errors = [logarithm(inverse(true.T) @ m.predict(np.eye(4), motion).T) for m in (model, MotionModel())]
+    assert np.linalg.norm(errors[0]) < 0.2 * np.linalg.norm(errors[1])
+
+
+def test_it_learns_nothing_where_registration_tells_nothing() -> None:
+    model, motion = MotionModel(), motion_of(np.random.default_rng(1))
+    prior = model.predict(np.eye(4), motion)
+    model.learn(motion, prior, registered(prior.T, NOTHING))
+    np.testing.assert_allclose(model.parameters, MEAN, atol=1e-12)
+
+
+def test_what_was_learnt_makes_the_next_motion_surer() -> None:
+    motion = motion_of(np.random.default_rng(2))
+    before, after = (np.linalg.inv(m.predict(np.eye(4), motion).information) for m in (MotionModel(), learnt(EXACT)))
+    assert (np.diag(after)[2:5] < np.diag(before)[2:5]).all()  # heading and place; odometry tells the rest as ever
+
+
+@given(numbers, numbers, numbers, st.integers(0, 4))
+def test_the_jacobian_is_the_poses_derivative(x: float, y: float, turn: float, k: int) -> None:
+    motion = Motion(from_yaw(x, y, 0.0, turn), np.array([0.1, 0.2, 0.97]), 2.0)
+    step = 1e-6 * np.eye(5)[k]
+    a, b = (believing(sign * step).predict(np.eye(4), motion).T for sign in (-1, 1))
+    np.testing.assert_allclose(logarithm(inverse(a) @ b) / 2e-6, motion.jacobian[:, k], atol=1e-6)

@@ -1,18 +1,20 @@
 """How the robot moves by its odometry, and what is wrong with that, learnt while it drives.
 
 A gyro's scale, the radius of tyres, the centre of a turn and how far the robot slides in turns on a slope are
-constants that no data sheet tells well enough. Registration shows at each keyframe how far off the odometry was, and
-a Kalman filter attributes that to them.
+constants that no data sheet tells well enough. An extended Kalman filter estimates them together with the pose: what
+registration finds after a blind turn tells how wrong the gyro's scale is, and that the turn before was as wrong.
 """
 
 from dataclasses import dataclass
 
+import gtsam
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from pipeline.localisation.registration import Prior, Registration, logarithm
-from pipeline.transforms import from_rotation, orthonormal
+from pipeline.transforms import from_rotation, inverse, orthonormal
 
 MEAN = 0.0, 0.0, 0.0, 0.4, 0.0
 """Of the relative errors of the way and of the turn, of the centre of turns before ``base_link`` in m, of the slide
@@ -23,7 +25,7 @@ MEMORY = 1000, 1000, 1000, 1000, 100
 """Keyframes after which these may be as different as they were unknown at first; floors, tyres and gyros change."""
 TURN_SIGMA = 1e-3, 3e-3
 """rad, and rad per rad turned: standard deviation of the odometry's rotation between keyframes, beside that."""
-WAY_SIGMA = 0.004, 0.03, 0.01
+WAY_SIGMA = 0.003, 0.015, 0.01
 """m, m per m driven and m per rad turned: of its translation. Skid-steered wheels slide in turns."""
 SLIDE_SIGMA = 0.2
 """m per rad turned, times the sine of the tilt: of the slide."""
@@ -67,6 +69,26 @@ class Motion:
         return np.vstack([self.turns, self.T[:3, :3].T @ self.moves])
 
 
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Where the robot is by the odometry.
+
+    Attributes:
+        T_map_base: 4×4.
+        covariance: (11, 11) of the pose, in its tangent, and of the parameters.
+        step: (6, 6) covariance of the motion alone, as if the pose before it were known.
+    """
+
+    T_map_base: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    step: NDArray[np.float64]
+
+    @property
+    def prior(self) -> Prior:
+        """Of the pose."""
+        return Prior(self.T_map_base, np.asarray(np.linalg.inv(self.covariance[:6, :6])))
+
+
 class MotionModel:
     """The motion between keyframes by the odometry, less the errors that are known so far.
 
@@ -76,24 +98,37 @@ class MotionModel:
 
     def __init__(self) -> None:
         self.parameters = np.array(MEAN)
-        self._covariance = np.diag(np.array(SIGMA) ** 2)
+        self._covariance = block_diag(np.zeros((6, 6)), np.diag(np.array(SIGMA) ** 2))
 
-    def predict(self, T_map_base: NDArray[np.float64], motion: Motion) -> Prior:
-        """The pose after a motion that begins at a pose (4×4)."""
+    def predict(self, T_map_base: NDArray[np.float64], motion: Motion) -> Prediction:
+        """Where a motion leads that begins at the newest keyframe's pose (4×4)."""
         R = Rotation.from_rotvec(motion.turn + motion.turns @ self.parameters).as_matrix()
-        T = T_map_base @ from_rotation(R, motion.T[:3, 3] + motion.moves @ self.parameters)
-        way, turn, slope = (float(np.linalg.norm(v)) for v in (motion.T[:3, 3], motion.turn, motion.up[:2]))
-        rotation = TURN_SIGMA[0] + TURN_SIGMA[1] * turn
-        translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE_SIGMA * slope) * turn
+        delta = from_rotation(R, motion.T[:3, 3] + motion.moves @ self.parameters)
         J = motion.jacobian
-        covariance = np.diag(np.repeat([rotation, translation], 3) ** 2) + J @ self._covariance @ J.T
-        return Prior(orthonormal(T), np.linalg.inv(covariance))
+        F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros((5, 6)), np.eye(5)]])
+        noise = _noise(motion)
+        covariance = F @ self._covariance @ F.T + block_diag(noise, np.diag(np.array(SIGMA) ** 2 / MEMORY))
+        return Prediction(orthonormal(T_map_base @ delta), covariance, noise + J @ self._covariance[6:, 6:] @ J.T)
 
-    def learn(self, motion: Motion, prior: Prior, registration: Registration) -> None:
-        """Take in how far a registration was from where :meth:`predict` had it after the same motion."""
-        J, P, H = motion.jacobian, prior.information, registration.information
-        gain = self._covariance @ J.T
-        off = logarithm(np.linalg.solve(prior.T, registration.T))
-        self.parameters = self.parameters + gain @ P @ off
-        self._covariance = self._covariance - gain @ P @ np.linalg.solve(P + H, H) @ gain.T
-        self._covariance += np.diag(np.array(SIGMA) ** 2 / MEMORY)
+    def take(self, prediction: Prediction, registration: Registration | None) -> None:
+        """Make a keyframe of a prediction, and learn from how far off it was registered, if it was."""
+        C = prediction.covariance
+        if registration is not None:
+            P, H = prediction.prior.information, registration.information
+            off = logarithm(np.linalg.solve(prediction.T_map_base, registration.T))
+            self.parameters = self.parameters + C[6:, :6] @ P @ off
+            gain = P @ np.linalg.solve(P + H, H)
+            C = C - C[:, :6] @ (gain + gain.T) / 2 @ C[:6]
+        self._covariance = C
+
+    def restart(self, covariance: NDArray[np.float64]) -> None:
+        """Make a keyframe whose pose is known with this covariance (6, 6), whatever the odometry says."""
+        self._covariance = block_diag(covariance, self._covariance[6:, 6:])
+
+
+def _noise(motion: Motion) -> NDArray[np.float64]:
+    """(6, 6) covariance of a motion beside the constant errors, rad² and m²."""
+    way, turn, slope = (float(np.linalg.norm(v)) for v in (motion.T[:3, 3], motion.turn, motion.up[:2]))
+    rotation = TURN_SIGMA[0] + TURN_SIGMA[1] * turn
+    translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE_SIGMA * slope) * turn
+    return np.diag(np.repeat([rotation, translation], 3) ** 2)

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 import small_gicp
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import MARGIN, LocalMap
-from pipeline.localisation.motion_model import WAY_SIGMA, Motion, MotionModel
+from pipeline.localisation.motion_model import WAY_SIGMA, Motion, MotionModel, Prediction
 from pipeline.localisation.odometry import Keyframes, Loop, LostError, check_odometry
 from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
 from pipeline.localisation.registration import (
@@ -65,15 +66,19 @@ LOOP_OVERLAP = 0.5
 
 @dataclass(frozen=True, eq=False)
 class _Match:
-    """A frame and where it was found."""
+    """A frame and where it was found.
+
+    ``prediction`` is None if the odometry tells nothing of it, and ``step``, its pose by the motion since the newest
+    keyframe alone.
+    """
 
     frame: Frame
     T_map_base: NDArray[np.float64]
-    prior: Prior | None = None
+    prediction: Prediction | None = None
+    step: Prior | None = None
     cloud: small_gicp.PointCloud | None = None
     target: Target | None = None
     registration: Registration | None = None
-    has_slipped: bool = False
 
 
 class Slam:
@@ -119,7 +124,7 @@ class Slam:
     def is_contradicted(self) -> bool:
         """Whether the newest frame fits only where no slip of wheels can have brought the robot."""
         match = self._match
-        return bool(match and match.prior and match.registration and match.registration.chi2 > CONTRADICTED)
+        return bool(match and match.step and match.registration and match.registration.chi2 > CONTRADICTED)
 
     @property
     def overlap(self) -> float:
@@ -143,12 +148,14 @@ class Slam:
         """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
         match = self._match
         assert match is not None and match.frame is frame
-        if match.prior is not None and match.registration is not None and not match.has_slipped:
-            self.motion.learn(self._moved(frame), match.prior, match.registration)
+        if match.prediction is not None:
+            self.motion.take(match.prediction, match.registration)
+        else:
+            self.motion.restart(match.registration.covariance if match.registration else np.diag(SET_DOWN**2))
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
-        if match.prior is not None:
-            self.graph.connect(number - 1, number, match.prior.T, match.prior.information)
-            self.graph.link(number - 1, number, np.asarray(np.linalg.inv(match.prior.information)))
+        if match.step is not None:
+            self.graph.connect(number - 1, number, match.step.T, match.step.information)
+            self.graph.link(number - 1, number, np.asarray(np.linalg.inv(match.step.information)))
         new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
         if match.target is not None and match.cloud is not None:
             new = self._connect(number, match.cloud, match.target, match.registration)
@@ -215,22 +222,21 @@ class Slam:
             return _Match(frame, orthonormal(frame.T_odom_base), cloud=cloud)
         odometry = self._by_odometry(frame) if self._anchor is None else None
         gates: Sequence[float] = GATES
-        if odometry is not None and np.linalg.norm(odometry.T[:3, 3] - self.poses[-1, :3, 3]) > JUMP:
+        if odometry is not None and np.linalg.norm(odometry.T_map_base[:3, 3] - self.poses[-1, :3, 3]) > JUMP:
             self._anchor, odometry, gates = self.poses[-1], None, SINCE_JUMP
-        first = odometry or Prior(np.asarray(self._anchor), np.diag(SET_DOWN**-2.0))
-        priors = [first, by_gravity(first.T, frame)]
+        first = odometry.prior if odometry else Prior(np.asarray(self._anchor), np.diag(SET_DOWN**-2.0))
+        step = Prior(first.T, np.asarray(np.linalg.inv(odometry.step))) if odometry else None
         points = cloud.points()[:, :3] if cloud else np.zeros((1, 3))
-        T = priors[0].T
-        target = self._target(points, T, frame, self._deviations < KNOWN, MARGIN) if cloud else None
+        target = self._target(points, first.T, frame, self._deviations < KNOWN, MARGIN) if cloud else None
         if target is None:
-            return _Match(frame, T, odometry, cloud)
-        registration = register(target, cloud, priors, gates)
+            return _Match(frame, first.T, odometry, step, cloud)
+        registration = register(target, cloud, [first, by_gravity(first.T, frame)], gates)
         if odometry is not None and (registration.chi2 > SLIPPED or registration.overlap < POOR):
-            prior, slipped = slipped_registration(target, cloud, odometry, self.poses[-1], frame)
+            prior, slipped = slipped_registration(target, cloud, first, self.poses[-1], frame)
             if registration.chi2 > SLIPPED or slipped.overlap > registration.overlap + BETTER:
                 self.slips += 1
-                return _Match(frame, slipped.T, prior, cloud, target, slipped, has_slipped=True)
-        return _Match(frame, registration.T, odometry, cloud, target, registration)
+                return _Match(frame, slipped.T, None, prior, cloud, target, slipped)
+        return _Match(frame, registration.T, odometry, step, cloud, target, registration)
 
     def _cloud(self, frame: Frame) -> small_gicp.PointCloud | None:
         """The frame's returns in ``base_link``, thinned; None if there are too few."""
@@ -253,7 +259,7 @@ class Slam:
         camera = (T @ frame.T_base_camera)[:3, 3]
         return self.local_map.around(points @ T[:3, :3].T + T[:3, 3], camera, owners, margin)
 
-    def _by_odometry(self, frame: Frame) -> Prior:
+    def _by_odometry(self, frame: Frame) -> Prediction:
         """The pose by what the odometry has measured since the newest keyframe."""
         return self.motion.predict(self.poses[-1], self._moved(frame))
 
@@ -306,11 +312,12 @@ def slipped_registration(
     """
     stayed = odometry.T.copy()
     stayed[:3, 3] = T_map_base[:3, 3]
-    information = odometry.information.copy()
-    information[3:, 3:] = np.eye(3) / (WAY_SIGMA[0] + np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3])) ** 2
-    priors = Prior(stayed, information), Prior(odometry.T, information)
-    found = [register(target, cloud, [prior, by_gravity(prior.T, frame)]) for prior in priors]
-    return priors[0], max(found, key=lambda registration: registration.overlap)
+    way = WAY_SIGMA[0] + np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3])
+    rotation = np.linalg.inv(np.linalg.inv(odometry.information)[:3, :3])
+    prior = Prior(odometry.T, block_diag(rotation, np.eye(3) / way**2))
+    begins = Prior(stayed, np.zeros((6, 6))), Prior(odometry.T, np.zeros((6, 6)))
+    found = [register(target, cloud, [begin, prior, by_gravity(prior.T, frame)]) for begin in begins]
+    return prior, max(found, key=lambda registration: registration.overlap)
 
 
 def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:

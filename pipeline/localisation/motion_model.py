@@ -5,6 +5,7 @@ constants that no data sheet tells well enough. An extended Kalman filter estima
 registration finds after a blind turn tells how wrong the gyro's scale is, and that the turn before was as wrong.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -74,11 +75,13 @@ class Prediction:
     """Where the robot is by the odometry.
 
     Attributes:
+        motion: that leads there.
         T_map_base: 4×4.
         covariance: (11, 11) of the pose, in its tangent, and of the parameters.
         step: (6, 6) covariance of the motion alone, as if the pose before it were known.
     """
 
+    motion: Motion
     T_map_base: NDArray[np.float64]
     covariance: NDArray[np.float64]
     step: NDArray[np.float64]
@@ -102,13 +105,13 @@ class MotionModel:
 
     def predict(self, T_map_base: NDArray[np.float64], motion: Motion) -> Prediction:
         """Where a motion leads that begins at the newest keyframe's pose (4×4)."""
-        R = Rotation.from_rotvec(motion.turn + motion.turns @ self.parameters).as_matrix()
-        delta = from_rotation(R, motion.T[:3, 3] + motion.moves @ self.parameters)
-        J = motion.jacobian
+        delta, J = self._delta(motion), motion.jacobian
         F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros((5, 6)), np.eye(5)]])
         noise = _noise(motion)
         covariance = F @ self._covariance @ F.T + block_diag(noise, np.diag(np.array(SIGMA) ** 2 / MEMORY))
-        return Prediction(orthonormal(T_map_base @ delta), covariance, noise + J @ self._covariance[6:, 6:] @ J.T)
+        return Prediction(
+            motion, orthonormal(T_map_base @ delta), covariance, noise + J @ self._covariance[6:, 6:] @ J.T
+        )
 
     def take(self, prediction: Prediction, registration: Registration | None) -> None:
         """Make a keyframe of a prediction, and learn from how far off it was registered, if it was."""
@@ -120,6 +123,25 @@ class MotionModel:
             gain = P @ np.linalg.solve(P + H, H)
             C = C - C[:, :6] @ (gain + gain.T) / 2 @ C[:6]
         self._covariance = C
+
+    def fit(self, motions: Sequence[Motion | None], poses: NDArray[np.float64]) -> None:
+        """Learn from keyframes (K, 4, 4) whose poses were corrected by a loop.
+
+        ``motions`` are those to each of them from the one before, None where the odometry is not to be believed.
+        """
+        known = np.diag(np.array(SIGMA) ** -2.0)
+        pull = known @ (MEAN - self.parameters)
+        for before, after, motion in zip(poses, poses[1:], motions[1:], strict=False):
+            if motion is not None:
+                weighted = motion.jacobian.T @ np.linalg.inv(_noise(motion))
+                known = known + weighted @ motion.jacobian
+                pull += weighted @ logarithm(np.linalg.solve(before @ self._delta(motion), after))
+        self.parameters = self.parameters + np.linalg.solve(known, pull)
+
+    def _delta(self, motion: Motion) -> NDArray[np.float64]:
+        """4×4 motion without the errors that are known."""
+        R = Rotation.from_rotvec(motion.turn + motion.turns @ self.parameters).as_matrix()
+        return from_rotation(R, motion.T[:3, 3] + motion.moves @ self.parameters)
 
     def restart(self, covariance: NDArray[np.float64]) -> None:
         """Make a keyframe whose pose is known with this covariance (6, 6), whatever the odometry says."""

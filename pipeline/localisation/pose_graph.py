@@ -80,8 +80,7 @@ class PoseGraph:
 
     def link(self, i: int, j: int, covariance: NDArray[np.float64]) -> None:
         """Remember the (6, 6) covariance that keyframe j has as seen from i; of several the best one counts."""
-        variance = np.trace(covariance[3:, 3:]) + LEVER**2 * np.linalg.eigvalsh(covariance[:3, :3])[-1]
-        self._links[i, j] = min(float(variance), self._links.get((i, j), np.inf))
+        self._links[i, j] = min(variance_of(covariance), self._links.get((i, j), np.inf))
 
     def deviations(self) -> NDArray[np.float64]:
         """(K,) m, how well each keyframe's place is known from the newest one: by the best chain of links."""
@@ -104,3 +103,8 @@ class PoseGraph:
         params.setRelativeErrorTol(1e-3)
         result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
         self.poses = orthonormal(np.array([result.atPose3(k).matrix() for k in range(len(self))]))
+
+
+def variance_of(covariance: NDArray[np.float64]) -> float:
+    """m², how well a pose of this covariance (6, 6) is known, for what is ``LEVER`` m away."""
+    return float(np.trace(covariance[3:, 3:]) + LEVER**2 * np.linalg.eigvalsh(covariance[:3, :3])[-1])

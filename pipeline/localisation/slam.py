@@ -18,12 +18,11 @@ from pipeline.frame import Frame
 from pipeline.localisation.local_map import MARGIN, LocalMap
 from pipeline.localisation.motion_model import WAY_SIGMA, Motion, MotionModel, Prediction
 from pipeline.localisation.odometry import Keyframes, Loop, LostError, check_odometry
-from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
+from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph, variance_of
 from pipeline.localisation.registration import (
     GATES,
     Prior,
     Registration,
-    Share,
     Target,
     cloud_of,
     exponential,
@@ -105,6 +104,7 @@ class Slam:
         self.closes_loops = closes_loops
         self.slips = 0
         self._odometry: list[tuple[float, NDArray[np.float64]]] = []
+        self._motions: list[Motion | None] = []
         self._anchor: NDArray[np.float64] | None = None
         self._deviations = np.zeros(0)
         self._match: _Match | None = None
@@ -161,15 +161,19 @@ class Slam:
             new = self._connect(number, match.cloud, match.target, match.registration)
         if match.cloud is not None:
             self.local_map.add(number, match.cloud, frame.T_base_camera[:3, 3], new)
+        self._motions.append(match.prediction.motion if match.prediction else None)
         self._odometry.append((frame.time, frame.T_odom_base))
         self._anchor, self._keyframe = None, match
         self._renew()
 
     def optimise(self) -> None:
         """Close a loop if there is one, and correct the poses of all keyframes."""
+        loops = len(self.loops)
         if self.closes_loops:
             self._close_loop()
         self.graph.optimise()
+        if len(self.loops) > loops:
+            self.motion.fit(self._motions, self.poses)
         self.T_map_odom = self.poses[-1] @ inverse(self._odometry[-1][1])
         self._renew()
 
@@ -203,6 +207,7 @@ class Slam:
             keyframes.owner,
         )
         self._odometry = [(0.0, np.eye(4))] * len(keyframes.poses)
+        self._motions = [None] * len(keyframes.poses)
         self._renew()
 
     def _check_camera(self, frame: Frame) -> None:
@@ -294,13 +299,16 @@ class Slam:
         prior = Prior(T, np.diag(np.repeat([deviation / LEVER, deviation], 3) ** -2.0))
         gates = (max(2 * deviation, GATES[0]),) * 4 + GATES
         found = register(target, match.cloud, [prior, by_gravity(T, match.frame)], gates)
-        shares, _ = shares_of(target, match.cloud, found.T)
-        if found.overlap < LOOP_OVERLAP or found.chi2 > SLIPPED or not is_pinned(shares):
+        tells = variance_of(found.covariance) < deviation**2 / 2
+        if found.overlap < LOOP_OVERLAP or found.chi2 > SLIPPED or not tells:
             return
+        shares, _ = shares_of(target, match.cloud, found.T)
         for share in shares[:MOST_SHARES]:
-            self.graph.connect(share.owner, number, share.T, share.information, is_loop=True)
+            self.graph.connect(share.owner, number, share.T, firm(share.information), is_loop=True)
             self.graph.link(share.owner, number, found.covariance)
             self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
+        # From elsewhere, the robust loss takes a loop for an outlier and leaves the poses where they are.
+        self.poses[-1] = found.T
 
 
 def slipped_registration(
@@ -329,8 +337,9 @@ def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:
     return Prior(level, information)
 
 
-def is_pinned(shares: list[Share]) -> bool:
-    """Whether surfaces alone, without odometry, tell the position to within ``KNOWN``."""
-    information = np.sum([share.information for share in shares], axis=0) + np.eye(6)
-    variances = np.linalg.eigvalsh(np.linalg.inv(information)[3:, 3:])
-    return bool(variances[-1] < min(KNOWN**2, variances[0] / FEIGNED))
+def firm(information: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of (6, 6) information, that in directions where surfaces tell more than noise in their normals feigns."""
+    lever = np.repeat([LEVER, 1.0], 3)
+    strength, directions = np.linalg.eigh(information / np.outer(lever, lever))
+    directions = lever[:, None] * directions[:, strength > FEIGNED * strength[-1]]
+    return directions * strength[strength > FEIGNED * strength[-1]] @ directions.T

@@ -59,6 +59,8 @@ FEIGNED = 1e-3
 """Of the information across surfaces, at most so much does noise in their normals feign along them."""
 FAR_OFF = 1.0
 """m; a loop is looked for no farther away, however little is known."""
+UNPINNED = 0.15
+"""m; a loop may leave a direction to the odometry, as along a corridor, if that is known better than this."""
 LOOP_OVERLAP = 0.5
 """Share of a frame's points that a loop explains, at least."""
 
@@ -300,7 +302,8 @@ class Slam:
         gates = (max(2 * deviation, GATES[0]),) * 4 + GATES
         found = register(target, match.cloud, [prior, by_gravity(T, match.frame)], gates)
         tells = variance_of(found.covariance) < deviation**2 / 2
-        if found.overlap < LOOP_OVERLAP or found.chi2 > SLIPPED or not tells:
+        is_safe = deviation < UNPINNED or is_pinned(found.information)
+        if found.overlap < LOOP_OVERLAP or found.chi2 > SLIPPED or not tells or not is_safe:
             return
         shares, _ = shares_of(target, match.cloud, found.T)
         for share in shares[:MOST_SHARES]:
@@ -343,3 +346,9 @@ def firm(information: NDArray[np.float64]) -> NDArray[np.float64]:
     strength, directions = np.linalg.eigh(information / np.outer(lever, lever))
     directions = lever[:, None] * directions[:, strength > FEIGNED * strength[-1]]
     return directions * strength[strength > FEIGNED * strength[-1]] @ directions.T
+
+
+def is_pinned(information: NDArray[np.float64]) -> bool:
+    """Whether (6, 6) information of surfaces alone, without odometry, tells the position to within ``KNOWN``."""
+    variances = np.linalg.eigvalsh(np.linalg.inv(information + np.eye(6))[3:, 3:])
+    return bool(variances[-1] < min(KNOWN**2, variances[0] / FEIGNED))

@@ -13,13 +13,14 @@ class Dataset:
     Attributes:
         folder: where it lies.
         entries: what ``dataset.json`` says of its scenes, by index.
+        recipe, generator: what made them, and by what program.
     """
 
     def __init__(self, folder: Path):
         """Raises InputError where there is no dataset."""
         self.folder = folder
         manifest = Manifest.read(folder)
-        self.recipe = manifest.recipe
+        self.recipe, self.generator = manifest.recipe, manifest.generator
         self.entries = [manifest.scenes[index] for index in sorted(manifest.scenes)]
 
     def __len__(self) -> int:

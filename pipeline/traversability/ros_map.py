@@ -16,7 +16,7 @@ SCALED = (0.005, 0.995)
 
 
 def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) -> None:
-    """Write ``path`` (.pgm): free, lethal or unknown, and ..._cost.png: slopes as costs; each has its .yaml beside it.
+    """Write ``path`` (.pgm): free, lethal or unknown, and ..._cost.png: slopes as costs; a .yaml lies beside each.
 
     Lethal is what the robot cannot take: walls, steps, slopes too steep. It is not inflated: Nav2 does that by the
     footprint that it is given.

@@ -11,6 +11,7 @@ import stat
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr
+from difflib import get_close_matches
 from pathlib import Path
 from types import FrameType
 from typing import Any, Self
@@ -64,7 +65,12 @@ def unboxed(text: str) -> str:
     suggestions = [part for part in parts if part.startswith(("Perhaps you meant", "Arguments similar"))]
     flags = [flag for part in suggestions for flag in re.findall(r"^--[\w.-]+", part, re.MULTILINE)]
     said = [part for part in parts if part not in suggestions and not part.startswith("For full helptext")]
-    return " ".join(" ".join(said).split()) + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
+    wrong = [flag for part in said if part.startswith("Unrecognized") for flag in re.findall(r"--[\w.-]+", part)]
+    missing = [flag for part in said if part.startswith("Missing") for flag in re.findall(r"--[\w.-]+", part)]
+    # Where one is missing, tyro does not say which was meant.
+    flags = flags or [flag for word in wrong for flag in get_close_matches(word, missing)]
+    told = "; ".join(" ".join(part.split()) for part in said if part)
+    return told + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
 
 
 def progress(**options: Any) -> Progress:

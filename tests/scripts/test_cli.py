@@ -113,6 +113,7 @@ def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture
     [
         (["--count", "3", "--fali", "pipe"], "Unrecognized options: --fali, pipe; perhaps you meant --fail"),
         (["--fail", "pipe"], ": --count INT"),
+        (["--cuont", "3"], ": --count INT; Unrecognized options: --cuont 3; perhaps you meant --count"),
     ],
 )
 def test_the_flag_that_was_meant_is_named(args: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from pipeline.errors import InputError
@@ -42,8 +42,9 @@ def load_weights(path: Path) -> tuple[Dgcnn, dict[str, str]]:
 def save_weights(path: Path, network: Dgcnn, metadata: dict[str, str] | None = None) -> None:
     """Write the weights, with ``metadata`` about them. InputError if that is impossible."""
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in network.published().items()}
+    content = save(tensors, {"network": DEFAULT, "k": str(network.k)} | (metadata or {}))
     with whole_file(path) as file:
-        save_file(tensors, file, {"network": DEFAULT, "k": str(network.k)} | (metadata or {}))
+        file.write_bytes(content)  # safetensors' own files are for their owner's eyes alone
 
 
 def _fill(network: Dgcnn, tensors: dict[str, Tensor], path: Path) -> None:

@@ -32,6 +32,12 @@ def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
     assert (plain(loaded, x) == plain(original, x)).all()
 
 
+def test_weights_are_as_readable_as_any_other_new_file(tmp_path: Path) -> None:
+    save_weights(tmp_path / "w.safetensors", network())
+    (tmp_path / "other").touch()
+    assert (tmp_path / "w.safetensors").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
 def test_a_network_fits_into_4_mb(tmp_path: Path) -> None:
     save_weights(tmp_path / "w.safetensors", network())
     assert (tmp_path / "w.safetensors").stat().st_size < 4e6

@@ -1,6 +1,7 @@
 """Driving by keyboard in MuJoCo's viewer."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -45,8 +46,11 @@ class Throttle:
         self.omega = _limited(held * self.omega + leftwards * OMEGA_STEP, self.max_omega)
 
 
-def drive_by_keyboard(environment: composer.Environment) -> None:
-    """Open a window and follow the keys in real time until it is closed."""
+def drive_by_keyboard(environment: composer.Environment, interrupted: Callable[[], bool] = lambda: False) -> None:
+    """Open a window and follow the keys in real time until it is closed, or ``interrupted`` says so.
+
+    An exception between two steps would leave the viewer's thread waiting for a lock that nobody gives back.
+    """
     environment.reset()
     throttle = Throttle(*environment.action_spec().maximum)
     physics = environment.physics
@@ -54,7 +58,7 @@ def drive_by_keyboard(environment: composer.Environment) -> None:
         physics.model.ptr, physics.data.ptr, key_callback=throttle.press, show_left_ui=False, show_right_ui=False
     ) as window:
         _follow(window.cam, physics.bind(environment.task.robot.base).element_id)
-        while window.is_running():
+        while window.is_running() and not interrupted():
             due = time.monotonic() + CONTROL_TIMESTEP
             with window.lock():
                 environment.step(np.array([throttle.v, throttle.omega]))

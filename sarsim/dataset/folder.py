@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from sarsim.dataset.manifest import Manifest, SceneEntry
+from pipeline.errors import InputError
+from sarsim.dataset.manifest import FILE, Manifest, SceneEntry, sha256_of
 from sarsim.dataset.scene_file import Scene
 
 
@@ -27,7 +28,11 @@ class Dataset:
         return len(self.entries)
 
     def __iter__(self) -> Iterator[tuple[SceneEntry, Scene]]:
-        """Every scene, open until the next one; InputError where its file is missing or broken."""
+        """Every scene, open until the next one; InputError where its file is missing, changed or broken."""
         for entry in self.entries:
-            with Scene(self.folder / entry.file) as scene:
+            path = self.folder / entry.file
+            # Before HDF5 opens it: of some files that were damaged on the way its library never comes back.
+            if entry.sha256 and path.is_file() and sha256_of(path) != entry.sha256:
+                raise InputError(f"{path}: changed or damaged: its checksum is not the one in {FILE}")
+            with Scene(path) as scene:
                 yield entry, scene

@@ -1,6 +1,8 @@
 """Driving by keyboard in MuJoCo's viewer."""
 
+import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -13,6 +15,8 @@ from sarsim.task import CONTROL_TIMESTEP
 SPACE, RIGHT, LEFT, DOWN, UP = 32, 262, 263, 264, 265
 """GLFW's key codes."""
 
+ENDING = 10.0
+"""s that the viewer may take to close its window."""
 V_STEP, OMEGA_STEP = 0.1, 0.25
 """m/s and rad/s that a press adds."""
 
@@ -45,21 +49,27 @@ class Throttle:
         self.omega = _limited(held * self.omega + leftwards * OMEGA_STEP, self.max_omega)
 
 
-def drive_by_keyboard(environment: composer.Environment) -> None:
-    """Open a window and follow the keys in real time until it is closed."""
+def drive_by_keyboard(environment: composer.Environment, interrupted: Callable[[], bool] = lambda: False) -> None:
+    """Open a window and follow the keys in real time until it is closed, or ``interrupted`` says so.
+
+    An exception between two steps would leave the viewer's thread waiting for a lock that nobody gives back.
+    """
     environment.reset()
     throttle = Throttle(*environment.action_spec().maximum)
     physics = environment.physics
+    others = set(threading.enumerate())
     with mujoco.viewer.launch_passive(
         physics.model.ptr, physics.data.ptr, key_callback=throttle.press, show_left_ui=False, show_right_ui=False
     ) as window:
         _follow(window.cam, physics.bind(environment.task.robot.base).element_id)
-        while window.is_running():
+        while window.is_running() and not interrupted():
             due = time.monotonic() + CONTROL_TIMESTEP
             with window.lock():
                 environment.step(np.array([throttle.v, throttle.omega]))
             window.sync()
             time.sleep(max(0.0, due - time.monotonic()))
+    for thread in set(threading.enumerate()) - others:
+        thread.join(ENDING)  # until it ends, the viewer draws from the model and the data
 
 
 def _follow(camera: mujoco.MjvCamera, body: int) -> None:

@@ -7,9 +7,11 @@ import os
 import re
 import select
 import signal
+import stat
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stderr
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stderr
+from difflib import get_close_matches
 from pathlib import Path
 from types import FrameType
 from typing import Any, Self
@@ -21,7 +23,9 @@ from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from pipeline.errors import InputError
 
 BAD_INPUT = 2
-INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, what a service manager or a container sends, and a terminal that is closed: all end a command alike."""
+SIGNALLED = 128  # and the number of the signal, as shells have it
 UNREAD = 141  # 128 + SIGPIPE
 HELP_INDENT = 8 * " "
 """before the help of a flag in tyro's messages about wrong ones."""
@@ -30,8 +34,8 @@ HELP_INDENT = 8 * " "
 def run(command: Callable[..., object], args: Sequence[str] | None = None) -> None:
     """Call ``command`` with its parameters taken from the command line (or from ``args``).
 
-    Wrong flags and :class:`pipeline.errors.InputError` end the process with status 2, Ctrl-C with status 130, each
-    with a message on stderr.
+    Wrong flags and :class:`pipeline.errors.InputError` end the process with status 2, Ctrl-C with status 130 and
+    SIGTERM with 143, each with a message on stderr.
     """
 
     @functools.wraps(command)
@@ -61,7 +65,12 @@ def unboxed(text: str) -> str:
     suggestions = [part for part in parts if part.startswith(("Perhaps you meant", "Arguments similar"))]
     flags = [flag for part in suggestions for flag in re.findall(r"^--[\w.-]+", part, re.MULTILINE)]
     said = [part for part in parts if part not in suggestions and not part.startswith("For full helptext")]
-    return " ".join(" ".join(said).split()) + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
+    wrong = [flag for part in said if part.startswith("Unrecognized") for flag in re.findall(r"--[\w.-]+", part)]
+    missing = [flag for part in said if part.startswith("Missing") for flag in re.findall(r"--[\w.-]+", part)]
+    # Where one is missing, tyro does not say which was meant.
+    flags = flags or [flag for word in wrong for flag in get_close_matches(word, missing)]
+    told = "; ".join(" ".join(part.split()) for part in said if part)
+    return told + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
 
 
 def progress(**options: Any) -> Progress:
@@ -90,19 +99,20 @@ def check_folder_of(flag: str, path: Path) -> None:
 
 
 def guarded(action: Callable[[], object]) -> None:
-    """Run ``action``; turn bad input and Ctrl-C into one line on stderr and an exit status.
+    """Run ``action``; turn bad input and each of :data:`ENDINGS` into one line on stderr and an exit status.
 
     If the program that reads the output stops reading, as ``head`` does, the process ends without a message.
     """
     try:
-        try:
-            action()
-        finally:
-            sys.stdout.flush()
+        with _raised_endings():
+            try:
+                action()
+            finally:
+                sys.stdout.flush()
     except InputError as error:
         _exit(f"error: {error}", BAD_INPUT)
-    except KeyboardInterrupt:
-        _exit("interrupted", INTERRUPTED)
+    except KeyboardInterrupt as interrupt:
+        _exit("interrupted", SIGNALLED + (interrupt.args or (signal.SIGINT,))[0])
     except BrokenPipeError:
         if not _is_unread():
             raise
@@ -118,27 +128,61 @@ def _is_unread() -> bool:
     return bool(poll.poll(0))
 
 
+@contextmanager
+def _raised_endings() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end what is under way as Ctrl-C does, unless they are ignored, as under ``nohup``."""
+    others = [number for number in ENDINGS[1:] if signal.getsignal(number) == signal.SIG_DFL]
+    for number in others:
+        signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number in others:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def interrupt(number: int, frame: FrameType | None = None) -> None:
+    """Raise KeyboardInterrupt with the signal's number."""
+    if number == signal.SIGHUP:
+        forget_terminal()
+    raise KeyboardInterrupt(number)
+
+
+def forget_terminal() -> None:
+    """Write to nowhere from now on: the terminal is gone, and writing to it would fail."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        if stat.S_ISCHR(os.fstat(stream).st_mode):  # isatty knows it no more
+            os.dup2(nowhere, stream)
+
+
 class Interruptible:
-    """Holds the first Ctrl-C back until the step under way is complete; a second one interrupts at once.
+    """Holds the first of :data:`ENDINGS` back until the step under way is complete; a second one interrupts at once.
 
     Attributes:
-        interrupted: whether Ctrl-C was pressed since ``with``.
+        signal: its number, None if none came since ``with``.
     """
 
     def __init__(self) -> None:
-        self.interrupted = False
+        self.signal: int | None = None
 
     def __enter__(self) -> Self:
-        self._before = signal.signal(signal.SIGINT, self._note)
+        self._before = {number: signal.getsignal(number) for number in ENDINGS}
+        for number, handler in self._before.items():
+            if handler != signal.SIG_IGN:
+                signal.signal(number, self._note)
         return self
 
     def __exit__(self, *_: object) -> None:
-        signal.signal(signal.SIGINT, self._before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self.interrupted:
-            raise KeyboardInterrupt
-        self.interrupted = True
+        if self.signal is not None:
+            interrupt(number)
+        if number == signal.SIGHUP:
+            forget_terminal()
+        self.signal = number
 
 
 def _exit(message: str, status: int) -> None:

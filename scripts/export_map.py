@@ -15,27 +15,37 @@ if TYPE_CHECKING:
     from pipeline.metric_map.metric_map import MetricMap
 
 
-def export_map(path: Annotated[Path, tyro.conf.Positional], out: Path) -> None:
-    """Write the occupancy grid of an episode as OctoMap, as a point cloud, or as a 2D map for ROS map_server.
+def export_map(
+    path: Annotated[Path, tyro.conf.Positional], out: Path, heights: tuple[float, float] | None = None
+) -> None:
+    """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS map_server.
 
     Args:
-        path: folder of the episode, or its metric_map.npz; a semantic_map.ply beside that gives the classes.
+        path: folder of the episode, or its metric_map.npz; beside that a semantic_map.ply gives the classes and
+            keyframes.npz the ground.
         out: the file to write. By its ending: .bt is OctoMap's free and occupied space; .ot the same with log-odds,
-            coloured by class; .ply the centres of the occupied voxels, coloured by class; .pgm a 2D map, with a
-            .yaml beside it.
+            coloured by class; .ply the centres of the occupied voxels, coloured by class; .pgm the ground as the
+            robot judges it, free, lethal or unknown, with a .yaml beside it and slopes as costs in ..._cost.png.
+        heights: of a .pgm: m, lowest and highest; a slice of the occupancy grid between them instead, which knows no
+            ramps: 0.25 0.65 shows what stands in the robot's way on level ground.
     """
     if out.suffix not in (".bt", ".ot", ".ply", ".pgm"):
         raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply or .pgm")
+    if heights is not None and not (out.suffix == ".pgm" and heights[0] < heights[1]):
+        raise InputError(f"--heights {heights[0]:g} {heights[1]:g}: of a .pgm, the lower one first")
     from pipeline.metric_map.io.exports import save_map_server, save_ply
     from pipeline.metric_map.io.npz import load_metric_map
     from pipeline.metric_map.io.octomap import write_bt, write_ot
 
     path = path / "metric_map.npz" if path.is_dir() else path
+    if out.suffix == ".pgm" and heights is None:
+        _export_ground(path.with_name("keyframes.npz"), out)
+        return
     metric_map = load_metric_map(path)
     semantic_map = path.with_name("semantic_map.ply")
     match out.suffix:
         case ".pgm":
-            save_map_server(out, metric_map)
+            save_map_server(out, metric_map, *(heights or ()))
         case ".bt":
             write_bt(out, metric_map)
         case ".ot":
@@ -44,18 +54,34 @@ def export_map(path: Annotated[Path, tyro.conf.Positional], out: Path) -> None:
             save_ply(out, metric_map, _labels(metric_map, semantic_map))
 
 
+def _export_ground(keyframes: Path, out: Path) -> None:
+    """Write the ground as the robot judges it."""
+    from pipeline.recording.map_file import load_elevation_map
+    from pipeline.traversability.ros_map import save_ros_map
+    from pipeline.traversability.traversability import assess_map
+    from sarsim.robots.pioneer3at import PIONEER_3AT
+
+    if not keyframes.exists():
+        raise InputError(f"{keyframes}: no such file; --heights 0.25 0.65 makes a map of the occupancy grid instead")
+    elevation_map, poses = load_elevation_map(keyframes, PIONEER_3AT)
+    save_ros_map(out, assess_map(elevation_map), poses[:, :2, 3])
+
+
 def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":
     """Classes of the occupied voxels, from a semantic map if there is one."""
     if not path.exists():
         return None
     import open3d
 
+    from pipeline.labels import Label
     from pipeline.metric_map.io.octomap import voxel_labels
 
     cloud = open3d.t.io.read_point_cloud(path).point
     if "label" not in cloud:
         raise InputError(f"{path}: not a semantic map: its points have no label")
     labels = cloud.label.numpy().reshape(-1).astype("uint8")
+    if len(labels) != len(cloud.positions) or labels.max(initial=0) >= len(Label):
+        raise InputError(f"{path}: not a semantic map: labels are 0 to {len(Label) - 1}")
     return voxel_labels(metric_map, cloud.positions.numpy(), labels)
 
 

@@ -32,6 +32,7 @@ class GenerateDataset:
         lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
         dust: concentration in the scenes with dust in the air, from 0 to 1, drawn evenly between these values.
         keyframes: m driven and rad turned from one frame to the next; larger ones show more of the arena.
+        frames_per_second: take so many frames of each second of the drive instead, as SLAM needs them.
         workers: processes at a time, one a core if not given; the dataset does not depend on it.
         engine: processes on this machine, or tasks on the Ray cluster that RAY_ADDRESS names (without it, on this
             machine).
@@ -48,6 +49,7 @@ class GenerateDataset:
     lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
     dust: tuple[float, float] = (0.02, 0.4)
     keyframes: tuple[float, float] = (0.3, 0.6)
+    frames_per_second: float | None = None
     workers: int | None = None
     engine: Literal["local", "ray"] = "local"
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from sarsim.scripts.cli import INTERRUPTED, Interruptible, progress
+from sarsim.scripts.cli import SIGNALLED, Interruptible, progress
 from sarsim.scripts.settings import run_with_settings, save_settings
 from sarsim.scripts.tables import report_table
 from sarsim.settings import EpisodeConfig
@@ -24,28 +24,29 @@ def run_episode(config: EpisodeConfig) -> None:
 
     episode = Episode(config)
     save_settings(config, episode.out / "config.yaml")
-    finished = run_with_progress(episode)
+    ended_by = run_with_progress(episode)
     console = Console()
     if episode.explorer.steps or episode.lost:
         console.print(report_table(episode.report))
     viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
     told = f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}"
     console.print(told, soft_wrap=True)
-    if finished and episode.recorder.viewer and episode.recorder.viewer.page:
+    if ended_by:
+        raise SystemExit(SIGNALLED + ended_by)
+    if episode.recorder.viewer and episode.recorder.viewer.page:
         console.print("Ctrl-C ends the page")
         episode.recorder.viewer.wait()
-    if not finished:
-        raise SystemExit(INTERRUPTED)
 
 
-def run_with_progress(episode: "Episode") -> bool:
-    """Run an episode with a progress bar; False if Ctrl-C ended it."""
+def run_with_progress(episode: "Episode") -> int | None:
+    """Run an episode with a progress bar; the number of the signal that ended it, as Ctrl-C does, if one did."""
     with progress() as bars, Interruptible() as control:
         bar = bars.add_task(episode.config.arena, total=episode.config.steps)
-        return episode.run(
-            lambda: control.interrupted,
+        episode.run(
+            lambda: control.signal is not None,
             lambda line: bars.update(bar, completed=episode.explorer.steps, description=line),
         )
+    return control.signal
 
 
 def elsewhere(config: EpisodeConfig) -> EpisodeConfig:

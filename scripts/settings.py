@@ -15,7 +15,9 @@ from pipeline.files import whole_file
 from sarsim.scripts.cli import guarded, parse
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
-OUTPUTS = ("out", "json", "workers")
+RESULTS = ("out", "json")
+"""Where results go: flags alone say that, for a file of settings may be a stranger's."""
+OUTPUTS = (*RESULTS, "workers")
 """Left out of a run's own file: where results go, so that repeating a run overwrites nothing, and how fast."""
 
 Settings = TypeVar("Settings")
@@ -87,11 +89,16 @@ def load_settings(kind: type[Settings], path: Path) -> Settings:
         InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
     """
     try:
-        content = yaml.safe_load(path.read_text())
+        text = path.read_text()
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
+            raise InputError(f"--config {path}: refused, it has aliases (*name), which may expand endlessly")
+        content = yaml.safe_load(text)
     except OSError as error:
         raise InputError(f"--config {path}: {error.strerror or error}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"--config {path}: not readable YAML: {error}") from error
+    if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
+        raise InputError(f"--config {path}: no file says where results go: give --{places[0]} as a flag")
     return _settings(kind, content, f"--config {path}")
 
 

@@ -2,7 +2,7 @@
 
 from pipeline.errors import InputError
 from sarsim.arenas.settings import StartPose
-from sarsim.scripts.cli import run
+from sarsim.scripts.cli import Interruptible, run
 
 
 def teleop(arena: str = "nist_6x4", start: StartPose | None = None) -> None:
@@ -21,7 +21,10 @@ def teleop(arena: str = "nist_6x4", start: StartPose | None = None) -> None:
     if not has_display():
         raise InputError("there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)")
     print(KEYS, flush=True)
-    drive_by_keyboard(environment)
+    with Interruptible() as hold:
+        drive_by_keyboard(environment, lambda: hold.signal is not None)
+    if hold.signal is not None:
+        raise KeyboardInterrupt(hold.signal)
 
 
 def main() -> None:

@@ -156,8 +156,8 @@ def _train(
 
         def report(now: "TrainingLoop[Any]") -> None:
             bars.update(bar, completed=now.step, description=f"steps, best {now.best:.3f}")
-            if hold.interrupted:
-                raise KeyboardInterrupt
+            if hold.signal is not None:
+                raise KeyboardInterrupt(hold.signal)
 
         trainer.run(report, until)
     if leads:

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from pipeline.errors import InputError
-from sarsim.scripts.cli import run
+from sarsim.scripts.cli import ENDINGS, run
 
 RECORDING = "episode.rrd"
 MAGIC = b"RRF2"
@@ -26,7 +26,7 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
     """
     recording = find_recording(path)
     # The page ends with this process, even if the signal arrives while the viewer starts.
-    for ending in (signal.SIGINT, signal.SIGTERM):
+    for ending in ENDINGS:
         signal.signal(ending, lambda *_: sys.exit())
     from pipeline.recording.viewer import Viewer, has_display
 

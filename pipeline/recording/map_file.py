@@ -2,6 +2,7 @@
 
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,13 @@ from pipeline.localisation.odometry import Keyframes
 from pipeline.mapper import Mapper, Observation
 from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.metric_map.packed_depth import unpack_depth
+from pipeline.robot import RobotModel
 from pipeline.segments.members import Member
 from pipeline.segments.plane import Moments
 from pipeline.semantic_map.semantic_map import VOXEL
 from pipeline.semantic_map.voxels import VoxelCloud
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
-from pipeline.traversability.elevation_map import CELL
+from pipeline.traversability.elevation_map import CELL, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
 from pipeline.victims.victim_map import Sighting, Victim
 
@@ -87,6 +89,32 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
     Raises:
         InputError: the file is missing, damaged, foreign or of another version; then the mapper is not to be used.
     """
+    with _opened(path) as e:
+        observations, seen = zip(*_observations(e), strict=True)
+        local = _unpacked(e["local_points"]), e["local_normals"] / 127, e["local_owner"]
+        mapper.localisation.restore(Keyframes(e["T_map_base"], e["ups"], *local))
+        mapper.segments.restore(list(_restored_members(e)), e["members"][:, 1], e["members"][:, 2].astype(np.uint8))
+        mapper.victims.all = list(_restored_victims(e))
+        mapper.restore(list(observations), list(_evidence(e, seen)), e["T_map_base"], e["T_map_base_added"])
+
+
+def load_elevation_map(path: Path, robot: RobotModel) -> tuple[ElevationMap, NDArray[np.float64]]:
+    """The ground alone, as it was known in the end, for a robot, and the (K, 4, 4) poses of the keyframes.
+
+    Raises:
+        InputError: as of :func:`load_keyframes`.
+    """
+    elevation_map = ElevationMap(robot)
+    with _opened(path) as e, elevation_map.made_anew():
+        _, seen = zip(*_observations(e), strict=True)
+        for k, evidence in _evidence(e, seen):
+            evidence.put(elevation_map, e["T_map_base"][k])
+    return elevation_map, e["T_map_base"]
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Arrays]:
+    """The entries of a file, checked; InputError where they do not make what is made of them under it."""
     e = load_arrays(path, "map of an episode")
     if str(e.pop("format", "")) != FORMAT:
         raise InputError(f"{path}: not the map of an episode")
@@ -94,12 +122,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         raise InputError(f"{path}: not of version {VERSION} of this format")
     try:
         _check(e)
-        observations, seen = zip(*_observations(e), strict=True)
-        local = _unpacked(e["local_points"]), e["local_normals"] / 127, e["local_owner"]
-        mapper.localisation.restore(Keyframes(e["T_map_base"], e["ups"], *local))
-        mapper.segments.restore(list(_restored_members(e)), e["members"][:, 1], e["members"][:, 2].astype(np.uint8))
-        mapper.victims.all = list(_restored_victims(e))
-        mapper.restore(list(observations), list(_evidence(e, seen)), e["T_map_base"], e["T_map_base_added"])
+        yield e
     except (ValueError, IndexError, KeyError, StopIteration, RuntimeError, np.linalg.LinAlgError) as error:
         raise InputError(f"{path}: a damaged map: {' '.join(str(error).split())}") from error
 

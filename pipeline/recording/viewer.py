@@ -4,11 +4,17 @@ import atexit
 import os
 import socket
 import time
+from contextlib import suppress
+from email.message import Message
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from pathlib import Path
 from subprocess import DEVNULL, Popen
+from threading import Thread
 from typing import Literal
+from urllib.error import HTTPError
 from urllib.parse import quote
+from urllib.request import Request, urlopen
 
 import rerun as rr
 
@@ -18,6 +24,10 @@ ViewerKind = Literal["spawn", "web"]
 """A window of its own, or a page for the browser."""
 
 HOST = "127.0.0.1"  # Rerun's own default is every interface of the machine
+LOCAL = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval'"
+"""Content security policy: what the page loads it loads from where it came from."""
+HOP_BY_HOP = ("connection", "content-length", "date", "server", "transfer-encoding", "content-security-policy")
+"""Headers that are not passed on."""
 STARTING_TIME = 30.0
 """s, that a viewer may take until it listens."""
 
@@ -42,6 +52,7 @@ class Viewer:
         self._port = _free_port()
         self._address = f"rerun+http://{HOST}:{self._port}/proxy"
         self.page: str | None = None
+        self._local: LocalPage | None = None
         self._process = self._start(kind, recordings)
         self._await_port()
         if self.page:
@@ -63,13 +74,17 @@ class Viewer:
         """End the viewer."""
         self._process.terminate()
         self._process.wait()
+        if self._local:
+            self._local.shutdown()
+            self._local.server_close()
 
     def _start(self, kind: ViewerKind, recordings: tuple[Path, ...]) -> Popen[bytes]:
         flags = ["--bind", HOST, "--port", str(self._port)]
         if kind == "web":
-            page_port = _free_port()
-            self.page = f"http://{HOST}:{page_port}?url={quote(self._address, safe='')}"
-            flags += ["--serve-web", "--web-viewer-port", str(page_port)]
+            rerun_port = _free_port()
+            self._local = LocalPage(f"http://{HOST}:{rerun_port}", f"http://{HOST}:{self._port}")
+            self.page = f"http://{HOST}:{self._local.server_port}?url={quote(self._address, safe='')}"
+            flags += ["--serve-web", "--web-viewer-port", str(rerun_port)]
         else:
             flags += ["--hide-welcome-screen"]
         process = start_rerun(*flags, *recordings)
@@ -82,11 +97,56 @@ class Viewer:
         while time.monotonic() < deadline and self._process.poll() is None:
             try:
                 socket.create_connection((HOST, self._port), timeout=1).close()
+                if self._local:
+                    urlopen(self._local.rerun, timeout=1).close()
                 return
             except OSError:
                 time.sleep(0.05)
         self.close()
         raise InputError(f"the Rerun viewer did not start (status {self._process.returncode})")
+
+
+class LocalPage(ThreadingHTTPServer):
+    """Serves Rerun's page on, as long as this process lives, with the order to ask nobody but this machine.
+
+    Left to itself, the page sends telemetry and asks for fonts, examples and the newest version (Rerun 0.41).
+    """
+
+    daemon_threads = True
+
+    def __init__(self, rerun: str, recording: str) -> None:
+        """``rerun``: address of Rerun's own page; ``recording``: of what it may read beside that."""
+        self.rerun = rerun
+        self.policy = f"{LOCAL}; connect-src 'self' data: blob: {recording}"
+        super().__init__((HOST, 0), _Passing)
+        Thread(target=self.serve_forever, daemon=True).start()
+
+
+class _Passing(BaseHTTPRequestHandler):
+    server: LocalPage
+
+    def do_GET(self) -> None:
+        """Answer with what Rerun answers."""
+        passed = {name: self.headers[name] for name in ("Accept-Encoding",) if name in self.headers}
+        try:
+            with urlopen(Request(self.server.rerun + self.path, headers=passed)) as answer:
+                status, headers, content = answer.status, answer.headers, answer.read()
+        except HTTPError as error:
+            status, headers, content = error.code, error.headers, error.read()
+        except OSError:
+            status, headers, content = 502, Message(), b"the viewer has ended"
+        self.send_response(status)
+        for name, value in headers.items():
+            if name.lower() not in HOP_BY_HOP:
+                self.send_header(name, value)
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("Content-Security-Policy", self.server.policy)
+        self.end_headers()
+        with suppress(OSError):  # a browser that was closed
+            self.wfile.write(content)
+
+    def log_message(self, *_: object) -> None:
+        """Requests are no news."""
 
 
 def has_display() -> bool:
@@ -95,9 +155,12 @@ def has_display() -> bool:
 
 
 def start_rerun(*arguments: str | Path) -> Popen[bytes]:
-    """Start Rerun's program of the Python package's version; Ctrl-C in the terminal does not reach it."""
-    command = [str(files("rerun_cli") / "rerun"), *arguments]
-    return Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
+    """Start Rerun's program of the Python package's version; Ctrl-C in the terminal does not reach it.
+
+    Its telemetry is off, as in continuous integration; what the user set for Rerun elsewhere stays.
+    """
+    command, quiet = [str(files("rerun_cli") / "rerun"), *arguments], os.environ | {"CI": "1"}
+    return Popen(command, env=quiet, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
 
 
 def _free_port() -> int:

@@ -21,12 +21,14 @@ ARROW = 0.4, 30.0
 """Between arrows up a slope: m, and units at least."""
 MAX_NUMBERS = 12
 """Numbers of one kind, the worst first, that the drawing has room for."""
+SHARP = 2400
+"""Pixels along the longer side of the ground's picture: 300 an inch on A4."""
 MIN_LINES = 6
 """Lines of round coordinates along the longer side."""
 
 
 def draw_map(situation: Situation) -> str:
-    """The semantic map with all that a rescue team looks for on it, as an SVG element."""
+    """The semantic map with all that a rescue team looks for on it: an SVG element and a mark for narrow screens."""
     grid = situation.traversability.grid
     paper = Paper(grid, ~np.isnan(situation.traversability.elevation))
     size = np.array([paper.width, paper.height]) / paper.scale
@@ -59,7 +61,10 @@ def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
     i, j = grid.cell_of(points[lowest_first]).T
     image[i, j, :3] = PALETTE[situation.labels[lowest_first]]
     image[i, j, 3] = 255
-    return np.ascontiguousarray(image[paper.window].transpose(1, 0, 2)[::-1])
+    drawing = image[paper.window].transpose(1, 0, 2)[::-1]
+    # Printers blur what they enlarge, so it comes with cells of so many pixels.
+    sharp = max(1, min(8, SHARP // max(drawing.shape[:2])))
+    return np.ascontiguousarray(drawing.repeat(sharp, axis=0).repeat(sharp, axis=1))
 
 
 def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[NDArray[np.float64], float]]:

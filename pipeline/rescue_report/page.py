@@ -1,6 +1,7 @@
 """The page: the robot's knowledge as HTML in one file that needs nothing else."""
 
 from collections.abc import Iterator, Mapping
+from pathlib import PurePath
 from typing import Any
 
 from pipeline.labels import Label
@@ -26,6 +27,7 @@ def page(situation: Situation, report: Mapping[str, Any]) -> str:
     return TEMPLATES.get_template("page.html").render(
         situation=situation,
         report=report,
+        title=_title(str(report["arena"])),
         map=draw_map(situation),
         classes={Label(k).name.lower().replace("_", " "): pale(Label(k)) for k in classes},
         run=_tables({key: report[key] for key in RUN if key in report}, "run"),
@@ -33,6 +35,12 @@ def page(situation: Situation, report: Mapping[str, Any]) -> str:
         settings=_tables(report.get(SETTINGS, {}), "command"),
         MAX_LISTED=MAX_LISTED,
     )
+
+
+def _title(arena: str) -> str:
+    """The name of an arena; of a file without its folder and ending."""
+    path = PurePath(arena)
+    return path.stem if path.suffix.lower() in (".raf", ".xml") else arena
 
 
 def _tables(content: Mapping[str, Any], rest: str) -> dict[str, list[tuple[str, str]]]:

@@ -9,6 +9,7 @@ from pipeline.mapper import Mapper
 from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.rescue_report.posture import Posture, posture_of
 from pipeline.rescue_report.routes import Route, Router
+from pipeline.rescue_report.trust import Trust, trust_in
 from pipeline.rescue_report.unseen import Unseen, find_unseen
 from pipeline.robot import RobotModel
 from pipeline.transforms import yaw_of
@@ -67,6 +68,7 @@ class Situation:
         sightings: people who are not confirmed.
         searched: whether a detector looked for people.
         finished: whether no viewpoint was left that was worth a keyframe.
+        trust: how far the map can be trusted.
     """
 
     robot: RobotModel
@@ -81,6 +83,7 @@ class Situation:
     sightings: list[Person]
     searched: bool
     finished: bool
+    trust: Trust
 
     @property
     def everyone(self) -> list[Person]:
@@ -133,6 +136,7 @@ def situation_of(
         sightings=[_person(*found, router) for found in unconfirmed_ids(mapper.victims)],
         searched=mapper.detector is not None,
         finished=finished,
+        trust=trust_in(mapper),
     )
 
 

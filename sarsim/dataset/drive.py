@@ -43,15 +43,20 @@ class Drive:
         T_world_start: NDArray[np.float64],
         rng: np.random.Generator,
         keyframes: tuple[float, float] = KEYFRAMES,
+        frames_per_second: float | None = None,
     ):
-        """``T_world_start``: 4×4 pose of ``base_link`` on drivable ground; ``keyframes``: m and rad between two."""
-        self._distance, self._turn_angle = keyframes
+        """``T_world_start``: 4×4 pose of ``base_link`` on drivable ground; ``keyframes``: m and rad between two.
+
+        With ``frames_per_second`` there is a keyframe that often instead, wherever the robot is.
+        """
+        self._distance, self._turn_angle = (0.0, 0.0) if frames_per_second else keyframes
+        self._period = 1 / frames_per_second if frames_per_second else PERIOD
         self._surface = surface
         self._contact = wheel_contact
         self._rng = rng
         self._roads = _roads(surface)
         self._at = np.array([*T_world_start[:2, 3], yaw_of(T_world_start)])
-        self._dead_reckoning = DeadReckoning(rng, PERIOD)
+        self._dead_reckoning = DeadReckoning(rng, self._period)
         self._time = 0.0
 
     def poses(self, count: int) -> list[Pose]:
@@ -81,7 +86,7 @@ class Drive:
             T_odom = self._dead_reckoning.update(T)
             if not found or self._is_due(found[-1].T_world_base):
                 found.append(Pose(self._time, T @ self._vibration(), T_odom))
-            self._time = round(self._time + PERIOD, 6)
+            self._time = round(self._time + self._period, 6)
 
     def _height(self, x: float, y: float) -> float:
         return float(self._surface.grid.at(self._surface.height, np.array([x, y]), outside=np.nan))
@@ -127,13 +132,13 @@ class Drive:
     def _turn(self, at: NDArray[np.float64], yaw: float, heading: float) -> NDArray[np.float64]:
         """(K, 3) the shorter way from one heading to another."""
         angle = wrap_angle(heading - yaw)
-        steps = int(np.ceil(abs(angle) / (TURN_RATE * PERIOD)))
+        steps = int(np.ceil(abs(angle) / (TURN_RATE * self._period)))
         share = np.arange(1, steps + 1) / max(steps, 1)
         return np.column_stack([np.tile(at, (steps, 1)), yaw + share * angle])
 
     def _straight(self, a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
         """(K, 3) from one place to another."""
-        steps = int(np.ceil(np.linalg.norm(b - a) / (SPEED * PERIOD)))
+        steps = int(np.ceil(np.linalg.norm(b - a) / (SPEED * self._period)))
         share = np.arange(1, steps + 1)[:, None] / max(steps, 1)
         return np.column_stack([a + share * (b - a), np.full(steps, heading)])
 

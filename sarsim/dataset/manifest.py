@@ -17,6 +17,7 @@ SCENES = "scenes"
 FORMAT = "sarsim-dataset"
 VERSION = 1
 SPLITS = ("train", "val", "test")
+MOST_SCENES = 10**9
 _HELD_OUT = {4: "val", 9: "test"}
 """By the last digit of a scene's index, so that a dataset may grow without a scene changing sides."""
 
@@ -79,17 +80,17 @@ class Manifest:
             raise InputError(f"{folder}: not a dataset, it has no {FILE}") from error
         except OSError as error:
             raise InputError(f"{path}: {error.strerror or error}") from error
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"{path}: broken: not JSON") from error
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise InputError(f"{path}: not the {FILE} of a dataset")
         if content.get("version") != VERSION:
             raise InputError(f"{path}: format version {content.get('version')}; this program reads version {VERSION}")
         try:
-            entries = [SceneEntry(**entry) for entry in content["scenes"]]
+            entries = [_entry(row) for row in content["scenes"]]
             recipe = dict(**content["recipe"])
-            return cls(recipe, {entry.index: entry for entry in entries}, content["generator"])
-        except (KeyError, TypeError) as error:
+            return cls(recipe, {entry.index: entry for entry in entries}, str(content["generator"]))
+        except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: broken: {error}") from error
 
     def write(self, folder: Path) -> None:
@@ -122,6 +123,21 @@ class Manifest:
                     f"{folder}: holds a dataset with {name} {_short(self.recipe.get(name))}, not"
                     f" {_short(other.recipe[name])}: choose another folder"
                 )
+
+
+def _entry(row: dict[str, Any]) -> SceneEntry:
+    """A scene as the file has it; ValueError where a field is none of ours: exports make paths of them."""
+    entry = SceneEntry(**row)
+    if not (type(entry.index) is int and 0 <= entry.index < MOST_SCENES and entry.file == scene_path(entry.index)):
+        raise ValueError(f"scene {entry.index!r:.40} is not in a file of its number: {entry.file!r:.80}")
+    if entry.split not in SPLITS:
+        raise ValueError(f"the split of scene {entry.index} is {entry.split!r:.80}: known are {', '.join(SPLITS)}")
+    for name, kind in (("sha256", str), ("arena", str), ("lighting", str), ("frames", int), ("points", dict)):
+        if not isinstance(getattr(entry, name), kind):
+            raise ValueError(f"{name} of scene {entry.index} is {getattr(entry, name)!r:.80}")
+    if not all(isinstance(count, int) for count in entry.points.values()):
+        raise ValueError(f"points of scene {entry.index} are not whole numbers")
+    return entry
 
 
 def scene_path(index: int) -> str:

@@ -23,8 +23,8 @@ ONE_THREAD = {
 def start(function: Callable[..., object], *args: Any, environment: Mapping[str, str] = ONE_THREAD) -> BaseProcess:
     """Call a function in a new process, which ends with this one, however that ends.
 
-    It has one thread by its environment, leaves Ctrl-C to this one, and tidies up (``finally``, ``with``) when it is
-    ended by SIGTERM.
+    It has one thread by its environment, leaves Ctrl-C and a closed terminal to this one, and tidies up (``finally``,
+    ``with``) when it is ended by SIGTERM.
     """
     context = multiprocessing.get_context("spawn")
     process = context.Process(target=_call, args=(function, args), daemon=True)
@@ -75,12 +75,13 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def _ignored_interrupts() -> Iterator[None]:
-    """A process started meanwhile inherits that Ctrl-C is ignored."""
+    """A process started meanwhile inherits that Ctrl-C and a closed terminal are ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    handlers = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGHUP)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)

@@ -77,6 +77,7 @@ class Recipe:
         lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
         dust: concentration in the scenes with dust in the air, from 0 to 1, drawn evenly between these values.
         keyframes: m driven and rad turned from one frame to the next.
+        frames_per_second: if given, how often there is a frame instead, wherever the robot is.
         clear: share of the scenes without dust.
         ideal: share of the scenes where the depth sensor makes no errors.
     """
@@ -90,6 +91,7 @@ class Recipe:
     lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
     dust: tuple[float, float] = (0.02, 0.4)
     keyframes: tuple[float, float] = KEYFRAMES
+    frames_per_second: float | None = None
     clear: Annotated[float, tyro.conf.Suppress] = 0.75
     ideal: Annotated[float, tyro.conf.Suppress] = 0.1
 
@@ -103,6 +105,8 @@ class Recipe:
             raise InputError(f"--lighting: {self.lighting} are no shares")
         if not all(0.01 <= value <= 10 for value in self.keyframes):
             raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: from 0.01 to 10 each")
+        if self.frames_per_second is not None:
+            check("frames-per-second", self.frames_per_second, 0.5, 60)
         check_order("dust", self.dust)
         for name in ("clear", "ideal"):
             check(name, getattr(self, name), 0, 1)

@@ -153,7 +153,7 @@ class World(ExitStack):
         survey = Survey(self.model, self.data, self.camera.base_body)
         surface = survey.surface_from(self._T_world_start[:3, 3])
         wheel_contact = WheelContact(survey.bodies, survey.grid)
-        return Drive(surface, wheel_contact, self._T_world_start, rng, recipe.keyframes)
+        return Drive(surface, wheel_contact, self._T_world_start, rng, recipe.keyframes, recipe.frames_per_second)
 
     def capture(self, pose: Pose, rng: np.random.Generator) -> SceneFrame:
         """What the robot sees from there; ``rng`` draws the errors of its sensors."""

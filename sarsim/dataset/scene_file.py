@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
+from pipeline.metric_map.grid_kernels import is_rigid
 from sarsim.dataset import image_kernels
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 
@@ -34,6 +35,31 @@ _CONTENT = {
     "victims/box": "victim_box",
 }
 """By name in the file: what :class:`SceneContent` calls it."""
+
+_LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
+    "rgb": ("u1", "M", "H", "W", 3),
+    "depth": ("u2", "M", "H", "W"),
+    "label": ("u1", "M", "H", "W"),
+    "instance": ("i2", "M", "H", "W"),
+    "intrinsics": ("f8", 4),  # fx, fy, cx, cy
+    "time": ("f8", "M"),
+    "pose_true": ("f8", "M", 4, 4),
+    "pose_odom": ("f8", "M", 4, 4),
+    "T_base_camera": ("f8", "M", 4, 4),
+    "victims/pixels": ("i4", "M", "V", 4),
+    "victims/area": ("i4", "M", "V"),
+    "mjcf": ("u1", "X"),
+    "geoms/name": ("S", "G"),
+    "geoms/label": ("u1", "G"),
+    "geoms/victim": ("i2", "G"),
+    "victims/id": ("S", "V"),
+    "victims/pose": ("f8", "V", 4, 4),
+    "victims/box": ("f8", "V", 2, 3),
+}
+"""Type and shape of all that is in a file; what a letter stands for is the same everywhere."""
+MOST_BYTES = 2**28
+"""of a frame's image, and of any other part: a file of some bytes may claim to hold terabytes."""
+MOST_FRAMES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,12 +198,21 @@ class Scene(ExitStack):
         self.path = path
         self._file = self.enter_context(open_file(path))
         try:
-            self._read_head()
-        except (KeyError, ValueError, OSError, RuntimeError) as error:
+            with self._telling():
+                self._read_head()
+        except InputError:
             self.close()
-            if isinstance(error, InputError):
-                raise
-            raise InputError(f"{path}: broken: {' '.join(str(error).split())}") from error
+            raise
+
+    @contextmanager
+    def _telling(self) -> Iterator[None]:
+        """Turn what the file's content does to its reader into InputError."""
+        try:
+            yield
+        except InputError:
+            raise
+        except (KeyError, ValueError, TypeError, OSError, RuntimeError, RecursionError) as error:
+            raise InputError(f"{self.path}: broken: {' '.join(str(error).split())}") from error
 
     def _read_head(self) -> None:
         file = self._file
@@ -186,15 +221,54 @@ class Scene(ExitStack):
         if (version := file.attrs.get("version")) != VERSION:
             raise InputError(f"{self.path}: format version {version}; this program reads version {VERSION}")
         self.settings: dict[str, Any] = json.loads(file.attrs["settings"])
-        frames, height, width = file["label"].shape
+        if not isinstance(self.settings, dict) or not isinstance(self.settings.get("dust", 0.0), float | int):
+            raise ValueError("settings are none of a scene")
+        sizes = self._check_layout()
         fx, fy, cx, cy = map(float, file["intrinsics"][:])
-        self.intrinsics = Intrinsics(width, height, fx, fy, cx, cy)
+        self.intrinsics = Intrinsics(sizes["W"], sizes["H"], fx, fy, cx, cy)
         self.pose_true, self.pose_odom = file["pose_true"][:], file["pose_odom"][:]
         self.T_base_camera, self.time = file["T_base_camera"][:], file["time"][:]
         self.victim_pixels, self.victim_area = file["victims/pixels"][:], file["victims/area"][:]
-        for name, (pixel, _) in _IMAGES.items():
-            if file[name].shape != (frames, height, width, *pixel):
-                raise InputError(f"{self.path}: broken: {name} has the shape {file[name].shape}")
+        self._geoms = sizes["G"]
+        self._check_numbers()
+
+    def _check_layout(self) -> dict[str, int]:
+        """Sizes by letters; ValueError where a part is missing, elsewhere, huge, or of another type or shape."""
+        sizes: dict[str, int] = {}
+        for name, (kind, *shape) in _LAYOUT.items():
+            part = self._file[name]
+            if part.file.filename != self._file.filename or part.external or part.is_virtual:
+                raise ValueError(f"{name} is in another file")
+            if part.ndim != len(shape) or any(
+                n != (want if isinstance(want, int) else sizes.setdefault(want, n))
+                for want, n in zip(shape, part.shape, strict=True)
+            ):
+                raise ValueError(f"{name} has the shape {part.shape}")
+            if part.dtype.kind != "S" if kind == "S" else part.dtype != np.dtype(kind):
+                raise ValueError(f"{name} is of type {part.dtype}")
+            if part.nbytes > MOST_BYTES * (sizes["M"] if name in _IMAGES else 1):
+                raise ValueError(f"{name} is absurdly large: {part.shape}")
+        if sizes["M"] > MOST_FRAMES:
+            raise ValueError(f"{sizes['M']} frames, at most {MOST_FRAMES} are read")
+        return sizes
+
+    def _check_numbers(self) -> None:
+        """Raises ValueError where a number makes no sense."""
+        k, content = self.intrinsics, self.content
+        if not np.isfinite([k.fx, k.fy, k.cx, k.cy]).all() or min(k.fx, k.fy) <= 0:
+            raise ValueError("intrinsics are of no camera")
+        for name in ("pose_true", "pose_odom", "T_base_camera"):
+            if not all(map(is_rigid, getattr(self, name))):
+                raise ValueError(f"{name} holds what is no pose")
+        if not (np.isfinite(self.time).all() and (np.diff(self.time) > 0).all()):
+            raise ValueError("time does not go on from frame to frame")
+        if (content.geom_label >= len(Label)).any():
+            raise ValueError("a geom has a label that is none")
+        if ((content.geom_victim < -1) | (content.geom_victim >= len(content.victim_id))).any():
+            raise ValueError("a geom belongs to a victim that is not there")
+        boxes = self.victim_pixels[self.victim_area > 0]
+        if (boxes[:, :2] < 0).any() or (boxes[:, 2:] <= boxes[:, :2]).any() or (boxes > MOST_BYTES).any():
+            raise ValueError("victims/pixels holds what is no box")
 
     def __len__(self) -> int:
         return len(self.time)
@@ -212,7 +286,7 @@ class Scene(ExitStack):
             T_base_camera=self.T_base_camera[index],
             T_odom_base=self.pose_odom[index],
             label=self.label(index),
-            instance=self._image("instance", index).astype(np.int32),
+            instance=self._numbers("instance", index, -1, self._geoms).astype(np.int32),
         )
 
     def rgb(self, index: int) -> NDArray[np.uint8]:
@@ -221,7 +295,7 @@ class Scene(ExitStack):
 
     def label(self, index: int) -> NDArray[np.uint8]:
         """(H, W) labels of a frame; InputError where the file is broken."""
-        return self._image("label", index)
+        return self._numbers("label", index, 0, len(Label))
 
     def T_world_camera(self, index: int) -> NDArray[np.float64]:
         """4×4 true pose of ``camera_optical`` in a frame."""
@@ -229,12 +303,20 @@ class Scene(ExitStack):
 
     @cached_property
     def content(self) -> SceneContent:
-        """All but the frames."""
-        arrays = {attribute: self._file[name][:] for name, attribute in _CONTENT.items()}
-        for names in ("geom_name", "victim_id"):
-            arrays[names] = [name.decode() for name in arrays[names]]
-        mjcf = self._file["mjcf"][:].tobytes().decode()
+        """All but the frames; InputError where the file is broken."""
+        with self._telling():
+            arrays = {attribute: self._file[name][:] for name, attribute in _CONTENT.items()}
+            for names in ("geom_name", "victim_id"):
+                arrays[names] = [name.decode() for name in arrays[names]]
+            mjcf = self._file["mjcf"][:].tobytes().decode()
         return SceneContent(settings=self.settings, mjcf=mjcf, intrinsics=self.intrinsics, **arrays)
+
+    def _numbers(self, name: str, index: int, least: int, end: int) -> NDArray:
+        """An image of whole numbers from ``least`` to below ``end``."""
+        image = self._image(name, index)
+        if image.size and not least <= image.min() <= image.max() < end:
+            raise InputError(f"{self.path}: broken: {name} of frame {index} holds {image.min()} to {image.max()}")
+        return image
 
     def _image(self, name: str, index: int) -> NDArray:
         try:

@@ -1,8 +1,12 @@
 """Exit statuses and the one line on stderr."""
 
 import os
+import pty
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -44,6 +48,57 @@ def test_ctrl_c_is_one_line_and_status_130(capsys: pytest.CaptureFixture[str]) -
     assert capsys.readouterr().err == "interrupted\n"
 
 
+@pytest.mark.parametrize(("ending", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_other_signals_end_a_command_as_ctrl_c_does(
+    ending: signal.Signals, status: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tidied: list[bool] = []
+
+    def long_command() -> None:
+        try:
+            signal.raise_signal(ending)
+            time.sleep(60)
+        finally:
+            tidied.append(True)
+
+    with pytest.raises(SystemExit) as raised:
+        run(long_command, [])
+    assert (raised.value.code, tidied, capsys.readouterr().err) == (status, [True], "interrupted\n")
+    assert signal.getsignal(ending) == signal.SIG_DFL
+
+
+STEPS = """
+import time
+from pathlib import Path
+from sarsim.scripts.cli import Interruptible, progress, run
+
+def steps(out: Path) -> None:
+    with progress() as bars, Interruptible() as hold:
+        bar = bars.add_task("steps", total=None)
+        print("begun", flush=True)
+        while hold.signal is None:
+            time.sleep(0.02)
+            bars.update(bar, advance=1)
+    out.write_text(f"whole {hold.signal}")
+    raise KeyboardInterrupt(hold.signal)
+
+run(steps)
+"""
+
+
+def test_a_closed_terminal_lets_the_step_end(tmp_path: Path) -> None:
+    child, terminal = pty.fork()
+    if not child:
+        os.execv(sys.executable, [sys.executable, "-c", STEPS, "--out", str(tmp_path / "result")])
+    seen = b""
+    while b"begun" not in seen:
+        seen += os.read(terminal, 1000)
+    os.close(terminal)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 129
+    assert (tmp_path / "result").read_text() == "whole 1"
+
+
 @pytest.mark.parametrize("args", [[], ["--count", "many"], ["--count", "3", "--colour", "red"]])
 def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_status(args) == 2
@@ -58,6 +113,7 @@ def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture
     [
         (["--count", "3", "--fali", "pipe"], "Unrecognized options: --fali, pipe; perhaps you meant --fail"),
         (["--fail", "pipe"], ": --count INT"),
+        (["--cuont", "3"], ": --count INT; Unrecognized options: --cuont 3; perhaps you meant --count"),
     ],
 )
 def test_the_flag_that_was_meant_is_named(args: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,17 +1,25 @@
 """The command that writes an episode's map for other programs."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import open3d
 import pytest
+import yaml
 
 from pipeline.errors import InputError
 from pipeline.labels import COLOURS, Label
+from pipeline.mapper import Mapper
 from pipeline.metric_map.io.npz import load_metric_map, save_metric_map
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.recording.map_file import save_keyframes
+from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.ply import write_ply
 from sarsim.scripts.export_map import export_map
 from tests.pipeline.metric_map.io.octomap_files import colours, log_odds, read_bt, read_ot
+from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
+from tests.pipeline.robot_model import PIONEER
 
 
 @pytest.fixture
@@ -51,11 +59,30 @@ def test_a_cloud_has_the_centres_in_the_colour_of_their_class(episode):
     np.testing.assert_array_equal(np.rint(255 * np.asarray(cloud.colors)), [COLOURS[Label.WALL]] * 6)
 
 
-def test_a_flat_map_shows_what_is_as_high_as_the_robot(episode):
-    export_map(episode, episode / "map.pgm")
+def test_a_slice_shows_what_is_as_high_as_the_robot(episode):
+    export_map(episode, episode / "map.pgm", (0.25, 0.65))
     image = cv2.imread(str(episode / "map.pgm"), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(image, [[254, 254], [0, 0]])
     assert (episode / "map.yaml").exists()
+
+
+def test_a_flat_map_is_the_ground_as_the_robot_judges_it(episode):
+    mapper = Mapper(PIONEER, TruthClassifier())
+    T_base_camera = pose(0.1, 0, 0.65, 0, 0.3)
+    scene = [floor(-2, 6, -3, 3), wall((2.2, 2.3), (2.2, -2.3)), *wedge(1.2, 0.3, 0.8, 1.0, 0.17)]
+    frame = replace(look(scene, T_base_camera, 0.0, 0), T_base_camera=T_base_camera, T_odom_base=np.eye(4))
+    mapper.assume_ground(np.eye(4))
+    mapper.add(frame, mapper.localise(frame))
+    save_keyframes(mapper, episode / "keyframes.npz")
+    export_map(episode, episode / "map.pgm")
+    image = cv2.imread(str(episode / "map.pgm"), cv2.IMREAD_UNCHANGED)
+    (x, y, _), cell = yaml.safe_load((episode / "map.yaml").read_text())["origin"], 0.05
+
+    def at(u, v, reach=1):
+        return image[::-1][int((v - y) / cell), int((u - x) / cell) : int((u - x) / cell) + reach].min()
+
+    assert (at(0, 0), at(1.6, 0), at(2.1, 0.8, 5)) == (254, 254, 0)  # the floor, the ramp, the wall
+    assert (episode / "map_cost.yaml").exists()
 
 
 def test_without_a_semantic_map_there_are_no_classes(episode):
@@ -68,8 +95,15 @@ def test_without_a_semantic_map_there_are_no_classes(episode):
 def test_what_cannot_be_done_is_refused(episode, tmp_path):
     with pytest.raises(InputError, match="ending"):
         export_map(episode, episode / "map.xyz")
+    with pytest.raises(InputError, match=r"keyframes\.npz: no such file; --heights"):
+        export_map(episode, episode / "map.pgm")
+    with pytest.raises(InputError, match="the lower one first"):
+        export_map(episode, episode / "map.pgm", (0.65, 0.25))
     with pytest.raises(InputError, match=r"none\.npz"):
         export_map(episode / "none.npz", episode / "map.bt")
+    write_ply(episode / "semantic_map.ply", np.zeros((1, 3), "f4"), np.zeros((1, 3), "u1"), np.array([99], "u1"))
+    with pytest.raises(InputError, match="labels are 0 to 7"):
+        export_map(episode, episode / "map.ot")
     (episode / "semantic_map.ply").write_text("not a cloud")
     with pytest.raises(InputError, match="label"):
         export_map(episode, episode / "map.ot")

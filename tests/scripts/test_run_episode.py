@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -161,14 +162,15 @@ def test_a_pickle_for_weights_is_refused(tmp_path, monkeypatch, capsys):
     assert_refused(flags, "a pickle, which could run code", monkeypatch, capsys)
 
 
-def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_whatever_ends_it_leaves_a_whole_recording_and_report(ending, tmp_path, monkeypatch, capsys):
     steps = 0
 
     def interrupted_step(episode):
         nonlocal steps
         steps += 1
         if steps == 3:
-            signal.raise_signal(signal.SIGINT)  # while the third step is under way
+            signal.raise_signal(ending)  # while the third step is under way
         return step(episode)
 
     step = Episode.step
@@ -176,10 +178,24 @@ def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsy
     monkeypatch.setattr(sys, "argv", ["run_episode.py", "--out", str(tmp_path)])
     with pytest.raises(SystemExit) as stop:
         run_episode.main()
-    assert stop.value.code == 130
+    assert stop.value.code == 128 + ending
     assert json.loads((tmp_path / "report.json").read_text())["steps"] == 3
     assert (tmp_path / "episode.rrd").stat().st_size > 100_000
     assert "Results in" in capsys.readouterr().out
+
+
+def test_sigterm_ends_the_page_and_leaves_the_report(tmp_path):
+    flags = ["--labels", "truth", "--detector", "None", "--view", "web", "--out", str(tmp_path)]
+    program = Path(run_episode.__file__)
+    process = subprocess.Popen([sys.executable, program, *flags], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    page = process.stdout.readline().split()[-1]
+    with urllib.request.urlopen(page) as answer:
+        assert answer.status == 200
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=300) == 143
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(page)
 
 
 NO_FLOOR = '<mujoco><worldbody><site name="start"/><geom type="sphere" size="0.1" pos="9 9 9"/></worldbody></mujoco>'

@@ -1,8 +1,11 @@
 """The teleop command, as far as it goes without a screen."""
 
 import os
+import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -25,3 +28,21 @@ def test_what_cannot_work_ends_with_one_line_and_status_2(flags, reason):
     assert done.returncode == 2
     assert reason in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(not shutil.which("xvfb-run"), reason="no Xvfb")
+def test_ctrl_c_ends_it_while_the_window_is_open():
+    with subprocess.Popen(
+        ["xvfb-run", "-a", "--server-args=-screen 0 640x480x24", sys.executable, TELEOP],
+        env=NO_DISPLAY | {"MUJOCO_GL": "glfw"},
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        assert process.stdout is not None
+        while "Close the window" not in process.stdout.readline():
+            pass
+        time.sleep(5)
+        (teleop,) = subprocess.check_output(["pgrep", "-s", str(process.pid), "-f", str(TELEOP.name)]).split()[-1:]
+        os.kill(int(teleop), signal.SIGINT)
+        assert process.wait(timeout=30) == 130

@@ -48,7 +48,7 @@ def test_what_is_missing_ends_with_one_line_and_status_2(tmp_path, name):
     assert str(tmp_path / name) in done.stderr
 
 
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_without_a_display_a_page_is_served_until_the_command_ends(episode, end):
     process = subprocess.Popen([sys.executable, VIEW, episode], env=NO_DISPLAY, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,12 +52,38 @@ def save_map_server(path: Path, metric_map: MetricMap, lowest: float = 0.25, hig
     log_odds = metric_map.log_odds(lower, upper)
     cells = np.where((log_odds > 0).any(axis=2), PGM_OCCUPIED, PGM_UNKNOWN)
     cells[(log_odds < 0).any(axis=2) & (cells != PGM_OCCUPIED)] = PGM_FREE
-    image = cells.T[::-1].astype(np.uint8)
+    write_map_server(path, cells.astype(np.uint8), size, lower[:2] * size + metric_map.corner[:2])
+
+
+def write_map_server(
+    path: Path,
+    cells: NDArray[np.uint8],
+    cell: float,
+    origin: NDArray[np.float64],
+    mode: str = "trinary",
+    thresholds: tuple[float, float] = (0.196, 0.65),
+) -> None:
+    """Write an image for ROS map_server at ``path``, and its description beside it as YAML.
+
+    Args:
+        path: of the image, ``.pgm`` or, with opacity, ``.png``.
+        cells: (nx, ny) grey, or (nx, ny, 2) grey and opacity: a cell that is not opaque is unknown.
+        cell: its side, m.
+        origin: (2,) xy of the corner of the first cell, m in ``map``.
+        mode: trinary or scale, how map_server reads the greys.
+        thresholds: of the darkness, 0 to 1: below the first a cell is free, above the second occupied.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    image = np.ascontiguousarray(np.swapaxes(cells, 0, 1)[::-1])
+    if image.ndim == 3:
+        image = image[..., [0, 0, 0, 1]]
     with whole_file(path) as partial:
-        partial.write_bytes(b"P5\n%d %d\n255\n" % image.shape[::-1] + image.tobytes())
-    x, y, _ = lower * size + metric_map.corner
+        partial.write_bytes(cv2.imencode(path.suffix, image)[1].tobytes())
+    free, occupied = thresholds
     with whole_file(path.with_suffix(".yaml")) as partial:
         partial.write_text(
-            f"image: {path.name}\nmode: trinary\nresolution: {size}\norigin: [{x:.6g}, {y:.6g}, 0.0]\n"
-            "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+            f"image: {path.name}\nmode: {mode}\nresolution: {cell}\norigin: [{origin[0]:.6g}, {origin[1]:.6g}, 0.0]\n"
+            f"negate: 0\noccupied_thresh: {occupied}\nfree_thresh: {free}\n"
         )

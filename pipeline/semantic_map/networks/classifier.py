@@ -1,7 +1,7 @@
 """The network as one of the robot's point classifiers."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,8 @@ GRIDS = 3
 """Grids of columns, each shifted against the others, over which class probabilities are averaged."""
 SEED = 0
 """Of where the grids lie in each frame, so that seams fall elsewhere, and of sampling."""
+LIMITS = {"voxel_size": (0.005, 1), "size": (0.1, 100), "points": (64, 2**16), "reach": (0.1, 1000)}
+"""Of a file's :class:`BlockConfig`: between these, a frame takes seconds and not hours or all memory."""
 _CLASS_NAMES = ",".join(label.name.lower() for label in CLASSES)
 
 
@@ -68,13 +70,20 @@ def segment(
     grids: int,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """(M, classes) float32 probabilities of (M, 3) points, m, the mean over ``grids`` grids of columns."""
+    """(M, classes) float32 probabilities of (M, 3) points, m, the mean over ``grids`` grids of columns.
+
+    Raises:
+        InputError: as of the network, or its answers are not finite.
+    """
     result = np.zeros((len(points), network.classes), np.float32)
     start = rng.uniform()
     for grid in range(grids):
         shift = (start + grid / grids) * config.size
         for block in cut(points, camera, config, shift, network.k, rng):
-            result[block.index] += softmax(network(block.points), axis=1) / grids
+            logits = network(block.points)
+            if not np.isfinite(logits).all():
+                raise InputError("DGCNN: it answers with numbers that are not finite: its weights are broken")
+            result[block.index] += softmax(logits, axis=1) / grids
     return result
 
 
@@ -82,7 +91,8 @@ def load_classifier(path: Path) -> tuple[Dgcnn, BlockConfig]:
     """The network of a file that :func:`save_classifier` wrote, and how it wants clouds cut.
 
     Raises:
-        InputError: as of :func:`load_weights`, or the network tells other classes apart or has other channels.
+        InputError: as of :func:`load_weights`, or the network tells other classes apart, has other channels, or wants
+            blocks as none makes sense.
     """
     network, metadata = load_weights(path)
     if metadata.get("labels") != _CLASS_NAMES or network.classes != len(CLASSES):
@@ -91,8 +101,14 @@ def load_classifier(path: Path) -> tuple[Dgcnn, BlockConfig]:
     if network.channels != CHANNELS:
         raise InputError(f"{path}: a network for {network.channels} channels a point, not {CHANNELS}")
     try:
-        return network, BlockConfig(**json.loads(metadata["blocks"]))
-    except (KeyError, TypeError, ValueError) as error:
+        blocks = BlockConfig(**json.loads(metadata["blocks"]))
+        for name, (least, most) in LIMITS.items():
+            if not least <= getattr(blocks, name) <= most:
+                raise InputError(f"{path}: {name} = {getattr(blocks, name)}: from {least:g} to {most:g}")
+        return network, replace(blocks, points=int(blocks.points))
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: weights of another version: it does not say how to cut blocks") from error
 
 

@@ -11,6 +11,9 @@ SLOPE = 0.2
 GRAPH_CHANNELS = 3
 """The first neighbour graph is built on that many channels, the last ones: the normalized x, y, z."""
 
+MOST_CHANNELS, MOST_CLASSES = 64, 1000
+"""Of weights from files; published ones have 9 channels and 13 classes."""
+
 
 class EdgeConv(nn.Module):
     """EdgeConv: the largest response of a small network over the edges from a point to its neighbours."""
@@ -51,8 +54,14 @@ class Dgcnn(nn.Module):
 
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], k: int) -> Self:
-        """A network of the size of published weights; KeyError or IndexError if these are of another network."""
-        return cls(tensors["conv1.0.weight"].shape[1] // 2, tensors["conv9.weight"].shape[0], k)
+        """A network of the size of published weights; KeyError or ValueError if these are of another network."""
+        first, last = tensors["conv1.0.weight"].shape, tensors["conv9.weight"].shape
+        # Shapes may lie: one with a 0 in it takes no bytes of a file.
+        if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != 64:
+            raise ValueError(f"conv1.0.weight is {tuple(first)}")
+        if len(last) != 3 or not 1 <= last[0] <= MOST_CLASSES:
+            raise ValueError(f"conv9.weight is {tuple(last)}")
+        return cls(first[1] // 2, last[0], k)
 
     def published(self) -> dict[str, Tensor]:
         """All parameters and running statistics by their names in published files (antao97/dgcnn.pytorch)."""

@@ -3,12 +3,13 @@
 from pathlib import Path
 
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
+from pipeline.semantic_map.networks.dgcnn_cpu.inference_kernels import BOUNDS
 
 _NETWORKS = {"dgcnn": Dgcnn}
 """By their names in files, which are :data:`DEFAULT` where others wrote them."""
@@ -27,9 +28,12 @@ def load_weights(path: Path) -> tuple[Dgcnn, dict[str, str]]:
     name = metadata.get("network", DEFAULT)
     if name not in _NETWORKS:
         raise InputError(f"{path}: weights of {name}, not of {' or '.join(_NETWORKS)}")
+    k = metadata.get("k", "20")
+    if not (k.isdecimal() and len(k) < 5 and 1 <= int(k) <= BOUNDS):
+        raise InputError(f"{path}: k = {k:.20}: a point has 1 to {BOUNDS} neighbours")
     try:
-        network = _NETWORKS[name].for_weights(tensors, int(metadata.get("k", 20)))
-    except (KeyError, IndexError, ValueError) as error:
+        network = _NETWORKS[name].for_weights(tensors, int(k))
+    except (KeyError, ValueError) as error:
         raise InputError(f"{path}: not a DGCNN for segmentation: conv1.0.weight or conv9.weight is amiss") from error
     _fill(network, tensors, path)
     return network.eval(), metadata
@@ -38,8 +42,9 @@ def load_weights(path: Path) -> tuple[Dgcnn, dict[str, str]]:
 def save_weights(path: Path, network: Dgcnn, metadata: dict[str, str] | None = None) -> None:
     """Write the weights, with ``metadata`` about them. InputError if that is impossible."""
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in network.published().items()}
+    content = save(tensors, {"network": DEFAULT, "k": str(network.k)} | (metadata or {}))
     with whole_file(path) as file:
-        save_file(tensors, file, {"network": DEFAULT, "k": str(network.k)} | (metadata or {}))
+        file.write_bytes(content)  # safetensors' own files are for their owner's eyes alone
 
 
 def _fill(network: Dgcnn, tensors: dict[str, Tensor], path: Path) -> None:
@@ -53,8 +58,10 @@ def _fill(network: Dgcnn, tensors: dict[str, Tensor], path: Path) -> None:
         if tensor.shape != wanted[name].shape:
             shapes = f"{tuple(tensor.shape)} instead of {tuple(wanted[name].shape)}"
             raise InputError(f"{path}: weights of another network: {name} is {shapes}")
-        if not tensor.double().isfinite().all():
-            raise InputError(f"{path}: {name} holds numbers that are not finite")
+        if tensor.is_complex() or not tensor.double().isfinite().all():
+            raise InputError(f"{path}: {name} holds numbers that are not finite or not real")
+        if name.endswith("running_var") and tensor.double().min() < 0:
+            raise InputError(f"{path}: {name} holds variances below 0")
         wanted[name].copy_(tensor)
 
 
@@ -66,7 +73,9 @@ def _refuse(names: list[str], what: str, path: Path) -> None:
 
 def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
     try:
-        if path.read_bytes()[:2] in (b"PK", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"):
+        with path.open("rb") as start:
+            magic = start.read(2)
+        if magic in (b"PK", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"):
             raise InputError(f"{path}: a pickle, which could run code: have it converted to safetensors")
         with safe_open(path, framework="pt") as file:
             names = file.keys()

@@ -9,6 +9,8 @@ from pipeline.victims.detection.darknet_cfg import Yolo
 
 LARGEST_EXPONENT = 20.0
 """Bound of what scales an anchor: no box in an image is so large, and its square is still a float32."""
+MOST_BOXES = 3000
+"""That are compared with each other; a network that sees a person in every cell would take minutes an image."""
 ROUNDS = 300
 """Rounds of fitting anchors, at most."""
 
@@ -55,9 +57,9 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
 def suppress(boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap: float) -> NDArray[np.intp]:
     """(M,) indices, the best first, of the (N, 4) boxes that overlap none of a higher score (N,) by more.
 
-    Greedy non-maximum suppression; ``overlap`` is intersection over union.
+    Greedy non-maximum suppression; ``overlap`` is intersection over union. The best MOST_BOXES alone are looked at.
     """
-    order = np.argsort(-scores, kind="stable")
+    order = np.argsort(-scores, kind="stable")[:MOST_BOXES]
     kept: list[int] = []
     while len(order):
         best, order = order[0], order[1:]

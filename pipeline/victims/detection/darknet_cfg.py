@@ -5,12 +5,17 @@ It consists of sections: ``[kind]``, and under it lines of ``key=value``.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import TypeVar
 
 from pipeline.errors import InputError
 
 N = TypeVar("N", int, float)
+MOST_BYTES, MOST_LAYERS = 1_000_000, 1000
+"""Of a network's text; YOLOv3 has 107 layers."""
+WIDEST = 64
+"""Most of a window's size, stride and padding."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,8 @@ class DarknetCfg:
     def read(cls, path: Path) -> "DarknetCfg":
         """Read a file. InputError if it cannot be read, and as :meth:`parse`."""
         try:
+            if path.stat().st_size > MOST_BYTES:
+                raise InputError(f"{path}: too large for a Darknet .cfg, at most {MOST_BYTES} bytes are read")
             return cls.parse(path.read_text(), str(path))
         except UnicodeDecodeError as error:
             raise InputError(f"{path}: not a text: not a Darknet .cfg") from error
@@ -110,6 +117,8 @@ class DarknetCfg:
         if not sections or sections[0].kind not in ("net", "network"):
             raise InputError(f"{name}: a Darknet .cfg begins with [net]")
         width, height, channels = (sections[0].whole(key) for key in ("width", "height", "channels"))
+        if len(sections) > MOST_LAYERS:
+            raise InputError(f"{name}: {len(sections) - 1} layers, at most {MOST_LAYERS - 1} are built")
         layers = tuple(section.layer() for section in sections[1:])
         classes = {layer.classes for layer in layers if isinstance(layer, Yolo)}
         if len(classes) != 1:
@@ -164,11 +173,11 @@ class _Section:
                 raise self.error(f"layer {number}: there is no such layer before it")
         return indices
 
-    def whole(self, key: str, default: int | None = None, least: int = 1) -> int:
-        """A whole number of at least ``least``."""
+    def whole(self, key: str, default: int | None = None, least: int = 1, most: int = 65535) -> int:
+        """A whole number from ``least`` to ``most``."""
         numbers = self.numbers(key, int, None if default is None else str(default))
-        if len(numbers) != 1 or numbers[0] < least:
-            raise self.error(f"{key}={self.settings.get(key)}: one number, at least {least}")
+        if len(numbers) != 1 or not least <= numbers[0] <= most:
+            raise self.error(f"{key}={self.settings.get(key)!s:.80}: one number, at least {least} and at most {most}")
         return numbers[0]
 
     def numbers(self, key: str, kind: type[N], default: str | None = None) -> list[N]:
@@ -178,7 +187,7 @@ class _Section:
             return [kind(word) for word in text.replace(" ", "").split(",") if word]
         except ValueError:
             what = "a whole number" if kind is int else "a number"
-            raise self.error(f"{key}={text}: not {what}") from None
+            raise self.error(f"{key}={text:.80}: not {what}") from None
 
     def flag(self, key: str) -> bool:
         """Whether a setting is 1; without it, or at 0, it is not."""
@@ -188,7 +197,7 @@ class _Section:
         """A setting that must be one of the known words."""
         text = self._text(key, default)
         if text not in known:
-            raise self.error(f"{key}={text}: known are {', '.join(known)}")
+            raise self.error(f"{key}={text:.80}: known are {', '.join(known)}")
         return text
 
     def refuse_others(self, **only: str) -> None:
@@ -227,22 +236,22 @@ def _read_sections(text: str, name: str) -> list[_Section]:
 
 def _convolutional(section: _Section) -> Convolutional:
     section.refuse_others(groups="1", dilation="1", antialiasing="0", flipped="0", binary="0", xnor="0")
-    size = section.whole("size")
-    padding = size // 2 if section.flag("pad") else section.whole("padding", 0, least=0)
+    size = section.whole("size", most=WIDEST)
+    padding = size // 2 if section.flag("pad") else section.whole("padding", 0, least=0, most=WIDEST)
     activation = section.word("activation", ("leaky", "linear"))
-    stride, normalize = section.whole("stride", 1), section.flag("batch_normalize")
+    stride, normalize = section.whole("stride", 1, most=WIDEST), section.flag("batch_normalize")
     return Convolutional(section.whole("filters"), size, stride, padding, normalize, activation)
 
 
 def _maxpool(section: _Section) -> Maxpool:
     section.refuse_others(maxpool_depth="0", antialiasing="0")
-    size = section.whole("size")
-    return Maxpool(size, section.whole("stride", 1), section.whole("padding", size - 1, least=0))
+    size, stride = section.whole("size", most=WIDEST), section.whole("stride", 1, most=WIDEST)
+    return Maxpool(size, stride, section.whole("padding", size - 1, least=0, most=WIDEST))
 
 
 def _upsample(section: _Section) -> Upsample:
     section.refuse_others(scale="1")
-    return Upsample(section.whole("stride", 2))
+    return Upsample(section.whole("stride", 2, most=WIDEST))
 
 
 def _route(section: _Section) -> Route:
@@ -263,10 +272,10 @@ def _yolo(section: _Section) -> Yolo:
     section.refuse_others(scale_x_y="1", new_coords="0")
     numbers = section.numbers("anchors", float)
     anchors = tuple(zip(numbers[::2], numbers[1::2], strict=False))
-    if len(numbers) != 2 * section.whole("num") or min(numbers) <= 0:
+    if len(numbers) != 2 * section.whole("num") or not all(0 < number < inf for number in numbers):
         raise section.error(f"anchors: {section.whole('num')} pairs of positive numbers as num has it")
     mask = tuple(section.numbers("mask", int))
-    if not all(0 <= number < len(anchors) for number in mask):
+    if len(set(mask)) != len(mask) or not all(0 <= number < len(anchors) for number in mask):
         raise section.error(f"mask: numbers of anchors, 0 to {len(anchors) - 1}")
     return Yolo(anchors, mask, section.whole("classes"))
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import prod
 
 import torch
 from torch import Tensor, nn
@@ -21,6 +22,9 @@ from pipeline.victims.detection.darknet_cfg import (
 
 BATCH_NORM_EPSILON = 1e-6  # as Darknet's batchnorm_layer.c on a processor, and OpenCV's reader
 LEAKY_SLOPE = 0.1  # as Darknet's activations.h
+MOST_WEIGHTS, MOST_OUTPUTS = 2**27, 2**29
+"""Numbers that a network may have and may compute for an image, 4 bytes each; YOLOv3 has 62 million, and computes 345
+million for an image of 1024 × 1024 pixels."""
 
 
 class DarknetNetwork(nn.Module):
@@ -35,11 +39,12 @@ class DarknetNetwork(nn.Module):
         """Build it with random weights.
 
         Raises:
-            InputError: layers that do not fit together.
+            InputError: layers that do not fit together, or a network that takes absurdly much memory.
         """
         super().__init__()
         self.cfg = cfg
         self.shapes = _shapes(cfg)
+        _check_size(cfg, self.shapes)
         inputs = [(cfg.channels, cfg.height, cfg.width), *self.shapes]
         self.layers = nn.ModuleList(_module(layer, inputs[i]) for i, layer in enumerate(cfg.layers))
         self._kept = {i for layer in cfg.layers if isinstance(layer, Route) for i in layer.layers}
@@ -173,6 +178,19 @@ def _shape(
             if channels != layer.channels:
                 raise InputError(f"{where}: needs filters={layer.channels} before it, not {channels}")
     return before
+
+
+def _check_size(cfg: DarknetCfg, shapes: Sequence[tuple[int, int, int]]) -> None:
+    """Raises InputError before memory is asked for that no such network needs."""
+    inputs = [cfg.channels, *(channels for channels, _, _ in shapes)]
+    convolutions = [
+        (layer, n) for layer, n in zip(cfg.layers, inputs, strict=False) if isinstance(layer, Convolutional)
+    ]
+    weights = sum(layer.filters * n * layer.size**2 for layer, n in convolutions)
+    outputs = cfg.channels * cfg.height * cfg.width + sum(map(prod, shapes))
+    for count, most, what in ((weights, MOST_WEIGHTS, "weights"), (outputs, MOST_OUTPUTS, "numbers for an image")):
+        if count > most:
+            raise InputError(f"{cfg.name}: too large: {count:.2g} {what}, at most {most:.2g} are computed with")
 
 
 def _sizes(shapes: Sequence[tuple[int, int, int]]) -> str:

@@ -51,8 +51,11 @@ def read_weights(path: Path, network: DarknetNetwork) -> int:
     if not np.isfinite(numbers).all():
         raise InputError(f"{path}: holds numbers that are not finite")
     ends = np.cumsum([tensor.numel() for tensor in tensors])
+    variances = {id(layer.norm.running_var) for layer in network.convolutions if layer.norm is not None}
     with torch.no_grad():
         for tensor, part in zip(tensors, np.split(numbers, ends[:-1]), strict=True):
+            if id(tensor) in variances and part.min() < 0:
+                raise InputError(f"{path}: holds variances below 0")
             tensor.copy_(torch.tensor(part).view(tensor.shape))
     return seen
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from sarsim.dataset.arena_range import check
 from sarsim.dataset.exports.clouds import Cloud
-from sarsim.dataset.exports.export import Export
-from sarsim.dataset.exports.s3dis import AREAS, room
+from sarsim.dataset.exports.export import Export, label_names, room
+from sarsim.dataset.exports.s3dis import AREAS
+from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hdf5 import NewFile
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
@@ -21,7 +22,10 @@ FILES = "all_files.txt"
 
 @dataclass(frozen=True)
 class Blocks(Export):
-    """HDF5 files of blocks: 1 m × 1 m in xy, 4096 points, x y z and normalized x y z."""
+    """HDF5 files of blocks: 1 m × 1 m in xy, 4096 points, x y z and normalized x y z.
+
+    all_files.txt names them from the folder that this one lies in; meta/class_names.txt names the labels.
+    """
 
     size: float = 1.0
     """m, sides of a block in xy."""
@@ -48,9 +52,15 @@ class Blocks(Export):
             rooms += [f"{AREAS[entry.split]}_{room(entry)}_frame_{index}"] * len(new)
         name = f"ply_data_all_{entry.index}.h5"
         self._write(folder / name, blocks)
-        for list_name, lines in ((FILES, [name]), (LIST, rooms)):
+        # Published loaders (dgcnn.pytorch, pointnet) join these names to the folder that this one lies in.
+        for list_name, lines in ((FILES, [f"{self.out.name}/{name}"]), (LIST, rooms)):
             with (folder / list_name).open("a") as file:
                 file.writelines(f"{line}\n" for line in lines)
+
+    def finish(self, folder: Path, dataset: Dataset) -> None:
+        """Name the labels, by number."""
+        (folder / "meta").mkdir()
+        (folder / "meta" / "class_names.txt").write_text(label_names())
 
     def of_cloud(
         self, cloud: Cloud, rng: np.random.Generator

@@ -1,9 +1,11 @@
 """What an export is."""
 
+import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from inspect import cleandoc
 from pathlib import Path
 
 import cv2
@@ -11,9 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.frame import Intrinsics
+from pipeline.labels import COLOURS, Label
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
+
+LICENSE = """SPDX-License-Identifier: Apache-2.0
+
+The arenas, the robot and the people in these data are sarsim's, under the Apache License, Version 2.0:
+https://www.apache.org/licenses/LICENSE-2.0. Files of arenas that were brought along keep their own licences.
+"""
+README = """{title}
+
+{layout}
+
+- {scenes} scenes of simulated rescue arenas, made by {generator} with seed {seed}
+- `labels.csv`: number, name and colour of every label
+- `intrinsics.json`: of the camera, in pixels, by scene; pixel centres are at integer + 0.5
+- frames: `camera_optical` looks along z, x is right, y down; the world's z is up; m
+- `LICENSE`: Apache-2.0
+"""
 
 
 @dataclass(frozen=True)
@@ -32,10 +52,13 @@ class Export:
             InputError: the dataset cannot be read, or the folder cannot be written.
         """
         dataset = Dataset(self.data)
+        cameras: dict[str, Intrinsics] = {}
         with whole_folder(self.out) as folder:
             for entry, scene in dataset:
+                cameras[room(entry)] = scene.intrinsics
                 self.add(folder, entry, scene)
                 yield entry
+            describe(folder, f"# {self.out.name}", cleandoc(str(type(self).__doc__)), dataset, cameras)
             self.finish(folder, dataset)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
@@ -44,6 +67,29 @@ class Export:
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
         """Write what concerns all scenes."""
+
+
+def room(entry: SceneEntry) -> str:
+    """Name of a scene as a room or a sequence."""
+    return f"arena_{entry.index}"
+
+
+def label_names() -> str:
+    """The labels' names, a line each, by their numbers."""
+    return "".join(f"{label.name.lower()}\n" for label in Label)
+
+
+def describe(folder: Path, title: str, layout: str, dataset: Dataset, cameras: Mapping[str, Intrinsics]) -> None:
+    """Write what every export carries: README.md, labels.csv, intrinsics.json (by scene) and LICENSE."""
+    rows = [f"{int(label)},{label.name.lower()},{','.join(map(str, COLOURS[label].tolist()))}\n" for label in Label]
+    (folder / "labels.csv").write_text("".join(["id,name,red,green,blue\n", *rows]))
+    known = {name: asdict(camera) for name, camera in cameras.items()}
+    (folder / "intrinsics.json").write_text(json.dumps(known, indent=1) + "\n")
+    (folder / "LICENSE").write_text(LICENSE)
+    text = README.format(
+        title=title, layout=layout, scenes=len(dataset), generator=dataset.generator, seed=dataset.recipe.get("seed")
+    )
+    (folder / "README.md").write_text(text)
 
 
 def write_image(path: Path, image: NDArray, *options: int) -> None:

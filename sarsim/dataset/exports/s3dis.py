@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from pipeline.labels import Label
 from sarsim.dataset.arena_range import check
 from sarsim.dataset.exports.clouds import Cloud
-from sarsim.dataset.exports.export import Export
+from sarsim.dataset.exports.export import Export, label_names, room
+from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 
@@ -34,18 +35,22 @@ class S3dis(Export):
         annotations = folder / AREAS[entry.split] / name / "Annotations"
         annotations.mkdir(parents=True)
         cloud = Cloud.of_scene(scene, self.voxel)
-        write_lines(annotations.parent / f"{name}.txt", cloud)
         things, numbers = objects(scene, cloud), Counter[str]()
+        # A published reader (indoor3d_util.py) joins tables, and NumPy reads a file of one line as none.
+        known, counts = np.unique(things, return_counts=True)
+        several = np.isin(things, known[counts > 1])
+        cloud, things = cloud.of(several), things[several]
+        write_lines(annotations.parent / f"{name}.txt", cloud)
         for thing in np.unique(things):
             part = cloud.of(things == thing)
             label = Label(part.label[0]).name.lower()
             numbers[label] += 1
             write_lines(annotations / f"{label}_{numbers[label]}.txt", part)
 
-
-def room(entry: SceneEntry) -> str:
-    """Name of a scene as a room."""
-    return f"arena_{entry.index}"
+    def finish(self, folder: Path, dataset: Dataset) -> None:
+        """Name the classes as published readers know them, by the first word of an annotation's name."""
+        first_words = [name.split("_")[0] for name in label_names().split()]
+        (folder / "class_names.txt").write_text("\n".join([*first_words, ""]))
 
 
 def objects(scene: Scene, cloud: Cloud) -> NDArray[np.int64]:

@@ -1,5 +1,6 @@
 """Boxes of victims as YOLO trains on them."""
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from sarsim.dataset.exports.export import Export, write_image
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SPLITS, SceneEntry
 from sarsim.dataset.scene_file import Scene
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,28 @@ class Yolo(Export):
             (labels / f"{name}.txt").write_text("".join(lines))
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
-        """Name the splits that have images and the one class."""
+        """Name the splits that have images and the one class; without a scene to validate with, frames are."""
         present = {entry.split for entry in dataset.entries}
+        if "val" not in present and self._hold_out(folder, dataset):
+            _log.warning(
+                "no scene is of the split val, which the fifth one is: val gets the last fifth of each scene's frames"
+            )
+            present.add("val")
         lines = [f"{split}: images/{split}" for split in SPLITS if split in present]
         (folder / "data.yaml").write_text("\n".join([*lines, "names:", "  0: victim"]) + "\n")
+
+    def _hold_out(self, folder: Path, dataset: Dataset) -> bool:
+        """Move the last fifth of the frames of each scene from train to val; whether there is one to move.
+
+        The last ones, since neighbours look alike.
+        """
+        moved = False
+        for entry in dataset.entries:
+            images = sorted((folder / "images" / "train").glob(f"{entry.index:05d}_*.jpg"))
+            for image in images[len(images) - max(len(images) // 5, 1) :] if images[1:] else []:
+                for path in (image, folder / "labels" / "train" / f"{image.stem}.txt"):
+                    place = path.parents[1] / "val"
+                    place.mkdir(exist_ok=True)
+                    path.rename(place / path.name)
+                    moved = True
+        return moved

@@ -40,6 +40,22 @@ def test_the_page_is_served(page):
         assert b"rerun" in answer.read().lower()
 
 
+def test_the_page_may_ask_this_machine_alone(page):
+    with urllib.request.urlopen(page.page) as answer:
+        policy = answer.headers["Content-Security-Policy"]
+    allowed = [word for word in policy.replace(";", " ").split() if word.startswith("http")]
+    assert allowed == [f"http://127.0.0.1:{ports(page)[1]}"]
+    assert policy.startswith("default-src 'self'") and "connect-src 'self'" in policy and "*" not in policy
+
+
+def test_rerun_itself_tells_nobody(tmp_path, monkeypatch):
+    """Rerun keeps what it is about to tell in the home folder."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    viewer = Viewer("web")
+    viewer.close()
+    assert not list(tmp_path.rglob("*analytics*"))
+
+
 def test_only_this_machine_is_served(page):
     for port in ports(page):
         socket.create_connection(("127.0.0.1", port), timeout=5).close()

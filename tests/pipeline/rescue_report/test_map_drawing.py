@@ -74,9 +74,11 @@ def test_the_highest_class_of_a_cell_is_drawn() -> None:
     data = np.frombuffer(b64decode(image.attributes["href"].removeprefix("data:image/png;base64,")), np.uint8)
     pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
+    sharp = round(pixels.shape[1] / (paper.width / paper.cell))
+    assert sharp > 1  # what a printer enlarges it blurs
     for x, label in ((1.62, Label.WALL), (1.92, Label.TERRAIN)):
         column, row = (paper((x, 0.02)) / paper.cell).astype(int)
-        blue, green, red, opaque = pixels[row, column]
+        blue, green, red, opaque = pixels[sharp * row, sharp * column]
         assert (f"#{red:02x}{green:02x}{blue:02x}", opaque) == (pale(label), 255)
 
 
@@ -89,6 +91,8 @@ def test_a_person_is_drawn_where_the_map_has_them() -> None:
     assert (float(disc.attributes["cx"]), float(disc.attributes["cy"])) == pytest.approx(paper((1.6, 0.3)), abs=0.2)
     (ellipse,) = root.all("ellipse")
     assert float(ellipse.attributes["rx"]) == pytest.approx(0.2448 * paper.scale, rel=1e-3)
+    (first,) = root.all("span", "first")  # where a phone begins to show the map
+    assert f"* {1.6 * paper.scale / paper.width - paper.low[0] * paper.scale / paper.width:.3f})" in str(first)
     (way,) = root.all("path", "way")
     first = [float(value) for value in re.findall(r"[\d.]+", way.attributes["d"])[:2]]
     assert first == pytest.approx(paper((0, 0)), abs=0.06)

@@ -10,6 +10,7 @@ import pytest
 
 from pipeline.rescue_report.page import MAX_LISTED, page
 from pipeline.rescue_report.places import Place
+from pipeline.rescue_report.trust import Trust
 from tests.pipeline.rescue_report.html_page import Tag, read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
 
@@ -99,6 +100,55 @@ def test_scores_stand_apart_from_what_the_robot_knew(root: Tag) -> None:
 def test_a_run_that_was_cut_short_says_so(root: Tag) -> None:
     assert "stopped early" in "".join(texts(root, "div", "tile"))
     assert "cut short" in "".join(texts(root, "p", "summary"))
+
+
+@pytest.mark.parametrize(
+    ("trust", "is_good", "told"),
+    [
+        (Trust(0.002, 0.05), True, "and all that joins it"),
+        (Trust(0.05, 0.05), False, "the map contradicts itself"),
+        (Trust(0.002, 0.8), False, "parts of the map may lie elsewhere"),
+    ],
+)
+def test_green_is_earned_by_a_map_that_can_be_trusted(trust: Trust, is_good: bool, told: str) -> None:
+    situation = before_a_wall(victims())
+    seen = replace(situation.unseen, places=[])
+    root = read(page(replace(situation, unseen=seen, trust=trust), {"arena": "a"}))
+    tile = next(tile for tile in root.all("div", "tile") if "Explored" in tile.text)
+    assert ("good" in tile.attributes["class"]) == is_good
+    assert told in tile.text
+    assert ("contradicts itself: 5 %" in root.text) == (trust.contradicted == 0.05)
+    assert ("may lie 1.6 m from where they are drawn" in root.text) == (trust.deviation == 0.8)
+
+
+def test_ground_that_ends_in_the_unknown_is_not_green() -> None:
+    situation = before_a_wall(victims())
+    assert situation.unseen.places  # the camera sees no more than its 58°
+    root = read(page(situation, {"arena": "a"}))
+    tile = next(tile for tile in root.all("div", "tile") if "Explored" in tile.text)
+    assert "caution" in tile.attributes["class"]
+    assert re.search(r"\d places? not seen", tile.text)
+
+
+def test_an_own_arena_is_called_by_its_name(root: Tag) -> None:
+    own = read(page(before_a_wall(None), {"arena": "/home/me/arenas/cellar.raf"}))
+    assert texts(own, "h1") == ["cellar"]
+    assert texts(read(page(before_a_wall(None), {"arena": "random:3"})), "h1") == ["random:3"]
+
+
+def test_the_legend_names_what_is_on_the_map_alone(root: Tag) -> None:
+    def legend(page: Tag) -> str:
+        return "".join(texts(page, "ul", "legend"))
+
+    assert "sighting, not confirmed" in legend(root) and "the robot's way to a person" in legend(root)
+    nobody = legend(read(page(before_a_wall(victims()), {"arena": "a"})))
+    assert "entrance" in nobody and "wall" in nobody
+    assert not re.search("person;|sighting|way to|drop|slope", nobody)
+
+
+def test_a_readers_voice_says_a_person_once(root: Tag) -> None:
+    (disc, *_) = root.all("span", "disc")
+    assert disc.attributes["aria-hidden"] == "true"
 
 
 def test_names_from_outside_are_text() -> None:

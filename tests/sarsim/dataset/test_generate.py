@@ -165,6 +165,7 @@ def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> Non
         ("[]", "not the dataset.json of a dataset"),
         ('{"format": "coco"}', "not the dataset.json of a dataset"),
         ('{"format": "sarsim-dataset", "version": 9}', "format version 9; this program reads version 1"),
+        ("[" * 100_000, "broken: not JSON"),
         ('{"format": "sarsim-dataset", "version": 1}', "broken: 'scenes'"),
         ('{"format": "sarsim-dataset", "version": 1, "scenes": [{}], "recipe": {}}', "broken: "),
         ('{"format": "sarsim-dataset", "version": 1, "scenes": [], "recipe": []}', "broken: "),
@@ -174,6 +175,33 @@ def test_a_manifest_that_is_none(tmp_path: Path, text: str, message: str) -> Non
     (tmp_path / "dataset.json").write_text(text)
     with pytest.raises(InputError, match=message):
         toys(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("split", "/tmp", "the split of scene 1 is '/tmp'"),
+        ("split", "../../train", "the split of scene 1"),
+        ("split", ["train"], "the split of scene 1"),
+        ("file", "/dev/zero", "scene 1 is not in a file of its number: '/dev/zero'"),
+        ("file", "../scenes/00001.h5", "not in a file of its number"),
+        ("index", "../1", "not in a file of its number"),
+        ("index", -1, "not in a file of its number"),
+        ("index", 1e300, "not in a file of its number"),
+        ("frames", "3", "frames of scene 1 is '3'"),
+        ("points", [1], "points of scene 1"),
+        ("points", {"wall": "many"}, "points of scene 1"),
+        ("arena", 3, "arena of scene 1"),
+    ],
+)
+def test_a_strangers_manifest_names_no_paths(tmp_path: Path, field: str, value: object, message: str) -> None:
+    toys(tmp_path / "data", 2)
+    path = tmp_path / "data" / "dataset.json"
+    content = json.loads(path.read_text())
+    content["scenes"][1][field] = value
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=message):
+        Manifest.read(tmp_path / "data")
 
 
 def test_scenes_of_another_version_of_the_program_are_not_mixed(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """One scene of the NIST arena and one of a random arena, held against their own MJCF."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -130,3 +131,14 @@ def test_a_random_arena_is_rendered(tmp_path: Path) -> None:
 def test_an_arena_that_is_missing_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"missing.xml"):
         render_scene(Recipe(arenas=(str(tmp_path / "missing.xml"),)), 0, tmp_path / "scene.h5")
+
+
+def test_a_continuous_drive_has_a_frame_every_so_often(tmp_path: Path) -> None:
+    recipe = replace(CLEAR, frames=6, frames_per_second=10.0)
+    render_scene(recipe, 0, tmp_path / "scene.h5")
+    with Scene(tmp_path / "scene.h5") as scene:
+        np.testing.assert_allclose(np.diff(scene.time), 0.1)
+        steps = np.linalg.norm(np.diff(scene.pose_true[:, :2, 3], axis=0), axis=1)
+        assert steps.max() <= 0.021  # 0.2 m/s
+    with pytest.raises(InputError, match="--frames-per-second 100: from"):
+        replace(recipe, frames_per_second=100)

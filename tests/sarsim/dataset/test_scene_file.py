@@ -135,6 +135,61 @@ def test_images_that_do_not_fit_each_other(file: Path) -> None:
         Scene(file)
 
 
+def replaced(file: Path, name: str, **new: object) -> None:
+    """Put something else in place of a part."""
+    with h5py.File(file, "r+") as scene:
+        del scene[name]
+        scene.create_dataset(name, **new)
+
+
+@pytest.mark.parametrize(
+    ("name", "new", "message"),
+    [
+        ("pose_true", {"shape": (3, 4, 4), "dtype": "f4"}, "pose_true is of type float32"),
+        ("pose_true", {"data": np.full((3, 4, 4), np.nan)}, "pose_true holds what is no pose"),
+        ("T_base_camera", {"data": np.zeros((3, 4, 4))}, "T_base_camera holds what is no pose"),
+        ("time", {"data": [0.0, 0.2, np.nan]}, "time does not go on"),
+        ("intrinsics", {"data": [0.0, 7, 4, 3]}, "intrinsics are of no camera"),
+        ("geoms/victim", {"data": np.array([-1, -1, 0, 7], "i2")}, "a victim that is not there"),
+        ("geoms/label", {"data": np.array([2, 1, 6, 99], "u1")}, "a label that is none"),
+        ("geoms/name", {"data": np.array([b"\xff", b"", b"", b""])}, "can't decode"),
+        ("victims/pixels", {"data": np.full((3, 2, 4), -5, "i4")}, "what is no box"),
+        ("mjcf", {"shape": (2**50,), "dtype": "u1", "chunks": (2**20,)}, "absurdly large"),
+        ("mjcf", {"shape": (4,), "dtype": "u1", "external": [("/etc/hostname", 0, 4)]}, "in another file"),
+    ],
+)
+def test_numbers_of_a_stranger_that_make_no_sense(file: Path, name: str, new: dict, message: str) -> None:
+    replaced(file, name, **new)
+    with pytest.raises(InputError, match=f"broken: .*{message}"):
+        Scene(file)
+
+
+def test_images_of_terabytes_are_refused_before_they_are_read(file: Path) -> None:
+    for name, pixel, kind in (("rgb", (3,), "u1"), ("depth", (), "u2"), ("label", (), "u1"), ("instance", (), "i2")):
+        replaced(file, name, shape=(3, 10**6, 10**6, *pixel), dtype=kind, chunks=(1, 8, 8, *pixel))
+    with pytest.raises(InputError, match="broken: rgb is absurdly large"):
+        Scene(file)
+
+
+def test_a_link_to_another_file_is_not_followed(file: Path, tmp_path: Path) -> None:
+    write_scene(tmp_path / "secret.h5")
+    with h5py.File(file, "r+") as scene:
+        del scene["rgb"]
+        scene["rgb"] = h5py.ExternalLink(tmp_path / "secret.h5", "/rgb")
+    with pytest.raises(InputError, match="rgb is in another file"):
+        Scene(file)
+
+
+@pytest.mark.parametrize(("name", "value"), [("label", 8), ("instance", 4), ("instance", -2)])
+def test_pixels_of_labels_and_geoms_that_are_none(file: Path, name: str, value: int) -> None:
+    with h5py.File(file, "r+") as scene:
+        scene[name][1, 2, 3] = value
+    with Scene(file) as scene:
+        scene.frame(0)
+        with pytest.raises(InputError, match=f"broken: {name} of frame 1 holds"):
+            scene.frame(1)
+
+
 def test_a_file_that_was_cut_off(file: Path) -> None:
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     with pytest.raises(InputError, match=r"scene.h5"):

@@ -137,6 +137,13 @@ def test_points_that_are_nowhere_are_unlabelled(weights: Path) -> None:
         ({"labels": None}, "tells apart 6 unnamed classes"),
         ({"blocks": None}, "another version"),
         ({"blocks": '{"colour": 3}'}, "another version"),
+        ({"blocks": "[" * 100_000}, "another version"),
+        ({"blocks": '{"size": "wide"}'}, "another version"),
+        ({"blocks": '{"voxel_size": 0}'}, "voxel_size = 0: from 0.005 to 1"),
+        ({"blocks": '{"voxel_size": NaN}'}, "voxel_size = nan"),
+        ({"blocks": '{"size": 1e-9}'}, "size = 1e-09: from 0.1 to 100"),
+        ({"blocks": '{"points": 1}'}, "points = 1: from 64 to 65536"),
+        ({"blocks": '{"reach": Infinity}'}, "reach = inf"),
     ],
 )
 def test_weights_for_something_else_are_refused(tmp_path: Path, changes: dict, complaint: str) -> None:
@@ -145,6 +152,15 @@ def test_weights_for_something_else_are_refused(tmp_path: Path, changes: dict, c
     save_weights(tmp_path / "w.safetensors", network(), {k: v for k, v in metadata.items() if v is not None})
     with pytest.raises(InputError, match=complaint):
         DgcnnClassifier(tmp_path / "w.safetensors")
+
+
+def test_weights_that_answer_with_no_numbers_are_refused(tmp_path: Path) -> None:
+    broken = network()
+    broken.classifier.weight.data *= 1e38
+    broken.head2[1].weight.data *= 1e38
+    save_classifier(tmp_path / "w.safetensors", broken, BLOCKS, {})
+    with pytest.raises(InputError, match="numbers that are not finite"):
+        classifier(tmp_path / "w.safetensors").classify(FRAME, FRAME.points(EYE), EYE)
 
 
 def test_nine_channels_are_refused(tmp_path: Path) -> None:

@@ -32,6 +32,12 @@ def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
     assert (plain(loaded, x) == plain(original, x)).all()
 
 
+def test_weights_are_as_readable_as_any_other_new_file(tmp_path: Path) -> None:
+    save_weights(tmp_path / "w.safetensors", network())
+    (tmp_path / "other").touch()
+    assert (tmp_path / "w.safetensors").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
 def test_a_network_fits_into_4_mb(tmp_path: Path) -> None:
     save_weights(tmp_path / "w.safetensors", network())
     assert (tmp_path / "w.safetensors").stat().st_size < 4e6
@@ -52,6 +58,11 @@ def test_batch_norms_registered_twice_are_read_once(tmp_path: Path) -> None:
         ({"conv1.0.weight": None}, "not a DGCNN"),
         ({"conv9.weight": None}, "not a DGCNN"),
         ({"conv1.0.weight": torch.zeros(3)}, "not a DGCNN"),
+        ({"conv1.0.weight": torch.zeros(0, 2_000_000_000, 1, 1)}, "not a DGCNN"),
+        ({"conv9.weight": torch.zeros(2_000_000_000, 0, 1)}, "not a DGCNN"),
+        ({"conv9.weight": torch.zeros(0, 256, 1)}, "not a DGCNN"),
+        ({"bn2.running_var": torch.full((64,), -1.0)}, "bn2.running_var holds variances below 0"),
+        ({"bn2.weight": torch.ones(64, dtype=torch.complex64)}, "not real"),
         ({"conv4.0.weight": None}, "conv4.0.weight missing"),
         ({"bn3.bias": None, "bn3.weight": None}, "bn3.bias and 1 more missing"),
         ({"conv10.weight": torch.zeros(1)}, "conv10.weight unknown"),
@@ -93,7 +104,13 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         load_weights(tmp_path / "w.safetensors")
 
 
-@pytest.mark.parametrize(("metadata", "complaint"), [({"network": "yolo"}, "weights of yolo"), ({"k": "x"}, "amiss")])
+@pytest.mark.parametrize(
+    ("metadata", "complaint"),
+    [
+        ({"network": "yolo"}, "weights of yolo"),
+        *(({"k": k}, "k = .*: a point has 1 to 64 neighbours") for k in ("x", "", "0", "-1", "65", "1e3", "9" * 9)),
+    ],
+)
 def test_metadata_that_does_not_fit_is_refused(tmp_path: Path, metadata: dict, complaint: str) -> None:
     save_weights(tmp_path / "w.safetensors", network(), metadata)
     with pytest.raises(InputError, match=complaint):

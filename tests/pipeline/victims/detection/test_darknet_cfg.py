@@ -59,6 +59,16 @@ def test_the_files_that_are_shipped_are_what_the_code_writes(tmp_path: Path, mon
         ("anchors=4,6", "anchors=4,6,8", "anchors"),
         ("anchors=4,6", "anchors=4,-6", "positive"),
         ("mask=0", "mask=1", "mask"),
+        ("mask=0", "mask=" + 50_000 * "0,", "mask"),
+        ("anchors=4,6", "anchors=nan,6", "positive"),
+        ("anchors=4,6", "anchors=inf,6", "positive"),
+        ("width=16", "width=65536", "width=65536: one number, at least 1 and at most 65535"),
+        ("width=16", "width=" + 5000 * "9", "not a whole number"),
+        ("size=3", "size=65", "size=65: one number, at least 1 and at most 64"),
+        ("stride=2", "stride=99999", "stride=99999"),
+        ("[yolo]", "[maxpool]\nsize=2\npadding=1000000\n[yolo]", "padding=1000000"),
+        ("[yolo]", "[upsample]\nstride=100000\n[yolo]", "stride=100000"),
+        ("[yolo]", 1000 * "[route]\nlayers=-1\n" + "[yolo]", "1003 layers, at most 999"),
         ("[yolo]", "[route]\nlayers=2\n[yolo]", "layer 2: there is no such layer"),
         ("[yolo]", "[shortcut]\nfrom=0,1\nactivation=linear\n[yolo]", "one layer, not 2"),
     ],
@@ -78,6 +88,9 @@ def test_a_network_without_boxes_is_none() -> None:
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         DarknetCfg.read(tmp_path / "none.cfg")
+    (tmp_path / "long.cfg").write_text(10**6 * "#\n")
+    with pytest.raises(InputError, match="too large for a Darknet"):
+        DarknetCfg.read(tmp_path / "long.cfg")
     (tmp_path / "binary.cfg").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="not a text"):
         DarknetCfg.read(tmp_path / "binary.cfg")

@@ -130,3 +130,30 @@ def test_layers_that_do_not_fit_are_refused() -> None:
     ):
         with pytest.raises(InputError, match=message):
             DarknetNetwork(DarknetCfg.parse(SMALL.replace(old, new)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("width=16\nheight=8", "width=60000\nheight=60000", "too large: .* numbers for an image"),
+        ("filters=2\nsize=3", "filters=65535\nsize=64", "too large: .* weights"),
+        ("channels=3", "channels=65535\n[upsample]\nstride=64\n[upsample]\nstride=64", "too large"),
+    ],
+)
+def test_a_network_of_absurd_size_is_refused_before_it_is_built(old: str, new: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        DarknetNetwork(DarknetCfg.parse(SMALL.replace(old, new)))
+
+
+def test_yolov3_for_large_images_is_not_refused() -> None:
+    text = FULL.replace("width=160", "width=1024").replace("height=128", "height=1024")
+    with torch.device("meta"):
+        assert DarknetNetwork(DarknetCfg.parse(text)).shapes[0] == (32, 1024, 1024)
+
+
+def test_variances_below_0_are_refused(tmp_path: Path) -> None:
+    network = random_network(SMALL)
+    network.convolutions[0].norm.running_var[1] = -1
+    write_weights(tmp_path / "n.weights", network)
+    with pytest.raises(InputError, match="variances below 0"):
+        read_weights(tmp_path / "n.weights", network)

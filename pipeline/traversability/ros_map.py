@@ -1,0 +1,51 @@
+"""The ground as the robot judges it, as 2D maps that ROS map_server (Nav2) loads."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN, write_map_server
+from pipeline.traversability.traversability import Traversability
+
+LETHAL, STEEPEST = 100, 98
+"""Costs as map_server has them: what nothing drives over, and the steepest slope that the robot drives on."""
+SCALED = (0.005, 0.995)
+"""Thresholds of darkness, so that each shade between white and black is a cost of its own."""
+
+
+def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) -> None:
+    """Write ``path`` (.pgm): free, lethal or unknown, and ..._cost.png: slopes as costs; a .yaml lies beside each.
+
+    Lethal is what the robot cannot take: walls, steps, slopes too steep. It is not inflated: Nav2 does that by the
+    footprint that it is given.
+
+    Args:
+        path: of the image.
+        traversability: the ground.
+        places: (N, 2 or 3) m where the robot has been; ground that nothing known joins to these is left unknown.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    cost = costs(traversability, places)
+    found = ndimage.find_objects((cost >= 0).astype(np.int8))
+    i, j = found[0] if found else (slice(0, 1), slice(0, 1))
+    grid, cost = traversability.grid, cost[i, j]
+    origin = grid.origin + np.array([i.start, j.start]) * grid.cell
+    trinary = np.select([cost < 0, cost == LETHAL], [PGM_UNKNOWN, PGM_OCCUPIED], PGM_FREE).astype(np.uint8)
+    write_map_server(path, trinary, grid.cell, origin)
+    shade = np.rint(255 * (1 - np.maximum(cost, 0) / 100))
+    scaled = np.stack([shade, 255 * (cost >= 0)], axis=-1).astype(np.uint8)
+    write_map_server(path.with_name(f"{path.stem}_cost.png"), scaled, grid.cell, origin, "scale", SCALED)
+
+
+def costs(traversability: Traversability, places: ArrayLike) -> NDArray[np.int64]:
+    """(nx, ny) 0 on level ground up to :data:`STEEPEST` on slopes, :data:`LETHAL`, -1 where unknown."""
+    t = traversability
+    lethal, known = t.hazard, np.isfinite(t.elevation)
+    parts, _ = ndimage.label(known & ~lethal)
+    joined = np.isin(parts, np.setdiff1d(parts[t.grid.mask_of(places)], [0]))
+    tilt = np.arctan(np.linalg.norm(t.gradient, axis=-1)) / t.robot.max_tilt
+    return np.select([lethal, joined], [LETHAL, np.rint(STEEPEST * tilt.clip(0, 1))], -1).astype(np.int64)

@@ -309,7 +309,7 @@ class Slam:
         for share in shares[:MOST_SHARES]:
             self.graph.connect(share.owner, number, share.T, firm(share.information), is_loop=True)
             self.graph.link(share.owner, number, found.covariance)
-            self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
+            self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], share.T)))
         # From elsewhere, the robust loss takes a loop for an outlier and leaves the poses where they are.
         self.poses[-1] = found.T
 

@@ -45,6 +45,8 @@ class EpisodeConfig:
         graph: what plans are made on: the thesis's minimum spanning tree (mst), or the tree and loops that shorten
             detours.
         view: show the episode while it runs: in a new window (spawn), in the browser (web), or not at all.
+        bag: new folder for a ROS 2 bag of all that the robot senses and does, and of its maps.
+        bag_images: depth in it in whole mm (16UC1) or exactly, in m (32FC1); colours as they are or as JPEG.
         out: folder for the results; by default runs/<arena>-<seed>, or with --config, which overwrites no run, the
             same with the first number behind it that is free.
         random: what a random arena is like.
@@ -70,6 +72,8 @@ class EpisodeConfig:
     voxel_size: float = 0.1
     graph: Literal["mst", "roadmap"] = "roadmap"
     view: Literal["none", "spawn", "web"] = "none"
+    bag: Path | None = None
+    bag_images: Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"] = "16UC1"
     out: Path | None = None
     random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
 

@@ -1,0 +1,84 @@
+"""Odometry of a camera that nothing else tells of its motion: each frame is registered with what was seen before."""
+
+import numpy as np
+import small_gicp
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.localisation.local_map import LocalMap
+from pipeline.localisation.odometry import LostError
+from pipeline.localisation.registration import GATES, Prior, Registration, Target, register, shares_of
+from pipeline.localisation.slam import cloud_of_frame
+from pipeline.transforms import angle_of, inverse
+
+SIGMA = 0.15
+"""rad and m, standard deviation of the motion from one frame to the next, about a guess."""
+COARSE = (0.5, 0.5, 0.4, 0.3, *GATES)
+"""m, gates of a registration that begins at a guess."""
+REACH = 0.5
+"""m around a frame's points, put where the guess has them, in which they may lie."""
+NEW_WAY, NEW_TURN = 0.15, np.deg2rad(8)
+"""m and rad from one frame whose surfaces are kept to the next."""
+LEAST_OVERLAP = 0.4
+"""Share of a frame's points that must have been seen before."""
+MOST_BLIND = 30
+"""Frames without enough returns to register, in a row, after which nothing is known any more."""
+
+
+class DepthOdometry:
+    """Tells ``T_odom_base`` of frames; roll and pitch of the first one must be known, those of others follow.
+
+    Drift is that of a map whose surfaces stay where they were first seen; :class:`pipeline.localisation.slam.Slam`
+    corrects it where places are met again.
+    """
+
+    def __init__(self, T_odom_base: NDArray[np.float64]):
+        """``T_odom_base``: 4×4 pose at the first frame."""
+        self._T, self._motion = T_odom_base, np.eye(4)
+        self._kept: list[NDArray[np.float64]] = []
+        self._map = LocalMap()
+        self._blind = 0
+
+    def pose(self, frame: Frame) -> NDArray[np.float64]:
+        """4×4 ``T_odom_base`` of the next frame.
+
+        Raises:
+            LostError: it shows nothing that was seen before, or too many in a row show nothing at all.
+        """
+        cloud = cloud_of_frame(frame)
+        if cloud is None:
+            self._blind += 1
+            if self._blind > MOST_BLIND:
+                raise LostError(f"at {frame.time:.2f} s the camera has seen nothing for {MOST_BLIND} frames")
+            return self._T
+        new = np.ones(cloud.size(), np.bool_)
+        if self._kept:
+            target, found = self._find(frame, cloud)
+            self._motion = np.eye(4) if self._blind else inverse(self._T) @ found.T
+            self._T = found.T
+            _, new = shares_of(target, cloud, found.T)
+        self._blind = 0
+        if not self._kept or self._is_new():
+            self._map.add(len(self._kept), cloud, frame.T_base_camera[:3, 3], new)
+            self._kept.append(self._T)
+            self._map.place(np.array(self._kept))
+        return self._T
+
+    def _find(self, frame: Frame, cloud: small_gicp.PointCloud) -> tuple[Target, Registration]:
+        """Where it fits best, from where the last one was and from where the same motion would lead."""
+        points, everyone = cloud.points()[:, :3], np.ones(len(self._kept), np.bool_)
+        information = np.eye(6) / (SIGMA * (1 + self._blind)) ** 2
+        found = []
+        for T in (self._T, self._T @ self._motion):
+            camera = (T @ frame.T_base_camera)[:3, 3]
+            target = self._map.around(points @ T[:3, :3].T + T[:3, 3], camera, everyone, REACH)
+            if target is not None:
+                found.append((target, register(target, cloud, [Prior(T, information)], COARSE)))
+        best = max(found, key=lambda pair: pair[1].overlap, default=None)
+        if best is None or best[1].overlap < LEAST_OVERLAP:
+            raise LostError(f"the frame at {frame.time:.2f} s shows little that was seen before")
+        return best
+
+    def _is_new(self) -> bool:
+        moved = inverse(self._kept[-1]) @ self._T
+        return bool(np.linalg.norm(moved[:3, 3]) > NEW_WAY or angle_of(moved) > NEW_TURN)

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,7 @@ from sarsim.episode import make_classifier, make_folder, percentiles
 from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
 from sarsim.scoring.trajectory import TrajectoryScore, write_tum
-
-if TYPE_CHECKING:
-    from sarsim.scripts.map_recording import MapRecording
+from sarsim.settings import MapRecording
 
 RECORDING = "episode.rrd"
 """What a viewer opens."""
@@ -45,7 +43,7 @@ class RecordedDrive:
         error: why the recording could not be mapped to its end, if so.
     """
 
-    def __init__(self, recording: Recording, config: "MapRecording"):
+    def __init__(self, recording: Recording, config: MapRecording):
         """Raises InputError where the recording has no such poses, or the output folder cannot be written."""
         self.recording, self.config = recording, config
         detector = VictimDetector.load(*config.detector) if config.detector else None

@@ -16,8 +16,9 @@ FORBIDDEN = {
     "scripts": ("tests",),
 }
 MOST_ENTRIES = {"pipeline": 22, "sarsim": 16}
-MOST_LINES = 31_200
-"""Of all packages together, without tests; 27 000 until the robot began to localise itself (SLAM)."""
+MOST_LINES = 33_200
+"""Of all packages together, without tests; 27 000 until the robot began to localise itself (SLAM), 31 200 until it
+could map recordings and write ROS bags."""
 LONGEST_FUNCTION = 40
 LONGEST_EXPLORER = 120
 LEAST_DOCUMENTED = 0.98

@@ -21,6 +21,8 @@ ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
 Send = Callable[[str, float, Message], None]
 """Takes a topic, the time in s and a message."""
 JPEG_QUALITY = 95
+STILL = 1e-6
+"""m, within which a camera is where it was; a simulator's rounding moves it as well."""
 NODES, EDGES, PEOPLE = (0.1, 0.4, 1.0), (0.7, 0.7, 0.7), (0.1, 0.9, 0.2)
 """Colours of markers."""
 
@@ -35,7 +37,9 @@ class RobotTopics:
     def frame(self, frame: Frame) -> None:
         """Send both images, their intrinsics, true labels where there are any, and the camera's place once."""
         time = frame.time
-        if self._T_base_camera is None or not np.array_equal(self._T_base_camera, frame.T_base_camera):
+        if self._T_base_camera is None or not np.allclose(
+            self._T_base_camera, frame.T_base_camera, rtol=0, atol=STILL
+        ):
             self._T_base_camera = frame.T_base_camera
             self._send("/tf_static", time, messages.transforms(time, {(BASE, CAMERA): frame.T_base_camera}))
         for kind in ("color", "depth"):

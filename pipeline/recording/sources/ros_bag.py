@@ -1,6 +1,7 @@
 """A ROS bag: of ROS 2 as MCAP or SQLite, or of ROS 1."""
 
 import heapq
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,6 +27,8 @@ AT_REST = 0.5
 KEYFRAME, LABELLED, STEP = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"
 """Topics of sarsim's own bags."""
+INFRARED = re.compile("/(infra|ir/)")
+"""In names of topics whose images have no colours."""
 IMAGES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 
 
@@ -94,7 +97,7 @@ class Topics:
                 f"{path}: holds no depth images; its topics are {', '.join(sorted(self._kinds)) or 'none'}"
             )
         self.depth = depth
-        others = [name for name in images if name not in depths and not {"infra", "ir"} & set(name.split("/"))]
+        others = [name for name in images if name not in depths and not INFRARED.search(name)]
         self.colour = self._one("colour images", others)
         self.odometry = self._one("odometry", self._of("nav_msgs/msg/Odometry"))
         imus = self._of("sensor_msgs/msg/Imu")

@@ -21,7 +21,7 @@ def test_the_floor_tells_how_a_camera_looks() -> None:
 
 
 def test_a_table_is_no_floor() -> None:
-    table = [floor(2.0, 3.2, 0.4, 2.4, z=0.3), wall((2.0, 0.4), (2.0, 2.4), 0.0, 0.3)]
+    table = [floor(2.9, 3.6, 0.3, 1.6, z=0.3), wall((2.9, 0.3), (2.9, 1.6), 0.0, 0.3)]
     frame = seen(HERE, HERE, faces=[*ROOM, *table])
     np.testing.assert_allclose(T_floor_camera(frame)[2, 3], 0.6, atol=0.01)
 

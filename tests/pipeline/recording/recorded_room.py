@@ -16,6 +16,7 @@ from pipeline.recording.ros.bag import Bag
 from pipeline.recording.ros.topics import ImageFormat, RobotTopics
 from pipeline.robot import Motion, Velocity
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA, drifting, drive, seen
+from tests.pipeline.localisation.painted_room import painted
 
 PERIOD = 0.1
 WAY = drive(*[(0.15, 0.0)] * 8, *[(0.05, np.pi / 24)] * 6)
@@ -25,12 +26,11 @@ ODOMETRY = drifting(WAY, stretch=1.02, veer=np.deg2rad(0.05))
 
 @cache
 def frames() -> list[Frame]:
-    """Of the drive, in colours that tell them apart, with an odometry that drifts."""
-    found = [seen(*poses, time=k) for k, poses in enumerate(zip(WAY, ODOMETRY, strict=True))]
-    return [
-        replace(f, time=round(k * PERIOD, 3), rgb=np.full((*f.depth.shape, 3), k, np.uint8))
-        for k, f in enumerate(found)
-    ]
+    """Of the drive, with an odometry that drifts."""
+    found = []
+    for k, (true, believed) in enumerate(zip(WAY, ODOMETRY, strict=True)):
+        found.append(replace(painted(seen(true, believed, time=k), true), time=round(k * PERIOD, 3)))
+    return found
 
 
 def camera_poses(poses: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:

@@ -14,8 +14,8 @@ from pipeline.transforms import angle_of, inverse
 
 SIGMA = np.repeat([0.15, 0.15], 3)
 """rad and m, standard deviations of the motion from one frame to the next, about a guess."""
-SEEN_SIGMA = np.repeat([0.01, 0.02], 3)
-"""The same about what the images tell of it."""
+SEEN_SIGMA = np.repeat([0.004, 0.008], 3)
+"""The same about what the images tell of it; along a plane GICP feigns that nothing moves, which must not count."""
 COARSE = (0.5, 0.5, 0.4, 0.3, *GATES)
 """m, gates of a registration that begins at a guess."""
 REACH = 0.5
@@ -58,10 +58,10 @@ class DepthOdometry:
             return self._T
         new = np.ones(cloud.size(), np.bool_)
         if self._kept:
-            target, found = self._find(frame, cloud, by_image)
-            self._motion = np.eye(4) if self._blind else inverse(self._T) @ found.T
-            self._T = found.T
-            _, new = shares_of(target, cloud, found.T)
+            T, target = self._find(frame, cloud, by_image)
+            self._motion = np.eye(4) if self._blind else inverse(self._T) @ T
+            self._T = T
+            new = shares_of(target, cloud, T)[1] if target else new
         self._blind, self._shown = 0, (frame, self._T)
         if not self._kept or self._is_new():
             self._map.add(len(self._kept), cloud, frame.T_base_camera[:3, 3], new)
@@ -79,23 +79,26 @@ class DepthOdometry:
 
     def _find(
         self, frame: Frame, cloud: small_gicp.PointCloud, by_image: NDArray[np.float64] | None
-    ) -> tuple[Target, Registration]:
-        """Where it fits best, from where its image has it, or else from the last pose and from the same motion."""
+    ) -> tuple[NDArray[np.float64], Target | None]:
+        """4×4 pose that fits best, from where its image has it, or else from the last pose and from the same motion.
+
+        Where nothing that was seen before is near, the image alone tells it.
+        """
         points, everyone = cloud.points()[:, :3], np.ones(len(self._kept), np.bool_)
         guesses, sigma = [self._T, self._T @ self._motion], SIGMA * (1 + self._blind)
         if by_image is not None:
             guesses, sigma = [by_image], SEEN_SIGMA
         information = np.diag(sigma**-2.0)
-        found = []
+        found: list[tuple[Target, Registration]] = []
         for T in guesses:
             camera = (T @ frame.T_base_camera)[:3, 3]
             target = self._map.around(points @ T[:3, :3].T + T[:3, 3], camera, everyone, REACH)
             if target is not None:
                 found.append((target, register(target, cloud, [Prior(T, information)], COARSE)))
         best = max(found, key=lambda pair: pair[1].overlap, default=None)
-        if best is None or (by_image is None and best[1].overlap < LEAST_OVERLAP):
+        if by_image is None and (best is None or best[1].overlap < LEAST_OVERLAP):
             raise LostError(f"the frame at {frame.time:.2f} s shows little that was seen before")
-        return best
+        return (guesses[0], None) if best is None else (best[1].T, best[0])
 
     def _is_new(self) -> bool:
         moved = inverse(self._kept[-1]) @ self._T

@@ -1,6 +1,7 @@
 """What the pipeline knows as ROS 2 messages (Jazzy's types; units and frames by REP 103, 105 and 118), and back."""
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -66,7 +67,13 @@ def pose_matrix(position: Message, quaternion: Message) -> NDArray[np.float64]:
 
 
 def _quaternion(T: NDArray[np.float64]) -> Message:
-    return make("geometry_msgs/Quaternion", *Rotation.from_matrix(T[:3, :3]).as_quat().tolist())
+    return make("geometry_msgs/Quaternion", *_quaternion_of(T[:3, :3].tobytes()))
+
+
+@lru_cache(maxsize=16)
+def _quaternion_of(rotation: bytes) -> list[float]:
+    """Of the float64 of a rotation: one pose goes into several messages, and computing it takes longest of all."""
+    return Rotation.from_matrix(np.frombuffer(rotation).reshape(3, 3)).as_quat().tolist()
 
 
 def _vector(values: ArrayLike) -> Message:

@@ -19,24 +19,23 @@ UNITS = 5000
 
 @dataclass(frozen=True)
 class Tum(Export):
-    """For each scene rgb/, depth/ (16 bits, 5000 a metre), their lists, and true and believed poses of the camera."""
+    """For each scene rgb/, depth/ (16 bits, 5000 a metre), rgb.txt, depth.txt and groundtruth.txt of the camera."""
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """A sequence for each scene."""
         sequence = folder / room(entry)
         for kind in ("rgb", "depth"):
             (sequence / kind).mkdir(parents=True)
-        lists: dict[str, list[str]] = {"rgb": [], "depth": [], "groundtruth": [], "odometry": []}
+        lists: dict[str, list[str]] = {"rgb": [], "depth": [], "groundtruth": []}
         for index, frame in enumerate(scene):
             stamp = f"{frame.time:.6f}"
             depth = np.rint(frame.depth * UNITS).astype(np.uint16)
             for kind, image in (("rgb", frame.rgb), ("depth", depth)):
                 write_image(sequence / kind / f"{stamp}.png", image, cv2.IMWRITE_PNG_COMPRESSION, 1)
                 lists[kind].append(f"{stamp} {kind}/{stamp}.png")
-            believed = frame.T_odom_base @ frame.T_base_camera
-            for name, T in (("groundtruth", scene.T_world_camera(index)), ("odometry", believed)):
-                pose = [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()]
-                lists[name].append(" ".join([stamp, *(f"{number:.6f}" for number in pose)]))
+            T = scene.T_world_camera(index)
+            pose = [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()]
+            lists["groundtruth"].append(" ".join([stamp, *(f"{number:.6f}" for number in pose)]))
         for kind, lines in lists.items():
             (sequence / f"{kind}.txt").write_text("\n".join([*HEADERS[kind], *lines]) + "\n")
         (sequence / "calibration.txt").write_text(calibration(scene.intrinsics))
@@ -45,7 +44,6 @@ class Tum(Export):
 HEADERS = {
     "rgb": ["# color images", "# timestamp filename"],
     "depth": ["# depth maps", "# timestamp filename"],
-    "odometry": ["# odometry", "# timestamp tx ty tz qx qy qz qw"],
     "groundtruth": ["# ground truth trajectory", "# timestamp tx ty tz qx qy qz qw"],
 }
 

@@ -57,6 +57,14 @@ def tilt_of(T: NDArray[np.float64]) -> tuple[float, float]:
     return float(np.arctan2(T[2, 1], T[2, 2])), float(-np.arcsin(np.clip(T[2, 0], -1, 1)))
 
 
+def level(up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) attitude of zero yaw of a body that feels the vertical (3,), of any length, in its own frame."""
+    up = up / np.linalg.norm(up)
+    left = np.cross(up, [1.0, 0.0, 0.0])
+    left /= np.linalg.norm(left)
+    return np.array([np.cross(left, up), left, up])
+
+
 def wrap_angle(angle: float) -> float:
     """The same angle in [−π, π)."""
     return float(wrap_angles(np.asarray(angle)))

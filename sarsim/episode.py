@@ -15,9 +15,11 @@ from pipeline.explorer import Explorer, Step
 from pipeline.files import whole_file
 from pipeline.localisation.odometry import LostError, OdometryLocalisation
 from pipeline.localisation.slam import Slam
-from pipeline.metric_map.io.npz import save_metric_map
+from pipeline.mapper import Keyframe
 from pipeline.planning.path_plan import place_name
-from pipeline.recording.map_file import load_keyframes, save_keyframes
+from pipeline.recording.map_file import load_keyframes
+from pipeline.recording.results import KEYFRAMES, save_maps
+from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
@@ -25,13 +27,11 @@ from pipeline.victims.detection.detector import VictimDetector
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.recording import EpisodeRecorder
+from sarsim.robots.pioneer3at import WHEELS
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import write_tum
 from sarsim.settings import EpisodeConfig, Labels
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-
-KEYFRAMES = "keyframes.npz"
-"""In an episode's folder, what ``--map`` reads."""
 
 
 class Episode:
@@ -53,8 +53,9 @@ class Episode:
         simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust, config.speed)
         self.robot = SimulatedRobot(arena, simulation, config.seed)
         is_told = config.odometry == "truth" or config.localisation == "odometry"
+        self.bag = ExplorerBag(config.bag, config.bag_images, self.robot) if config.bag else None
         self.explorer = Explorer(
-            self.robot,
+            self.bag.robot if self.bag else self.robot,
             classifier,
             detector,
             voxel_size=config.voxel_size,
@@ -69,7 +70,11 @@ class Episode:
         self.rescue_report = RescueReport(self.explorer)
         self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
         self.robot.on_motion = self.recorder.log_motion
-        self.explorer.lookout.on_keyframe = self.score.add_keyframe
+        self.explorer.lookout.on_keyframe = self._add_keyframe
+        if self.bag:
+            self.bag.watch(self.explorer)
+            self.bag.robot.T_world_base = lambda: self.robot.trajectory[-1].T_world_base
+            self.bag.robot.joints = lambda: Joints(WHEELS, *self.robot.wheels)
         self.explorer.on_correction = self.recorder.log_correction
         self.lost: str | None = None
         self._wall_start, self._sim_start = perf_counter(), self.robot.time
@@ -100,6 +105,11 @@ class Episode:
             self._finish()
         return not interrupted()
 
+    def _add_keyframe(self, keyframe: Keyframe) -> None:
+        self.score.add_keyframe(keyframe)
+        if self.bag:
+            self.bag.add_keyframe(keyframe)
+
     def _may_step(self) -> bool:
         """Whether the task goes on; the way to goals ends by itself, exploring after so many steps."""
         self.mission.may_explore = self.explorer.steps < self.config.steps
@@ -116,6 +126,8 @@ class Episode:
         self.score.add(step)
         self.rescue_report.add(step)
         self.recorder.log_step(self.explorer.steps - 1, self.explorer, step)
+        if self.bag:
+            self.bag.add(step)
         self._log_news()
         if step.was_kidnapped:
             how = (
@@ -161,12 +173,15 @@ class Episode:
         if self.explorer.steps:
             self._write()
         self.robot.close()
+        if self.bag:
+            self.bag.close()
 
     def _report(self, wall_time: float, sim_time: float) -> dict[str, Any]:
         seconds = self.explorer.mapper.stopwatch.seconds
         detector = self.config.detector and [str(path) for path in self.config.detector]
         paths = {"out": str(self.out), "weights": str(self.config.weights), "detector": detector}
-        known = {"map": str(self.config.map)} if self.config.map else {}
+        given = {"map": self.config.map, "bag": self.config.bag}
+        known = {name: str(path) for name, path in given.items() if path}
         return {
             "arena": self.config.arena,
             "seed": self.config.seed,
@@ -183,10 +198,7 @@ class Episode:
         }
 
     def _write(self) -> None:
-        save_keyframes(self.explorer.mapper, self.out / KEYFRAMES)
-        save_metric_map(self.explorer.mapper.metric_map, self.out / "metric_map.npz")
-        self.explorer.mapper.semantic_map.save(self.out / "semantic_map.ply")
-        self.explorer.mapper.topological_map.save(self.out / "topology.json")
+        save_maps(self.explorer.mapper, self.out)
         times = [p.time for p in self.robot.trajectory]
         write_tum(self.out / "trajectory_true.tum", times, [p.T_world_base for p in self.robot.trajectory])
         write_tum(self.out / "trajectory_estimated.tum", times, self.score.trajectory.estimated())

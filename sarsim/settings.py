@@ -1,8 +1,10 @@
-"""What a user may ask of an episode; apart from the episode itself, for ``--help`` needs no more than this."""
+"""What a user may ask of an episode or a recording; apart from these themselves, for ``--help`` needs no more."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+import tyro
 
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.assets import asset
@@ -45,6 +47,8 @@ class EpisodeConfig:
         graph: what plans are made on: the thesis's minimum spanning tree (mst), or the tree and loops that shorten
             detours.
         view: show the episode while it runs: in a new window (spawn), in the browser (web), or not at all.
+        bag: new folder for a ROS 2 bag of all that the robot senses and does, and of its maps.
+        bag_images: depth in it in whole mm (16UC1) or exactly, in m (32FC1); colours as they are or as JPEG.
         out: folder for the results; by default runs/<arena>-<seed>, or with --config, which overwrites no run, the
             same with the first number behind it that is free.
         random: what a random arena is like.
@@ -70,6 +74,8 @@ class EpisodeConfig:
     voxel_size: float = 0.1
     graph: Literal["mst", "roadmap"] = "roadmap"
     view: Literal["none", "spawn", "web"] = "none"
+    bag: Path | None = None
+    bag_images: Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"] = "16UC1"
     out: Path | None = None
     random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
 
@@ -77,3 +83,36 @@ class EpisodeConfig:
     def folder(self) -> Path:
         """For the results."""
         return self.out or Path("runs") / f"{Path(self.arena).stem}-{self.seed}"
+
+
+@dataclass(frozen=True)
+class MapRecording:
+    """What is mapped, and what the recording does not tell itself.
+
+    Attributes:
+        path: a TUM RGB-D folder, the folder or file of a ROS bag (MCAP, SQLite), or a scene's .h5 of a dataset.
+        out: folder for the results, the same files as an episode's.
+        poses: where they come from: recorded odometry, corrected by registration (slam), registration alone,
+            recorded odometry or true poses taken at their word; by default slam if there is odometry.
+        labels: what labels the points: the network, or true labels that a simulator recorded.
+        weights: of the network, as train.py writes them.
+        detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
+        camera: of the camera on the robot: x y z in m, roll pitch yaw in degrees, pitch positive where it looks down;
+            by default as the recording has it, else level over the floor of the first frame.
+        intrinsics: of the camera, fx fy cx cy in pixels, pixel centres at whole numbers, as calibrations have them.
+        depth_scale: of a folder's depth images, units a metre (5000).
+        fps: frames per second of a folder whose images have no times.
+        topics: of a bag, those to use where it has several of a kind.
+    """
+
+    path: Annotated[Path, tyro.conf.Positional]
+    out: Path
+    poses: Literal["slam", "registration", "odometry", "truth"] | None = None
+    labels: Labels = "dgcnn"
+    weights: Path = WEIGHTS
+    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
+    camera: tuple[float, float, float, float, float, float] | None = None
+    intrinsics: tuple[float, float, float, float] | None = None
+    depth_scale: float | None = None
+    fps: float | None = None
+    topics: tuple[str, ...] = ()

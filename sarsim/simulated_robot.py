@@ -129,6 +129,11 @@ class SimulatedRobot:
         """4×4 pose in the world by wheels and gyro alone, also where the pipeline is told the true one."""
         return self._T_world_start @ self._odometry.T_odom_base
 
+    @property
+    def wheels(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(4,) angles in rad and (4,) speeds in rad/s of the wheels."""
+        return self.robot.encoders(self.physics), np.array(self.physics.bind(self.robot.wheels).qvel)
+
     def sense(self) -> Frame:
         """Take a frame where the robot stands."""
         truth = self._camera.capture(self.physics.data.ptr)

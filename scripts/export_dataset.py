@@ -10,7 +10,7 @@ from rich.console import Console
 
 from sarsim.scripts.cli import call_with, progress, run
 
-EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo"}
+EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo", "coco": "Coco", "mcap": "Mcap"}
 """The class of each format, in the module of its name in :mod:`sarsim.dataset.exports`."""
 
 
@@ -20,16 +20,17 @@ class ExportDataset:
 
     Attributes:
         format: s3dis: folders of rooms and annotated objects; blocks: HDF5 files to train point networks with; tum:
-            RGB-D sequences for SLAM tools; yolo: images with boxes of victims.
+            RGB-D sequences for SLAM tools; yolo: images with boxes of victims; coco: images with boxes and masks of
+            everything; mcap: ROS 2 bags.
         data: folder of the dataset.
         out: new folder for the export; it appears when it is whole.
         voxel: s3dis: m; one point is kept in each cube of this size: larger ones make smaller files (0.02).
         size: blocks: m, sides of a block in x and y (1.0).
         points: blocks: points of a block, as many as the network to train takes (4096).
-        min_area: yolo: pixels; victims that show fewer get no box (100).
+        min_area: yolo, coco: pixels; what shows fewer gets no box (100).
     """
 
-    format: Annotated[Literal["s3dis", "blocks", "tum", "yolo"], tyro.conf.Positional]
+    format: Annotated[Literal["s3dis", "blocks", "tum", "yolo", "coco", "mcap"], tyro.conf.Positional]
     data: Path
     out: Path
     voxel: float | None = None

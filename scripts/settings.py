@@ -15,7 +15,7 @@ from pipeline.files import whole_file
 from sarsim.scripts.cli import guarded, parse
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
-RESULTS = ("out", "json")
+RESULTS = ("out", "bag", "json")
 """Where results go: flags alone say that, for a file of settings may be a stranger's."""
 OUTPUTS = (*RESULTS, "workers")
 """Left out of a run's own file: where results go, so that repeating a run overwrites nothing, and how fast."""

@@ -16,9 +16,9 @@ FORBIDDEN = {
     "scripts": ("tests",),
 }
 MOST_ENTRIES = {"pipeline": 22, "sarsim": 16}
-MOST_LINES = 31_700
+MOST_LINES = 33_950
 """Of all packages together, without tests; 27 000 until the robot began to localise itself (SLAM), 31 200 until every
-number of a stranger's file was checked."""
+number of a stranger's file was checked and recordings could be mapped and written."""
 LONGEST_FUNCTION = 40
 LONGEST_EXPLORER = 120
 LEAST_DOCUMENTED = 0.98

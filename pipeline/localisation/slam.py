@@ -224,7 +224,7 @@ class Slam:
         self._deviations = self.graph.deviations()
 
     def _find(self, frame: Frame) -> _Match:
-        cloud = self._cloud(frame)
+        cloud = cloud_of_frame(frame)
         if not len(self.graph) and self._anchor is None:
             return _Match(frame, orthonormal(frame.T_odom_base), cloud=cloud)
         odometry = self._by_odometry(frame) if self._anchor is None else None
@@ -244,16 +244,6 @@ class Slam:
                 self.slips += 1
                 return _Match(frame, slipped.T, None, prior, cloud, target, slipped)
         return _Match(frame, registration.T, odometry, step, cloud, target, registration)
-
-    def _cloud(self, frame: Frame) -> small_gicp.PointCloud | None:
-        """The frame's returns in ``base_link``, thinned; None if there are too few."""
-        depth = frame.depth[::STRIDE, ::STRIDE]
-        returns = (depth > 0) & (depth <= FARTHEST)
-        if np.count_nonzero(returns) < LEAST_RETURNS:
-            return None
-        points = frame.intrinsics.rays[::STRIDE, ::STRIDE][returns] * depth[returns, None]
-        cloud = cloud_of(transform_points(frame.T_base_camera, points))
-        return cloud if cloud.size() >= LEAST_POINTS else None
 
     def _target(
         self,
@@ -312,6 +302,17 @@ class Slam:
             self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], share.T)))
         # From elsewhere, the robust loss takes a loop for an outlier and leaves the poses where they are.
         self.poses[-1] = found.T
+
+
+def cloud_of_frame(frame: Frame) -> small_gicp.PointCloud | None:
+    """The frame's returns in ``base_link``, thinned; None if there are too few."""
+    depth = frame.depth[::STRIDE, ::STRIDE]
+    returns = (depth > 0) & (depth <= FARTHEST)
+    if np.count_nonzero(returns) < LEAST_RETURNS:
+        return None
+    points = frame.intrinsics.rays[::STRIDE, ::STRIDE][returns] * depth[returns, None]
+    cloud = cloud_of(transform_points(frame.T_base_camera, points))
+    return cloud if cloud.size() >= LEAST_POINTS else None
 
 
 def slipped_registration(

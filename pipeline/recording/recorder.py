@@ -67,19 +67,23 @@ class Recorder:
 
     def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
         """Log a step of the explorer, the ``index``-th from 0 on, and the maps after it."""
-        mapper, keyframe = explorer.mapper, step.keyframe
+        self.log_keyframe(index, explorer.mapper, step.keyframe, explorer.robot.model.camera_range[1])
+        self.stream.log("world/path_plan", drawings.path(step))
+        self.stream.log("world/frontiers", drawings.frontier_points(step.frontiers))
+        self._log_metrics("map/", frontiers=len(step.frontiers))
+
+    def log_keyframe(self, index: int, mapper: Mapper, keyframe: Keyframe, farthest: float) -> None:
+        """Log the keyframe of the ``index``-th step, and the maps after it; depth is drawn up to ``farthest`` m."""
         self._step, self._mapper = index, mapper
         self._move(keyframe.frame.T_odom_base)
         self._set_time(keyframe.frame.time)
         self._log_robot_pose()
-        self._log_camera(keyframe, explorer.robot.model.camera_range[1])
+        self._log_camera(keyframe, farthest)
         self._log_maps(mapper)
         if mapper.detector is not None:
             found = victim_drawings.detections(keyframe.detections, mapper.victims.refusals)
             self.stream.log("world/robot/camera/victims", found)
-        self.stream.log("world/path_plan", drawings.path(step))
-        self.stream.log("world/frontiers", drawings.frontier_points(step.frontiers))
-        self._log_progress(mapper, len(step.frontiers))
+        self._log_progress(mapper)
 
     def log_pose(self, time: float, T_odom_base: NDArray[np.float64]) -> bool:
         """Log the robot's pose between steps, thinned to 5 a second; whether this one was logged.
@@ -221,11 +225,11 @@ class Recorder:
         self._logged_size[cloud] = size
         return True
 
-    def _log_progress(self, mapper: Mapper, frontiers: int) -> None:
+    def _log_progress(self, mapper: Mapper) -> None:
         seen = np.count_nonzero(~np.isnan(mapper.elevation_map.measured))
         self._log_metrics(explored_area_m2=seen * mapper.elevation_map.grid.cell**2)
         nodes = len(mapper.topological_map.nodes)
-        self._log_metrics("map/", segments=len(mapper.segments), nodes=nodes, frontiers=frontiers)
+        self._log_metrics("map/", segments=len(mapper.segments), nodes=nodes)
         for stage, seconds in mapper.stopwatch.seconds.items():
             if len(seconds) > self._times_run.get(stage, 0):
                 self._log_metrics("time_ms/", **{stage: 1000 * seconds[-1]})

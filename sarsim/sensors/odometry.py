@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.transforms import from_rotation
+from pipeline.transforms import from_rotation, level
 from sarsim.robots.skid_steer import WHEEL_RADIUS
 from sarsim.sensors.inertial import GRAVITY, MTI_300_ACCELEROMETER, MTI_300_GYRO, InertialTriad
 
@@ -89,11 +89,3 @@ class WheelOdometry:
         if abs(norm - GRAVITY) > 0.1 * GRAVITY:
             return np.zeros(3)
         return np.cross(accelerometer / norm, R[2]) / LEVELLING_TIME
-
-
-def level(accelerometer: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) attitude of zero yaw of a resting body that feels this acceleration, in ``base_link``."""
-    up = accelerometer / np.linalg.norm(accelerometer)
-    left = np.cross(up, [1.0, 0.0, 0.0])
-    left /= np.linalg.norm(left)
-    return np.array([np.cross(left, up), left, up])

@@ -1,0 +1,105 @@
+"""Odometry of a camera alone: each frame is registered with what was seen before, beginning where its images lead."""
+
+import numpy as np
+import small_gicp
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.localisation.local_map import LocalMap
+from pipeline.localisation.odometry import LostError
+from pipeline.localisation.registration import GATES, Prior, Registration, Target, register, shares_of
+from pipeline.localisation.slam import cloud_of_frame
+from pipeline.localisation.visual_motion import visual_motion
+from pipeline.transforms import angle_of, inverse
+
+SIGMA = np.repeat([0.15, 0.15], 3)
+"""rad and m, standard deviations of the motion from one frame to the next, about a guess."""
+SEEN_SIGMA = np.repeat([0.004, 0.008], 3)
+"""The same about what the images tell of it; along a plane GICP feigns that nothing moves, which must not count."""
+COARSE = (0.5, 0.5, 0.4, 0.3, *GATES)
+"""m, gates of a registration that begins at a guess."""
+REACH = 0.5
+"""m around a frame's points, put where the guess has them, in which they may lie."""
+NEW_WAY, NEW_TURN = 0.15, np.deg2rad(8)
+"""m and rad from one frame whose surfaces are kept to the next."""
+LEAST_OVERLAP = 0.4
+"""Share of a frame's points that must have been seen before, unless its image tells how the camera moved."""
+MOST_BLIND = 30
+"""Frames without enough returns to register, in a row, after which nothing is known any more."""
+
+
+class DepthOdometry:
+    """Tells ``T_odom_base`` of frames; roll and pitch of the first one must be known, those of others follow.
+
+    Drift is that of a map whose surfaces stay where they were first seen; :class:`pipeline.localisation.slam.Slam`
+    corrects it where places are met again.
+    """
+
+    def __init__(self, T_odom_base: NDArray[np.float64]):
+        """``T_odom_base``: 4×4 pose at the first frame."""
+        self._T, self._motion = T_odom_base, np.eye(4)
+        self._kept: list[NDArray[np.float64]] = []
+        self._map = LocalMap()
+        self._blind = 0
+        self._shown: tuple[Frame, NDArray[np.float64]] | None = None
+
+    def pose(self, frame: Frame) -> NDArray[np.float64]:
+        """4×4 ``T_odom_base`` of the next frame.
+
+        Raises:
+            LostError: it shows nothing that was seen before, or too many in a row show nothing at all.
+        """
+        cloud, by_image = cloud_of_frame(frame), self._by_image(frame)
+        if cloud is None:
+            self._blind = 0 if by_image is not None else self._blind + 1
+            if self._blind > MOST_BLIND:
+                raise LostError(f"at {frame.time:.2f} s the camera has seen nothing for {MOST_BLIND} frames")
+            self._T = self._T if by_image is None else by_image
+            return self._T
+        new = np.ones(cloud.size(), np.bool_)
+        if self._kept:
+            T, target = self._find(frame, cloud, by_image)
+            self._motion = np.eye(4) if self._blind else inverse(self._T) @ T
+            self._T = T
+            new = shares_of(target, cloud, T)[1] if target else new
+        self._blind, self._shown = 0, (frame, self._T)
+        if not self._kept or self._is_new():
+            self._map.add(len(self._kept), cloud, frame.T_base_camera[:3, 3], new)
+            self._kept.append(self._T)
+            self._map.place(np.array(self._kept))
+        return self._T
+
+    def _by_image(self, frame: Frame) -> NDArray[np.float64] | None:
+        """4×4 pose by corners that had depth in the last frame that showed surfaces; None if they do not tell."""
+        if self._shown is None:
+            return None
+        last, T = self._shown
+        motion = visual_motion(last, frame)
+        return None if motion is None else T @ last.T_base_camera @ motion @ inverse(frame.T_base_camera)
+
+    def _find(
+        self, frame: Frame, cloud: small_gicp.PointCloud, by_image: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.float64], Target | None]:
+        """4×4 pose that fits best, from where its image has it, or else from the last pose and from the same motion.
+
+        Where nothing that was seen before is near, the image alone tells it.
+        """
+        points, everyone = cloud.points()[:, :3], np.ones(len(self._kept), np.bool_)
+        guesses, sigma = [self._T, self._T @ self._motion], SIGMA * (1 + self._blind)
+        if by_image is not None:
+            guesses, sigma = [by_image], SEEN_SIGMA
+        information = np.diag(sigma**-2.0)
+        found: list[tuple[Target, Registration]] = []
+        for T in guesses:
+            camera = (T @ frame.T_base_camera)[:3, 3]
+            target = self._map.around(points @ T[:3, :3].T + T[:3, 3], camera, everyone, REACH)
+            if target is not None:
+                found.append((target, register(target, cloud, [Prior(T, information)], COARSE)))
+        best = max(found, key=lambda pair: pair[1].overlap, default=None)
+        if by_image is None and (best is None or best[1].overlap < LEAST_OVERLAP):
+            raise LostError(f"the frame at {frame.time:.2f} s shows little that was seen before")
+        return (guesses[0], None) if best is None else (best[1].T, best[0])
+
+    def _is_new(self) -> bool:
+        moved = inverse(self._kept[-1]) @ self._T
+        return bool(np.linalg.norm(moved[:3, 3]) > NEW_WAY or angle_of(moved) > NEW_TURN)

@@ -1,0 +1,63 @@
+"""Which way is up, by the floor that a camera sees, for recordings that tell nothing else."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.transforms import from_rotation, inverse
+
+STRIDE = 6
+"""Pixels; every sixth row and column is enough."""
+FARTHEST = 5.0
+"""m of depth; noise grows with its square."""
+TRIALS = 400
+"""Planes through three points; with a fifth of the points on the floor, 96 % hold one on it alone."""
+THICKNESS = 0.01, 0.004
+"""m, and 1/m times the squared depth: how far from the plane the floor's returns are."""
+STEEPEST = np.cos(np.deg2rad(60))
+"""Cosine of the angle between the floor's normal and the image's upward direction."""
+LEAST = 0.05
+"""Share of the returns that are on the floor, at least."""
+BELOW = 0.02
+"""Share of the returns that may lie below it: a table has a floor below."""
+
+
+def T_floor_camera(frame: Frame) -> NDArray[np.float64]:
+    """4×4 pose of ``camera_optical`` over the floor that it sees: level, x forward, the origin below the camera.
+
+    The floor is the plane with most returns of those that face upward in the image and have nothing below.
+
+    Raises:
+        InputError: no plane is like that.
+    """
+    depth = frame.depth[::STRIDE, ::STRIDE]
+    shown = (depth > 0) & (depth < FARTHEST)
+    points = frame.intrinsics.rays[::STRIDE, ::STRIDE][shown].astype(np.float64) * depth[shown, None]
+    if len(points) < 100:
+        raise InputError(f"the frame at {frame.time:.2f} s shows too little to tell which way is up")
+    tolerance = THICKNESS[0] + THICKNESS[1] * points[:, 2] ** 2
+    best, most = None, LEAST * len(points)
+    rng = np.random.default_rng(0)
+    for sample in rng.integers(0, len(points), (TRIALS, 3)):
+        plane = _plane(points[sample])
+        height = points @ plane[:3] + plane[3]
+        on = np.abs(height) < tolerance
+        if -plane[1] > STEEPEST and on.sum() > most and np.mean(height < -3 * tolerance) < BELOW:
+            best, most = on, on.sum()
+    if best is None:
+        raise InputError(f"the frame at {frame.time:.2f} s shows no floor to tell which way is up")
+    middle = points[best].mean(axis=0)
+    up = np.linalg.svd(points[best] - middle)[2][2]
+    up *= -np.sign(up[1])
+    # In the frame of the camera: forward is where it looks, level.
+    left = np.cross(up, [0.0, 0.0, 1.0])
+    left /= np.linalg.norm(left)
+    return inverse(from_rotation(np.column_stack([np.cross(left, up), left, up]), up * (up @ middle)))
+
+
+def _plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(4,) normal up in the image, and offset, of the plane through (3, 3) points."""
+    normal = np.cross(points[1] - points[0], points[2] - points[0])
+    normal *= -np.sign(normal[1]) / max(float(np.linalg.norm(normal)), 1e-12)
+    return np.append(normal, -normal @ points[0])

@@ -1,0 +1,55 @@
+"""How a camera moved from one frame to the next, by corners in its images: where surfaces alone do not tell it."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.frame import Frame
+from pipeline.transforms import from_rotation, inverse
+
+MOST_CORNERS, QUALITY, APART = 400, 0.01, 8
+"""Corners that are followed, how weak one may be beside the strongest, and pixels between two."""
+WINDOW, LEVELS = (21, 21), 4
+"""Pixels around a corner that are compared, in images down to a sixteenth of the size."""
+RETURN = 1.0
+"""Pixels by which a corner that is followed there and back may miss itself."""
+REPROJECTION = 2.0
+"""Pixels by which a corner may miss its place."""
+LEAST, LEAST_SHARE = 20, 0.5
+"""Corners that agree on a motion, at least, and the share of those that were followed."""
+
+
+def visual_motion(before: Frame, after: Frame) -> NDArray[np.float64] | None:
+    """4×4 ``T_before_after`` of the camera; None where too few corners agree.
+
+    Corners with depth in the first frame are followed by optical flow (Lucas and Kanade) into the second. RANSAC
+    finds the pose that explains where they went.
+    """
+    first, second = (cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY) for frame in (before, after))
+    corners = cv2.goodFeaturesToTrack(first, MOST_CORNERS, QUALITY, APART, mask=before.returns.astype(np.uint8))
+    if corners is None or len(corners) < LEAST:
+        return None
+    there, found = _followed(first, second, corners)
+    back, found_back = _followed(second, first, there)
+    good = found & found_back & (np.linalg.norm(back - corners, axis=2).ravel() < RETURN)
+    if np.count_nonzero(good) < LEAST:
+        return None
+    columns, rows = np.rint(np.asarray(corners)[good, 0]).astype(int).T
+    points = before.intrinsics.rays[rows, columns] * before.depth[rows, columns, None]
+    k = after.intrinsics
+    K = np.array([[k.fx, 0, k.cx - 0.5], [0, k.fy, k.cy - 0.5], [0, 0, 1]])
+    ok, turn, way, inliers = cv2.solvePnPRansac(
+        points.astype(np.float64), there[good].astype(np.float64), K, None, reprojectionError=REPROJECTION
+    )
+    if not ok or inliers is None or len(inliers) < max(LEAST, LEAST_SHARE * np.count_nonzero(good)):
+        return None
+    return inverse(from_rotation(Rotation.from_rotvec(turn.ravel()).as_matrix(), way.ravel()))
+
+
+def _followed(before: NDArray, after: NDArray, corners: NDArray) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where corners (N, 1, 2) of one grey image are in another, and (N,) whether they were found."""
+    there, found, _ = cv2.calcOpticalFlowPyrLK(
+        before, after, corners, np.zeros_like(corners), winSize=WINDOW, maxLevel=LEVELS
+    )
+    return np.asarray(there, np.float32), np.asarray(found).ravel() > 0

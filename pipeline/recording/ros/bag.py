@@ -1,0 +1,82 @@
+"""A ROS 2 bag to write: a folder with metadata.yaml and an MCAP file, as ``ros2 bag play`` and Foxglove take it."""
+
+from contextlib import AbstractContextManager
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self
+
+from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
+
+from pipeline.errors import InputError
+from pipeline.recording.ros.messages import STORE, Message, type_of
+
+VERSION: Literal[9] = 9
+"""Of the format: that of Jazzy."""
+LATCHED = ("/tf_static", "/map", "/camera/color/camera_info", "/camera/depth/camera_info")
+"""Topics whose last message a late listener gets as well."""
+FOREVER = QosTime(2147483647, 4294967295)
+"""What ROS writes where there is no limit."""
+
+
+class Bag(AbstractContextManager["Bag"]):
+    """Takes messages until it is closed."""
+
+    def __init__(self, path: Path):
+        """Begin a bag in a new folder.
+
+        Raises:
+            InputError: there is something already, or it cannot be written.
+        """
+        self.path = path
+        self._connections: dict[str, Connection] = {}
+        try:
+            self._writer = Writer(path, version=VERSION, storage_plugin=StoragePlugin.MCAP)
+            self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+            self._writer.open()
+        except WriterError as error:
+            raise InputError(f"{path}: already there") from error
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+    def write(self, topic: str, time: float, message: Message) -> None:
+        """Add a message that was sent at a time in s."""
+        name = type_of(message)
+        try:
+            if topic not in self._connections:
+                self._connections[topic] = self._writer.add_connection(
+                    topic, name, typestore=STORE, offered_qos_profiles=[_qos(topic in LATCHED)]
+                )
+            self._writer.write(self._connections[topic], round(time * 1e9), STORE.serialize_cdr(message, name))
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written: {error.strerror or error}") from error
+
+    def close(self) -> None:
+        """Write what makes the bag whole."""
+        try:
+            self._writer.close()
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written: {error.strerror or error}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _qos(is_latched: bool) -> Qos:
+    durability = QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE
+    return Qos(
+        QosHistory.KEEP_LAST,
+        1 if is_latched else 10,
+        QosReliability.RELIABLE,
+        durability,
+        FOREVER,
+        FOREVER,
+        QosLiveliness.AUTOMATIC,
+        FOREVER,
+        False,
+    )

@@ -1,0 +1,233 @@
+"""What the pipeline knows as ROS 2 messages (Jazzy's types; units and frames by REP 103, 105 and 118), and back."""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
+
+from pipeline.frame import Intrinsics
+from pipeline.grid_map import Grid
+from pipeline.robot import Motion, Velocity
+from pipeline.transforms import from_rotation
+
+Message = Any
+"""A message of rosbags: a dataclass of the type that :data:`TYPES` has by its name."""
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TYPES = STORE.types
+CAMERA, BASE, ODOM, MAP = "camera_optical", "base_link", "odom", "map"
+"""Names of the frames."""
+UNKNOWN = np.zeros(36)
+"""A covariance that is not known."""
+NOTHING = np.zeros(0, np.uint8)
+FIELD_TYPES = {np.dtype(np.float32): 7, np.dtype(np.uint8): 2}
+"""Of sensor_msgs/PointField."""
+
+
+def make(name: str, *values: Any, **named: Any) -> Message:
+    """A message of the type ``package/Name``."""
+    return TYPES[name.replace("/", "/msg/")](*values, **named)
+
+
+def type_of(message: Message) -> str:
+    """``package/msg/Name`` of a message."""
+    return message.__msgtype__
+
+
+def stamp(time: float) -> Message:
+    """A time in s, to the nanosecond."""
+    return make("builtin_interfaces/Time", *divmod(round(time * 1e9), 10**9))
+
+
+def seconds(stamp: Message) -> float:
+    """The time of a stamp, s."""
+    return (stamp.sec * 10**9 + stamp.nanosec) / 1e9
+
+
+def header(time: float, frame: str) -> Message:
+    """Time in s and name of a frame."""
+    return make("std_msgs/Header", stamp(time), frame)
+
+
+def pose(T: NDArray[np.float64]) -> Message:
+    """A 4×4 pose as geometry_msgs/Pose."""
+    point = make("geometry_msgs/Point", *T[:3, 3].tolist())
+    return make("geometry_msgs/Pose", point, _quaternion(T))
+
+
+def pose_matrix(position: Message, quaternion: Message) -> NDArray[np.float64]:
+    """The 4×4 pose of a position and a quaternion; all NaN where the quaternion is no rotation."""
+    q = np.array([quaternion.x, quaternion.y, quaternion.z, quaternion.w])
+    if not np.isfinite(q).all() or not q.any():
+        return np.full((4, 4), np.nan)
+    return from_rotation(Rotation.from_quat(q).as_matrix(), [position.x, position.y, position.z])
+
+
+def _quaternion(T: NDArray[np.float64]) -> Message:
+    return make("geometry_msgs/Quaternion", *_quaternion_of(T[:3, :3].tobytes()))
+
+
+@lru_cache(maxsize=16)
+def _quaternion_of(rotation: bytes) -> list[float]:
+    """Of the float64 of a rotation: one pose goes into several messages, and computing it takes longest of all."""
+    return Rotation.from_matrix(np.frombuffer(rotation).reshape(3, 3)).as_quat().tolist()
+
+
+def _vector(values: ArrayLike) -> Message:
+    return make("geometry_msgs/Vector3", *np.asarray(values, np.float64).tolist())
+
+
+def pose_stamped(time: float, frame: str, T: NDArray[np.float64]) -> Message:
+    """A 4×4 pose at a time, s, in a frame."""
+    return make("geometry_msgs/PoseStamped", header(time, frame), pose(T))
+
+
+def path(time: float, places: NDArray[np.float64]) -> Message:
+    """A way over (N, 3) points in ``map``, m, as nav_msgs/Path."""
+    poses = [pose_stamped(time, MAP, from_rotation(np.eye(3), place)) for place in places]
+    return make("nav_msgs/Path", header(time, MAP), poses)
+
+
+def transforms(time: float, links: Mapping[tuple[str, str], NDArray[np.float64]]) -> Message:
+    """4×4 poses of frames by the names of parent and child, as tf2_msgs/TFMessage."""
+    return make(
+        "tf2_msgs/TFMessage",
+        [
+            make(
+                "geometry_msgs/TransformStamped",
+                header(time, parent),
+                child,
+                make("geometry_msgs/Transform", _vector(T[:3, 3]), _quaternion(T)),
+            )
+            for (parent, child), T in links.items()
+        ],
+    )
+
+
+def image(time: float, encoding: str, pixels: NDArray) -> Message:
+    """An image (H, W) or (H, W, C) of the camera as sensor_msgs/Image."""
+    height, width = pixels.shape[:2]
+    data = np.ascontiguousarray(pixels).view(np.uint8).ravel()
+    return make("sensor_msgs/Image", header(time, CAMERA), height, width, encoding, 0, len(data) // height, data)
+
+
+def compressed_image(time: float, format: str, data: NDArray[np.uint8]) -> Message:
+    """The (N,) bytes of an image file of the camera, such as ``jpeg``, as sensor_msgs/CompressedImage."""
+    return make("sensor_msgs/CompressedImage", header(time, CAMERA), format, data)
+
+
+def camera_info(time: float, k: Intrinsics) -> Message:
+    """Intrinsics without distortion; in ROS pixel centres are at whole numbers."""
+    K = np.array([[k.fx, 0, k.cx - 0.5], [0, k.fy, k.cy - 0.5], [0, 0, 1]], np.float64)
+    return make(
+        "sensor_msgs/CameraInfo",
+        header(time, CAMERA),
+        k.height,
+        k.width,
+        "plumb_bob",
+        np.zeros(5),
+        K.ravel(),
+        np.eye(3).ravel(),
+        np.column_stack([K, np.zeros(3)]).ravel(),
+        0,
+        0,
+        make("sensor_msgs/RegionOfInterest", 0, 0, 0, 0, False),
+    )
+
+
+def odometry(time: float, T_odom_base: NDArray[np.float64], twist: Velocity) -> Message:
+    """A 4×4 pose and the velocity in ``base_link`` as nav_msgs/Odometry."""
+    return make(
+        "nav_msgs/Odometry",
+        header(time, ODOM),
+        BASE,
+        make("geometry_msgs/PoseWithCovariance", pose(T_odom_base), UNKNOWN),
+        make("geometry_msgs/TwistWithCovariance", velocity(twist), UNKNOWN),
+    )
+
+
+def velocity(command: Velocity) -> Message:
+    """A velocity in ``base_link`` as geometry_msgs/Twist."""
+    return make("geometry_msgs/Twist", _vector([command.v, 0, 0]), _vector([0, 0, command.omega]))
+
+
+def imu(motion: Motion) -> Message:
+    """Gyro and accelerometer as sensor_msgs/Imu; −1 says that there is no orientation."""
+    none = np.zeros(9)
+    return make(
+        "sensor_msgs/Imu",
+        header(motion.time, BASE),
+        make("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0),
+        np.array([-1.0, *none[1:]]),
+        _vector(motion.gyro),
+        none,
+        _vector(motion.accelerometer),
+        none,
+    )
+
+
+def joint_states(
+    time: float, names: Sequence[str], position: NDArray[np.float64], speed: NDArray[np.float64]
+) -> Message:
+    """Angles (N,) in rad and speeds (N,) in rad/s of joints as sensor_msgs/JointState."""
+    return make("sensor_msgs/JointState", header(time, BASE), list(names), position, speed, np.zeros(0))
+
+
+def clock(time: float) -> Message:
+    """The simulated time, s, as rosgraph_msgs/Clock."""
+    return make("rosgraph_msgs/Clock", stamp(time))
+
+
+def labelled_cloud(time: float, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> Message:
+    """Points (N, 3) in ``map``, m, with labels (N,) as sensor_msgs/PointCloud2."""
+    layout = np.dtype([("x", np.float32), ("y", np.float32), ("z", np.float32), ("label", np.uint8)])
+    data = np.empty(len(points), layout)
+    data["x"], data["y"], data["z"] = points.T
+    data["label"] = labels
+    fields = [
+        make("sensor_msgs/PointField", name, offset, FIELD_TYPES[kind], 1)
+        for name, (kind, offset, *_) in (layout.fields or {}).items()
+    ]
+    size, raw = layout.itemsize, data.view(np.uint8)
+    return make(
+        "sensor_msgs/PointCloud2", header(time, MAP), 1, len(points), fields, False, size, len(raw), raw, True
+    )
+
+
+def occupancy_grid(time: float, grid: Grid, values: NDArray[np.int8]) -> Message:
+    """Values (nx, ny) of a grid in ``map``, 0 free to 100 occupied and -1 unknown, as nav_msgs/OccupancyGrid."""
+    origin = pose(from_rotation(np.eye(3), [*grid.origin, 0.0]))
+    nx, ny = values.shape
+    info = make("nav_msgs/MapMetaData", stamp(time), grid.cell, nx, ny, origin)
+    return make("nav_msgs/OccupancyGrid", header(time, MAP), info, np.ascontiguousarray(values.T, np.int8).ravel())
+
+
+def marker(
+    time: float, name: str, kind: str, points: NDArray[np.float64], size: float, colour: tuple[float, float, float]
+) -> Message:
+    """A ``SPHERE_LIST`` or ``LINE_LIST`` of (N, 3) points in ``map``, m, of a size in m and a colour from 0 to 1."""
+    form: Any = TYPES["visualization_msgs/msg/Marker"]
+    return form(
+        header=header(time, MAP),
+        ns=name,
+        id=0,
+        type=getattr(form, kind),
+        action=form.ADD if len(points) else form.DELETE,
+        pose=pose(np.eye(4)),
+        scale=_vector([size] * 3 if kind == "SPHERE_LIST" else [size, 0, 0]),
+        color=make("std_msgs/ColorRGBA", *colour, 1.0),
+        lifetime=make("builtin_interfaces/Duration", 0, 0),
+        frame_locked=False,
+        points=[make("geometry_msgs/Point", *place) for place in points.tolist()],
+        colors=[],
+        texture_resource="",
+        texture=compressed_image(time, "", NOTHING),
+        uv_coordinates=[],
+        text="",
+        mesh_resource="",
+        mesh_file=make("visualization_msgs/MeshFile", "", NOTHING),
+        mesh_use_embedded_materials=False,
+    )

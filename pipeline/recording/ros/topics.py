@@ -1,0 +1,126 @@
+"""What a robot senses and what its maps hold, topic by topic: to a bag, or to a network."""
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.planning.path_plan import PathPlan
+from pipeline.recording.ros import messages
+from pipeline.recording.ros.messages import BASE, CAMERA, MAP, ODOM, Message
+from pipeline.robot import Motion, Velocity
+from pipeline.semantic_map.semantic_map import VOXEL
+from pipeline.semantic_map.voxels import VoxelCloud
+
+ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
+"""Depth in whole mm or in m (REP 118), and whether colours are compressed."""
+Send = Callable[[str, float, Message], None]
+"""Takes a topic, the time in s and a message."""
+JPEG_QUALITY = 95
+STILL = 1e-6
+"""m, within which a camera is where it was; a simulator's rounding moves it as well."""
+NODES, EDGES, PEOPLE = (0.1, 0.4, 1.0), (0.7, 0.7, 0.7), (0.1, 0.9, 0.2)
+"""Colours of markers."""
+
+
+class RobotTopics:
+    """What a robot senses, and where it is."""
+
+    def __init__(self, send: Send, images: ImageFormat = "16UC1"):
+        self._send, self._depth_encoding, self._is_jpeg = send, images[:5], images.endswith("jpeg")
+        self._T_base_camera: NDArray[np.float64] | None = None
+
+    def frame(self, frame: Frame) -> None:
+        """Send both images, their intrinsics, true labels where there are any, and the camera's place once."""
+        time = frame.time
+        if self._T_base_camera is None or not np.allclose(
+            self._T_base_camera, frame.T_base_camera, rtol=0, atol=STILL
+        ):
+            self._T_base_camera = frame.T_base_camera
+            self._send("/tf_static", time, messages.transforms(time, {(BASE, CAMERA): frame.T_base_camera}))
+        for kind in ("color", "depth"):
+            self._send(f"/camera/{kind}/camera_info", time, messages.camera_info(time, frame.intrinsics))
+        if self._is_jpeg:
+            _, data = cv2.imencode(".jpg", frame.rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
+            colour = messages.compressed_image(time, "rgb8; jpeg compressed bgr8", data.ravel())
+            self._send("/camera/color/image_raw/compressed", time, colour)
+        else:
+            self._send("/camera/color/image_raw", time, messages.image(time, "rgb8", frame.rgb))
+        if frame.label is not None:
+            self._send("/camera/label/image_raw", time, messages.image(time, "8UC1", frame.label))
+        # Last, so that the others are there when it comes.
+        depth = np.where(frame.returns, frame.depth, 0).astype(np.float32)
+        pixels = depth if self._depth_encoding == "32FC1" else np.rint(depth.clip(max=65.535) * 1e3).astype(np.uint16)
+        self._send("/camera/depth/image_raw", time, messages.image(time, self._depth_encoding, pixels))
+
+    def odometry(
+        self,
+        time: float,
+        T_odom_base: NDArray[np.float64],
+        twist: Velocity,
+        T_map_odom: NDArray[np.float64] | None,
+        T_world_base: NDArray[np.float64] | None,
+    ) -> None:
+        """Send where the robot is at a time in s: 4×4 by its odometry, where ``map`` is known there, and truly."""
+        self._send("/odom", time, messages.odometry(time, T_odom_base, twist))
+        links = {(ODOM, BASE): T_odom_base} | ({} if T_map_odom is None else {(MAP, ODOM): T_map_odom})
+        self._send("/tf", time, messages.transforms(time, links))
+        if T_world_base is not None:
+            self._send("/ground_truth/pose", time, messages.pose_stamped(time, MAP, T_world_base))
+
+    def motion(self, motion: Motion, command: Velocity) -> None:
+        """Send what the body feels after a control period, the command, and the time."""
+        self._send("/clock", motion.time, messages.clock(motion.time))
+        self._send("/cmd_vel", motion.time, messages.velocity(command))
+        self._send("/imu", motion.time, messages.imu(motion))
+
+    def joints(
+        self, time: float, names: Sequence[str], position: NDArray[np.float64], speed: NDArray[np.float64]
+    ) -> None:
+        """Send angles (N,) in rad and speeds (N,) in rad/s of the wheels at a time in s."""
+        self._send("/joint_states", time, messages.joint_states(time, names, position, speed))
+
+
+class MapTopics:
+    """What a mapper makes of it."""
+
+    def __init__(self, send: Send):
+        self._send = send
+
+    def keyframe(self, keyframe: Keyframe) -> None:
+        """Send that a keyframe was made, and its labelled points; that it was labelled tells ``semantic_cloud``."""
+        time = keyframe.frame.time
+        self._send("/keyframe", time, messages.pose_stamped(time, MAP, keyframe.T_map_base))
+        if len(keyframe.labels):
+            cloud = VoxelCloud.of(keyframe.points, VOXEL)
+            labels = cloud.means(np.eye(int(keyframe.labels.max()) + 1, dtype=np.float32)[keyframe.labels])
+            named = labels.argmax(axis=1).astype(np.uint8)
+            self._send("/semantic_cloud", time, messages.labelled_cloud(time, cloud.points, named))
+
+    def maps(self, mapper: Mapper, keyframe: Keyframe, plan: PathPlan | None) -> None:
+        """Send the traversable ground, the way so far, the plan and what is known by its place."""
+        time, traversability = keyframe.frame.time, keyframe.traversability
+        known = np.where(traversability.hazard, 100, 0)
+        values = np.where(np.isnan(traversability.elevation), -1, known).astype(np.int8)
+        self._send("/map", time, messages.occupancy_grid(time, traversability.grid, values))
+        self._send("/path", time, messages.path(time, mapper.poses[:, :3, 3]))
+        way = np.zeros((0, 3)) if plan is None else np.vstack([keyframe.T_map_base[:3, 3], plan.way_points])
+        self._send("/plan", time, messages.path(time, way))
+        self._send("/markers", time, self._markers(mapper, time))
+
+    def _markers(self, mapper: Mapper, time: float) -> Message:
+        topology = mapper.topological_map
+        nodes = np.array([node.position for node in topology.nodes.values()]).reshape(-1, 3)
+        ways = [topology.way(a, b) for a, b in topology.graph.edges]
+        edges = np.concatenate([np.zeros((0, 3)), *(np.repeat(way, 2, axis=0)[1:-1] for way in ways)])
+        people = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)
+        drawn = [
+            messages.marker(time, "nodes", "SPHERE_LIST", nodes, 0.15, NODES),
+            messages.marker(time, "edges", "LINE_LIST", edges, 0.03, EDGES),
+            messages.marker(time, "people", "SPHERE_LIST", people, 0.4, PEOPLE),
+        ]
+        return messages.make("visualization_msgs/MarkerArray", drawn)

@@ -1,0 +1,258 @@
+"""A ROS bag: of ROS 2 as MCAP or SQLite, or of ROS 1."""
+
+import heapq
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader
+
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.recording.ros.messages import BASE, ODOM, STORE, Message, pose_matrix, seconds
+from pipeline.recording.sources.images import colour_of, depth_of, label_of
+from pipeline.recording.sources.pinhole import Pinhole
+from pipeline.recording.sources.recording import Calibration, Recording, Trajectory
+
+APART = 0.02
+"""s, farthest that a colour image may be from the depth image that it belongs to."""
+WINDOW = 15
+"""Depth images within which their order may be mixed up, and colour may lag."""
+AT_REST = 0.5
+"""s at the beginning of which the accelerometer tells the vertical."""
+KEYFRAME, LABELLED, STEP = "/keyframe", "/semantic_cloud", "/map"
+TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"
+"""Topics of sarsim's own bags."""
+INFRARED = re.compile("/(infra|ir/)")
+"""In names of topics whose images have no colours."""
+IMAGES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+
+
+def read_ros_bag(path: Path, topics: Sequence[str] = (), calibration: Calibration | None = None) -> Recording:
+    """A bag's images, odometry, transforms, accelerometer, and of sarsim's own what the robot knew and what is true.
+
+    Args:
+        path: of the bag's folder or file.
+        topics: to use, where the bag has several of a kind.
+        calibration: of the camera, over that of ``camera_info``.
+
+    Raises:
+        InputError: it is missing or broken, or does not hold what is needed.
+    """
+    with _opened(path) as reader:
+        chosen = Topics(path, reader, topics)
+        beside = _Beside(reader, chosen)
+        span = reader.duration / 1e9
+    camera = Pinhole(path, beside.camera_info, calibration)
+    recording = Recording(path, lambda: _frames(recording, chosen, camera, beside, span))
+    recording.odometry, recording.truth = beside.odometry(), beside.trajectory(beside.true_poses)
+    recording.keyframes = {time: time in beside.labelled for time in beside.keyframes} or None
+    recording.steps = beside.steps
+    recording.has_camera_pose = beside.T_base(beside.camera_frame) is not None
+    recording.up = beside.up()
+    return recording
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[AnyReader]:
+    """A bag to read; what the reader, whose errors are of many kinds, cannot make sense of becomes InputError."""
+    alone = sorted(path.glob("*.mcap")) + sorted(path.glob("*.db3")) if path.is_dir() else []
+    file = alone[0] if len(alone) == 1 and not (path / "metadata.yaml").exists() else path
+    try:
+        with AnyReader([file], default_typestore=STORE) as reader:
+            yield reader
+    except (InputError, GeneratorExit, KeyboardInterrupt):
+        raise
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no bag: {error}") from error
+    except Exception as error:
+        said = " ".join(str(error).split())[:200] or type(error).__name__
+        raise InputError(f"{path}: cut short or broken, or of an unknown kind: {said}") from error
+
+
+class Topics:
+    """Which topic of a bag is what.
+
+    Attributes:
+        depth: of depth images.
+        colour, odometry, imu: None where there is none.
+        camera_info: of the depth images.
+    """
+
+    def __init__(self, path: Path, reader: AnyReader, named: Sequence[str]):
+        """Raises InputError where there are no depth images, or several topics of a kind of which none is named."""
+        self._path, self._named = path, named
+        self._kinds = {name: info.msgtype for name, info in reader.topics.items() if info.msgcount}
+        if unknown := [name for name in named if name not in self._kinds]:
+            raise InputError(f"{path}: holds no messages of {', '.join(unknown)}")
+        images = [name for name, kind in self._kinds.items() if kind in IMAGES and name != LABELS]
+        depths = [name for name in images if "depth" in name.lower()]
+        depth = self._one("depth images", depths)
+        if depth is None:
+            raise InputError(
+                f"{path}: holds no depth images; its topics are {', '.join(sorted(self._kinds)) or 'none'}"
+            )
+        self.depth = depth
+        others = [name for name in images if name not in depths and not INFRARED.search(name)]
+        self.colour = self._one("colour images", others)
+        self.odometry = self._one("odometry", self._of("nav_msgs/msg/Odometry"))
+        imus = self._of("sensor_msgs/msg/Imu")
+        self.imu = self._one("IMUs", imus) if len(imus) == 1 or set(imus) & set(named) else None
+        place = depth.removesuffix("/compressedDepth").removesuffix("/compressed").rpartition("/")[0]
+        self.camera_info = f"{place}/camera_info"
+
+    def _of(self, kind: str) -> list[str]:
+        return [name for name, found in self._kinds.items() if found == kind]
+
+    def _one(self, what: str, names: list[str]) -> str | None:
+        """The one of these topics; of a raw one and the same compressed the raw one, of several the named one."""
+        raw = [n for n in names if not any(n != m and n.startswith(f"{m}/") for m in names)]
+        found = [n for n in names if n in self._named] or raw
+        if len(found) > 1:
+            listed = " and ".join(found)
+            raise InputError(f"{self._path}: {what} come on {listed}; --topics names those to use")
+        return found[0] if found else None
+
+
+class _Beside:
+    """All that a bag tells beside its images."""
+
+    def __init__(self, reader: AnyReader, topics: Topics):
+        self.camera_info: Message | None = None
+        self.camera_frame = ""
+        self.keyframes: list[float] = []
+        self.labelled: set[float] = set()
+        self.steps: set[float] = set()
+        self.true_poses: list[tuple[float, NDArray[np.float64]]] = []
+        self._odometry: list[tuple[float, NDArray[np.float64]]] = []
+        self._by_tf: list[tuple[float, NDArray[np.float64]]] = []
+        self._links: dict[str, tuple[str, NDArray[np.float64]]] = {}
+        self._felt: list[tuple[float, NDArray[np.float64]]] = []
+        self._imu_frame, self._base = "", BASE
+        takers: dict[str | None, Callable[[Any], None]] = {
+            topics.camera_info: self._take_camera_info,
+            topics.odometry: self._take_odometry,
+            topics.imu: self._take_imu,
+            "/tf": self._take_tf,
+            "/tf_static": self._take_tf,
+            KEYFRAME: lambda message: self.keyframes.append(seconds(message.header.stamp)),
+            LABELLED: lambda message: self.labelled.add(seconds(message.header.stamp)),
+            STEP: lambda message: self.steps.add(seconds(message.header.stamp)),
+            TRUTH: lambda m: self.true_poses.append(_stamped(m, m.pose)),
+        }
+        connections = [c for c in reader.connections if c.topic in takers]
+        for connection, _, raw in reader.messages(connections) if connections else ():
+            takers[connection.topic](reader.deserialize(raw, connection.msgtype))
+
+    def _take_camera_info(self, message: Message) -> None:
+        self.camera_info = self.camera_info or message
+        self.camera_frame = message.header.frame_id
+
+    def _take_odometry(self, message: Message) -> None:
+        self._base = message.child_frame_id or BASE
+        self._odometry.append(_stamped(message, message.pose.pose))
+
+    def _take_imu(self, message: Message) -> None:
+        a, self._imu_frame = message.linear_acceleration, message.header.frame_id
+        self._felt.append((seconds(message.header.stamp), np.array([a.x, a.y, a.z])))
+
+    def _take_tf(self, message: Message) -> None:
+        for link in message.transforms:
+            T = pose_matrix(link.transform.translation, link.transform.rotation)
+            parent, child = link.header.frame_id.strip("/"), link.child_frame_id.strip("/")
+            if parent == ODOM:
+                self._by_tf.append((seconds(link.header.stamp), T))
+            else:
+                self._links[child] = parent, T
+
+    def T_base(self, frame: str) -> NDArray[np.float64] | None:
+        """4×4 pose of a frame in that of the robot; None if no transforms lead there."""
+        T = np.eye(4)
+        for _ in range(len(self._links) + 1):
+            if frame.strip("/") == self._base.strip("/"):
+                return T
+            if frame.strip("/") not in self._links:
+                return None
+            frame, step = self._links[frame.strip("/")]
+            T = step @ T
+        return None
+
+    def odometry(self) -> Trajectory | None:
+        """By its own topic, or else by the transforms from ``odom``."""
+        return self.trajectory(self._odometry or self._by_tf)
+
+    def trajectory(self, poses: list[tuple[float, NDArray[np.float64]]]) -> Trajectory | None:
+        """4×4 poses at their times, s, but for those that are not finite."""
+        good = [(time, T) for time, T in poses if np.isfinite(T).all()]
+        return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
+
+    def up(self) -> NDArray[np.float64] | None:
+        """(3,) the vertical in the robot's frame at the beginning, by the accelerometer."""
+        felt = np.array([a for time, a in self._felt if time <= self._felt[0][0] + AT_REST]).reshape(-1, 3)
+        T = self.T_base(self._imu_frame)
+        mean = felt.mean(axis=0) if len(felt) and np.isfinite(felt).all() else np.zeros(3)
+        return None if T is None or not mean.any() else T[:3, :3] @ mean / np.linalg.norm(mean)
+
+
+def _stamped(message: Message, pose: Message) -> tuple[float, NDArray[np.float64]]:
+    return seconds(message.header.stamp), pose_matrix(pose.position, pose.orientation)
+
+
+def _frames(recording: Recording, topics: Topics, camera: Pinhole, beside: _Beside, span: float) -> Iterator[Frame]:
+    """Each depth image with the colour image nearest in time, in the order of their stamps."""
+    T_base_camera = beside.T_base(beside.camera_frame)
+    place, last = np.eye(4) if T_base_camera is None else T_base_camera, -np.inf
+    with _opened(recording.path) as reader:
+        for time, depth, found in _matched(reader, topics):
+            if last == -np.inf:
+                recording.check_clocks(time, time + span)
+            if time <= last:
+                recording.leave_out("depth images that are out of order")
+                continue
+            colour, label = found(topics.colour), found(LABELS)
+            if topics.colour and colour is None:
+                recording.leave_out("depth images without a colour image")
+                continue
+            last = time
+            metres = camera.depth(depth_of(depth))
+            rgb = np.zeros((*metres.shape, 3), np.uint8) if colour is None else camera.colour(colour_of(colour))
+            true = None if label is None else label_of(label)
+            yield Frame(time, rgb, metres, camera.intrinsics, place, np.eye(4), true)
+
+
+Found = Callable[[str | None], Message | None]
+
+
+def _matched(reader: AnyReader, topics: Topics) -> Iterator[tuple[float, Message, Found]]:
+    """Depth images, and for each what gives the other image that belongs to it, by its topic."""
+    wanted = [c for c in reader.connections if c.topic in (topics.depth, topics.colour, LABELS)]
+    depths: list[tuple[float, int, Message]] = []
+    others: dict[str, dict[float, Message]] = {topics.colour or "": {}, LABELS: {}}
+
+    def finder(time: float) -> Found:
+        def found(topic: str | None) -> Message | None:
+            images = others.get(topic or "", {})
+            nearest = min(images, key=lambda t: abs(t - time), default=np.inf)
+            return images[nearest] if abs(nearest - time) <= (0 if topic == LABELS else APART) else None
+
+        return found
+
+    for number, (connection, _, raw) in enumerate(reader.messages(wanted)):
+        message: Any = reader.deserialize(raw, connection.msgtype)
+        time = seconds(message.header.stamp)
+        if connection.topic == topics.depth:
+            heapq.heappush(depths, (time, number, message))
+        else:
+            others[connection.topic][time] = message
+        if len(depths) > WINDOW:
+            first, _, depth = heapq.heappop(depths)
+            yield first, depth, finder(first)
+            for images in others.values():
+                for old in [t for t in images if t < first - APART]:
+                    del images[old]
+    for first, _, depth in (heapq.heappop(depths) for _ in range(len(depths))):
+        yield first, depth, finder(first)

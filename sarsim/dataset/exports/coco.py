@@ -1,0 +1,101 @@
+"""Images with boxes and masks in COCO's format (Lin et al., ECCV 2014)."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+from sarsim.dataset.arena_range import check
+from sarsim.dataset.exports.export import Export, write_image
+from sarsim.dataset.folder import Dataset
+from sarsim.dataset.manifest import SceneEntry
+from sarsim.dataset.scene_file import Scene, SceneContent
+
+CATEGORIES = [{"id": int(label), "name": label.name.lower()} for label in Label if label is not Label.UNLABELLED]
+
+
+@dataclass(frozen=True)
+class Coco(Export):
+    """images/<split>/*.jpg and annotations/<split>.json: boxes and masks of victims, and of every other geom."""
+
+    min_area: int = 100
+    """pixels; of an object that shows fewer there is no box."""
+    quality: int = 95
+    """of the JPEG files, up to 100."""
+    _splits: dict[str, dict[str, list[dict[str, Any]]]] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        check("min-area", self.min_area, 1)
+        check("quality", self.quality, 0, 100)
+
+    def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
+        """An image for each frame, and what is known of the objects in it."""
+        images = folder / "images" / entry.split
+        images.mkdir(parents=True, exist_ok=True)
+        split = self._splits.setdefault(entry.split, {"images": [], "annotations": []})
+        k = scene.intrinsics
+        for index, frame in enumerate(scene):
+            name = f"{entry.index:05d}_{index:05d}.jpg"
+            write_image(images / name, frame.rgb, cv2.IMWRITE_JPEG_QUALITY, self.quality)
+            image = len(split["images"]) + 1
+            split["images"].append({"id": image, "file_name": name, "width": k.width, "height": k.height})
+            assert frame.instance is not None
+            for category, mask in objects(frame.instance, scene.content, self.min_area):
+                about = {"id": len(split["annotations"]) + 1, "image_id": image, "category_id": category}
+                split["annotations"].append(about | annotation(mask))
+
+    def finish(self, folder: Path, dataset: Dataset) -> None:
+        """A file for each split."""
+        (folder / "annotations").mkdir()
+        for name, split in self._splits.items():
+            content = {"info": {"description": f"sarsim, {name}"}, "categories": CATEGORIES, **split}
+            (folder / "annotations" / f"{name}.json").write_text(json.dumps(content))
+
+
+def objects(
+    instance: NDArray[np.int32], content: SceneContent, min_area: int
+) -> Iterator[tuple[int, NDArray[np.bool_]]]:
+    """Label and mask (H, W) of each geom in an instance image (H, W) that shows enough pixels; a victim is one."""
+    victims = content.geom_victim.astype(np.int64)
+    geoms = np.arange(len(victims))
+    # The geoms of a victim share the number of the first of them.
+    first = np.array([geoms[victims == v][0] if v >= 0 else g for g, v in zip(geoms, victims, strict=True)])
+    merged = np.where(instance >= 0, first[instance], -1)
+    for number, area in zip(*np.unique(merged[merged >= 0], return_counts=True), strict=True):
+        label = int(content.geom_label[number])
+        if area >= min_area and label != Label.UNLABELLED:
+            yield label, merged == number
+
+
+def annotation(mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """Box (x, y, width, height in pixels), area and run lengths of a mask (H, W) with something in it."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    box = [int(columns[0]), int(rows[0]), int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1]
+    return {
+        "bbox": box,
+        "area": int(mask.sum()),
+        "iscrowd": 0,
+        "segmentation": {"size": list(mask.shape), "counts": run_lengths(mask)},
+    }
+
+
+def run_lengths(mask: NDArray[np.bool_]) -> str:
+    """A mask (H, W) as COCO compresses it: runs down the columns, less those two before, 5 bits a letter."""
+    flat = np.concatenate([[False], mask.ravel(order="F"), [not mask[-1, -1]]])
+    counts = np.diff(np.flatnonzero(flat[1:] != flat[:-1]), prepend=0)
+    letters = []
+    for k, count in enumerate(counts.tolist()):
+        rest = count - int(counts[k - 2]) if k > 2 else count
+        while True:
+            bits, rest = rest & 31, rest >> 5
+            is_last = rest == (-1 if bits & 16 else 0)
+            letters.append(chr(48 + bits + (0 if is_last else 32)))
+            if is_last:
+                break
+    return "".join(letters)

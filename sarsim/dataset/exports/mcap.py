@@ -1,0 +1,31 @@
+"""Scenes as ROS 2 bags, as if a robot had recorded them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.recording.ros.bag import Bag
+from pipeline.recording.ros.topics import RobotTopics
+from pipeline.robot import Velocity
+from sarsim.dataset.exports.export import Export
+from sarsim.dataset.exports.s3dis import room
+from sarsim.dataset.manifest import SceneEntry
+from sarsim.dataset.scene_file import Scene
+
+
+@dataclass(frozen=True)
+class Mcap(Export):
+    """For each scene a bag: a folder with metadata.yaml and an MCAP file."""
+
+    def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
+        """A bag for each scene: images and labels, intrinsics, odometry, transforms, and the true poses."""
+        path = folder / room(entry)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with Bag(path) as bag:
+            topics = RobotTopics(bag.write)
+            for index, frame in enumerate(scene):
+                # Nothing tells how fast the robot was between two frames.
+                unknown = Velocity(np.nan, np.nan)
+                topics.odometry(frame.time, frame.T_odom_base, unknown, None, scene.pose_true[index])
+                topics.frame(frame)

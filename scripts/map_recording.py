@@ -1,0 +1,76 @@
+"""Map what was recorded, a TUM RGB-D folder, a ROS bag or a scene: ``map_recording.py PATH --out DIR``."""
+
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from pipeline.errors import InputError
+from sarsim.scripts.cli import INTERRUPTED, Interruptible, progress
+from sarsim.scripts.settings import run_with_settings, save_settings
+from sarsim.scripts.tables import report_table
+from sarsim.settings import MapRecording
+
+if TYPE_CHECKING:
+    from pipeline.recording.sources.recording import Recording
+
+BAGS = (".mcap", ".db3", ".yaml", ".bag")
+"""Endings of a bag's files."""
+
+
+def map_recording(config: MapRecording) -> None:
+    """Make every map, a recording and a report of what a camera recorded.
+
+    Where the recording is broken or nothing tells any more where a frame was taken, what came before is kept.
+    """
+    from sarsim.scripts.recorded_drive import RecordedDrive
+
+    recording = open_recording(config)
+    drive = RecordedDrive(recording, config)
+    with progress() as bars, Interruptible() as control:
+        bar = bars.add_task(config.path.name, total=None)
+        drive.run(
+            lambda: control.interrupted, lambda line: bars.update(bar, completed=drive.frames, description=line)
+        )
+    if drive.report:
+        save_settings(config, config.out / "config.yaml")
+        Console().print(report_table(drive.report))
+        Console().print(f"Results in {config.out}", soft_wrap=True)
+    if drive.error:
+        raise InputError(drive.error)
+    if control.interrupted:
+        raise SystemExit(INTERRUPTED)
+
+
+def open_recording(config: MapRecording) -> "Recording":
+    """The recording that a path names.
+
+    Raises:
+        InputError: it is none, or broken.
+    """
+    from pipeline.recording.sources.recording import Calibration
+    from pipeline.recording.sources.ros_bag import read_ros_bag
+    from pipeline.recording.sources.tum_folder import read_tum_folder
+    from sarsim.dataset.recorded_scene import read_scene
+
+    path, calibration = config.path, config.intrinsics and Calibration(*config.intrinsics)
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    if calibration and min(calibration) <= 0:
+        raise InputError(f"--intrinsics {' '.join(map(str, calibration))}: must be positive")
+    if path.suffix == ".h5":
+        return read_scene(path)
+    if path.is_file() or any(file.suffix in BAGS for file in path.iterdir()):
+        return read_ros_bag(path, config.topics, calibration)
+    for flag, value in (("depth-scale", config.depth_scale), ("fps", config.fps)):
+        if value is not None and not 0 < value < 1e6:
+            raise InputError(f"--{flag} {value}: must be positive")
+    return read_tum_folder(path, calibration, config.depth_scale, config.fps)
+
+
+def main() -> None:
+    """Entry point."""
+    run_with_settings(map_recording, MapRecording)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,147 @@
+"""A recording that is mapped, and what it leaves: the files of an episode."""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from pipeline.localisation.odometry import LostError
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.recording.recorder import Recorder
+from pipeline.recording.replay import Replay, Replayed, default_poses, localisation_of
+from pipeline.recording.results import save_maps
+from pipeline.recording.sources.recording import CameraPose, Recording
+from pipeline.rescue_report.report import write_page
+from pipeline.rescue_report.situation import situation_of
+from pipeline.transforms import inverse
+from pipeline.victims.detection.detector import VictimDetector
+from sarsim.episode import make_classifier, make_folder, percentiles
+from sarsim.robots.pioneer3at import PIONEER_3AT
+from sarsim.robots.pose import Pose
+from sarsim.scoring.trajectory import TrajectoryScore, write_tum
+from sarsim.settings import MapRecording
+
+RECORDING = "episode.rrd"
+"""What a viewer opens."""
+
+
+class RecordedDrive:
+    """A recording, a mapper, and what watches them.
+
+    Attributes:
+        mapper: all maps.
+        frames: taken in so far.
+        report: what goes into report.json; empty before the first frame.
+        error: why the recording could not be mapped to its end, if so.
+    """
+
+    def __init__(self, recording: Recording, config: MapRecording):
+        """Raises InputError where the recording has no such poses, or the output folder cannot be written."""
+        self.recording, self.config = recording, config
+        detector = VictimDetector.load(*config.detector) if config.detector else None
+        poses = config.poses or default_poses(recording)
+        classifier, localisation = make_classifier(config.labels, config.weights), localisation_of(poses)
+        self.mapper = Mapper(PIONEER_3AT, classifier, detector, localisation=localisation)
+        camera = config.camera and CameraPose(*config.camera).T_base_camera
+        self._replay = Replay(recording, self.mapper, poses, camera)
+        make_folder(config.out)
+        self._recorder = Recorder(config.out / RECORDING)
+        self.frames, self._labelled, self.error = 0, list[Keyframe](), ""
+        self.report: dict[str, Any] = {}
+        self._trajectory: list[Pose] = []
+        self._score = TrajectoryScore(localisation, self._trajectory)
+        self._has_truth, self._T_map_world = False, np.eye(4)
+
+    def run(
+        self,
+        interrupted: Callable[[], bool] = lambda: False,
+        on_frame: Callable[[str], object] = lambda description: None,
+    ) -> None:
+        """Map until the recording ends, breaks, or is ``interrupted``, and write the results."""
+        start = perf_counter()
+        try:
+            for replayed in self._replay:
+                self._add(replayed)
+                on_frame(f"{self.config.path.name}: {self.mapper.keyframes} keyframes")
+                if interrupted():
+                    break
+        except (InputError, LostError) as error:
+            self.error = str(error)
+        if self._labelled:
+            self.mapper.settle()
+            self.report = self._report(perf_counter() - start)
+        self._recorder.close()
+        if self._labelled:
+            self._write()
+            return
+        (self.config.out / RECORDING).unlink()
+        if not self.error:
+            left_out = ", ".join(f"{count} {reason}" for reason, count in self.recording.left_out.items())
+            self.error = f"{self.recording.path}: holds no frame that could be used; {left_out or 'it is empty'}"
+
+    def _add(self, replayed: Replayed) -> None:
+        frame, keyframe, truth = replayed
+        T = frame.T_odom_base
+        if not self.frames and truth is not None:
+            # Nothing tells where the true poses' frame is in the map, so the first ones coincide.
+            self._has_truth, self._T_map_world = True, T @ inverse(truth)
+        self.frames += 1
+        if truth is not None or not self._has_truth:
+            self._trajectory.append(Pose(frame.time, T if truth is None else self._T_map_world @ truth, T))
+        if keyframe is None:
+            self._recorder.log_pose(frame.time, T)
+            return
+        self._score.add()
+        if len(keyframe.labels):
+            farthest = PIONEER_3AT.camera_range[1]
+            self._recorder.log_keyframe(len(self._labelled), self.mapper, keyframe, farthest)
+            self._labelled.append(keyframe)
+
+    def _report(self, wall_time: float) -> dict[str, Any]:
+        times = [pose.time for pose in self._trajectory]
+        config = {
+            name: str(value) if isinstance(value, Path) else value for name, value in asdict(self.config).items()
+        }
+        detector = self.config.detector and [str(path) for path in self.config.detector]
+        sim_time = times[-1] - times[0]
+        return {
+            "arena": self.config.path.name,
+            "seed": 0,
+            "steps": len(self._labelled),
+            "version": version("sarsim"),
+            "config": config | {"detector": detector},
+            "sim_time_s": sim_time,
+            "wall_time_s": wall_time,
+            "real_time_factor": sim_time / wall_time,
+            "timing_ms": {stage: percentiles(times) for stage, times in self.mapper.stopwatch.seconds.items()},
+            "recording": {
+                "frames": self.frames,
+                "keyframes": self.mapper.keyframes,
+                "loops": len(self.mapper.localisation.loops),
+                "left_out": self.recording.left_out,
+                **({"stopped": self.error} if self.error else {}),
+            },
+            **({"localisation": self._score.report()} if self._has_truth else {}),
+        }
+
+    def _write(self) -> None:
+        out, mapper = self.config.out, self.mapper
+        with whole_file(out / "report.json") as path:
+            path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
+        save_maps(mapper, out)
+        times = [pose.time for pose in self._trajectory]
+        write_tum(out / "trajectory_estimated.tum", times, self._score.estimated())
+        if self._has_truth:
+            write_tum(out / "trajectory_true.tum", times, [pose.T_world_base for pose in self._trajectory])
+        poses: list[NDArray[np.float64]] = [mapper.poses[keyframe.index] for keyframe in self._labelled]
+        height = float(self._labelled[0].frame.T_base_camera[2, 3])
+        situation = situation_of(mapper, PIONEER_3AT, poses, height, finished=not self.error)
+        write_page(out / "report.html", situation, self.report)

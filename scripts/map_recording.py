@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from pipeline.errors import InputError
-from sarsim.scripts.cli import INTERRUPTED, Interruptible, progress
+from sarsim.scripts.cli import SIGNALLED, Interruptible, progress
 from sarsim.scripts.settings import run_with_settings, save_settings
 from sarsim.scripts.tables import report_table
 from sarsim.settings import MapRecording
@@ -29,7 +29,8 @@ def map_recording(config: MapRecording) -> None:
     with progress() as bars, Interruptible() as control:
         bar = bars.add_task(config.path.name, total=None)
         drive.run(
-            lambda: control.interrupted, lambda line: bars.update(bar, completed=drive.frames, description=line)
+            lambda: control.signal is not None,
+            lambda line: bars.update(bar, completed=drive.frames, description=line),
         )
     if drive.report:
         save_settings(config, config.out / "config.yaml")
@@ -37,8 +38,8 @@ def map_recording(config: MapRecording) -> None:
         Console().print(f"Results in {config.out}", soft_wrap=True)
     if drive.error:
         raise InputError(drive.error)
-    if control.interrupted:
-        raise SystemExit(INTERRUPTED)
+    if control.signal:
+        raise SystemExit(SIGNALLED + control.signal)
 
 
 def open_recording(config: MapRecording) -> "Recording":

@@ -8,8 +8,7 @@ import numpy as np
 from pipeline.recording.ros.bag import Bag
 from pipeline.recording.ros.topics import RobotTopics
 from pipeline.robot import Velocity
-from sarsim.dataset.exports.export import Export
-from sarsim.dataset.exports.s3dis import room
+from sarsim.dataset.exports.export import Export, room
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 

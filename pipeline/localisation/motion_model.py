@@ -66,7 +66,7 @@ class Motion:
 
     @property
     def jacobian(self) -> NDArray[np.float64]:
-        """(6, 5) derivative of the pose after the motion by the parameters, in the tangent there."""
+        """(6, 5) derivative of the pose after the motion, rad and m in the tangent there, by the parameters."""
         return np.vstack([self.turns, self.T[:3, :3].T @ self.moves])
 
 
@@ -125,7 +125,7 @@ class MotionModel:
         self._covariance = C
 
     def fit(self, motions: Sequence[Motion | None], poses: NDArray[np.float64]) -> None:
-        """Learn from keyframes (K, 4, 4) whose poses were corrected by a loop.
+        """Learn from poses of keyframes (K, 4, 4), m in ``map``, that a loop has corrected.
 
         ``motions`` are those to each of them from the one before, None where the odometry is not to be believed.
         """
@@ -144,7 +144,7 @@ class MotionModel:
         return from_rotation(R, motion.T[:3, 3] + motion.moves @ self.parameters)
 
     def restart(self, covariance: NDArray[np.float64]) -> None:
-        """Make a keyframe whose pose is known with this covariance (6, 6), whatever the odometry says."""
+        """Make a keyframe whose pose is known with this covariance (6, 6), rad² and m², whatever the odometry says."""
         self._covariance = block_diag(covariance, self._covariance[6:, 6:])
 
 

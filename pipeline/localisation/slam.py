@@ -350,6 +350,6 @@ def firm(information: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def is_pinned(information: NDArray[np.float64]) -> bool:
-    """Whether (6, 6) information of surfaces alone, without odometry, tells the position to within ``KNOWN``."""
+    """Whether (6, 6) information of surfaces alone, 1/rad² and 1/m², tells the position to within ``KNOWN``."""
     variances = np.linalg.eigvalsh(np.linalg.inv(information + np.eye(6))[3:, 3:])
     return bool(variances[-1] < min(KNOWN**2, variances[0] / FEIGNED))

@@ -144,7 +144,7 @@ class MotionModel:
         return from_rotation(R, motion.T[:3, 3] + motion.moves @ self.parameters)
 
     def restart(self, covariance: NDArray[np.float64]) -> None:
-        """Make a keyframe whose pose is known with this covariance (6, 6), rad² and m², whatever the odometry says."""
+        """Make a keyframe whose pose is known with this covariance (6, 6), rad² and m², whatever odometry says."""
         self._covariance = block_diag(covariance, self._covariance[6:, 6:])
 
 

@@ -22,6 +22,9 @@ LOOKS = 8
 UNSURE = 0.98, 0.7
 """Agreement and overlap of a frame, of which one at least is better where the robot is where it believes to be: so
 were those of all 56 steps of two episodes."""
+FITTING = 0.5, 0.7
+"""The same, of which both are better only where it is: then the map is wrong, not the pose, as where a wall was seen
+through a veil."""
 KIDNAPPED = 0.3
 """m; a robot that is elsewhere by this without having driven was carried there."""
 
@@ -80,7 +83,7 @@ class Lookout:
         motion = inverse(self._T_odom_keyframe) @ self._navigator.motion.T_odom_base
         if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or angle_of(motion) >= KEYFRAME_TURN:
             frame = self._robot.sense()
-            if self._mapper.localisation.may_err and self._agreement(frame).was_carried:
+            if self._mapper.localisation.may_err and self._was_carried(self._agreement(frame)):
                 return False
             self.add(frame, labelled=self._mapper.keyframes % LABELLED == 0)
         return True
@@ -102,13 +105,17 @@ class Lookout:
             return frame, not self._is_lost
         found = self._agreement(frame)
         for _ in range(LOOKS):
-            is_elsewhere = found.was_carried or localisation.is_contradicted
+            is_elsewhere = self._was_carried(found) or localisation.is_contradicted
             is_doubtful = found.is_doubtful or (found.share < UNSURE[0] and localisation.overlap < UNSURE[1])
             if is_elsewhere or not is_doubtful or not self._navigator.turn(2 * np.pi / LOOKS):
                 break
             frame = self._robot.sense()
             found = Agreement.of([found, self._agreement(frame)])
-        return frame, not (found.was_carried or localisation.is_contradicted or found.is_doubtful)
+        return frame, not (self._was_carried(found) or localisation.is_contradicted or found.is_doubtful)
+
+    def _was_carried(self, found: Agreement) -> bool:
+        overlap = self._mapper.localisation.overlap
+        return found.was_carried and not (found.share > FITTING[0] and overlap > FITTING[1])
 
     def _agreement(self, frame: Frame) -> Agreement:
         T_map_camera = self._mapper.localise(frame) @ frame.T_base_camera

@@ -78,13 +78,12 @@ def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: Metri
     """Compare a frame with what the map has before the camera, tile by tile of the depth image.
 
     A tile contradicts the map if all returns in the window around it are nearer, or farther, than all that the map
-    has there, seen from wherever the camera may be. So neither errors of the pose at edges nor specks of dust count,
-    nor what is too near to be seen, as a curtain that the robot drives through.
+    has there, seen from wherever the camera may be. So neither errors of the pose at edges nor specks of dust count.
     """
     depth = tile_depths(frame)
     free, surface = expected_depths(frame, T_map_camera, metric_map)
     short = _highest(depth) + MARGIN < _lowest(free)
-    through = (_lowest(depth) > _highest(surface) + MARGIN) & (surface > NEAREST)
+    through = _lowest(depth) > _highest(surface) + MARGIN
     seen = np.isfinite(depth)
     # The windows of the outermost tiles would reach beyond the image.
     seen[[0, -1]] = seen[:, [0, -1]] = False

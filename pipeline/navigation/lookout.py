@@ -22,9 +22,10 @@ LOOKS = 8
 UNSURE = 0.98, 0.7
 """Agreement and overlap of a frame, of which one at least is better where the robot is where it believes to be: so
 were those of all 56 steps of two episodes."""
-FITTING = 0.5, 0.7
-"""The same, of which both are better only where it is: then the map is wrong, not the pose, as where a wall was seen
-through a veil."""
+FITTING = 0.7, 0.75
+"""The same, of which both are better only where it is: then the map is wrong, not the pose, as behind a curtain."""
+UNRIVALLED = 0.9
+"""Overlap of a frame that is trusted where no other place fits for sure either."""
 KIDNAPPED = 0.3
 """m; a robot that is elsewhere by this without having driven was carried there."""
 
@@ -134,8 +135,10 @@ class Lookout:
             if not self._navigator.turn(2 * np.pi / LOOKS):
                 break
             frame = self._robot.sense()
-        if len(agreements) == LOOKS and not Agreement.of(agreements).was_carried:
-            # The map explains all but something new: that was carried, not the robot.
+        localisation = mapper.localisation
+        fits = localisation.overlap > UNRIVALLED and not localisation.is_contradicted
+        if fits or (len(agreements) == LOOKS and not Agreement.of(agreements).was_carried):
+            # The map explains all but something new, or what the robot has driven through: that is what changed.
             return self._go_on(frame, mapper.localise(frame))
         raise LostError("the camera shows what the map does not, and no place fits for sure")
 

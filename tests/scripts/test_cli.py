@@ -53,6 +53,7 @@ def test_other_signals_end_a_command_as_ctrl_c_does(
     ending: signal.Signals, status: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tidied: list[bool] = []
+    signal.signal(ending, signal.SIG_DFL)  # under nohup it is ignored
 
     def long_command() -> None:
         try:
@@ -89,6 +90,7 @@ run(steps)
 def test_a_closed_terminal_lets_the_step_end(tmp_path: Path) -> None:
     child, terminal = pty.fork()
     if not child:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
         os.execv(sys.executable, [sys.executable, "-c", STEPS, "--out", str(tmp_path / "result")])
     seen = b""
     while b"begun" not in seen:

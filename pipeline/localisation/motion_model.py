@@ -7,6 +7,7 @@ registration finds after a blind turn tells how wrong the gyro's scale is, and t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import gtsam
 import numpy as np
@@ -46,7 +47,7 @@ class Motion:
     up: NDArray[np.float64]
     time: float
 
-    @property
+    @cached_property
     def turn(self) -> NDArray[np.float64]:
         """(3,) rotation vector, rad."""
         return Rotation.from_matrix(self.T[:3, :3]).as_rotvec()
@@ -64,7 +65,7 @@ class Motion:
         nothing = np.zeros(3)
         return np.stack([nothing, self.turn, nothing, nothing, self.time * np.eye(3)[2]], axis=1)
 
-    @property
+    @cached_property
     def jacobian(self) -> NDArray[np.float64]:
         """(6, 5) derivative of the pose after the motion, rad and m in the tangent there, by the parameters."""
         return np.vstack([self.turns, self.T[:3, :3].T @ self.moves])

@@ -345,8 +345,9 @@ def firm(information: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of (6, 6) information, that in directions where surfaces tell more than noise in their normals feigns."""
     lever = np.repeat([LEVER, 1.0], 3)
     strength, directions = np.linalg.eigh(information / np.outer(lever, lever))
-    directions = lever[:, None] * directions[:, strength > FEIGNED * strength[-1]]
-    return directions * strength[strength > FEIGNED * strength[-1]] @ directions.T
+    is_firm = strength > FEIGNED * strength[-1]
+    directions = lever[:, None] * directions[:, is_firm]
+    return directions * strength[is_firm] @ directions.T
 
 
 def is_pinned(information: NDArray[np.float64]) -> bool:

@@ -81,8 +81,7 @@ class Lookout:
     def look(self) -> bool:
         """Take a keyframe if the robot has come far enough; False if it is not where it believes to be."""
         assert self._navigator.motion is not None
-        motion = inverse(self._T_odom_keyframe) @ self._navigator.motion.T_odom_base
-        if np.linalg.norm(motion[:3, 3]) >= KEYFRAME_WAY or angle_of(motion) >= KEYFRAME_TURN:
+        if is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
             frame = self._robot.sense()
             if self._mapper.localisation.may_err and self._was_carried(self._agreement(frame)):
                 return False
@@ -151,3 +150,9 @@ class Lookout:
             self.relocalised += 1
             self.T_odom_expected = None
         return frame
+
+
+def is_keyframe(T_odom_last: NDArray[np.float64], T_odom_base: NDArray[np.float64]) -> bool:
+    """Whether a pose (4×4) is far enough, in m or rad, from the last keyframe's to make another one there."""
+    moved = inverse(T_odom_last) @ T_odom_base
+    return bool(np.linalg.norm(moved[:3, 3]) >= KEYFRAME_WAY or angle_of(moved) >= KEYFRAME_TURN)

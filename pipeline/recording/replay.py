@@ -14,9 +14,9 @@ from pipeline.localisation.floor import T_floor_camera
 from pipeline.localisation.odometry import Localisation, OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.navigation.lookout import KEYFRAME_TURN, KEYFRAME_WAY, LABELLED
+from pipeline.navigation.lookout import LABELLED, is_keyframe
 from pipeline.recording.sources.recording import Recording, Trajectory
-from pipeline.transforms import angle_of, from_rotation, inverse, level
+from pipeline.transforms import from_rotation, inverse, level
 from pipeline.traversability.shortest_paths import ShortestPaths
 
 PoseSource = Literal["slam", "registration", "odometry", "truth"]
@@ -153,10 +153,8 @@ class Replay:
         """Whether the keyframe of this frame is to be labelled; None if it is no keyframe."""
         if self.recording.keyframes is not None:
             return self.recording.keyframes.get(frame.time)
-        if self._T_odom_keyframe is not None:
-            moved = inverse(self._T_odom_keyframe) @ frame.T_odom_base
-            if np.linalg.norm(moved[:3, 3]) < KEYFRAME_WAY and angle_of(moved) < KEYFRAME_TURN:
-                return None
+        if self._T_odom_keyframe is not None and not is_keyframe(self._T_odom_keyframe, frame.T_odom_base):
+            return None
         return self.mapper.keyframes % LABELLED == 0
 
     def _settle(self) -> None:

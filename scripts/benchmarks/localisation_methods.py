@@ -11,11 +11,10 @@ from kiss_icp.config import KISSConfig
 from kiss_icp.config.config import AdaptiveThresholdConfig, DataConfig, MappingConfig, RegistrationConfig
 from kiss_icp.kiss_icp import KissICP
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame, Intrinsics
 from pipeline.localisation.slam import Slam
-from pipeline.navigation.lookout import KEYFRAME_TURN, KEYFRAME_WAY
+from pipeline.navigation.lookout import is_keyframe
 from pipeline.transforms import inverse, transform_points
 from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.scoring.trajectory import is_false
@@ -74,7 +73,7 @@ class Ours(Method):
         T_map_base = self._slam.localise(frame)
         if self._slam.covariance is not None:
             self._covariances[self._frames] = self._slam.covariance
-        if self._is_far(frame):
+        if not self._keyframes or is_keyframe(self._last, frame.T_odom_base):
             self._slam.add(frame, T_map_base)
             if not is_blind(frame):
                 self._keyframe_s.append(process_time() - start)
@@ -84,12 +83,6 @@ class Ours(Method):
                 self._correct()
         self._frames += 1
         return T_map_base
-
-    def _is_far(self, frame: Frame) -> bool:
-        moved = inverse(self._last) @ frame.T_odom_base
-        turned = Rotation.from_matrix(moved[:3, :3]).magnitude()
-        way = np.linalg.norm(moved[:3, 3])
-        return bool(not self._keyframes or way >= KEYFRAME_WAY or turned >= KEYFRAME_TURN)
 
     def _correct(self) -> None:
         start = process_time()

@@ -1,0 +1,432 @@
+"""Compiled search over poses: cells of the grid times headings."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.traversability.elevation_kernels import cell_at
+
+VECTORS = np.array(
+    [(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)]
+    + [(-1, 0), (-2, -1), (-1, -1), (-1, -2), (0, -1), (1, -2), (1, -1), (2, -1)]
+)
+"""(16, 2) cells that a move along each heading leads on: the headings are those of a lattice, 18 to 27° apart."""
+HEADINGS = len(VECTORS)
+ANGLES = np.arctan2(VECTORS[:, 1], VECTORS[:, 0]) % (2 * np.pi)
+"""(16,) rad."""
+UNKNOWN, HAZARD = 1, 2
+"""What an obstacle is; 0 is none."""
+FARTHEST = 0.2
+"""m; more room than this makes no difference."""
+LENIENCY = 0.03
+"""m by which the robot may come nearer to unknown ground than to a hazard."""
+TICK = 0.01
+"""s, the unit of costs."""
+STOP = 1.5
+"""s that a bend of the way takes: slow down, set off again."""
+_BUCKETS = 8192
+"""Costs of a move are below so many ticks."""
+FORWARD, BACKWARD, LEFT, RIGHT = 1, 2, 3, 4
+"""Moves."""
+_UNDO = np.array([0, BACKWARD, FORWARD, RIGHT, LEFT])
+
+
+class Terrain(NamedTuple):
+    """What a move costs where; layers are (nx, ny) on one grid.
+
+    Attributes:
+        origin: (2,) corner of cell [0, 0], m.
+        cell: side of a cell, m.
+        obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
+        to_obstacle: float64 m to the nearest of them.
+        clearance: (nx, ny, 8) int8 cm from the footprint, by its heading, to the nearest of them; negative inside.
+        least: int8 cm that must be left.
+        uphill: (nx, ny, 2) float32, slope of the ramp under or right before the wheels; 0 where there is none.
+    """
+
+    origin: NDArray[np.float64]
+    cell: float
+    obstacle: NDArray[np.uint8]
+    to_obstacle: NDArray[np.float64]
+    clearance: NDArray[np.int8]
+    least: NDArray[np.int8]
+    uphill: NDArray[np.float32]
+
+
+class Costs(NamedTuple):
+    """What moves cost a robot.
+
+    Attributes:
+        half_length, half_width: of the footprint, m.
+        speed, ramp_speed: m/s.
+        turn_rate, ramp_turn_rate: rad/s.
+        backward: time that a drive backwards counts for, over the same forwards.
+        stray: m that the robot may be off its way.
+        slide: m more that it may be off after a turn, over the slope.
+        across: what driving across a slope adds to the time, over the slope.
+        risk: what being sure to meet an obstacle adds to the time, over the time.
+    """
+
+    half_length: float
+    half_width: float
+    speed: float
+    ramp_speed: float
+    turn_rate: float
+    ramp_turn_rate: float
+    backward: float
+    stray: float
+    slide: float
+    across: float
+    risk: float
+
+
+@njit(cache=True)
+def distance_to_footprint(x, y, cos, sin, half_length, half_width):
+    """Signed distance from a point (x, y) to the rectangle around (0, 0) that heads along (cos, sin)."""
+    a, b = abs(x * cos + y * sin) - half_length, abs(y * cos - x * sin) - half_width
+    if a <= 0 or b <= 0:
+        return max(a, b)
+    return np.sqrt(a * a + b * b)
+
+
+@njit(cache=True)
+def footprint_offsets(heading, half_length, half_width, cell):
+    """(N, 3) int64: cells around the robot, and the cm from its footprint to their middle, nearest first."""
+    reach = int((np.hypot(half_length, half_width) + FARTHEST) / cell) + 1
+    result = np.empty(((2 * reach + 1) ** 2, 3), np.int64)
+    count = 0
+    for i in range(-reach, reach + 1):
+        for j in range(-reach, reach + 1):
+            d = distance_to_footprint(i * cell, j * cell, np.cos(heading), np.sin(heading), half_length, half_width)
+            if d < FARTHEST:
+                result[count, 0], result[count, 1], result[count, 2] = i, j, int(np.floor(100 * d))
+                count += 1
+    result = result[:count]
+    return result[np.argsort(result[:, 2])]
+
+
+@njit(cache=True)
+def clearances(obstacle, to_obstacle, half_length, half_width, cell):
+    """(nx, ny, 8) int8 cm from the footprint at each heading to the nearest obstacle, negative inside.
+
+    Beyond the grid all is unknown.
+    """
+    nx, ny = obstacle.shape
+    half, most = HEADINGS // 2, int(100 * FARTHEST)
+    result = np.full((nx, ny, half), most, np.int8)
+    near = np.hypot(half_length, half_width) + FARTHEST
+    for h in range(half):
+        offsets = footprint_offsets(ANGLES[h], half_length, half_width, cell)
+        for i in range(nx):
+            for j in range(ny):
+                if to_obstacle[i, j] > near:
+                    continue
+                least = most
+                for n in range(len(offsets)):
+                    d = offsets[n, 2]
+                    if d >= least:
+                        break
+                    a, b = i + offsets[n, 0], j + offsets[n, 1]
+                    kind = obstacle[a, b] if 0 <= a < nx and 0 <= b < ny else UNKNOWN
+                    if kind == HAZARD:
+                        least = d
+                    elif kind == UNKNOWN:
+                        least = min(least, d + int(100 * LENIENCY))
+                result[i, j, h] = least
+    return result
+
+
+@njit(cache=True)
+def danger(clearance, spread):
+    """How likely the robot meets something ``clearance`` m away if it may be off by ``spread`` m."""
+    return max(0.0, 1.0 - max(clearance, 0.0) / spread)
+
+
+@njit(cache=True)
+def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
+    """What a metre along (cos, sin) costs, s, where ``clearance`` m are left beside the footprint."""
+    across = abs(uphill[1] * cos - uphill[0] * sin)
+    on_ramp = uphill[0] != 0 or uphill[1] != 0
+    seconds = (1.0 + costs.across * across) / (costs.ramp_speed if on_ramp else costs.speed)
+    return seconds * (costs.backward if backward else 1.0) * (1.0 + costs.risk * danger(clearance, costs.stray))
+
+
+@njit(cache=True)
+def turn_seconds_per_radian(clearance, uphill, costs):
+    """What a radian on the spot costs, s, where ``clearance`` m are left around the footprint."""
+    slope = np.hypot(uphill[0], uphill[1])
+    seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
+    return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray + costs.slide * slope))
+
+
+@njit(cache=True)
+def ticks(seconds):
+    """Whole ticks, at least one and less than the buckets hold."""
+    return max(1, min(int(seconds / TICK + 0.5), _BUCKETS - 1))
+
+
+@njit(cache=True)
+def move_from(i, j, h, move):
+    """The state that a move leads to from (i, j, h)."""
+    if move == FORWARD:
+        return i + VECTORS[h, 0], j + VECTORS[h, 1], h
+    if move == BACKWARD:
+        return i - VECTORS[h, 0], j - VECTORS[h, 1], h
+    return i, j, (h + (1 if move == LEFT else -1)) % HEADINGS
+
+
+@njit(cache=True)
+def move_ticks(i, j, h, a, b, k, move, terrain, costs):
+    """Ticks of a move from (i, j, h) to (a, b, k)."""
+    half = HEADINGS // 2
+    if move <= BACKWARD:
+        c, s = np.cos(ANGLES[h]), np.sin(ANGLES[h])
+        length = terrain.cell * np.hypot(a - i, b - j)
+        room = 0.01 * min(terrain.clearance[i, j, h % half], terrain.clearance[a, b, h % half])
+        uphill = terrain.uphill[a, b]
+        return ticks(length * drive_seconds_per_metre(room, c, s, uphill, move == BACKWARD, costs))
+    room = 0.01 * min(terrain.clearance[i, j, h % half], terrain.clearance[i, j, k % half])
+    angle = abs(ANGLES[h] - ANGLES[k])
+    angle = min(angle, 2 * np.pi - angle)
+    return ticks(angle * turn_seconds_per_radian(room, terrain.uphill[i, j], costs))
+
+
+@njit(cache=True)
+def search(starts, terrain, costs, escape, escape_factor):
+    """Dijkstra's algorithm over all poses, with buckets for a queue.
+
+    A pose may be entered where enough room is left. A robot that stands where it is not may go, up to ``escape``
+    cells from its start and at ``escape_factor`` of the cost, from pose to pose where it is never less.
+
+    Args:
+        starts: (K, 3) int64 cells and headings.
+        terrain: what a move costs where.
+        costs: of the robot.
+        escape: cells.
+        escape_factor: at least 1.
+
+    Returns:
+        (nx, ny, 16) int32 ticks, -1 where no way leads, and (nx, ny, 16) uint8 the move that led there.
+    """
+    nx, ny = terrain.least.shape
+    half = HEADINGS // 2
+    cost = np.full(nx * ny * HEADINGS, -1, np.int32)
+    came_by = np.zeros(nx * ny * HEADINGS, np.uint8)
+    source = np.zeros(nx * ny * HEADINGS, np.int16)
+    after, before = np.full(nx * ny * HEADINGS, -1, np.int32), np.full(nx * ny * HEADINGS, -1, np.int32)
+    first = np.full(_BUCKETS, -1, np.int32)
+    waiting, now = 0, 0
+    for n in range(len(starts)):
+        state = (starts[n, 0] * ny + starts[n, 1]) * HEADINGS + starts[n, 2]
+        if cost[state] >= 0:
+            continue
+        cost[state], source[state] = 0, n
+        after[state], before[state] = first[0], -1
+        if first[0] >= 0:
+            before[first[0]] = state
+        first[0] = state
+        waiting += 1
+    while waiting > 0:
+        while first[now % _BUCKETS] < 0:
+            now += 1
+        state = first[now % _BUCKETS]
+        first[now % _BUCKETS] = after[state]
+        if after[state] >= 0:
+            before[after[state]] = -1
+        waiting -= 1
+        h, flat = state % HEADINGS, state // HEADINGS
+        i, j = flat // ny, flat % ny
+        here = terrain.clearance[i, j, h % half]
+        for move in range(FORWARD, RIGHT + 1):
+            a, b, k = move_from(i, j, h, move)
+            if not (0 <= a < nx and 0 <= b < ny):
+                continue
+            there = terrain.clearance[a, b, k % half]
+            step = 0
+            if there < terrain.least[a, b]:
+                s = starts[source[state]]
+                if there < here or max(abs(a - s[0]), abs(b - s[1])) > escape:
+                    continue
+                step = min(int(escape_factor * move_ticks(i, j, h, a, b, k, move, terrain, costs)), _BUCKETS - 1)
+            else:
+                step = move_ticks(i, j, h, a, b, k, move, terrain, costs)
+            then = (a * ny + b) * HEADINGS + k
+            new = now + step
+            if cost[then] >= 0:
+                if new >= cost[then]:
+                    continue
+                # Out of its bucket.
+                if before[then] >= 0:
+                    after[before[then]] = after[then]
+                else:
+                    first[cost[then] % _BUCKETS] = after[then]
+                if after[then] >= 0:
+                    before[after[then]] = before[then]
+                waiting -= 1
+            cost[then], came_by[then], source[then] = new, move, source[state]
+            bucket = new % _BUCKETS
+            after[then], before[then] = first[bucket], -1
+            if first[bucket] >= 0:
+                before[first[bucket]] = then
+            first[bucket] = then
+            waiting += 1
+    shape = (nx, ny, HEADINGS)
+    return cost.reshape(shape), came_by.reshape(shape), source.reshape(shape)
+
+
+@njit(cache=True)
+def room_at(x, y, cos, sin, terrain, costs):
+    """m from the footprint of a robot at (x, y) m that heads along (cos, sin) to the nearest obstacle."""
+    nx, ny = terrain.least.shape
+    i, j = cell_at(x, y, terrain.origin, terrain.cell)
+    if not (0 <= i < nx and 0 <= j < ny):
+        return -1.0
+    radius = np.hypot(costs.half_length, costs.half_width) + costs.stray + LENIENCY
+    if terrain.to_obstacle[i, j] > radius + terrain.cell:
+        return FARTHEST
+    least, reach = FARTHEST, int(radius / terrain.cell) + 1
+    for a in range(i - reach, i + reach + 1):
+        for b in range(j - reach, j + reach + 1):
+            kind = terrain.obstacle[a, b] if 0 <= a < nx and 0 <= b < ny else UNKNOWN
+            if kind == 0:
+                continue
+            dx = terrain.origin[0] + (a + 0.5) * terrain.cell - x
+            dy = terrain.origin[1] + (b + 0.5) * terrain.cell - y
+            d = distance_to_footprint(dx, dy, cos, sin, costs.half_length, costs.half_width)
+            least = min(least, d + (LENIENCY if kind == UNKNOWN else 0.0))
+    return least
+
+
+@njit(cache=True)
+def line_seconds(ax, ay, bx, by, backward, terrain, costs):
+    """What a straight drive between points, m, costs, s; inf where the footprint meets something.
+
+    ``backward`` only changes what it costs.
+    """
+    nx, ny = terrain.least.shape
+    dx, dy = bx - ax, by - ay
+    length = np.sqrt(dx * dx + dy * dy)
+    cos, sin = (dx / length, dy / length) if length > 0 else (1.0, 0.0)
+    steps = int(np.ceil(length / terrain.cell)) + 1
+    total = 0.0
+    for s in range(steps + 1):
+        x, y = ax + dx * s / steps, ay + dy * s / steps
+        i, j = cell_at(x, y, terrain.origin, terrain.cell)
+        if not (0 <= i < nx and 0 <= j < ny):
+            return np.inf
+        room = room_at(x, y, cos, sin, terrain, costs)
+        if 100 * room < terrain.least[i, j] - 0.5:
+            return np.inf
+        total += drive_seconds_per_metre(room, cos, sin, terrain.uphill[i, j], backward, costs)
+    return total * length / (steps + 1)
+
+
+@njit(cache=True)
+def lines_seconds(starts, ends, terrain, costs):
+    """(N,) :func:`line_seconds` forwards between points (N, 2), m."""
+    result = np.empty(len(starts))
+    for n in range(len(starts)):
+        result[n] = line_seconds(starts[n, 0], starts[n, 1], ends[n, 0], ends[n, 1], False, terrain, costs)
+    return result
+
+
+@njit(cache=True)
+def turn_seconds(x, y, start, end, terrain, costs):
+    """What a turn on the spot the shorter way between two headings, rad, at (x, y) m costs, s; inf if impossible.
+
+    Nothing may be met at the headings in between either; at both ends :func:`line_seconds` tells.
+    """
+    nx, ny = terrain.least.shape
+    i, j = cell_at(x, y, terrain.origin, terrain.cell)
+    if not (0 <= i < nx and 0 <= j < ny):
+        return np.inf
+    angle = (end - start + np.pi) % (2 * np.pi) - np.pi
+    room = FARTHEST
+    steps = int(np.ceil(abs(angle) / 0.2))
+    for s in range(1, steps):
+        heading = start + angle * s / steps
+        room = min(room, room_at(x, y, np.cos(heading), np.sin(heading), terrain, costs))
+    if 100 * room < terrain.least[i, j] - 0.5:
+        return np.inf
+    return abs(angle) * turn_seconds_per_radian(room, terrain.uphill[i, j], costs)
+
+
+@njit(cache=True)
+def trace(came_by, i, j, h):
+    """(N, 3) int64 poses (i, j, h) from the last one back to the start."""
+    count, (a, b, k) = 1, (i, j, h)
+    while came_by[a, b, k] > 0:
+        a, b, k = move_from(a, b, k, _UNDO[came_by[a, b, k]])
+        count += 1
+    result = np.empty((count, 3), np.int64)
+    for n in range(count):
+        result[n, 0], result[n, 1], result[n, 2] = i, j, h
+        if n < count - 1:
+            i, j, h = move_from(i, j, h, _UNDO[came_by[i, j, h]])
+    return result
+
+
+@njit(cache=True)
+def gear(moves, p, q):
+    """``FORWARD`` or ``BACKWARD`` if that leads from pose p to q of a way, 0 if it only turns there."""
+    for n in range(p + 1, q + 1):
+        if moves[n] == FORWARD or moves[n] == BACKWARD:
+            return moves[n]
+    return 0
+
+
+@njit(cache=True)
+def straighten(places, headings, moves, seconds, heading, terrain, costs):
+    """Indices of the bends of a way, first and last pose included, between which straight drives lead.
+
+    A straight drive takes the place of a stretch of the way if it costs no more, the turns at its ends included.
+
+    Args:
+        places: (N, 2) m.
+        headings: (N,) rad.
+        moves: (N,) uint8 that led to each.
+        seconds: (N,) float64 that the way to each costs.
+        heading: rad at the first one.
+    """
+    n = len(places)
+    bends = [0]
+    p = 0
+    while p < n - 1:
+        forward = gear(moves, p, n - 1)
+        if forward == 0:
+            break
+        end = p + 1
+        while end < n and (moves[end] == forward or moves[end] > BACKWARD):
+            end += 1
+        end -= 1
+        # Turns after the last drive belong to what comes next.
+        while moves[end] > BACKWARD:
+            end -= 1
+        # As far as the way itself leads straight on.
+        q = p + 1
+        while moves[q] > BACKWARD:
+            q += 1
+        while q < end and moves[q + 1] == forward:
+            q += 1
+        bearing = headings[q]
+        for r in range(end, q, -1):
+            if moves[r] != forward:
+                continue
+            dx, dy = places[r, 0] - places[p, 0], places[r, 1] - places[p, 1]
+            ahead = np.arctan2(dy, dx) + (np.pi if forward == BACKWARD else 0.0)
+            due = seconds[r] - seconds[p] + STOP
+            cost = turn_seconds(places[p, 0], places[p, 1], heading, ahead, terrain, costs)
+            if cost <= due:
+                cost += turn_seconds(places[r, 0], places[r, 1], ahead, headings[r], terrain, costs)
+            if cost > due:
+                continue
+            back = forward == BACKWARD
+            cost += line_seconds(places[p, 0], places[p, 1], places[r, 0], places[r, 1], back, terrain, costs)
+            if cost <= due:
+                q, bearing = r, ahead
+                break
+        bends.append(q)
+        p, heading = q, bearing
+    return np.array(bends)

@@ -130,8 +130,8 @@ class Explorer:
         with self.mapper.stopwatch("navigation"):
             reached = self.navigator.follow(
                 step.plan.way_points[:, :2],
-                step.plan.backwards,
                 viewpoint.heading if viewpoint.turn else None,
+                step.plan.backwards,
                 T_map_start[:2, 3],
                 check.is_clear,
             )

@@ -124,7 +124,7 @@ class Exploration:
         return np.where(gains >= MIN_GAIN, gains / seconds, 0.0)
 
     def _best_viewpoint(self, context: Context, camera: kernels.CameraView) -> Viewpoint | None:
-        """The best viewpoint from here and from a coarse grid of places, with the headings that the robot can have."""
+        """The best viewpoint here or at one of a coarse grid of places, with the headings that it can have there."""
         traversability, paths = context.traversability, context.paths
         assert paths.start is not None
         seconds = np.where(paths.can_stand, paths.seconds, np.inf)

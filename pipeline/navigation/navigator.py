@@ -128,8 +128,8 @@ class Navigator:
     def follow(
         self,
         way_points: NDArray[np.float64],
-        backwards: NDArray[np.bool_],
         heading: float | None = None,
+        backwards: NDArray[np.bool_] | None = None,
         start: NDArray[np.float64] | None = None,
         is_clear: IsClear = lambda position, target: True,
     ) -> bool:
@@ -137,8 +137,8 @@ class Navigator:
 
         Args:
             way_points: (N, 2) m in ``map``, at least one.
-            backwards: (N,) which of them it drives to backwards.
             heading: rad, that the robot has at the end.
+            backwards: (N,) which of the way points it backs up to; None for none.
             start: (2,) m, where the way begins. A robot that stands elsewhere was kidnapped and does not follow it.
             is_clear: asked while the robot drives forward, not in turns; it stops where the answer is no.
         """
@@ -147,6 +147,7 @@ class Navigator:
         if start is not None and np.linalg.norm(here - start) > JUMP:
             self.legs.append(Leg(here, Outcome.MOVED, 0.0))
             return False
+        backwards = np.zeros(len(way_points), np.bool_) if backwards is None else backwards
         for target, backs in zip(way_points, backwards, strict=True):
             if not self._drive_leg(target, bool(backs), is_clear):
                 return False

@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.traversability.traversability import Traversability
+from pipeline.traversability.traversability import NARROW_SPEED, Traversability
 
 AHEAD = np.arange(0.0, 0.75, 0.05)
 """m from the robot's middle, on its way, that are looked at: to where its wheels are when it has slowed down."""
-NARROW, NARROW_SPEED = 0.45, 0.2
-"""m from the robot's middle to an obstacle, and m/s at most where one is so near."""
+NARROW = 0.45
+"""m from the robot's middle to an obstacle; nearer ones slow it down."""
 
 
 class Pace:

@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 
 from pipeline.traversability.elevation_kernels import cell_at
 
-VECTORS = np.array(
-    [(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)]
-    + [(-1, 0), (-2, -1), (-1, -1), (-1, -2), (0, -1), (1, -2), (1, -1), (2, -1)]
-)
+_QUADRANT = np.array([(1, 0), (2, 1), (1, 1), (1, 2)])
+VECTORS = np.concatenate([_QUADRANT @ np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), k) for k in range(4)])
 """(16, 2) cells that a move along each heading leads on: the headings are those of a lattice, 18 to 27° apart."""
 HEADINGS = len(VECTORS)
 ANGLES = np.arctan2(VECTORS[:, 1], VECTORS[:, 0]) % (2 * np.pi)
@@ -60,7 +58,7 @@ class Costs(NamedTuple):
 
     Attributes:
         half_length, half_width: of the footprint, m.
-        speed, ramp_speed: m/s.
+        speed, narrow_speed, ramp_speed: m/s, on level ground with much and with little room, and on ramps.
         turn_rate, ramp_turn_rate: rad/s.
         backward: time that a drive backwards counts for, over the same forwards.
         stray: m that the robot may be off its way.
@@ -72,6 +70,7 @@ class Costs(NamedTuple):
     half_length: float
     half_width: float
     speed: float
+    narrow_speed: float
     ramp_speed: float
     turn_rate: float
     ramp_turn_rate: float
@@ -149,7 +148,8 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
     """What a metre along (cos, sin) costs, s, where ``clearance`` m are left beside the footprint."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
-    seconds = (1.0 + costs.across * across) / (costs.ramp_speed if on_ramp else costs.speed)
+    level_speed = costs.speed if clearance >= FARTHEST - 0.01 else costs.narrow_speed
+    seconds = (1.0 + costs.across * across) / (costs.ramp_speed if on_ramp else level_speed)
     return seconds * (costs.backward if backward else 1.0) * (1.0 + costs.risk * danger(clearance, costs.stray))
 
 
@@ -193,6 +193,57 @@ def move_ticks(i, j, h, a, b, k, move, terrain, costs):
     return ticks(angle * turn_seconds_per_radian(room, terrain.uphill[i, j], costs))
 
 
+class Queue(NamedTuple):
+    """States in buckets, by their cost: doubly linked lists.
+
+    Attributes:
+        first: (B,) int32 the first state of each bucket, -1 where there is none.
+        after, before: (N,) int32 the states beside each one in its bucket, -1 where there is none.
+    """
+
+    first: NDArray[np.int32]
+    after: NDArray[np.int32]
+    before: NDArray[np.int32]
+
+
+@njit(cache=True)
+def put(state, cost, queue):
+    """Put a state into the bucket of a cost."""
+    other = queue.first[cost % _BUCKETS]
+    queue.after[state], queue.before[state] = other, -1
+    if other >= 0:
+        queue.before[other] = state
+    queue.first[cost % _BUCKETS] = state
+
+
+@njit(cache=True)
+def take(state, cost, queue):
+    """Take a state out of the bucket of a cost."""
+    before, after = queue.before[state], queue.after[state]
+    if before >= 0:
+        queue.after[before] = after
+    else:
+        queue.first[cost % _BUCKETS] = after
+    if after >= 0:
+        queue.before[after] = before
+
+
+@njit(cache=True)
+def entry_ticks(i, j, h, a, b, k, move, start, terrain, costs, escape, escape_factor):
+    """Ticks of a move from (i, j, h) to (a, b, k) on a way from a start (3,); -1 where it is not allowed."""
+    nx, ny = terrain.least.shape
+    if not (0 <= a < nx and 0 <= b < ny):
+        return -1
+    half = HEADINGS // 2
+    room = terrain.clearance[a, b, k % half]
+    step = move_ticks(i, j, h, a, b, k, move, terrain, costs)
+    if room >= terrain.least[a, b]:
+        return step
+    if room < terrain.clearance[i, j, h % half] or max(abs(a - start[0]), abs(b - start[1])) > escape:
+        return -1
+    return min(int(escape_factor * step), _BUCKETS - 1)
+
+
 @njit(cache=True)
 def search(starts, terrain, costs, escape, escape_factor):
     """Dijkstra's algorithm over all poses, with buckets for a queue.
@@ -208,71 +259,41 @@ def search(starts, terrain, costs, escape, escape_factor):
         escape_factor: at least 1.
 
     Returns:
-        (nx, ny, 16) int32 ticks, -1 where no way leads, and (nx, ny, 16) uint8 the move that led there.
+        (nx, ny, 16) int32 ticks, -1 where no way leads, (nx, ny, 16) uint8 the move that led there, and
+        (nx, ny, 16) int16 from which start.
     """
     nx, ny = terrain.least.shape
-    half = HEADINGS // 2
-    cost = np.full(nx * ny * HEADINGS, -1, np.int32)
-    came_by = np.zeros(nx * ny * HEADINGS, np.uint8)
-    source = np.zeros(nx * ny * HEADINGS, np.int16)
-    after, before = np.full(nx * ny * HEADINGS, -1, np.int32), np.full(nx * ny * HEADINGS, -1, np.int32)
-    first = np.full(_BUCKETS, -1, np.int32)
+    shape, size = (nx, ny, HEADINGS), nx * ny * HEADINGS
+    cost, came_by, source = np.full(size, -1, np.int32), np.zeros(size, np.uint8), np.zeros(size, np.int16)
+    queue = Queue(np.full(_BUCKETS, -1, np.int32), np.empty(size, np.int32), np.empty(size, np.int32))
     waiting, now = 0, 0
     for n in range(len(starts)):
         state = (starts[n, 0] * ny + starts[n, 1]) * HEADINGS + starts[n, 2]
-        if cost[state] >= 0:
-            continue
-        cost[state], source[state] = 0, n
-        after[state], before[state] = first[0], -1
-        if first[0] >= 0:
-            before[first[0]] = state
-        first[0] = state
-        waiting += 1
+        if cost[state] < 0:
+            cost[state], source[state] = 0, n
+            put(state, 0, queue)
+            waiting += 1
     while waiting > 0:
-        while first[now % _BUCKETS] < 0:
+        state = queue.first[now % _BUCKETS]
+        if state < 0:
             now += 1
-        state = first[now % _BUCKETS]
-        first[now % _BUCKETS] = after[state]
-        if after[state] >= 0:
-            before[after[state]] = -1
+            continue
+        take(state, now, queue)
         waiting -= 1
-        h, flat = state % HEADINGS, state // HEADINGS
-        i, j = flat // ny, flat % ny
-        here = terrain.clearance[i, j, h % half]
+        i, j, h = state // HEADINGS // ny, state // HEADINGS % ny, state % HEADINGS
         for move in range(FORWARD, RIGHT + 1):
             a, b, k = move_from(i, j, h, move)
-            if not (0 <= a < nx and 0 <= b < ny):
+            start = starts[source[state]]
+            step = entry_ticks(i, j, h, a, b, k, move, start, terrain, costs, escape, escape_factor)
+            then, new = (a * ny + b) * HEADINGS + k, now + step
+            if step < 0 or 0 <= cost[then] <= new:
                 continue
-            there = terrain.clearance[a, b, k % half]
-            step = 0
-            if there < terrain.least[a, b]:
-                s = starts[source[state]]
-                if there < here or max(abs(a - s[0]), abs(b - s[1])) > escape:
-                    continue
-                step = min(int(escape_factor * move_ticks(i, j, h, a, b, k, move, terrain, costs)), _BUCKETS - 1)
-            else:
-                step = move_ticks(i, j, h, a, b, k, move, terrain, costs)
-            then = (a * ny + b) * HEADINGS + k
-            new = now + step
             if cost[then] >= 0:
-                if new >= cost[then]:
-                    continue
-                # Out of its bucket.
-                if before[then] >= 0:
-                    after[before[then]] = after[then]
-                else:
-                    first[cost[then] % _BUCKETS] = after[then]
-                if after[then] >= 0:
-                    before[after[then]] = before[then]
+                take(then, cost[then], queue)
                 waiting -= 1
             cost[then], came_by[then], source[then] = new, move, source[state]
-            bucket = new % _BUCKETS
-            after[then], before[then] = first[bucket], -1
-            if first[bucket] >= 0:
-                before[first[bucket]] = then
-            first[bucket] = then
+            put(then, new, queue)
             waiting += 1
-    shape = (nx, ny, HEADINGS)
     return cost.reshape(shape), came_by.reshape(shape), source.reshape(shape)
 
 
@@ -378,6 +399,29 @@ def gear(moves, p, q):
 
 
 @njit(cache=True)
+def drive_end(moves, p, forward):
+    """The last pose of a way to which it leads from pose p without a move in another gear than ``forward``."""
+    end = p
+    for n in range(p + 1, len(moves)):
+        if moves[n] == forward:
+            end = n
+        elif moves[n] <= BACKWARD:
+            break
+    return end
+
+
+@njit(cache=True)
+def straight_end(moves, p):
+    """The pose up to which a way leads straight on from pose p, after turns there."""
+    n = p + 1
+    while moves[n] > BACKWARD:
+        n += 1
+    while n + 1 < len(moves) and moves[n + 1] == moves[n]:
+        n += 1
+    return n
+
+
+@njit(cache=True)
 def straighten(places, headings, moves, seconds, heading, terrain, costs):
     """Indices of the bends of a way, first and last pose included, between which straight drives lead.
 
@@ -390,43 +434,23 @@ def straighten(places, headings, moves, seconds, heading, terrain, costs):
         seconds: (N,) float64 that the way to each costs.
         heading: rad at the first one.
     """
-    n = len(places)
-    bends = [0]
-    p = 0
-    while p < n - 1:
-        forward = gear(moves, p, n - 1)
-        if forward == 0:
-            break
-        end = p + 1
-        while end < n and (moves[end] == forward or moves[end] > BACKWARD):
-            end += 1
-        end -= 1
-        # Turns after the last drive belong to what comes next.
-        while moves[end] > BACKWARD:
-            end -= 1
-        # As far as the way itself leads straight on.
-        q = p + 1
-        while moves[q] > BACKWARD:
-            q += 1
-        while q < end and moves[q + 1] == forward:
-            q += 1
-        bearing = headings[q]
-        for r in range(end, q, -1):
-            if moves[r] != forward:
-                continue
-            dx, dy = places[r, 0] - places[p, 0], places[r, 1] - places[p, 1]
-            ahead = np.arctan2(dy, dx) + (np.pi if forward == BACKWARD else 0.0)
+    bends, p = [0], 0
+    while gear(moves, p, len(places) - 1) > 0:
+        forward = gear(moves, p, len(places) - 1)
+        q = straight_end(moves, p)
+        ahead, (x, y) = headings[q], places[p]
+        for r in range(drive_end(moves, p, forward), q, -1):
+            u, v = places[r]
+            bearing = np.arctan2(v - y, u - x) + (np.pi if forward == BACKWARD else 0.0)
             due = seconds[r] - seconds[p] + STOP
-            cost = turn_seconds(places[p, 0], places[p, 1], heading, ahead, terrain, costs)
+            cost = turn_seconds(x, y, heading, bearing, terrain, costs)
             if cost <= due:
-                cost += turn_seconds(places[r, 0], places[r, 1], ahead, headings[r], terrain, costs)
-            if cost > due:
-                continue
-            back = forward == BACKWARD
-            cost += line_seconds(places[p, 0], places[p, 1], places[r, 0], places[r, 1], back, terrain, costs)
+                cost += turn_seconds(u, v, bearing, headings[r], terrain, costs)
             if cost <= due:
-                q, bearing = r, ahead
+                cost += line_seconds(x, y, u, v, forward == BACKWARD, terrain, costs)
+            if cost <= due:
+                q, ahead = r, bearing
                 break
         bends.append(q)
-        p, heading = q, bearing
+        p, heading = q, ahead
     return np.array(bends)

@@ -23,6 +23,8 @@ RAMP_MARGIN = 0.2
 """m; so near to a ramp the robot's wheels may already be on it."""
 RAMP_SPEED, TURN_RATE, RAMP_TURN_RATE = 0.1, 0.5, 0.17
 """m/s and rad/s, expected: on ramps the robot slows down, aligns itself and slips."""
+NARROW_SPEED = 0.2
+"""m/s at most where an obstacle is within ``FARTHEST`` of the footprint."""
 BACKWARD = 2.0
 """Time that a drive backwards counts for: the camera looks the other way."""
 STRAY = 0.1
@@ -101,6 +103,7 @@ def costs_of(robot: RobotModel) -> pose_kernels.Costs:
         half_length=robot.half_length,
         half_width=robot.half_width,
         speed=robot.speed,
+        narrow_speed=min(robot.speed, NARROW_SPEED),
         ramp_speed=RAMP_SPEED,
         turn_rate=TURN_RATE,
         ramp_turn_rate=RAMP_TURN_RATE,

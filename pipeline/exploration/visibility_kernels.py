@@ -140,7 +140,7 @@ def is_shown(x, y, i, j, d, slope, rise, view, terrain):
     ex, ey = x - terrain.missed_from[i, j, 0], y - terrain.missed_from[i, j, 1]
     if not terrain.target[i, j] or ex * ex + ey * ey < MISSED_RADIUS**2:
         return False
-    if terrain.probability[i, j] < 1:
+    if np.isfinite(ex):
         rise = min(rise, -SUSPECTED_FALL)
     grazing = np.arctan(rise) - np.arctan(slope)
     return grazing >= MIN_GRAZING and d * np.sqrt(1 + slope * slope) >= view.near

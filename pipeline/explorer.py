@@ -157,7 +157,9 @@ class Explorer:
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
         """Where to go, and the context in which that was decided."""
         T_map_base = keyframe.T_map_base
-        paths = PosePaths(keyframe.traversability, T_map_base[:2, 3], yaw_of(T_map_base))
+        # What failed is not tried again in the same way.
+        caution = 1.0 + self._failed_drives
+        paths = PosePaths(keyframe.traversability, T_map_base[:2, 3], yaw_of(T_map_base), caution)
         context = Context(keyframe.frame, T_map_base, self.mapper.elevation_map.measured, paths)
         self.mission.observe(context)
         return self._choose(context), context

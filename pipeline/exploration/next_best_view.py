@@ -1,6 +1,6 @@
 """Frontier exploration on the metric map: the next best view."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -90,7 +90,7 @@ class Exploration:
         if context.paths.start is None or not is_left:
             return None
         camera = visibility.camera_view(context.frame, self._robot)
-        return self._best_viewpoint(context, camera)
+        return self._best_viewpoint(context, camera, _spread) or self._best_viewpoint(context, camera, self._narrow)
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe from this viewpoint should show."""
@@ -126,12 +126,25 @@ class Exploration:
         """
         return np.where(gains >= MIN_GAIN, gains / seconds, 0.0)
 
-    def _best_viewpoint(self, context: Context, camera: kernels.CameraView) -> Viewpoint | None:
-        """The best viewpoint here or at one of a coarse grid of places, with the headings that it can have there."""
+    def _narrow(self, context: Context, camera: kernels.CameraView) -> NDArray[np.int64]:
+        """(N, 2) all cells where the robot can hardly turn and sees ground that was taken for flat at the start.
+
+        With its back to the wall of a small room, or from a ramp that it backs up, it sees what is otherwise nearer
+        than the camera sees.
+        """
+        traversability, paths = context.traversability, context.paths
+        assumed = self._terrain.target & paths.reachable
+        near = traversability.grid.distance_to(assumed) <= camera.reach
+        return np.argwhere(paths.reachable & ~traversability.turnable & near)
+
+    def _best_viewpoint(
+        self, context: Context, camera: kernels.CameraView, cells_of: Callable[..., NDArray[np.int64]]
+    ) -> Viewpoint | None:
+        """The best viewpoint here or in one of some cells (N, 2), with the headings that it can have there."""
         traversability, paths = context.traversability, context.paths
         assert paths.start is not None
         seconds = np.where(paths.can_stand, paths.seconds, np.inf)
-        cells = visibility.one_of_each_block(np.isfinite(seconds).sum(axis=2))
+        cells = cells_of(context, camera)
         candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
         seconds = np.vstack([paths.seconds[tuple(traversability.grid.cell_of(paths.start))], seconds[tuple(cells.T)]])
         gains = self._gains(paths.start, cells, camera)
@@ -202,6 +215,12 @@ class Exploration:
         return visibility.gains(np.vstack([from_here, around]), camera)
 
 
+def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
+    """(N, 2) of each block of cells the one with most headings that can be reached."""
+    headings = (context.paths.can_stand & np.isfinite(context.paths.seconds)).sum(axis=2)
+    return visibility.one_of_each_block(headings)
+
+
 def _without_gaps(traversability: Traversability) -> NDArray[np.float32]:
     """(nx, ny) m, the elevation, with the small gaps in what is seen of walls closed: no ray slips through."""
     elevation = traversability.elevation
@@ -210,5 +229,5 @@ def _without_gaps(traversability: Traversability) -> NDArray[np.float32]:
 
 
 def after_miss(probability: NDArray[np.floating]) -> NDArray[np.floating]:
-    """The probability that ground can be seen, after a keyframe that should have shown it and did not (Bayes)."""
+    """(N,) probability that ground can be seen, after a keyframe that should have shown it and did not (Bayes)."""
     return probability * (1 - SHOW_PROBABILITY) / (1 - probability * SHOW_PROBABILITY)

@@ -43,8 +43,14 @@ class PosePaths:
         cost: (nx, ny) float32 s, the least of these.
     """
 
-    def __init__(self, traversability: Traversability, start: ArrayLike, heading: float | None = None):
-        """Begin at (2,) or (K, 2) places, m, more columns are ignored, with any heading or with one in rad."""
+    def __init__(
+        self, traversability: Traversability, start: ArrayLike, heading: float | None = None, caution: float = 1.0
+    ):
+        """Begin at (2,) or (K, 2) places, m, more columns are ignored, with any heading or with one in rad.
+
+        A robot with more ``caution`` believes to stray so many times as far as it does by what was measured.
+        """
+        self._costs = costs_of(traversability.robot, caution)
         self.traversability, self._grid = traversability, traversability.grid
         self._heading = heading
         wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
@@ -57,7 +63,7 @@ class PosePaths:
         self._starts = self._states(places)
         escape = round(ESCAPE / self._grid.cell)
         cost, self._came_by, self._source = kernels.search(
-            self._starts, traversability.terrain, costs_of(traversability.robot), escape, ESCAPE_FACTOR
+            self._starts, traversability.terrain, self._costs, escape, ESCAPE_FACTOR
         )
         self.seconds = np.where(cost < 0, np.float32(np.inf), cost.astype(np.float32) * np.float32(TICK))
         self.cost = self.seconds.min(axis=2)
@@ -107,7 +113,9 @@ class PosePaths:
     def way_to(self, xy: ArrayLike, heading: float | None = None) -> Way:
         """The way to a reachable point, as few straight drives as cost no more than the search found."""
         goal, cell = np.asarray(xy, np.float64)[:2], self._grid.cell_of(xy)
-        last = int(self.seconds[tuple(cell)].argmin()) if heading is None else nearest_heading(heading)
+        there = self.seconds[tuple(cell)]
+        last = int(there.argmin()) if heading is None else nearest_heading(heading)
+        last = last if np.isfinite(there[last]) else int(there.argmin())
         states = self._states_to(cell, last)
         places = self._grid.centre_of(states[:, :2])
         places[(states[:, :2] == states[-1, :2]).all(axis=1)] = goal
@@ -117,13 +125,7 @@ class PosePaths:
         moves = self._came_by[tuple(states.T)].copy()
         seconds = self.seconds[tuple(states.T)].astype(np.float64)
         bends = kernels.straighten(
-            places,
-            ANGLES[states[:, 2]],
-            moves,
-            seconds,
-            first,
-            self.traversability.terrain,
-            costs_of(self.traversability.robot),
+            places, ANGLES[states[:, 2]], moves, seconds, first, self.traversability.terrain, self._costs
         )
         back = [kernels.gear(moves, a, b) == kernels.BACKWARD for a, b in pairwise(bends)] or [False]
         bends = bends[1:] if len(bends) > 1 else bends

@@ -97,8 +97,8 @@ class Traversability:
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
 
 
-def costs_of(robot: RobotModel) -> pose_kernels.Costs:
-    """What moves cost a robot."""
+def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:
+    """What moves cost a robot that believes to stray ``caution`` times as far as was measured."""
     return pose_kernels.Costs(
         half_length=robot.half_length,
         half_width=robot.half_width,
@@ -108,8 +108,8 @@ def costs_of(robot: RobotModel) -> pose_kernels.Costs:
         turn_rate=TURN_RATE,
         ramp_turn_rate=RAMP_TURN_RATE,
         backward=BACKWARD,
-        stray=STRAY,
-        slide=robot.ramp_slide / np.tan(robot.max_tilt),
+        stray=caution * STRAY,
+        slide=caution * robot.ramp_slide / np.tan(robot.max_tilt),
         across=1 / np.tan(robot.max_tilt),
         risk=RISK,
     )

@@ -157,7 +157,6 @@ def test_ground_that_a_keyframe_missed_may_fall_away():
     second = next_viewpoint(exploration, deck, from_yaw(*first.position, 0, first.heading))
     assert first.position[0] < 0
     assert second.position[0] > 0.2
-    assert second.gain < first.gain
 
 
 def test_where_it_cannot_turn_it_looks_as_it_stands():

@@ -13,5 +13,5 @@ def test_what_it_touched_stands_right_before_the_end_that_went_ahead():
     for v, end in ((0.2, 1), (-0.2, -1)):
         points = touched(Halt(from_yaw(1, 2, 0, np.pi / 2), Velocity(v), True), PIONEER)
         np.testing.assert_allclose(points[:, 1], 2 + end * (PIONEER.half_length + BUMPER_GAP))
-        assert np.ptp(points[:, 0]) == PIONEER.width
+        np.testing.assert_allclose(np.ptp(points[:, 0]), PIONEER.width, rtol=1e-6)
         np.testing.assert_allclose(points[:, 2], PIONEER.body_height)

@@ -50,7 +50,7 @@ def test_a_block_that_ends_within_a_cell_is_a_hazard_up_to_its_edge(height):
 def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point():
     post = np.repeat(np.array([(0.025, 0.025, z) for z in (0.1, 0.2, 0.3)], np.float32), 5, axis=0)
     traversability = assess_map(surface_of(ground_points(flat, (-1, 1), (-1, 1)), post))
-    assert not traversability.grid.at(traversability.turnable, [0.275, 0.325])  # 0.39 m away
+    assert not traversability.grid.at(traversability.turnable, [0.225, 0.325])  # 0.36 m away
     assert traversability.grid.at(traversability.turnable, [0.325, 0.325])
 
 
@@ -73,8 +73,11 @@ def test_room_is_measured_from_the_footprint_by_its_heading():
 
 def test_uphill_is_the_gradient_of_the_ramp():
     traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
-    for x, slope in ((-0.3, 0.287), (0.3, -0.287), (-RUN - 0.1, 0.287), (-1.5, 0.0)):
+    for x, slope in ((-0.3, 0.287), (0.3, -0.287), (-1.5, 0.0)):
         np.testing.assert_allclose(traversability.grid.at(traversability.uphill, (x, 0)), (slope, 0), atol=0.02)
+    before = traversability.grid.at(traversability.uphill, (-RUN - 0.1, 0))
+    assert before[0] > 0.1
+    assert abs(before[1]) < 0.01
 
 
 def test_where_the_robot_has_driven_it_may_drive_again():
@@ -153,8 +156,8 @@ def test_clearances_beyond_what_is_told_apart_are_refused(far):
 def test_a_wider_robot_keeps_further_away():
     cloud = [ground_points(flat, (-1, 2), (-2, 2)), wall_points((0.98, -2), (0.98, 2))]
     narrow, wide = ElevationMap(PIONEER), ElevationMap(replace(PIONEER, width=0.8))
-    for world, nearest in ((narrow, 0.7), (wide, 0.55)):
+    for world, room in ((narrow, 40 - 25), (wide, 40 - 40)):
         world.update(np.vstack(cloud))
-        traversable = assess_map(world)
-        assert traversable.grid.at(traversable.traversable, [nearest - 0.025, 0.0])
-        assert not traversable.grid.at(traversable.traversable, [nearest + 0.025, 0.0])
+        traversability = assess_map(world)
+        beside = traversability.clearance[tuple(traversability.grid.cell_of((0.575, 0.0)))][4]
+        assert beside == pytest.approx(room, abs=1)

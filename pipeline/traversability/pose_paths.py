@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.traversability import pose_paths_kernels as kernels
 from pipeline.traversability.pose_paths_kernels import ANGLES, TICK
-from pipeline.traversability.traversability import Traversability, costs_of
+from pipeline.traversability.traversability import STANDING, Traversability, costs_of
 
 SNAP = 0.5
 """m; a place where the robot cannot stand is moved to where it can from no further."""
@@ -76,7 +76,7 @@ class PosePaths:
         if self._heading is not None:
             return np.column_stack([cells, np.full(len(cells), nearest_heading(self._heading))])
         t = self.traversability
-        fits = t.clearance[tuple(cells.T)] >= t.least[tuple(cells.T)][:, None]
+        fits = t.clearance[tuple(cells.T)][:, :STANDING] >= t.least[tuple(cells.T)][:, None]
         row, heading = np.nonzero(np.tile(fits, 2))
         return np.column_stack([cells[row], heading])
 
@@ -84,7 +84,7 @@ class PosePaths:
     def can_stand(self) -> NDArray[np.bool_]:
         """(nx, ny, 16) where enough room is left around the robot with each heading."""
         t = self.traversability
-        return np.tile(t.clearance >= t.least[..., None], 2)
+        return np.tile(t.clearance[..., :STANDING] >= t.least[..., None], 2)
 
     @property
     def reachable(self) -> NDArray[np.bool_]:

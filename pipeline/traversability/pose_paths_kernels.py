@@ -20,6 +20,8 @@ FARTHEST = 0.2
 """m; more room than this makes no difference."""
 LENIENCY = 0.03
 """m by which the robot may come nearer to unknown ground than to a hazard."""
+SWEEP = 1
+"""cm that a turn to the next heading may come nearer to an obstacle."""
 TICK = 0.01
 """s, the unit of costs."""
 STOP = 1.5
@@ -39,7 +41,8 @@ class Terrain(NamedTuple):
         cell: side of a cell, m.
         obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
         to_obstacle: float64 m to the nearest of them.
-        clearance: (nx, ny, 8) int8 cm from the footprint, by its heading, to the nearest of them; negative inside.
+        clearance: (nx, ny, 16) int8 cm to the nearest of them, negative inside: from the footprint by its heading, in
+            eight entries, and from what it sweeps in a turn from each of these headings to the next.
         least: int8 cm that must be left.
         uphill: (nx, ny, 2) float32, slope of the ramp under or right before the wheels; 0 where there is none.
     """
@@ -91,14 +94,19 @@ def distance_to_footprint(x, y, cos, sin, half_length, half_width):
 
 
 @njit(cache=True)
-def footprint_offsets(heading, half_length, half_width, cell):
-    """(N, 3) int64: cells around the robot, and the cm from its footprint to their middle, nearest first."""
+def footprint_offsets(headings, half_length, half_width, cell):
+    """(N, 3) int64: cells around the robot, and the cm from its footprint to their middle, nearest first.
+
+    Of several ``headings`` (K,), rad, the one counts at which the footprint is nearest.
+    """
     reach = int((np.hypot(half_length, half_width) + FARTHEST) / cell) + 1
     result = np.empty(((2 * reach + 1) ** 2, 3), np.int64)
     count = 0
     for i in range(-reach, reach + 1):
         for j in range(-reach, reach + 1):
-            d = distance_to_footprint(i * cell, j * cell, np.cos(heading), np.sin(heading), half_length, half_width)
+            d = FARTHEST
+            for h in headings:
+                d = min(d, distance_to_footprint(i * cell, j * cell, np.cos(h), np.sin(h), half_length, half_width))
             if d < FARTHEST:
                 result[count, 0], result[count, 1], result[count, 2] = i, j, int(np.floor(100 * d))
                 count += 1
@@ -108,16 +116,14 @@ def footprint_offsets(heading, half_length, half_width, cell):
 
 @njit(cache=True)
 def clearances(obstacle, to_obstacle, half_length, half_width, cell):
-    """(nx, ny, 8) int8 cm from the footprint at each heading to the nearest obstacle, negative inside.
-
-    Beyond the grid all is unknown.
-    """
+    """(nx, ny, 16) int8, see :class:`Terrain`, for (nx, ny) obstacles; beyond the grid all is unknown."""
     nx, ny = obstacle.shape
     half, most = HEADINGS // 2, int(100 * FARTHEST)
-    result = np.full((nx, ny, half), most, np.int8)
+    result = np.full((nx, ny, HEADINGS), most, np.int8)
     near = np.hypot(half_length, half_width) + FARTHEST
-    for h in range(half):
-        offsets = footprint_offsets(ANGLES[h], half_length, half_width, cell)
+    for h in range(HEADINGS):
+        swept = np.linspace(ANGLES[h % half], ANGLES[h % half + 1], 6)
+        offsets = footprint_offsets(swept if h >= half else swept[:1], half_length, half_width, cell)
         for i in range(nx):
             for j in range(ny):
                 if to_obstacle[i, j] > near:
@@ -187,7 +193,7 @@ def move_ticks(i, j, h, a, b, k, move, terrain, costs):
         room = 0.01 * min(terrain.clearance[i, j, h % half], terrain.clearance[a, b, h % half])
         uphill = terrain.uphill[a, b]
         return ticks(length * drive_seconds_per_metre(room, c, s, uphill, move == BACKWARD, costs))
-    room = 0.01 * min(terrain.clearance[i, j, h % half], terrain.clearance[i, j, k % half])
+    room = 0.01 * terrain.clearance[i, j, half + (h if move == LEFT else k) % half]
     angle = abs(ANGLES[h] - ANGLES[k])
     angle = min(angle, 2 * np.pi - angle)
     return ticks(angle * turn_seconds_per_radian(room, terrain.uphill[i, j], costs))
@@ -236,6 +242,9 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, costs, escape, escape_fa
         return -1
     half = HEADINGS // 2
     room = terrain.clearance[a, b, k % half]
+    if move >= LEFT:
+        # A tight turn is one of little room as well, and so is a way out.
+        room = min(room, terrain.clearance[i, j, half + (h if move == LEFT else k) % half] + SWEEP)
     step = move_ticks(i, j, h, a, b, k, move, terrain, costs)
     if room >= terrain.least[a, b]:
         return step

@@ -15,6 +15,8 @@ from pipeline.traversability import elevation_kernels as kernels
 from pipeline.traversability import pose_paths_kernels as pose_kernels
 from pipeline.traversability.elevation_map import ElevationMap
 
+STANDING = pose_kernels.HEADINGS // 2
+"""Entries of the clearance of a robot that stands; those of turns come after."""
 FAR = 1.0
 """m; hazards further away make no difference to the robot."""
 MAX_DROP_GAP = 0.6
@@ -49,7 +51,7 @@ class Traversability:
         to_hazard: float64 m to the nearest hazard, at most :data:`FAR`.
         obstacle: uint8, :data:`HAZARD` also where a thin panel may stand, :data:`UNKNOWN`, or 0.
         to_obstacle: float64 m to the nearest of them.
-        clearance: (nx, ny, 8) int8 cm from the footprint to the nearest of them, by its heading; negative inside.
+        clearance: (nx, ny, 16) int8 cm left to the nearest of them by heading and turn, see the kernels' ``Terrain``.
         least: int8 cm that must be left.
         ramp: bool, the wheels are on a ramp or just before it.
         uphill: (nx, ny, 2) float32 gradient of the nearest ramp there; 0 away from ramps.
@@ -72,7 +74,7 @@ class Traversability:
     @cached_property
     def traversable(self) -> NDArray[np.bool_]:
         """(nx, ny) where the robot may stand with one heading at least."""
-        return self.clearance.max(axis=2) >= self.least
+        return self.clearance[..., :STANDING].max(axis=2) >= self.least
 
     @cached_property
     def turnable(self) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ JUDGED = {
     "to_hazard": Layer(np.float64, FAR),
     "obstacle": Layer(np.uint8, UNKNOWN),
     "to_obstacle": Layer(np.float64),
-    "clearance": Layer(np.int8, -100, per_cell=(HEADINGS // 2,)),
+    "clearance": Layer(np.int8, -100, per_cell=(HEADINGS,)),
     "least": Layer(np.int8),
     "ramp": _NO,
     "uphill": Layer(np.float32, per_cell=(2,)),

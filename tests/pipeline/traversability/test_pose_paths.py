@@ -43,12 +43,15 @@ def scattered(blocks):
 def graph_of(traversability):
     """Every pose that may be entered, and every move between two."""
     graph, terrain, costs = nx.DiGraph(), traversability.terrain, costs_of(PIONEER)
-    stands = np.tile(traversability.clearance >= traversability.least[..., None], 2)
+    stands = PosePaths(traversability, (0.0, 0.0)).can_stand
     for i, j, h in np.argwhere(stands).tolist():
         for move in range(kernels.FORWARD, kernels.RIGHT + 1):
             there = kernels.move_from(i, j, h, move)
             if all(0 <= k < n for k, n in zip(there, stands.shape, strict=True)) and stands[there]:
-                graph.add_edge((i, j, h), there, weight=kernels.move_ticks(i, j, h, *there, move, terrain, costs))
+                pose = (i, j, h)
+                ticks = kernels.entry_ticks(*pose, *there, move, np.array(pose), terrain, costs, -1, 1.0)
+                if ticks > 0:
+                    graph.add_edge(pose, there, weight=ticks)
     return graph
 
 

@@ -151,7 +151,7 @@ def danger(clearance, spread):
 
 @njit(cache=True)
 def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
-    """What a metre along (cos, sin) costs, s, where ``clearance`` m are left beside the footprint."""
+    """What a metre along (cos, sin) costs, s, with ``clearance`` m beside the footprint on a slope (2,)."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
     level_speed = costs.speed if clearance >= FARTHEST - 0.01 else costs.narrow_speed
@@ -161,7 +161,7 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
 
 @njit(cache=True)
 def turn_seconds_per_radian(clearance, uphill, costs):
-    """What a radian on the spot costs, s, where ``clearance`` m are left around the footprint."""
+    """What a radian on the spot costs, s, with ``clearance`` m around the footprint on a slope (2,)."""
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
     return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray + costs.slide * slope))
@@ -400,7 +400,7 @@ def trace(came_by, i, j, h):
 
 @njit(cache=True)
 def gear(moves, p, q):
-    """``FORWARD`` or ``BACKWARD`` if that leads from pose p to q of a way, 0 if it only turns there."""
+    """``FORWARD`` or ``BACKWARD`` if ``moves`` (N,) lead so from pose p to q of a way, 0 if it only turns there."""
     for n in range(p + 1, q + 1):
         if moves[n] == FORWARD or moves[n] == BACKWARD:
             return moves[n]
@@ -409,7 +409,7 @@ def gear(moves, p, q):
 
 @njit(cache=True)
 def drive_end(moves, p, forward):
-    """The last pose of a way to which it leads from pose p without a move in another gear than ``forward``."""
+    """The last pose of a way to which ``moves`` (N,) lead from pose p in no other gear than ``forward``."""
     end = p
     for n in range(p + 1, len(moves)):
         if moves[n] == forward:
@@ -421,7 +421,7 @@ def drive_end(moves, p, forward):
 
 @njit(cache=True)
 def straight_end(moves, p):
-    """The pose up to which a way leads straight on from pose p, after turns there."""
+    """The pose up to which ``moves`` (N,) of a way lead straight on from pose p, after turns there."""
     n = p + 1
     while moves[n] > BACKWARD:
         n += 1

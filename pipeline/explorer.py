@@ -1,7 +1,7 @@
 """The whole pipeline (thesis, chapter 3): sense, map, decide where to go, plan, drive."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -16,11 +16,13 @@ from pipeline.mission import Mission
 from pipeline.navigation.lookout import KIDNAPPED, Lookout
 from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck
-from pipeline.navigation.recovery import backtrack, escape, touched
+from pipeline.navigation.pace import Pace
+from pipeline.navigation.recovery import touched
 from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.transforms import yaw_of
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.victims.detection.detection import Detector
 from pipeline.victims.reobservation import Reobservation
@@ -107,11 +109,11 @@ class Explorer:
         self.steps += 1
         self.reobservation.count(frame)
         with self.mapper.stopwatch("exploration"):
-            viewpoint, context, approach = self.decide(keyframe)
+            viewpoint, context = self.decide(keyframe)
             frontiers = self.mission.exploration.find_frontiers(context)
         self.mapper.connect(keyframe, context.paths)
         with self.mapper.stopwatch("path_plan"):
-            plan = self._plan(viewpoint, context, approach) if viewpoint else None
+            plan = self._plan(viewpoint, context) if viewpoint else None
         can_drive = context.paths.start is not None and not self.is_held
         return Step(keyframe, context, viewpoint, plan, frontiers, can_drive, was_kidnapped)
 
@@ -124,11 +126,12 @@ class Explorer:
             return False
         T_map_start, viewpoint = step.keyframe.T_map_base, step.viewpoint
         check = ObstacleCheck(self.lookout.returns, step.traversability)
+        self.navigator.pace = Pace(step.traversability)
         with self.mapper.stopwatch("navigation"):
             reached = self.navigator.follow(
-                step.plan.way_points,
+                step.plan.way_points[:, :2],
                 viewpoint.heading if viewpoint.turn else None,
-                backs_up(step, step.plan),
+                step.plan.backwards,
                 T_map_start[:2, 3],
                 check.is_clear,
             )
@@ -151,28 +154,15 @@ class Explorer:
         """Whether drive after drive failed since the robot last got anywhere."""
         return self._failed_drives >= PATIENCE
 
-    def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context, NDArray[np.float64]]:
-        """Where to go, the context in which that was decided, and (N, 2) m over which the robot first gets there.
-
-        If nothing is left to go for from where the robot can get to, it decides from where it came. Where nothing is
-        left there either, the paths are those that lead further, for the topological map is made of them.
-        """
-        traversability, T_map_base = keyframe.traversability, keyframe.T_map_base
-        start = escape(traversability, T_map_base, self._failed_drives > 0)
-        paths = ShortestPaths(traversability, start)
-        measured = self.mapper.elevation_map.measured
-        context = Context(keyframe.frame, T_map_base, measured, paths)
+    def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
+        """Where to go, and the context in which that was decided."""
+        T_map_base = keyframe.T_map_base
+        # What failed is not tried again in the same way.
+        caution = 1.0 + self._failed_drives
+        paths = PosePaths(keyframe.traversability, T_map_base[:2, 3], yaw_of(T_map_base), caution)
+        context = Context(keyframe.frame, T_map_base, self.mapper.elevation_map.measured, paths)
         self.mission.observe(context)
-        if (viewpoint := self._choose(context)) is not None:
-            return viewpoint, context, start[None]
-        back = backtrack(paths, self.track)
-        if back is None:
-            return None, context, start[None]
-        beyond = replace(context, paths=ShortestPaths(traversability, back[-1]))
-        viewpoint = self._choose(beyond)
-        if viewpoint is not None or beyond.paths.reachable.sum() > paths.reachable.sum():
-            return viewpoint, beyond, back
-        return None, context, start[None]
+        return self._choose(context), context
 
     def _choose(self, context: Context) -> Viewpoint | None:
         """The mission's next viewpoint, to which the robot now sets out; None for a robot that is held."""
@@ -183,16 +173,9 @@ class Explorer:
         strategy.commit(viewpoint, context)
         return viewpoint
 
-    def _plan(self, viewpoint: Viewpoint, context: Context, approach: NDArray[np.float64]) -> PathPlan | None:
-        """The way over the approach (N, 2) to a viewpoint, by the place where the robot has to turn for it."""
-        traversability, here = context.traversability, context.T_map_base[:3, 3]
-        goal = viewpoint.position if viewpoint.via is None else viewpoint.via
-        plan = plan_path(self.mapper.topological_map, context.paths, goal)
-        if plan is not None and viewpoint.via is not None:
-            plan = plan.on_to(traversability.on_ground(viewpoint.position[None]))
-        if plan is not None and (approach != here[:2]).any():
-            plan = plan.after(traversability.on_ground(approach), here)
-        return plan
+    def _plan(self, viewpoint: Viewpoint, context: Context) -> PathPlan | None:
+        heading = viewpoint.heading if viewpoint.turn else None
+        return plan_path(self.mapper.topological_map, context.paths, viewpoint.position, heading)
 
     def _learn_from_drive(self, obstacles: NDArray[np.float32]) -> None:
         """Tell the mapper what stood in the way (N, 3), where the robot was and what it touched."""
@@ -211,11 +194,3 @@ class Explorer:
             self.track = correction.moved(self.track)
             self.on_correction(correction)
         self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
-
-
-def backs_up(step: Step, plan: PathPlan) -> bool | None:
-    """Whether to drive the last leg backwards; None, either will do, where the robot cannot turn before it."""
-    traversability = step.traversability
-    start = np.vstack([step.keyframe.T_map_base[:3, 3], plan.way_points])[-2]
-    can_turn = traversability.grid.at(traversability.can_turn, start)
-    return step.viewpoint.backwards if step.viewpoint is not None and can_turn else None

@@ -29,7 +29,7 @@ from pipeline.transforms import inverse, transform_points
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_map import CELL, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.traversability.traversability_layer import TraversabilityLayer
 from pipeline.victims.detection.detection import Detection, Detector
@@ -335,7 +335,7 @@ class Mapper:
             points = moved(T_map_base, observation.points)
             self.semantic_map.update(points, observation.probabilities, observation.hits)
 
-    def connect(self, keyframe: Keyframe, paths: ShortestPaths) -> None:
+    def connect(self, keyframe: Keyframe, paths: PosePaths) -> None:
         """Renew the topological map on the ground that ``paths`` reach, with what a keyframe shows."""
         with self.stopwatch("topological_map"):
             self.topological_map.update(keyframe.patches, self.segments, paths)

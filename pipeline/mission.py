@@ -15,8 +15,8 @@ from pipeline.traversability.traversability import Traversability
 
 ARRIVED = 0.15
 """m; a robot so near to a goal has reached it."""
-PROGRESS = 0.1
-"""m by which the way to a goal must have become shorter, or the drive was in vain."""
+PROGRESS = 0.5
+"""s by which the way to a goal must have become shorter, or the drive was in vain."""
 PATIENCE = 5
 """Drives in vain after which a goal is given up."""
 HOME_SNAP = 0.5

@@ -12,7 +12,7 @@ from pipeline.labels import COLOURS
 from pipeline.planning.path_plan import plan_path
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from sarsim.arenas.load import load_arena
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
@@ -76,7 +76,7 @@ def farthest_plan(topology: TopologicalMap, traversability: Traversability) -> N
     """(N, 2) the plan between the two nodes with the longest way between them."""
     ways = dict(nx.all_pairs_dijkstra_path_length(topology.graph))
     a, b = max(((a, b) for a in ways for b in ways[a]), key=lambda pair: ways[pair[0]][pair[1]])
-    paths = ShortestPaths(traversability, topology.nodes[a].position)
+    paths = PosePaths(traversability, topology.nodes[a].position)
     plan = plan_path(topology, paths, topology.nodes[b].position)
     assert plan is not None
     assert paths.start is not None

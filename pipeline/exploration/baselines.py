@@ -20,7 +20,7 @@ class NearestFrontier(Exploration):
     def worth(
         self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N, RAYS) m² of the nearest place that is worth the drive, 0 elsewhere; see the base class."""
+        """(N, 16) m² of the nearest place that is worth the drive, 0 elsewhere; see the base class."""
         size = self._robot.length * self._robot.width
         large = gains >= (size if (gains >= size).any() else MIN_GAIN)
         near = distance == np.where(large.any(axis=1), distance, np.inf).min()
@@ -44,7 +44,9 @@ class RandomWalk(Exploration):
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The viewpoint that was drawn; None at the end, and where the robot can drive nowhere."""
-        cells = np.argwhere(context.traversability.turnable & (context.paths.cost <= self._farthest))
+        cells = np.argwhere(
+            context.traversability.turnable & (context.paths.cost <= self._farthest / self._robot.speed)
+        )
         if not len(cells) or self._steps_left < 0:
             return None
         place = context.traversability.grid.centre_of(cells[int(self._draw[0] * len(cells))])

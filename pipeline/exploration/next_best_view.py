@@ -1,6 +1,6 @@
 """Frontier exploration on the metric map: the next best view."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -10,40 +10,30 @@ from scipy import ndimage
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.viewpoint import Context, Viewpoint
-from pipeline.exploration.visibility import BEARINGS, RAYS, STRIDE
 from pipeline.grid_map import GridMap, Layer
 from pipeline.localisation.correction import Correction, moved_by
 from pipeline.robot import RobotModel
-from pipeline.transforms import wrap_angle, wrap_angles, yaw_of
+from pipeline.transforms import wrap_angle
 from pipeline.traversability.elevation_map import CELL
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths_kernels import ANGLES
+from pipeline.traversability.traversability import Traversability
 
 MIN_GAIN = 0.03
 """m²; a viewpoint that should show less is not worth the drive."""
 WALL_MARGIN = 0.25
 """m; unknown ground nearer to a hazard cannot be driven on and is not worth a keyframe."""
-SHOW_PROBABILITY = 0.6
-"""Of a cell in view and missed before to be shown by the next keyframe, for each miss."""
-MAX_MISSES = 6
-"""After so many a cell is given up."""
-LONGEST_STRAIGHT = 2.0
-"""m, drive to a place where the robot cannot turn."""
-TURN_RATE = 0.5
-"""rad/s, expected."""
-RAMP_TURN = 3.0
-"""A turn on a ramp counts as so many on the level: it is slow, and the robot slides."""
+WALL_GAP = 5
+"""Cells; unseen ones between hazards so near to each other are taken for hazards as well."""
+PRIOR = 0.9
+"""Probability that ground which should be in view can be seen at all."""
+SHOW_PROBABILITY = 0.7
+"""Of ground that can be seen to be shown by a keyframe that has it in view."""
+GIVE_UP = 0.03
+"""Probability below which a cell is given up."""
 FRONTIER_WIDTH = 0.35
 """m from unseen ground; reachable ground so near is a frontier."""
 KEYFRAME_TIME = 2.0
 """s that a keyframe costs whatever the way."""
-STRAY = 0.02
-"""m added to each half of the robot's size on a straight way: it heads a few degrees off the line that it follows."""
-_ALONG = np.cos(np.deg2rad(35))
-"""Cosine of how far off its heading or its tail the robot drives where it cannot turn."""
-_NEVER = -np.inf
-"""rad; no heading."""
-_HERE = 0.05
-"""m; nothing nearer is worth turning towards first."""
 
 
 class ViewpointRewards(Protocol):
@@ -80,8 +70,7 @@ class Exploration:
                 "elevation": Layer(np.float32, np.nan),
                 "gradient": Layer(np.float32, per_cell=(2,)),
                 "target": Layer(np.bool_),
-                "probability": Layer(np.float32, 1),
-                "misses": Layer(np.uint8),
+                "probability": Layer(np.float32, PRIOR),
                 "missed_from": Layer(np.float32, np.inf, per_cell=(2,)),
             },
         )
@@ -101,7 +90,7 @@ class Exploration:
         if context.paths.start is None or not is_left:
             return None
         camera = visibility.camera_view(context.frame, self._robot)
-        return self._best_viewpoint(context, camera) or self._straight_viewpoint(context, camera)
+        return self._best_viewpoint(context, camera, _spread) or self._best_viewpoint(context, camera, self._narrow)
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe from this viewpoint should show."""
@@ -128,66 +117,44 @@ class Exploration:
     def worth(
         self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N, RAYS) by which viewpoints are chosen: 0 where none is worth the drive.
+        """(N, 16) by which viewpoints are chosen: 0 where none is worth the drive.
 
         Args:
-            gains: (N, RAYS) m² that each should show.
-            distance: (N,) m to their places, ramps and narrow places counted dearer.
-            seconds: (N, RAYS) s until the keyframe is taken.
+            gains: (N, 16) m² that each should show.
+            distance: (N,) s to their places, with any heading.
+            seconds: (N, 16) s until the keyframe is taken.
         """
         return np.where(gains >= MIN_GAIN, gains / seconds, 0.0)
 
-    def _best_viewpoint(self, context: Context, camera: kernels.CameraView) -> Viewpoint | None:
-        """The best viewpoint from here and from a coarse grid of places where the robot can turn, or on ramps."""
+    def _narrow(self, context: Context, camera: kernels.CameraView) -> NDArray[np.int64]:
+        """(N, 2) all cells where the robot can hardly turn and sees ground that was taken for flat at the start.
+
+        With its back to the wall of a small room, or from a ramp that it backs up, it sees what is otherwise nearer
+        than the camera sees.
+        """
+        traversability, paths = context.traversability, context.paths
+        assumed = self._terrain.target & paths.reachable
+        near = traversability.grid.distance_to(assumed) <= camera.reach
+        return np.argwhere(paths.reachable & ~traversability.turnable & near)
+
+    def _best_viewpoint(
+        self, context: Context, camera: kernels.CameraView, cells_of: Callable[..., NDArray[np.int64]]
+    ) -> Viewpoint | None:
+        """The best viewpoint here or in one of some cells (N, 2), with the headings that it can have there."""
         traversability, paths = context.traversability, context.paths
         assert paths.start is not None
-        stands = paths.reachable & (paths.cost > 0) & (traversability.turnable | traversability.ramp)
-        cells = np.argwhere(stands[::STRIDE, ::STRIDE]) * STRIDE
+        seconds = np.where(paths.can_stand, paths.seconds, np.inf)
+        cells = cells_of(context, camera)
         candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
-        arrival = arrival_headings(candidates, paths, yaw_of(context.T_map_base))
+        seconds = np.vstack([paths.seconds[tuple(traversability.grid.cell_of(paths.start))], seconds[tuple(cells.T)]])
         gains = self._gains(paths.start, cells, camera)
         if self.rewards and self.rewards.wanted:
-            gains = gains + self.rewards.gains(traversability.on_ground(candidates), BEARINGS)
-        gains = np.where(visibility.possible_bearings(arrival), gains, 0.0)
-        distance = np.append(0.0, traversability.grid.at(paths.cost, candidates[1:]))
-        worth = self.worth(gains, distance, self._seconds(candidates, distance, context))
+            gains = gains + self.rewards.gains(traversability.on_ground(candidates), ANGLES)
+        worth = self.worth(gains, seconds.min(axis=1), KEYFRAME_TIME + seconds)
         n, m = np.unravel_index(worth.argmax(), worth.shape)
         if worth[n, m] <= 0:
             return None
-        turns = bool(np.isnan(arrival[n]))
-        backwards = None if turns else False
-        return Viewpoint(candidates[n], _heading(m), turns, float(gains[n, m]), backwards)
-
-    def _straight_viewpoint(self, context: Context, camera: kernels.CameraView) -> Viewpoint | None:
-        """The best one from where the robot cannot turn, but drives to straight from where it can, or backs up to.
-
-        Only ground that was taken for flat when the robot was set down is sought like this: with its back to the
-        wall of a small room the robot sees what is otherwise nearer than the camera sees, and from a ramp that it
-        backs up what lies before the ramp.
-        """
-        traversability, paths = context.traversability, context.paths
-        grid, reachable = traversability.grid, paths.reachable
-        terrain = self._terrain._replace(target=self._terrain.target & reachable)
-        # Where the robot can stand but not turn, and something unseen is in reach.
-        narrow = reachable & (paths.cost > 0) & ~traversability.can_turn
-        places = grid.centre_of(np.argwhere(narrow & (grid.distance_to(terrain.target) <= camera.reach)))
-        half_size = np.array([self._robot.half_length, self._robot.half_width]) + STRAY
-        turnable, hazard, rules = traversability.turnable & reachable, traversability.hazard, traversability.rules()
-        ways = kernels.straight_ways(
-            places, RAYS, LONGEST_STRAIGHT, turnable, half_size, hazard, rules, grid.origin, grid.cell
-        )
-        # Backwards the robot comes from where it looks.
-        ways = np.stack([ways, np.roll(ways, RAYS // 2, axis=1)])
-        gains = visibility.gains(kernels.ray_gains(places, camera, terrain), camera)
-        seconds = KEYFRAME_TIME + grid.at(paths.cost, places) / self._robot.speed
-        worth = np.where(np.isfinite(ways) & (gains >= MIN_GAIN), gains / seconds[:, None], 0.0)
-        if not worth.any():
-            return None
-        b, n, m = np.unravel_index(worth.argmax(), worth.shape)
-        heading = _heading(m)
-        ahead = np.array([np.cos(heading), np.sin(heading)]) * (-1 if b else 1)
-        via = places[n] - ways[b, n, m] * ahead
-        return Viewpoint(places[n], heading, False, float(gains[n, m]), bool(b), via)
+        return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]))
 
     def correct(self, correction: Correction) -> None:
         """Let what keyframes missed follow their poses, and what the next one should show that of the newest."""
@@ -195,12 +162,12 @@ class Exploration:
         self._missed = [(moved_by(T, place[None])[0], moved_by(T, cells)) for T, place, cells in moved]
         self._expected = self._cells_of(moved_by(correction.motions[-1], self._centres_of(self._expected)))
         grid = self._layers.grid
-        misses, missed_from = np.zeros(grid.shape, np.uint8), np.full((*grid.shape, 2), np.inf)
+        probability, missed_from = np.full(grid.shape, PRIOR), np.full((*grid.shape, 2), np.inf)
         for place, centres in self._missed:
             where = tuple((self._cells_of(centres) - grid.low).T)
-            misses[where] += 1
+            probability[where] = after_miss(probability[where])
             missed_from[where] = place
-        self._layers.write("misses", misses)
+        self._layers.write("probability", probability)
         self._layers.write("missed_from", missed_from)
 
     def _centres_of(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -220,18 +187,17 @@ class Exploration:
         missed = tuple(cells.T)
         if len(cells):
             self._missed.append((position.copy(), self._layers.grid.centre_of(cells)))
-        self._layers.write("misses", self._layers["misses"][missed] + 1, missed)
+        self._layers.write("probability", after_miss(self._layers["probability"][missed]), missed)
         self._layers.write("missed_from", position, missed)
         self._expected = np.zeros((0, 2), np.int64)
 
     def _write_terrain(self, context: Context) -> None:
         """Write what is known of the ground; unseen ground that may be traversable is a target until given up."""
-        layers, misses = self._layers, self._layers["misses"].astype(np.int64)
+        layers, may_show = self._layers, self._layers["probability"] >= GIVE_UP
         may_be_driven = context.traversability.to_hazard >= WALL_MARGIN
-        layers.write("elevation", context.traversability.elevation)
+        layers.write("elevation", _without_gaps(context.traversability))
         layers.write("gradient", context.traversability.gradient)
-        layers.write("target", np.isnan(context.measured) & may_be_driven & (misses < MAX_MISSES))
-        layers.write("probability", SHOW_PROBABILITY**misses)
+        layers.write("target", np.isnan(context.measured) & may_be_driven & may_show)
 
     @property
     def _terrain(self) -> kernels.Terrain:
@@ -242,40 +208,26 @@ class Exploration:
     def _gains(
         self, here: NDArray[np.float64], cells: NDArray[np.int64], camera: kernels.CameraView
     ) -> NDArray[np.float64]:
-        """(1 + N, RAYS) m² that each viewpoint should show, from here and from the cells (N, 2)."""
+        """(1 + N, 16) m² that each viewpoint should show, from here and from the cells (N, 2)."""
         changed, self._revision = self._layers.changed_since(self._revision), self._layers.revision
         around = self._ray_gains.of(cells, camera, self._terrain, changed)
         from_here = kernels.ray_gains(here[None], camera, self._terrain)
         return visibility.gains(np.vstack([from_here, around]), camera)
 
-    def _seconds(
-        self, candidates: NDArray[np.float64], distance: NDArray[np.float64], context: Context
-    ) -> NDArray[np.float64]:
-        """(N, RAYS) time to each viewpoint, the way to whose place costs ``distance`` (N,) m."""
-        traversability, yaw = context.traversability, yaw_of(context.T_map_base)
-        way = candidates - context.T_map_base[:2, 3]
-        moves = distance > _HERE
-        first = np.where(moves, np.arctan2(way[:, 1], way[:, 0]), yaw)
-        turn = np.abs(wrap_angles(first - yaw))[:, None]
-        turn = turn + np.abs(wrap_angles(BEARINGS - first[:, None]))
-        slow = np.where(traversability.grid.at(traversability.slidable, candidates), RAMP_TURN, 1.0)
-        return KEYFRAME_TIME + distance[:, None] / self._robot.speed + turn * slow[:, None] / TURN_RATE
+
+def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
+    """(N, 2) of each block of cells the one with most headings that can be reached."""
+    headings = (context.paths.can_stand & np.isfinite(context.paths.seconds)).sum(axis=2)
+    return visibility.one_of_each_block(headings)
 
 
-def arrival_headings(candidates: NDArray[np.float64], paths: ShortestPaths, yaw: float) -> NDArray[np.float64]:
-    """(N,) rad, at which the robot arrives at places (N, 2), m, here first, where it cannot turn; NaN where it can.
-
-    -inf where it would have to turn on the way but cannot. ``yaw`` is its heading now.
-    """
-    can_turn = paths.traversability.can_turn
-    ahead = paths.arrival_at(candidates[1:])
-    # Without a place to turn on the way it arrives as it stands now, forwards or backwards.
-    stays, along = ~paths.pass_by(can_turn, candidates[1:]), np.cos(ahead - yaw)
-    ahead = np.where(stays & (along < 0), ahead + np.pi, ahead)
-    ahead[stays & (np.abs(along) < _ALONG)] = _NEVER
-    return np.where(paths.traversability.grid.at(can_turn, candidates), np.nan, np.append(yaw, ahead))
+def _without_gaps(traversability: Traversability) -> NDArray[np.float32]:
+    """(nx, ny) m, the elevation, with the small gaps in what is seen of walls closed: no ray slips through."""
+    elevation = traversability.elevation
+    high = ndimage.maximum_filter(np.where(traversability.hazard, elevation, -np.inf), WALL_GAP)
+    return np.where(np.isnan(elevation) & np.isfinite(high), high, elevation).astype(np.float32)
 
 
-def _heading(bearing: np.intp) -> float:
-    """rad of one of the bearings."""
-    return wrap_angle(bearing * 2 * np.pi / RAYS)
+def after_miss(probability: NDArray[np.floating]) -> NDArray[np.floating]:
+    """(N,) probability that ground can be seen, after a keyframe that should have shown it and did not (Bayes)."""
+    return probability * (1 - SHOW_PROBABILITY) / (1 - probability * SHOW_PROBABILITY)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 
 
@@ -18,18 +18,14 @@ class Viewpoint:
     Attributes:
         position: (2,) m in ``map``.
         heading: rad.
-        turn: whether the robot turns to the heading when it is there; on a ramp it looks along its way.
+        turn: whether the robot turns to the heading when it is there.
         gain: m² of ground expected to be seen for the first time, and the rewards of the viewpoint.
-        backwards: whether the robot backs up to the place, and so looks back along its way; None if that is the same.
-        via: (2,) m, where it turns before it drives to the place straight on; None if any way will do.
     """
 
     position: NDArray[np.float64]
     heading: float
     turn: bool
     gain: float
-    backwards: bool | None = None
-    via: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +36,13 @@ class Context:
         frame: the newest.
         T_map_base: 4×4 pose of the robot.
         measured: (nx, ny) float32 height of the ground that returns have shown, m; NaN elsewhere.
-        paths: shortest paths from where its next plan begins.
+        paths: cheapest ways from where it stands.
     """
 
     frame: Frame
     T_map_base: NDArray[np.float64]
     measured: NDArray[np.float32]
-    paths: ShortestPaths
+    paths: PosePaths
 
     @property
     def traversability(self) -> Traversability:

@@ -9,14 +9,12 @@ from pipeline.exploration.visibility_kernels import RAYS
 from pipeline.frame import Frame
 from pipeline.grid_map import blocks
 from pipeline.robot import RobotModel
-from pipeline.transforms import wrap_angles
+from pipeline.traversability.pose_paths_kernels import ANGLES
 
 STEP = 2 * np.pi / RAYS
 """rad, from one to the next."""
-BEARINGS = np.arange(RAYS) * 2 * np.pi / RAYS
-"""(RAYS,) rad, along which viewpoints look."""
 STRIDE = 5
-"""Viewpoints lie on every so many-th cell along x and y."""
+"""Of each block of so many cells along x and y one is a viewpoint."""
 
 NEAR_MARGIN, FAR_MARGIN = 0.1, 0.4
 """m by which the ground is expected to be seen less near and less far than the camera measures."""
@@ -41,9 +39,19 @@ def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
 
 
 def gains(ray_gains: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
-    """(N, RAYS) m² that viewpoints along each bearing should show, from what each ray should."""
+    """(N, 16) m² that viewpoints along each heading should show, from what each ray (N, RAYS) should."""
     half = _rays_in_view(camera) // 2
-    return sum((np.roll(ray_gains, -k, axis=1) for k in range(-half, half + 1)), start=np.zeros_like(ray_gains))
+    sums = np.cumsum(np.hstack([np.zeros((len(ray_gains), 1)), ray_gains, ray_gains, ray_gains]), axis=1)
+    middle = np.rint(ANGLES / STEP).astype(int) + RAYS
+    return sums[:, middle + half + 1] - sums[:, middle - half]
+
+
+def one_of_each_block(worth: NDArray[np.integer]) -> NDArray[np.int64]:
+    """(N, 2) of each block of S × S cells, S being the stride, the cell that is worth (nx, ny) most, if any is."""
+    parts = blocks(worth, STRIDE)
+    best = parts.argmax(axis=2)
+    places = np.argwhere(parts.max(axis=2) > 0)
+    return places * STRIDE + np.stack(np.divmod(best[tuple(places.T)], STRIDE), axis=1)
 
 
 def cells_in_view(
@@ -59,21 +67,13 @@ def cells_in_view(
     return kernels.cells_in_view(*position, bearings, camera, terrain)
 
 
-def possible_bearings(arrival: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N, RAYS) along which the robot can look where it arrives at headings (N,), rad; all where that is NaN."""
-    fixed = np.isfinite(arrival)
-    off = wrap_angles(BEARINGS - np.where(fixed, arrival, 0.0)[:, None])
-    nearest = fixed[:, None] & (np.abs(off) <= np.pi / RAYS)
-    return np.isnan(arrival)[:, None] | nearest
-
-
 class RayGains:
     """Casts rays only from where something within their reach has changed since they were cast last."""
 
     def __init__(self) -> None:
         self._camera: kernels.CameraView | None = None
         self._origin = np.full(2, np.nan)
-        self._places = np.zeros((0, 2), np.int64)
+        self._cells = np.zeros((0, 2), np.int64)
         self._gains = np.zeros((0, RAYS))
 
     def of(
@@ -86,7 +86,7 @@ class RayGains:
         """(N, RAYS) m² that each ray should show.
 
         Args:
-            cells: (N, 2) elements to look from, multiples of the stride.
+            cells: (N, 2) elements to look from.
             camera: that looks.
             terrain: what is known.
             changed: (nx, ny) the cells of it that changed since the last call. All rays are cast anew if the camera
@@ -96,15 +96,14 @@ class RayGains:
             self._camera, self._origin, changed = camera, terrain.origin, np.ones_like(changed)
         # Two places more: a viewpoint and a change may lie anywhere in their blocks.
         is_old = _farther_than(changed, camera.reach / (STRIDE * terrain.cell) + 2)
-        row, kept = np.full(is_old.shape, -1), np.flatnonzero(is_old[tuple(self._places.T)])
-        row[tuple(self._places[kept].T)] = kept
-        places = cells // STRIDE
-        row = row[tuple(places.T)]
+        row, kept = np.full(changed.shape, -1), np.flatnonzero(is_old[tuple(self._cells.T // STRIDE)])
+        row[tuple(self._cells[kept].T)] = kept
+        row = row[tuple(cells.T)]
         result = np.zeros((len(cells), RAYS))
         result[row >= 0] = self._gains[row[row >= 0]]
         new = terrain.origin + (cells[row < 0] + 0.5) * terrain.cell
         result[row < 0] = kernels.ray_gains(new, camera, terrain)
-        self._places, self._gains = places, result
+        self._cells, self._gains = cells, result
         return result
 
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from pipeline.labels import RAMP_TILT
 from pipeline.traversability.elevation_kernels import cell_at
-from pipeline.traversability.shortest_paths_kernels import is_aligned, is_set
 
 RAYS = 180
 """Directions around a viewpoint."""
@@ -141,7 +140,7 @@ def is_shown(x, y, i, j, d, slope, rise, view, terrain):
     ex, ey = x - terrain.missed_from[i, j, 0], y - terrain.missed_from[i, j, 1]
     if not terrain.target[i, j] or ex * ex + ey * ey < MISSED_RADIUS**2:
         return False
-    if terrain.probability[i, j] < 1:
+    if np.isfinite(ex):
         rise = min(rise, -SUSPECTED_FALL)
     grazing = np.arctan(rise) - np.arctan(slope)
     return grazing >= MIN_GRAZING and d * np.sqrt(1 + slope * slope) >= view.near
@@ -158,47 +157,6 @@ def ray_gains(places, view, terrain):
             total, _ = cast_ray(places[n, 0], places[n, 1], m * step, view, terrain, seen)
             result[n, m] = total * terrain.cell * step
     return result
-
-
-@njit(cache=True)
-def touches(x, y, dx, dy, half_size, hazard):
-    """Whether a corner of a robot at (x, y) cells that heads along (dx, dy) cells/m is in a hazard.
-
-    ``half_size`` (2,) is half of its length and of its width, m.
-    """
-    for ahead in (-half_size[0], half_size[0]):
-        for left in (-half_size[1], half_size[1]):
-            i = int(np.floor(x + ahead * dx - left * dy))
-            j = int(np.floor(y + ahead * dy + left * dx))
-            if is_set(i, j, hazard):
-                return True
-    return False
-
-
-@njit(cache=True)
-def straight_ways(places, rays, longest, turnable, half_size, hazard, rules, origin, cell):
-    """(N, rays) m that the robot drives straight to (N, 2) points from the nearest place where it can turn.
-
-    Along each ray of the circle, from behind; inf where no straight way no longer than ``longest`` leads from such a
-    place. ``turnable`` (nx, ny) says where it can turn, ``hazard`` (nx, ny) what the corners of its chassis must not
-    meet on the way, ``half_size`` (2,) m ahead of its middle and beside. It meets ramps head-on.
-    """
-    ways = np.full((len(places), rays), np.inf)
-    for n in range(len(places)):
-        for m in range(rays):
-            dx, dy = np.cos(m * 2 * np.pi / rays), np.sin(m * 2 * np.pi / rays)
-            for k in range(int(2 * longest / cell) + 1):
-                s = 0.5 * cell * k
-                x, y = places[n, 0] - s * dx - origin[0], places[n, 1] - s * dy - origin[1]
-                i, j = int(np.floor(x / cell)), int(np.floor(y / cell))
-                if not is_set(i, j, rules.traversable) or not is_aligned(dx, dy, i, j, rules):
-                    break
-                if touches(x / cell, y / cell, dx / cell, dy / cell, half_size, hazard):
-                    break
-                if turnable[i, j]:
-                    ways[n, m] = s
-                    break
-    return ways
 
 
 @njit(cache=True)

@@ -29,12 +29,14 @@ TILT_LEAD = 0.1
 """s; the robot backs out when it will lean too far in so much time."""
 TURN_LIMIT = np.deg2rad(35)
 """On a ramp the robot turns on the spot only if it would drive further than this off its heading, or off its tail."""
-BACK_LIMIT = np.deg2rad(90)
-"""On a ramp it backs to a way point that is further off its heading: the less it turns, the less it slides."""
+SWERVE = np.deg2rad(5)
+"""Elsewhere it does so from here: less is made up for on the way."""
+BRAKING = 0.2
+"""m/s², so that wheels do not skid past a way point."""
+TURN_BRAKING = 1.0
+"""rad/s², the same for turns."""
 HOLD_SPEED = 0.1
 """m/s; with no more a turn on a ramp makes up for sliding."""
-SHORT, RIGHT_BEHIND = 0.8, np.deg2rad(10)
-"""m, rad; also on level ground the robot backs to a way point no farther that lies within this angle off its tail."""
 JUMP = 0.15
 """m; a robot that is elsewhere by this from one control period to the next was kidnapped."""
 BACK_OUT, BACK_TURN = 0.3, np.deg2rad(20)
@@ -106,6 +108,7 @@ class Navigator:
         recovered: how often it got away from what held it, so far.
         motion: the newest motion of the body.
         attitude: how far the robot leans.
+        pace: m/s, the greatest speed of a robot at a place (2,) that drives along a unit vector (2,).
         look: called before each command; it may renew ``T_map_odom``. False if the robot must not drive on.
     """
 
@@ -118,6 +121,7 @@ class Navigator:
     recovered: int = 0
     motion: Motion | None = None
     attitude: Attitude = field(default_factory=Attitude)
+    pace: Callable[[NDArray[np.float64], NDArray[np.float64]], float] = lambda here, along: np.inf
     look: Callable[[], bool] = lambda: True
     _leaned_at: NDArray[np.float64] | None = field(default=None, init=False)
 
@@ -125,26 +129,27 @@ class Navigator:
         self,
         way_points: NDArray[np.float64],
         heading: float | None = None,
-        back_up: bool | None = None,
+        backwards: NDArray[np.bool_] | None = None,
         start: NDArray[np.float64] | None = None,
         is_clear: IsClear = lambda position, target: True,
     ) -> bool:
         """Drive through way points; True if all was reached.
 
         Args:
-            way_points: (N, 2 or 3) m in ``map``, at least one.
+            way_points: (N, 2) m in ``map``, at least one.
             heading: rad, that the robot has at the end.
-            back_up: whether to drive to the last way point backwards; None if either will do.
+            backwards: (N,) which of the way points it backs up to; None for none.
             start: (2,) m, where the way begins. A robot that stands elsewhere was kidnapped and does not follow it.
             is_clear: asked while the robot drives forward, not in turns; it stops where the answer is no.
         """
         self.halts, self.track = [], []
         here = self._drive(Velocity())[:2, 3]
         if start is not None and np.linalg.norm(here - start) > JUMP:
-            self.legs.append(Leg(way_points[0][:2], Outcome.MOVED, 0.0))
+            self.legs.append(Leg(here, Outcome.MOVED, 0.0))
             return False
-        for n, target in enumerate(way_points, start=1):
-            if not self._drive_leg(np.asarray(target)[:2], back_up if n == len(way_points) else None, is_clear):
+        backwards = np.zeros(len(way_points), np.bool_) if backwards is None else backwards
+        for target, backs in zip(way_points, backwards, strict=True):
+            if not self._drive_leg(target, bool(backs), is_clear):
                 return False
         outcome = Outcome.REACHED if heading is None else self._finish(self._turn_to(heading))
         if outcome is not Outcome.REACHED:
@@ -157,34 +162,24 @@ class Navigator:
         self._drive(Velocity())
         return self._finish(self._turn_to(yaw_of(self.T_map_base) + angle)) is Outcome.REACHED
 
-    def _drive_leg(self, target: NDArray[np.float64], back_up: bool | None, is_clear: IsClear) -> bool:
+    def _drive_leg(self, target: NDArray[np.float64], backwards: bool, is_clear: IsClear) -> bool:
         """Turn towards the way point, or away from it, then drive straight to it."""
         T, started = self.T_map_base, self._time
         outcome = Outcome.REACHED
         length = float(np.linalg.norm(target - T[:2, 3]))
         if length > POSITION_TOLERANCE:
-            commands = self._approach(T, target, back_up)
+            commands = self._approach(T, target, backwards)
             outcome = self._finish(commands, lambda here: is_clear(here, target), length)
         self.legs.append(Leg(target, outcome, self._time - started))
         return outcome is Outcome.REACHED
 
-    def _approach(
-        self, T: NDArray[np.float64], target: NDArray[np.float64], back_up: bool | None
-    ) -> Iterator[Velocity]:
-        """Commands that bring the robot to the way point; if it may, it backs rather than turn around."""
-        on_ramp = self._on_ramp
-        backwards = self._should_back(T, target, on_ramp) if back_up is None else back_up
+    def _approach(self, T: NDArray[np.float64], target: NDArray[np.float64], backwards: bool) -> Iterator[Velocity]:
+        """Commands that turn the robot to the way point and drive it there."""
         # Not from where it slides to in the turn: the bearing of a way point that is near would turn as well.
         heading = _bearing(T[:2, 3], target) + np.pi * backwards
-        if not on_ramp or abs(wrap_angle(heading - yaw_of(T))) > TURN_LIMIT:
+        if abs(wrap_angle(heading - yaw_of(T))) > (TURN_LIMIT if self._on_ramp else SWERVE):
             yield from self._turn_to(heading)
         yield from self._straight_to(self.T_map_base[:2, 3].copy(), target, backwards)
-
-    def _should_back(self, T: NDArray[np.float64], target: NDArray[np.float64], on_ramp: bool) -> bool:
-        """Whether to back to a way point that may be met either way."""
-        error = abs(wrap_angle(_bearing(T[:2, 3], target) - yaw_of(T)))
-        is_short = bool(np.linalg.norm(target - T[:2, 3]) <= SHORT)
-        return error > BACK_LIMIT if on_ramp else is_short and error > np.pi - RIGHT_BEHIND
 
     @property
     def _on_ramp(self) -> bool:
@@ -206,7 +201,7 @@ class Navigator:
             if abs(error) < HEADING_TOLERANCE:
                 return
             _, fastest = self._limits
-            rate = np.clip(TURN_GAIN * abs(error), self.robot.model.min_turn_rate, fastest)
+            rate = np.clip(np.sqrt(2 * TURN_BRAKING * abs(error)) - 0.1, self.robot.model.min_turn_rate, fastest)
             yield Turn(self._hold(T, place, error) if self._on_ramp else 0.0, float(np.sign(error) * rate))
 
     def _hold(self, T: NDArray[np.float64], place: NDArray[np.float64], left: float) -> float:
@@ -237,7 +232,8 @@ class Navigator:
             offset = float(np.clip(CROSS_TRACK_GAIN * ((T[:2, 3] - start) @ left), -0.5, 0.5))
             error = wrap_angle(bearing - offset - yaw_of(T))
             # Slowing down before the way point keeps the wheels from skidding past it.
-            speed = min(self._limits[0], max(0.05, remaining))
+            speed = min(self._limits[0], max(0.05, np.sqrt(2 * BRAKING * max(0.0, remaining - POSITION_TOLERANCE))))
+            speed = min(speed, self.pace(T[:2, 3], along))
             rate = float(np.clip(TURN_GAIN * error, -fastest, fastest))
             yield Velocity(-speed if backwards else speed, rate)
 

@@ -15,7 +15,7 @@ from pipeline.rescue_report.hazards import APART, Hazards
 from pipeline.rescue_report.places import Place, places
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle, wrap_angles
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 
 BESIDE = 1.0
@@ -93,7 +93,7 @@ class Router:
     def __init__(
         self,
         traversability: Traversability,
-        paths: ShortestPaths,
+        paths: PosePaths,
         topology: TopologicalMap,
         metric_map: MetricMap,
         hazards: Hazards,

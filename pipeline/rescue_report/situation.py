@@ -13,7 +13,7 @@ from pipeline.rescue_report.trust import Trust, trust_in
 from pipeline.rescue_report.unseen import Unseen, find_unseen
 from pipeline.robot import RobotModel
 from pipeline.transforms import yaw_of
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.victim_map import Victim
@@ -119,7 +119,7 @@ def situation_of(
         finished: whether no viewpoint was left that was worth a keyframe.
     """
     traversability = mapper.traversability_layer.update(mapper.elevation_map)
-    paths, points = ShortestPaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
+    paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
     hazards = find_hazards(traversability, paths.reachable, points, robot.headroom)
     maps = traversability, paths, mapper.topological_map, mapper.metric_map
     router = Router(*maps, hazards, yaw_of(poses[0]), camera_height)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.segments.crossings import crossings
 from pipeline.segments.segments import Segment
-from pipeline.traversability.shortest_paths_kernels import ACROSS
+from pipeline.traversability.pose_paths_kernels import STOP
 from pipeline.traversability.traversability import Traversability
 
 BODY_LOW, BODY_HIGH = 0.2, 0.5
@@ -17,10 +17,6 @@ BODY_MARGIN = 0.15
 off hazards already."""
 MAX_LENGTH = 15.0
 """m, of an edge."""
-RAMP_SPEED = 0.1
-"""m/s, expected on ramps and just before them: the robot slows down, aligns itself and slips."""
-STOP_TIME = 2.0
-"""s that a node costs on the way: slow down, turn, set off."""
 
 
 class Links:
@@ -41,7 +37,7 @@ class Links:
         segments tell of walls.
         """
         free = np.linalg.norm(ends - starts, axis=1) <= MAX_LENGTH
-        free[free] = self.traversability.lines_are_traversable(starts[free], ends[free])
+        free[free] = np.isfinite(self.traversability.line_seconds(starts[free], ends[free]))
         lift = np.array([0, 0, BODY_LOW])
         a, b = starts[free] + lift, ends[free] + lift
         free[free] = ~crossings(a, b, self.walls, BODY_MARGIN, BODY_HIGH - BODY_LOW)
@@ -51,12 +47,5 @@ class Links:
 def drive_seconds(
     traversability: Traversability, starts: NDArray[np.float64], ends: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(N,) expected time in s to drive the lines between points (N or 1, 2 or 3), and to stop once.
-
-    Metres across the slope of a ramp take as many times as long as on the grid.
-    """
-    a, b = starts[:, :2], ends[:, :2]
-    on_ramp = traversability.metres_on(a, b, traversability.ramp)
-    level = np.linalg.norm(b - a, axis=1) - on_ramp
-    slow = on_ramp + (ACROSS - 1) * traversability.metres_across(a, b)
-    return level / traversability.robot.speed + slow / RAMP_SPEED + STOP_TIME
+    """(N,) expected time in s to drive the lines between points (N or 1, 2 or 3), and to stop once."""
+    return traversability.line_seconds(starts, ends) + STOP

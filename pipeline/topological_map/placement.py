@@ -17,7 +17,7 @@ from pipeline.topological_map.cover import SIGHT, VisibleCells
 from pipeline.topological_map.node_set import NodeSet
 from pipeline.topological_map.nodes import Place, label_at
 from pipeline.traversability.elevation_map import CELL
-from pipeline.traversability.shortest_paths import ShortestPaths, simplify
+from pipeline.traversability.pose_paths import PosePaths, simplify
 
 MIN_GAIN = 0.01
 """m²; less ground is not worth a node."""
@@ -80,7 +80,7 @@ class Placement:
     def _joints(self, part: set[int], others: Sequence[set[int]]) -> NDArray[np.float64]:
         """(N, 2) places that join a group of nodes to another one: a single one, or else the bends of the way."""
         traversability, nodes = self._cover.traversability, self._nodes.nodes
-        paths = ShortestPaths(traversability, [nodes[n].position for n in sorted(part)])
+        paths = PosePaths(traversability, [nodes[n].position for n in sorted(part)])
         targets = [nodes[n].position for other in others for n in sorted(other)]
         nearest = min(targets, key=paths.cost_to)
         if not np.isfinite(paths.cost_to(nearest)):
@@ -92,7 +92,7 @@ class Placement:
         for xy, links in zip(places, self._nodes.links_from(places), strict=True):
             if part & set(links) and not part >= set(links):
                 return xy[None]
-        return simplify(traversability, way)[1:-1]
+        return simplify(way, traversability)[1:-1]
 
     def thin_out(self, active: set[int]) -> None:
         """Drop and merge nodes, of those named and their neighbours, as long as nothing is lost."""

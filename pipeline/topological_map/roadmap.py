@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.topological_map.links import Links, drive_seconds
 from pipeline.topological_map.node_set import Node
-from pipeline.traversability.shortest_paths import ShortestPaths, simplify
+from pipeline.traversability.pose_paths import PosePaths, simplify
 
 
 def collision_free_tree(free: nx.Graph) -> nx.Graph:
@@ -60,13 +60,13 @@ def add_passages(drives: nx.Graph, nodes: Mapping[int, Node], links: Links) -> N
     drive. The edge keeps the ``bends`` of its way: (M, 3) m, from the node of the lower id to the other.
     """
     traversability = links.traversability
-    paths = ShortestPaths(traversability, [nodes[n].position for n in sorted(nodes)])
+    paths = PosePaths(traversability, [nodes[n].position for n in sorted(nodes)])
     for p, q in _meetings(paths):
         there, back = (paths.path_to(traversability.grid.centre_of(cell)) for cell in (p, q))
         a, b = (_nearest(nodes, way[0]) for way in (there, back))
         if a == b or drives.has_edge(a, b):
             continue
-        way = simplify(traversability, np.vstack([there, back[::-1]]))
+        way = simplify(np.vstack([there, back[::-1]]), traversability)
         points = np.vstack([nodes[a].position, traversability.on_ground(way[1:-1]), nodes[b].position])
         if links.are_free(points[:-1], points[1:]).all():
             length = float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
@@ -79,7 +79,7 @@ def _nearest(nodes: Mapping[int, Node], xy: NDArray[np.float64]) -> int:
     return min(nodes, key=lambda n: float(np.linalg.norm(nodes[n].position[:2] - xy)))
 
 
-def _meetings(paths: ShortestPaths) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+def _meetings(paths: PosePaths) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Of every two touching shares the two neighbouring cells (2,) where the way between their nodes is shortest."""
     source = paths.sources()
     cells, costs, keys = [], [], []

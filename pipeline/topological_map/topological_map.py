@@ -19,7 +19,7 @@ from pipeline.topological_map.node_set import Node, NodeSet
 from pipeline.topological_map.nodes import thesis_places
 from pipeline.topological_map.placement import Placement
 from pipeline.topological_map.roadmap import add_passages, collision_free_tree, roadmap
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 
 GraphKind = Literal["mst", "roadmap"]
@@ -47,7 +47,7 @@ class TopologicalMap:
         """By id."""
         return self._set.nodes
 
-    def update(self, patches: Sequence[PlanePatch], segments: Segments, paths: ShortestPaths) -> None:
+    def update(self, patches: Sequence[PlanePatch], segments: Segments, paths: PosePaths) -> None:
         """Take a keyframe into account.
 
         Args:
@@ -86,8 +86,7 @@ class TopologicalMap:
         """Seconds to each of the nodes, by id, that a straight drive joins to a point (2,), m."""
         ends = np.array([node.position[:2] for node in self.nodes.values()]).reshape(-1, 2)
         seconds = drive_seconds(traversability, xy[None], ends)
-        free = traversability.lines_are_traversable(xy[None], ends)
-        return {n: float(s) for n, s, is_free in zip(self.nodes, seconds, free, strict=True) if is_free}
+        return {n: float(s) for n, s in zip(self.nodes, seconds, strict=True) if np.isfinite(s)}
 
     def save(self, path: Path) -> None:
         """Write nodes and edges as JSON."""
@@ -108,9 +107,9 @@ class TopologicalMap:
         with whole_file(path) as partial:
             partial.write_text(json.dumps({"nodes": nodes, "edges": edges}, indent=1) + "\n")
 
-    def _reachable(self, paths: ShortestPaths) -> NDArray[np.bool_]:
+    def _reachable(self, paths: PosePaths) -> NDArray[np.bool_]:
         """(nx, ny) where the robot can go; if it stands where it reaches no node, where it could go from these."""
         places = [node.position for node in self.nodes.values()]
         if not places or any(np.isfinite(paths.cost_to(place)) for place in places):
             return paths.reachable
-        return paths.reachable | ShortestPaths(paths.traversability, places).reachable
+        return paths.reachable | PosePaths(paths.traversability, places).reachable

@@ -1,6 +1,7 @@
 """Where the robot may stand, turn and drive."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,17 +12,31 @@ from pipeline.grid_map import Grid
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 from pipeline.traversability import elevation_kernels as kernels
-from pipeline.traversability import shortest_paths_kernels as path_kernels
+from pipeline.traversability import pose_paths_kernels as pose_kernels
 from pipeline.traversability.elevation_map import ElevationMap
 
+STANDING = pose_kernels.HEADINGS // 2
+"""Entries of the clearance of a robot that stands; those of turns come after."""
 FAR = 1.0
 """m; hazards further away make no difference to the robot."""
 MAX_DROP_GAP = 0.6
 """m; known ground so far apart, with unknown ground between, may be the two sides of a drop."""
 RAMP_MARGIN = 0.2
 """m; so near to a ramp the robot's wheels may already be on it."""
-RAMP_ALIGNMENT = np.deg2rad(20)
-"""rad, largest angle between a drive over a ramp and its slope."""
+RAMP_SPEED, TURN_RATE, RAMP_TURN_RATE = 0.1, 0.5, 0.17
+"""m/s and rad/s, expected: on ramps the robot slows down, aligns itself and slips."""
+NARROW_SPEED = 0.2
+"""m/s at most where an obstacle is within ``FARTHEST`` of the footprint."""
+BACKWARD = 2.0
+"""Time that a drive backwards counts for: the camera looks the other way."""
+STRAY = 0.1
+"""m that the robot may be off its way."""
+RISK = 20.0
+"""Seconds that a second counts for in which the robot is sure to meet something."""
+LEAST = 0.04
+"""m that the footprint keeps from hazards: a cell and the heading of a plan are only so exact."""
+LEAST_DRIVEN = -0.03
+"""m where the middle of the robot has been: no noise of later keyframes shall shut it in."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +49,12 @@ class Traversability:
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: bool, steps and slopes that the robot cannot take.
         to_hazard: float64 m to the nearest hazard, at most :data:`FAR`.
-        traversable: bool, the robot's centre may pass.
-        turnable: bool, the robot may turn in place, on level ground.
-        slidable: bool, on or before a ramp it may turn in place, for there is room to slide.
-        room: bool, on or before a ramp it may also drive across the slope.
+        obstacle: uint8, :data:`HAZARD` also where a thin panel may stand, :data:`UNKNOWN`, or 0.
+        to_obstacle: float64 m to the nearest of them.
+        clearance: (nx, ny, 16) int8 cm left to the nearest of them by heading and turn, see the kernels' ``Terrain``.
+        least: int8 cm that must be left.
         ramp: bool, the wheels are on a ramp or just before it.
-        uphill: (nx, ny, 2) float32 unit vector up the nearest ramp; 0 away from ramps.
+        uphill: (nx, ny, 2) float32 gradient of the nearest ramp there; 0 away from ramps.
         robot: for which this was judged.
     """
 
@@ -48,47 +63,58 @@ class Traversability:
     gradient: NDArray[np.float32]
     hazard: NDArray[np.bool_]
     to_hazard: NDArray[np.float64]
-    traversable: NDArray[np.bool_]
-    turnable: NDArray[np.bool_]
-    slidable: NDArray[np.bool_]
-    room: NDArray[np.bool_]
+    obstacle: NDArray[np.uint8]
+    to_obstacle: NDArray[np.float64]
+    clearance: NDArray[np.int8]
+    least: NDArray[np.int8]
     ramp: NDArray[np.bool_]
     uphill: NDArray[np.float32]
     robot: RobotModel
 
+    @cached_property
+    def traversable(self) -> NDArray[np.bool_]:
+        """(nx, ny) where the robot may stand with one heading at least."""
+        return self.clearance[..., :STANDING].max(axis=2) >= self.least
+
+    @cached_property
+    def turnable(self) -> NDArray[np.bool_]:
+        """(nx, ny) where it may turn around, on level ground."""
+        return (self.clearance.min(axis=2) >= np.maximum(self.least, round(100 * LEAST))) & ~self.ramp
+
     @property
-    def can_turn(self) -> NDArray[np.bool_]:
-        """(nx, ny) where the robot may turn in place, on level ground or on a ramp."""
-        return self.turnable | self.slidable
+    def terrain(self) -> pose_kernels.Terrain:
+        """What the search for poses knows of the ground."""
+        return pose_kernels.Terrain(
+            self.grid.origin, self.grid.cell, self.obstacle, self.to_obstacle, self.clearance, self.least, self.uphill
+        )
 
-    def lines_are_traversable(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
-        """(N,) whether the robot can drive the straight lines between points (N or 1, 2 or 3), m, ramps head-on."""
-        return path_kernels.lines_are_traversable(*self._lines(starts, ends), self.rules())
-
-    def metres_across(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
-        """(N,) metres that lines between points (N or 1, 2 or 3) lead over ramps otherwise than along their slope."""
-        return path_kernels.metres_on(*self._lines(starts, ends), self.traversable, self.rules())
-
-    def metres_on(self, starts: ArrayLike, ends: ArrayLike, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(N,) metres of lines between points (N or 1, 2 or 3) that lie over a mask (nx, ny)."""
-        return path_kernels.metres_on(*self._lines(starts, ends), mask)
-
-    def _lines(
-        self, starts: ArrayLike, ends: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
-        """Both ends (N, 2) of lines, and where the grid lies."""
+    def line_seconds(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
+        """(N,) what straight drives between points (N or 1, 2 or 3), m, cost, s; inf where something is met."""
         a, b = np.broadcast_arrays(*(np.asarray(side, np.float64)[..., :2] for side in (starts, ends)))
-        return np.ascontiguousarray(a), np.ascontiguousarray(b), self.grid.origin, self.grid.cell
+        a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
+        return pose_kernels.lines_seconds(a, b, self.terrain, costs_of(self.robot))
 
     def on_ground(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 3) the points of the ground at (N, 2) m."""
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
 
-    def rules(self, ramp_alignment: float = RAMP_ALIGNMENT) -> path_kernels.Rules:
-        """Where the robot may go if ramps must be met within ``ramp_alignment`` rad of their slope."""
-        return path_kernels.Rules(
-            self.traversable, self.ramp, self.room, self.slidable, self.uphill, float(np.cos(ramp_alignment))
-        )
+
+def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:
+    """What moves cost a robot that believes to stray ``caution`` times as far as was measured."""
+    return pose_kernels.Costs(
+        half_length=robot.half_length,
+        half_width=robot.half_width,
+        speed=robot.speed,
+        narrow_speed=min(robot.speed, NARROW_SPEED),
+        ramp_speed=RAMP_SPEED,
+        turn_rate=TURN_RATE,
+        ramp_turn_rate=RAMP_TURN_RATE,
+        backward=BACKWARD,
+        stray=caution * STRAY,
+        slide=caution * robot.ramp_slide / np.tan(robot.max_tilt),
+        across=1 / np.tan(robot.max_tilt),
+        risk=RISK,
+    )
 
 
 def assess_map(elevation_map: ElevationMap) -> Traversability:
@@ -106,10 +132,8 @@ def assess(
 ) -> Traversability:
     """Judge every cell of a grid, beyond which all is unknown.
 
-    The robot keeps its clearances from hazards, from depth dropouts, where a thin panel may stand, and on the level
-    from unknown ground as well: a wall that is only met at grazing angles stays unknown. On ramps half of its width
-    from the unknown is enough, since what lies behind a crest is seen from nowhere else. So it is, from all of these,
-    where its middle has been: no noise of later keyframes shall shut it in.
+    The footprint keeps ``LEAST`` from hazards and from depth dropouts, where a thin panel may stand, and nearly as
+    much from unknown ground: a wall that is only met at grazing angles stays unknown.
 
     Args:
         grid: where the cells lie.
@@ -121,8 +145,7 @@ def assess(
     Raises:
         InputError: it needs more room than :data:`FAR`.
     """
-    cell, straight, turning = grid.cell, robot.straight_clearance, robot.turning_clearance
-    widest = np.max((straight + robot.ramp_drift, turning + robot.ramp_slide))
+    cell, widest = grid.cell, robot.corner_radius + pose_kernels.FARTHEST
     if not widest <= FAR:
         raise InputError(f"a robot's clearances are at most {FAR:g} m, got {widest:g} m")
     gradient = kernels.gradients(elevation, cell, radius=2)
@@ -131,40 +154,40 @@ def assess(
     hazard = kernels.step_hazards(elevation, round(MAX_DROP_GAP / cell), robot.max_step, steepest * cell)
     hazard |= slope > steepest
     to_hazard = np.minimum(grid.distance_to(hazard), FAR)
+    obstacle = np.where(np.isnan(elevation), pose_kernels.UNKNOWN, 0).astype(np.uint8)
+    obstacle[hazard | dropout] = pose_kernels.HAZARD
     # Beyond the grid's border all is unknown.
-    to_unknown = ndimage.distance_transform_edt(np.pad(~np.isnan(elevation), 1))[1:-1, 1:-1] * cell
-    to_stop = np.minimum(to_hazard, grid.distance_to(dropout))
+    to_obstacle = np.minimum(ndimage.distance_transform_edt(np.pad(obstacle == 0, 1))[1:-1, 1:-1] * cell, FAR)
     ramp, uphill = _ramps(slope, gradient, hazard, cell)
-    from_unknown = np.where(ramp, robot.half_width, straight)
-    traversable = (to_stop >= straight) & (to_unknown >= from_unknown)
-    traversable |= driven & (np.minimum(to_stop, to_unknown) >= robot.driven_clearance)
-    # On a ramp the robot keeps off the unknown as well by what it may slide or drift.
-    may_slide, may_drift = (to_unknown >= straight + m for m in (robot.ramp_slide, robot.ramp_drift))
     return Traversability(
         grid=grid,
         elevation=elevation,
         gradient=gradient,
         hazard=hazard,
         to_hazard=to_hazard,
-        traversable=traversable,
-        turnable=traversable & (to_hazard >= turning) & ~ramp,
-        slidable=ramp & may_slide & (to_stop >= turning + robot.ramp_slide),
-        room=ramp & may_drift & (to_stop >= straight + robot.ramp_drift),
+        obstacle=obstacle,
+        to_obstacle=to_obstacle,
+        clearance=pose_kernels.clearances(obstacle, to_obstacle, robot.half_length, robot.half_width, cell),
+        least=least_clearance(driven),
         ramp=ramp,
         uphill=uphill,
         robot=robot,
     )
 
 
+def least_clearance(driven: NDArray[np.bool_]) -> NDArray[np.int8]:
+    """(nx, ny) int8 cm that the footprint keeps from obstacles, by where the middle of the robot has been."""
+    return np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST)).astype(np.int8)
+
+
 def _ramps(
     slope: NDArray, gradient: NDArray, hazard: NDArray[np.bool_], cell: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """The cells on or near a ramp, and the unit vector up the nearest one."""
+    """The cells on or near a ramp, and the gradient of the nearest one."""
     # Opening drops single noisy cells.
     core = ndimage.binary_opening((slope > np.tan(RAMP_TILT)) & ~hazard, np.ones((3, 3)))
     if not core.any():
         return core, np.zeros_like(gradient)
     distance, nearest = ndimage.distance_transform_edt(~core, return_indices=True)
     ramp = distance * cell <= RAMP_MARGIN
-    uphill = gradient[tuple(nearest)] / slope[tuple(nearest)][..., None]
-    return ramp, np.where(ramp[..., None], uphill, 0).astype(np.float32)
+    return ramp, np.where(ramp[..., None], gradient[tuple(nearest)], 0).astype(np.float32)

@@ -5,17 +5,18 @@ from numpy.typing import NDArray
 
 from pipeline.grid_map import GridMap, Layer, box_around, inside
 from pipeline.traversability.elevation_map import CELL, ElevationMap
-from pipeline.traversability.traversability import FAR, MAX_DROP_GAP, Traversability, assess
+from pipeline.traversability.pose_paths_kernels import HEADINGS, UNKNOWN
+from pipeline.traversability.traversability import FAR, MAX_DROP_GAP, Traversability, assess, least_clearance
 
 _NO = Layer(np.bool_)
 JUDGED = {
     "gradient": Layer(np.float32, per_cell=(2,)),
     "hazard": _NO,
     "to_hazard": Layer(np.float64, FAR),
-    "traversable": _NO,
-    "turnable": _NO,
-    "slidable": _NO,
-    "room": _NO,
+    "obstacle": Layer(np.uint8, UNKNOWN),
+    "to_obstacle": Layer(np.float64),
+    "clearance": Layer(np.int8, -100, per_cell=(HEADINGS,)),
+    "least": Layer(np.int8),
     "ramp": _NO,
     "uphill": Layer(np.float32, per_cell=(2,)),
 }
@@ -42,12 +43,11 @@ class TraversabilityLayer:
         # A hazard at the old border reaches into the cells that the grid has gained.
         changed |= not layers.grid.is_same(source.grid)
         layers.match(source.grid)
-        # To have driven there changes nothing where the robot may drive anyway.
-        changed |= source.changed_since(self._revision, "driven") & ~layers["traversable"]
-        self._revision = source.revision
+        revision, self._revision = layers.revision, source.revision
         if changed.any():
             self._assess_around(changed, elevation_map)
-        elif self._last is not None:
+        layers.write("least", least_clearance(source["driven"]))
+        if self._last is not None and layers.revision == revision and self._last.grid is source.grid:
             return self._last
         judged = {name: layers[name] for name in JUDGED}
         self._last = Traversability(source.grid, elevation_map.elevation, robot=elevation_map.robot, **judged)

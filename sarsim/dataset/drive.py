@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
-from pipeline.traversability.shortest_paths import ShortestPaths, simplify
+from pipeline.traversability.pose_paths import PosePaths, simplify
 from pipeline.traversability.traversability import Traversability, assess
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface
@@ -117,7 +117,7 @@ class Drive:
     def _path(self, visited: list[NDArray[np.float64]]) -> NDArray[np.float64]:
         """(K, 2) corners of the way to the candidate that is farthest from the places visited."""
         here = self._at[:2]
-        paths = ShortestPaths(self._roads, here)
+        paths = PosePaths(self._roads, here)
         # A robot does not turn on a ramp, so the drive does not end there.
         cells = np.argwhere(paths.reachable & self._roads.turnable)
         if paths.start is None or not len(cells):
@@ -125,7 +125,7 @@ class Drive:
         places = self._roads.grid.centre_of(cells[self._rng.integers(len(cells), size=CANDIDATES)])
         been = np.array([here, *visited])
         nearest = np.linalg.norm(places[:, None] - been, axis=2).min(axis=1)
-        path = simplify(self._roads, paths.path_to(places[nearest.argmax()]))
+        path = simplify(paths.path_to(places[nearest.argmax()]), self._roads)
         # The path begins in the middle of the robot's cell, or of the nearest one that is free.
         return np.concatenate([here[None], path[1:]])
 
@@ -173,5 +173,4 @@ def _roads(surface: TrueSurface) -> Traversability:
     """The true ground as the robot's own planner sees a measured one: ramps are met head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
     roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, PIONEER_3AT)
-    traversable, turnable = roads.traversable & surface.drivable, roads.turnable & surface.drivable
-    return replace(roads, traversable=traversable, turnable=turnable)
+    return replace(roads, least=np.where(surface.drivable, roads.least, np.int8(127)))

@@ -9,13 +9,13 @@ from pipeline.explorer import Explorer, Step
 from pipeline.mapper import Keyframe
 from pipeline.navigation.navigator import Outcome
 from pipeline.segments.cells_kernels import moved
-from pipeline.traversability.shortest_paths_kernels import free_rules, shortest_paths
 from sarsim.ground_truth.faces import true_faces
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.segments import score_segments
 from sarsim.scoring.semantics import KeyframeTruth
 from sarsim.scoring.topology import score_topology
+from sarsim.scoring.topology_kernels import way_lengths
 from sarsim.scoring.trajectory import TrajectoryScore, driven, greatest_tilt, times_tipped
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
@@ -135,8 +135,8 @@ class EpisodeScore:
         first, last = grid.nearest(drivable, start, 0.3), grid.nearest(drivable, goal, 0.3)
         if first is None or last is None:
             return float("nan")
-        (cost, _), _ = shortest_paths(grid.cell_of(first)[None], np.ones(drivable.shape), 0.0, free_rules(drivable))
-        return max(float(grid.at(cost, last)) * grid.cell, grid.cell)
+        lengths = way_lengths(*grid.cell_of(first), drivable)
+        return max(float(grid.at(lengths, last)) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:
         """``seen90_s`` is missing where less was seen."""

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from pipeline.topological_map.sight_kernels import count_in
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.traversability.shortest_paths_kernels import free_rules, lines_are_traversable
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
-from sarsim.scoring.topology_kernels import cells_in_sight, mark
+from sarsim.scoring.topology_kernels import cells_in_sight, lines_are_free, mark
 
 SIGHT = 2.0
 """m from which a node covers a cell that it sees."""
@@ -38,7 +37,7 @@ def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, An
 def _in_sight(truth: TrueSurface, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N,) whether no wall stands between points (N, 2)."""
     grid = truth.grid
-    return lines_are_traversable(starts, ends, grid.origin, grid.cell, free_rules(~truth.walls))
+    return lines_are_free(starts, ends, grid.origin, grid.cell, ~truth.walls)
 
 
 def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> NDArray[np.bool_]:
@@ -54,7 +53,7 @@ def _views(
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """What places (K, 2) see of a target (nx, ny): see :func:`cells_in_sight`."""
     grid = truth.grid
-    return cells_in_sight(places, target, grid.origin, grid.cell, SIGHT, free_rules(~truth.walls))
+    return cells_in_sight(places, target, grid.origin, grid.cell, SIGHT, ~truth.walls)
 
 
 def _greedy_cover(truth: TrueSurface, area: NDArray[np.bool_]) -> int:

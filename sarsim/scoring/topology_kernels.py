@@ -1,13 +1,54 @@
 """Compiled loops: which cells places see along straight lines."""
 
+import heapq
+
 import numpy as np
 from numba import njit
 
-from pipeline.traversability.shortest_paths_kernels import line_is_traversable
+from pipeline.traversability.elevation_kernels import cell_at
 
 
 @njit(cache=True)
-def cells_in_sight(places, target, origin, cell, sight, rules):
+def line_is_free(ax, ay, bx, by, origin, cell, free):
+    """Whether a straight line between points, m, lies on cells of a mask ``free`` (nx, ny) alone."""
+    steps = int(np.ceil(2 * np.hypot(bx - ax, by - ay) / cell)) + 1
+    for s in range(steps + 1):
+        i, j = cell_at(ax + (bx - ax) * s / steps, ay + (by - ay) * s / steps, origin, cell)
+        if not (0 <= i < free.shape[0] and 0 <= j < free.shape[1] and free[i, j]):
+            return False
+    return True
+
+
+@njit(cache=True)
+def lines_are_free(starts, ends, origin, cell, free):
+    """(N,) bool of :func:`line_is_free` for lines between points (N, 2)."""
+    result = np.empty(len(starts), np.bool_)
+    for n in range(len(starts)):
+        result[n] = line_is_free(starts[n, 0], starts[n, 1], ends[n, 0], ends[n, 1], origin, cell, free)
+    return result
+
+
+@njit(cache=True)
+def way_lengths(i, j, free):
+    """(nx, ny) cells from cell (i, j) over the eight neighbours of cells of a mask ``free``; inf where none leads."""
+    length = np.full(free.shape, np.inf)
+    length[i, j] = 0.0
+    heap = [(0.0, i, j)]
+    while len(heap) > 0:
+        so_far, i, j = heapq.heappop(heap)
+        if so_far > length[i, j]:
+            continue
+        for a in range(max(i - 1, 0), min(i + 2, free.shape[0])):
+            for b in range(max(j - 1, 0), min(j + 2, free.shape[1])):
+                new = so_far + np.hypot(a - i, b - j)
+                if free[a, b] and new < length[a, b]:
+                    length[a, b] = new
+                    heapq.heappush(heap, (new, a, b))
+    return length
+
+
+@njit(cache=True)
+def cells_in_sight(places, target, origin, cell, sight, free):
     """Which target cells lie within ``sight`` m of each place, with nothing on the line to their centre.
 
     Args:
@@ -15,7 +56,7 @@ def cells_in_sight(places, target, origin, cell, sight, rules):
         target: (nx, ny) bool, what there is to see.
         origin, cell: of the grid, m.
         sight: m.
-        rules: that lines keep to.
+        free: (nx, ny) bool, what lines may cross.
 
     Returns:
         (K, S, S) bool, a window around each place, and the (K, 2) int64 grid indices of the windows' corners.
@@ -32,7 +73,7 @@ def cells_in_sight(places, target, origin, cell, sight, rules):
                 i, j = corners[k, 0] + a, corners[k, 1] + b
                 u, v = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
                 if target[i, j] and np.hypot(u - x, v - y) <= sight:
-                    seen[k, a, b] = line_is_traversable(x, y, u, v, origin, cell, rules)
+                    seen[k, a, b] = line_is_free(x, y, u, v, origin, cell, free)
     return seen, corners
 
 

@@ -7,7 +7,7 @@ from pipeline.exploration.viewpoint import Context
 from pipeline.mission import ARRIVED, PATIENCE, Goals
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from tests.pipeline.still_robot import StillRobot
 from tests.pipeline.topological_map.grounds import U_TURN, room, topology_of
 
@@ -23,7 +23,7 @@ def world():
 def context_at(world, here):
     """What the robot knows at a place (2,)."""
     traversability, _ = world
-    T_map_base, paths = from_yaw(*here, 0, 0), ShortestPaths(traversability, here)
+    T_map_base, paths = from_yaw(*here, 0, 0), PosePaths(traversability, here)
     return Context(StillRobot().sense(), T_map_base, traversability.elevation, paths)
 
 

@@ -6,9 +6,9 @@ from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.exploration.visibility_kernels import CameraView
 from pipeline.frame import Frame, Intrinsics
-from pipeline.transforms import from_rotation
+from pipeline.transforms import from_rotation, yaw_of
 from pipeline.traversability.elevation_map import ElevationMap
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import assess_map
 
 CAMERA = CameraView(
@@ -41,7 +41,7 @@ def frame() -> Frame:
 def context(world: ElevationMap, pose: np.ndarray) -> Context:
     """What a robot at a pose (4×4) knows."""
     traversability = assess_map(world)
-    paths = ShortestPaths(traversability, pose[:2, 3])
+    paths = PosePaths(traversability, pose[:2, 3], yaw_of(pose))
     return Context(frame(), pose, world.measured, paths)
 
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.rescue_report.hazards import Hazards, find_hazards
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ridge, surface_of, wall_points
@@ -16,7 +16,7 @@ NO_POINTS = np.zeros((0, 3), np.float32)
 
 def hazards_of(*clouds: NDArray[np.float32], start=(-1.0, 0.0), above: NDArray[np.float32] = NO_POINTS) -> Hazards:
     traversability = assess_map(surface_of(*clouds))
-    reachable = ShortestPaths(traversability, start).reachable
+    reachable = PosePaths(traversability, start).reachable
     return find_hazards(traversability, reachable, np.vstack([*clouds, above]), PIONEER.headroom)
 
 

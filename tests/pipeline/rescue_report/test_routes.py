@@ -8,7 +8,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.rescue_report.hazards import find_hazards
 from pipeline.rescue_report.routes import Route, Router, straight_parts
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.rescue_report.people import block
 from tests.pipeline.robot_model import PIONEER
@@ -22,7 +22,7 @@ def route(
     person: NDArray[np.float32], *clouds: NDArray[np.float32], start=(-1.5, 0.0), metric_map: MetricMap | None = None
 ) -> Route | None:
     traversability = assess_map(surface_of(*clouds))
-    paths = ShortestPaths(traversability, start)
+    paths = PosePaths(traversability, start)
     hazards = find_hazards(traversability, paths.reachable, np.vstack(clouds), PIONEER.headroom)
     metric_map = metric_map or MetricMap()
     router = Router(traversability, paths, TopologicalMap(), metric_map, hazards, 0.0, HEIGHT)

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.rescue_report.unseen import AHEAD, Unseen, find_unseen
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
@@ -20,7 +20,7 @@ def unseen(*clouds: NDArray[np.float32]) -> Unseen:
     """In a room with three walls."""
     elevation_map = surface_of(*clouds, *WALLS)
     traversability = assess_map(elevation_map)
-    reachable = ShortestPaths(traversability, (-1.5, 0.0)).reachable
+    reachable = PosePaths(traversability, (-1.5, 0.0)).reachable
     return find_unseen(traversability, elevation_map.measured, reachable)
 
 

@@ -9,7 +9,7 @@ from pipeline.segments.plane import Moments
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.topological_map import GraphKind, TopologicalMap
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability, assess_map
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
@@ -37,5 +37,5 @@ def topology_of(
     traversability: Traversability, segments: Segments, start: tuple[float, float], graph: GraphKind = "roadmap"
 ) -> TopologicalMap:
     topology = TopologicalMap(graph)
-    topology.update([], segments, ShortestPaths(traversability, start))
+    topology.update([], segments, PosePaths(traversability, start))
     return topology

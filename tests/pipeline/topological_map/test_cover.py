@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.topological_map import sight_kernels as kernels
 from pipeline.topological_map.cover import Cover
-from pipeline.traversability.shortest_paths_kernels import free_rules, lines_are_traversable
+from sarsim.scoring.topology_kernels import lines_are_free
 from tests.pipeline.topological_map.grounds import U_TURN, room
 
 REACH = 12
@@ -17,7 +17,7 @@ def seen_by_lines(place, walls, reach):
     cells = np.argwhere(np.ones_like(walls))
     ends = cells + 0.5
     starts = np.repeat(place[None], len(ends), axis=0)
-    clear = lines_are_traversable(starts, ends, np.zeros(2), 1.0, free_rules(~walls))
+    clear = lines_are_free(starts, ends, np.zeros(2), 1.0, ~walls)
     near = np.linalg.norm(ends - place, axis=1) <= reach
     return (clear & near).reshape(walls.shape)
 

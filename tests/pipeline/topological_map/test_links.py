@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.topological_map.links import MAX_LENGTH, RAMP_SPEED, STOP_TIME, Links, drive_seconds
-from pipeline.traversability.traversability import assess_map
+from pipeline.topological_map.links import MAX_LENGTH, Links, drive_seconds
+from pipeline.traversability.pose_paths_kernels import STOP
+from pipeline.traversability.traversability import RAMP_SPEED, assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.topological_map.grounds import room
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
@@ -60,9 +61,9 @@ def test_a_metre_on_a_ramp_takes_longer():
     level, ramp = drive_seconds(
         links.traversability, np.array([[-1.8, 0, 0], [-0.8, 0, 0]]), np.array([[-0.8, 0, 0], [RUN + 0.7, 0, RISE]])
     )
-    assert level == pytest.approx(1.0 / PIONEER.speed + STOP_TIME)
+    assert level == pytest.approx(1.0 / PIONEER.speed + STOP)
     length = RUN + 1.5
-    assert length / PIONEER.speed * 1.3 < ramp - STOP_TIME < length / RAMP_SPEED
+    assert length / PIONEER.speed * 1.3 < ramp - STOP < length / RAMP_SPEED
 
 
 def test_no_edge_is_longer_than_the_longest():

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.traversability.elevation_map import ElevationMap
-from pipeline.traversability.traversability import Traversability, assess_map
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
@@ -50,57 +50,47 @@ def test_a_block_that_ends_within_a_cell_is_a_hazard_up_to_its_edge(height):
 def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point():
     post = np.repeat(np.array([(0.025, 0.025, z) for z in (0.1, 0.2, 0.3)], np.float32), 5, axis=0)
     traversability = assess_map(surface_of(ground_points(flat, (-1, 1), (-1, 1)), post))
-    assert not traversability.grid.at(traversability.turnable, [0.275, 0.325])  # 0.39 m away
+    assert not traversability.grid.at(traversability.turnable, [0.225, 0.325])  # 0.36 m away
     assert traversability.grid.at(traversability.turnable, [0.325, 0.325])
 
 
-def ridge_between_walls(half_width: float) -> Traversability:
-    """A corridor along x over a ridge."""
-    walls = [wall_points((-2, y), (2, y)) for y in (-half_width, half_width)]
-    ground = ground_points(ridge, (-2, 2), (-half_width, half_width))
-    return assess_map(surface_of(ground, *walls))
+def drives(traversability, start, end):
+    """Whether a straight drive between two points (2,) meets nothing."""
+    return bool(np.isfinite(traversability.line_seconds([start], [end])[0]))
 
 
-def test_a_narrow_ramp_is_driven_along_its_slope_only():
-    traversability = ridge_between_walls(0.32)
-    assert traversability.lines_are_traversable([(-1.2, 0)], [(1.2, 0)])[0]
-    assert traversability.lines_are_traversable([(-1.2, -0.04)], [(1.2, 0.04)])[0]
-    assert not traversability.lines_are_traversable([(-0.3, -0.04)], [(-0.3, 0.04)])[0]
-    np.testing.assert_allclose(
-        traversability.uphill[tuple(traversability.grid.cell_of([-0.3, 0]))], (1, 0), atol=0.01
+def test_room_is_measured_from_the_footprint_by_its_heading():
+    traversability = assess_map(
+        surface_of(ground_points(flat, (-2, 2), (-2, 2)), wall_points((1.025, -2), (1.025, 2)))
     )
-    np.testing.assert_allclose(
-        traversability.uphill[tuple(traversability.grid.cell_of([0.3, 0]))], (-1, 0), atol=0.01
-    )
+    at = traversability.clearance[tuple(traversability.grid.cell_of((0.625, 0.0)))]
+    assert at[0] == pytest.approx(100 * (0.4 - PIONEER.half_length), abs=1)
+    assert at[4] == pytest.approx(100 * (0.4 - PIONEER.half_width), abs=1)
+    assert at[2] == pytest.approx(100 * (0.4 - PIONEER.corner_radius), abs=1)
+    inside = traversability.clearance[tuple(traversability.grid.cell_of((1.025, 0.0)))]
+    assert (inside < -20).all()
+
+
+def test_uphill_is_the_gradient_of_the_ramp():
+    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    for x, slope in ((-0.3, 0.287), (0.3, -0.287), (-1.5, 0.0)):
+        np.testing.assert_allclose(traversability.grid.at(traversability.uphill, (x, 0)), (slope, 0), atol=0.02)
+    before = traversability.grid.at(traversability.uphill, (-RUN - 0.1, 0))
+    assert before[0] > 0.1
+    assert abs(before[1]) < 0.01
 
 
 def test_where_the_robot_has_driven_it_may_drive_again():
     corridor = surface_of(
         ground_points(flat, (-1, 1), (-0.5, 0.5)), *(wall_points((-1, y), (1, y)) for y in (-0.33, 0.33))
     )
-    assert assess_map(corridor).lines_are_traversable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+    assert drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
     corridor.update(wall_points((0, -0.22), (0.05, -0.22)))  # a chair leg, or noise
-    assert not assess_map(corridor).lines_are_traversable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+    assert not drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
     corridor.add_track(np.column_stack([np.linspace(-0.6, 0.6, 50), np.full(50, 0.02)]))
-    assert assess_map(corridor).lines_are_traversable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
+    assert drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
     corridor.update(wall_points((0, -0.17), (0.05, -0.17)))  # in the robot's way
-    assert not assess_map(corridor).lines_are_traversable([(-0.6, 0.02)], [(0.6, 0.02)])[0]
-
-
-def test_a_wide_one_also_across_where_nothing_is_near():
-    traversability = ridge_between_walls(0.6)
-    assert traversability.lines_are_traversable([(-0.3, -0.2)], [(-0.3, 0.2)])[0]
-    assert not traversability.lines_are_traversable([(-0.3, -0.32)], [(-0.3, 0.32)])[0]
-    assert traversability.lines_are_traversable([(-1.2, 0.32)], [(1.2, 0.32)])[0]
-
-
-def test_on_a_ramp_it_turns_only_where_it_may_slide():
-    at = ridge_between_walls(0.6).grid.at
-    traversability = ridge_between_walls(0.6)
-    assert at(traversability.slidable, [-0.3, 0.0])
-    assert not at(traversability.slidable, [-0.3, 0.12])
-    assert not at(traversability.slidable, [-1.2, 0.0])  # level
-    assert not ridge_between_walls(0.5).slidable.any()
+    assert not drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
 
 
 def test_ground_that_lies_lower_behind_a_gap_is_a_drop():
@@ -121,14 +111,6 @@ def test_the_far_foot_of_an_unseen_slope_is_none():
     assert not traversability.hazard.any()
 
 
-def test_on_a_ramp_it_keeps_off_the_unknown_by_what_it_may_slide():
-    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
-    for y, crosses, turns in ((0.55, True, True), (0.65, True, False), (0.78, False, False)):
-        assert traversability.grid.at(traversability.traversable, [-0.3, y])
-        assert traversability.grid.at(traversability.room, [-0.3, y]) == crosses
-        assert traversability.grid.at(traversability.slidable, [-0.3, y]) == turns
-
-
 def test_the_robot_turns_neither_on_a_ramp_nor_right_before_it():
     traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
     assert not traversability.grid.at(traversability.turnable, [-0.3, 0])
@@ -140,7 +122,7 @@ def test_the_robot_turns_neither_on_a_ramp_nor_right_before_it():
 def test_the_side_of_a_deck_is_no_way_up_or_down(start):
     traversability = assess_map(surface_of(ground_points(ramp_and_deck, (-2, 2), (-2, 2))))
     other_side = (start[0], 1.2 - start[1])
-    assert not traversability.lines_are_traversable([start], [other_side])[0]
+    assert not drives(traversability, start, other_side)
     assert traversability.grid.at(traversability.traversable, [1.2, 0.25])
     assert not traversability.grid.at(traversability.traversable, [1.2, 0.4])
     assert not traversability.grid.at(traversability.traversable, [1.2, 0.8])
@@ -160,10 +142,10 @@ def test_it_keeps_away_from_where_a_panel_may_stand():
     traversability = assess_map(world)
     assert not traversability.grid.at(traversability.traversable, [0.0, 0.28])
     assert traversability.grid.at(traversability.traversable, [0.0, 0.38])
-    assert not traversability.lines_are_traversable([(0.0, -0.5)], [(0.0, 0.5)])[0]
+    assert not drives(traversability, (0.0, -0.5), (0.0, 0.5))
 
 
-@pytest.mark.parametrize("far", [{"width": 2.0}, {"length": 1.7}, {"ramp_slide": np.nan}])
+@pytest.mark.parametrize("far", [{"width": 2.0}, {"length": 1.7}, {"width": np.nan}])
 def test_clearances_beyond_what_is_told_apart_are_refused(far):
     world = ElevationMap(replace(PIONEER, **far))
     world.update(ground_points(flat, (-1, 1), (-1, 1)))
@@ -174,8 +156,8 @@ def test_clearances_beyond_what_is_told_apart_are_refused(far):
 def test_a_wider_robot_keeps_further_away():
     cloud = [ground_points(flat, (-1, 2), (-2, 2)), wall_points((0.98, -2), (0.98, 2))]
     narrow, wide = ElevationMap(PIONEER), ElevationMap(replace(PIONEER, width=0.8))
-    for world, nearest in ((narrow, 0.7), (wide, 0.55)):
+    for world, room in ((narrow, 40 - 25), (wide, 40 - 40)):
         world.update(np.vstack(cloud))
-        traversable = assess_map(world)
-        assert traversable.grid.at(traversable.traversable, [nearest - 0.025, 0.0])
-        assert not traversable.grid.at(traversable.traversable, [nearest + 0.025, 0.0])
+        traversability = assess_map(world)
+        beside = traversability.clearance[tuple(traversability.grid.cell_of((0.575, 0.0)))][4]
+        assert beside == pytest.approx(room, abs=1)

@@ -17,7 +17,7 @@ from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.lookout import LABELLED, is_keyframe
 from pipeline.recording.sources.recording import Recording, Trajectory
 from pipeline.transforms import from_rotation, inverse, level
-from pipeline.traversability.shortest_paths import ShortestPaths
+from pipeline.traversability.pose_paths import PosePaths
 
 PoseSource = Literal["slam", "registration", "odometry", "truth"]
 """Odometry that registration corrects; registration alone; recorded odometry or true poses taken at their word."""
@@ -146,7 +146,7 @@ class Replay:
             self.mapper.assume_ground(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base, labelled)
         if is_step:
-            self.mapper.connect(keyframe, ShortestPaths(keyframe.traversability, T_map_base[:2, 3]))
+            self.mapper.connect(keyframe, PosePaths(keyframe.traversability, T_map_base[:2, 3]))
         return keyframe
 
     def _is_labelled(self, frame: Frame) -> bool | None:

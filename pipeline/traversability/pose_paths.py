@@ -65,7 +65,7 @@ class PosePaths:
         cost, self._came_by, self._source = kernels.search(
             self._starts, traversability.terrain, self._costs, escape, ESCAPE_FACTOR
         )
-        self.seconds = np.where(cost < 0, np.float32(np.inf), cost.astype(np.float32) * np.float32(TICK))
+        self.seconds = np.where(cost == 0, np.float32(np.inf), (cost - 1).astype(np.float32) * np.float32(TICK))
         self.cost = self.seconds.min(axis=2)
         if not self.reachable.any():
             self.start = None

@@ -44,7 +44,8 @@ class Terrain(NamedTuple):
         clearance: (nx, ny, 16) int8 cm to the nearest of them, negative inside: from the footprint by its heading, in
             eight entries, and from what it sweeps in a turn from each of these headings to the next.
         least: int8 cm that must be left.
-        uphill: (nx, ny, 2) float32, slope of the ramp under or right before the wheels; 0 where there is none.
+        ramp: bool, the wheels are on a ramp or right before it.
+        uphill: (nx, ny, 2) float32, slope of that ramp; 0 where there is none.
     """
 
     origin: NDArray[np.float64]
@@ -53,6 +54,7 @@ class Terrain(NamedTuple):
     to_obstacle: NDArray[np.float64]
     clearance: NDArray[np.int8]
     least: NDArray[np.int8]
+    ramp: NDArray[np.bool_]
     uphill: NDArray[np.float32]
 
 
@@ -173,7 +175,7 @@ def ticks(seconds):
     return max(1, min(int(seconds / TICK + 0.5), _BUCKETS - 1))
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def move_from(i, j, h, move):
     """The state that a move leads to from (i, j, h)."""
     if move == FORWARD:
@@ -184,73 +186,87 @@ def move_from(i, j, h, move):
 
 
 @njit(cache=True)
-def move_ticks(i, j, h, a, b, k, move, terrain, costs):
-    """Ticks of a move from (i, j, h) to (a, b, k)."""
-    half = HEADINGS // 2
+def move_ticks(h, move, room, uphill, cell, costs):
+    """Ticks of a move from a heading, with ``room`` cm around the footprint on a slope (2,)."""
     if move <= BACKWARD:
-        c, s = np.cos(ANGLES[h]), np.sin(ANGLES[h])
-        length = terrain.cell * np.hypot(a - i, b - j)
-        room = 0.01 * min(terrain.clearance[i, j, h % half], terrain.clearance[a, b, h % half])
-        uphill = terrain.uphill[a, b]
-        return ticks(length * drive_seconds_per_metre(room, c, s, uphill, move == BACKWARD, costs))
-    room = 0.01 * terrain.clearance[i, j, half + (h if move == LEFT else k) % half]
-    angle = abs(ANGLES[h] - ANGLES[k])
-    angle = min(angle, 2 * np.pi - angle)
-    return ticks(angle * turn_seconds_per_radian(room, terrain.uphill[i, j], costs))
+        length = cell * np.hypot(VECTORS[h, 0], VECTORS[h, 1])
+        cos, sin = np.cos(ANGLES[h]), np.sin(ANGLES[h])
+        return ticks(length * drive_seconds_per_metre(0.01 * room, cos, sin, uphill, move == BACKWARD, costs))
+    angle = abs((ANGLES[h] - ANGLES[move_from(0, 0, h, move)[2]] + np.pi) % (2 * np.pi) - np.pi)
+    return ticks(angle * turn_seconds_per_radian(0.01 * room, uphill, costs))
+
+
+@njit(cache=True)
+def level_ticks(cell, costs):
+    """(5, 16, R) int32 ticks of each move from each heading on level ground, by the cm of room."""
+    level = np.zeros(2, np.float32)
+    result = np.zeros((RIGHT + 1, HEADINGS, int(100 * FARTHEST) + 1), np.int32)
+    for move in range(FORWARD, RIGHT + 1):
+        for h in range(HEADINGS):
+            for room in range(result.shape[2]):
+                result[move, h, room] = move_ticks(h, move, room, level, cell, costs)
+    return result
+
+
+@njit(cache=True, inline="always")
+def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, escape_factor):
+    """Ticks of a move from (i, j, h) to (a, b, k) on a way from a start (2,); -1 where it is not allowed."""
+    half = HEADINGS // 2
+    before, entered = terrain.clearance[i, j, h % half], terrain.clearance[a, b, k % half]
+    if move <= BACKWARD:
+        room = min(before, entered)
+    else:
+        room = terrain.clearance[i, j, half + (h if move == LEFT else k) % half]
+        # A tight turn is one of little room as well, and so is a way out.
+        entered = min(entered, room + SWEEP)
+    is_free = entered >= terrain.least[a, b]
+    if not is_free and (entered < before or max(abs(a - start[0]), abs(b - start[1])) > escape):
+        return -1
+    if terrain.ramp[a, b]:
+        step = move_ticks(h, move, room, terrain.uphill[a, b], terrain.cell, costs)
+    else:
+        step = level[move, h, max(room, 0)]
+    return step if is_free else min(int(escape_factor * step), _BUCKETS - 1)
 
 
 class Queue(NamedTuple):
-    """States in buckets, by their cost: doubly linked lists.
+    """Entries in buckets by their cost; a state that has become cheaper leaves its old entry behind.
 
     Attributes:
-        first: (B,) int32 the first state of each bucket, -1 where there is none.
-        after, before: (N,) int32 the states beside each one in its bucket, -1 where there is none.
+        first: (B,) int32 the first entry of each bucket; -1 where there is none.
+        state: (E,) int32 of each entry.
+        after: (E,) int32 the next entry of its bucket, or of those that are not in use.
+        count: (3,) int64 the entries that wait, those that were ever in use, and the first that is not now, or -1.
     """
 
     first: NDArray[np.int32]
+    state: NDArray[np.int32]
     after: NDArray[np.int32]
-    before: NDArray[np.int32]
+    count: NDArray[np.int64]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def put(state, cost, queue):
-    """Put a state into the bucket of a cost."""
-    other = queue.first[cost % _BUCKETS]
-    queue.after[state], queue.before[state] = other, -1
-    if other >= 0:
-        queue.before[other] = state
-    queue.first[cost % _BUCKETS] = state
-
-
-@njit(cache=True)
-def take(state, cost, queue):
-    """Take a state out of the bucket of a cost."""
-    before, after = queue.before[state], queue.after[state]
-    if before >= 0:
-        queue.after[before] = after
+    """Let a state wait in the bucket of a cost."""
+    entry = queue.count[2]
+    if entry >= 0:
+        queue.count[2] = queue.after[entry]
     else:
-        queue.first[cost % _BUCKETS] = after
-    if after >= 0:
-        queue.before[after] = before
+        entry = queue.count[1]
+        queue.count[1] += 1
+    queue.state[entry], queue.after[entry] = state, queue.first[cost % _BUCKETS]
+    queue.first[cost % _BUCKETS] = entry
+    queue.count[0] += 1
 
 
-@njit(cache=True)
-def entry_ticks(i, j, h, a, b, k, move, start, terrain, costs, escape, escape_factor):
-    """Ticks of a move from (i, j, h) to (a, b, k) on a way from a start (3,); -1 where it is not allowed."""
-    nx, ny = terrain.least.shape
-    if not (0 <= a < nx and 0 <= b < ny):
-        return -1
-    half = HEADINGS // 2
-    room = terrain.clearance[a, b, k % half]
-    if move >= LEFT:
-        # A tight turn is one of little room as well, and so is a way out.
-        room = min(room, terrain.clearance[i, j, half + (h if move == LEFT else k) % half] + SWEEP)
-    step = move_ticks(i, j, h, a, b, k, move, terrain, costs)
-    if room >= terrain.least[a, b]:
-        return step
-    if room < terrain.clearance[i, j, h % half] or max(abs(a - start[0]), abs(b - start[1])) > escape:
-        return -1
-    return min(int(escape_factor * step), _BUCKETS - 1)
+@njit(cache=True, inline="always")
+def take(cost, queue):
+    """A state from the bucket of a cost, which is not empty."""
+    entry = queue.first[cost % _BUCKETS]
+    queue.first[cost % _BUCKETS] = queue.after[entry]
+    queue.after[entry], queue.count[2] = queue.count[2], entry
+    queue.count[0] -= 1
+    return queue.state[entry]
 
 
 @njit(cache=True)
@@ -268,41 +284,42 @@ def search(starts, terrain, costs, escape, escape_factor):
         escape_factor: at least 1.
 
     Returns:
-        (nx, ny, 16) int32 ticks, -1 where no way leads, (nx, ny, 16) uint8 the move that led there, and
+        (nx, ny, 16) int32 ticks and one more, 0 where no way leads, (nx, ny, 16) uint8 the move that led there, and
         (nx, ny, 16) int16 from which start.
     """
     nx, ny = terrain.least.shape
     shape, size = (nx, ny, HEADINGS), nx * ny * HEADINGS
-    cost, came_by, source = np.full(size, -1, np.int32), np.zeros(size, np.uint8), np.zeros(size, np.int16)
-    queue = Queue(np.full(_BUCKETS, -1, np.int32), np.empty(size, np.int32), np.empty(size, np.int32))
-    waiting, now = 0, 0
+    # Pages of memory that no way reaches are never touched.
+    cost, came_by, source = np.zeros(size, np.int32), np.zeros(size, np.uint8), np.zeros(size, np.int16)
+    most = 4 * size + len(starts)
+    queue = Queue(
+        np.full(_BUCKETS, -1, np.int32), np.empty(most, np.int32), np.empty(most, np.int32), np.zeros(3, np.int64)
+    )
+    queue.count[2] = -1
+    level, now = level_ticks(terrain.cell, costs), 1
     for n in range(len(starts)):
         state = (starts[n, 0] * ny + starts[n, 1]) * HEADINGS + starts[n, 2]
-        if cost[state] < 0:
-            cost[state], source[state] = 0, n
-            put(state, 0, queue)
-            waiting += 1
-    while waiting > 0:
-        state = queue.first[now % _BUCKETS]
-        if state < 0:
+        if cost[state] == 0:
+            cost[state], source[state] = now, n
+            put(state, now, queue)
+    while queue.count[0] > 0:
+        if queue.first[now % _BUCKETS] < 0:
             now += 1
             continue
-        take(state, now, queue)
-        waiting -= 1
+        state = take(now, queue)
+        if cost[state] != now:
+            continue
         i, j, h = state // HEADINGS // ny, state // HEADINGS % ny, state % HEADINGS
+        start = (starts[source[state], 0], starts[source[state], 1])
         for move in range(FORWARD, RIGHT + 1):
             a, b, k = move_from(i, j, h, move)
-            start = starts[source[state]]
-            step = entry_ticks(i, j, h, a, b, k, move, start, terrain, costs, escape, escape_factor)
-            then, new = (a * ny + b) * HEADINGS + k, now + step
-            if step < 0 or 0 <= cost[then] <= new:
+            if not (0 <= a < nx and 0 <= b < ny):
                 continue
-            if cost[then] >= 0:
-                take(then, cost[then], queue)
-                waiting -= 1
-            cost[then], came_by[then], source[then] = new, move, source[state]
-            put(then, new, queue)
-            waiting += 1
+            step = entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, escape_factor)
+            then, new = (a * ny + b) * HEADINGS + k, now + step
+            if step > 0 and (cost[then] == 0 or cost[then] > new):
+                cost[then], came_by[then], source[then] = new, move, source[state]
+                put(then, new, queue)
     return cost.reshape(shape), came_by.reshape(shape), source.reshape(shape)
 
 

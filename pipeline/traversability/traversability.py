@@ -84,9 +84,8 @@ class Traversability:
     @property
     def terrain(self) -> pose_kernels.Terrain:
         """What the search for poses knows of the ground."""
-        return pose_kernels.Terrain(
-            self.grid.origin, self.grid.cell, self.obstacle, self.to_obstacle, self.clearance, self.least, self.uphill
-        )
+        layers = self.obstacle, self.to_obstacle, self.clearance, self.least, self.ramp, self.uphill
+        return pose_kernels.Terrain(self.grid.origin, self.grid.cell, *layers)
 
     def line_seconds(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
         """(N,) what straight drives between points (N or 1, 2 or 3), m, cost, s; inf where something is met."""

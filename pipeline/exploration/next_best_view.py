@@ -15,7 +15,8 @@ from pipeline.localisation.correction import Correction, moved_by
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from pipeline.traversability.elevation_map import CELL
-from pipeline.traversability.pose_paths_kernels import ANGLES
+from pipeline.traversability.pose_kernels import ANGLES
+from pipeline.traversability.pose_paths import FIRST_HORIZON, bits
 from pipeline.traversability.traversability import Traversability
 
 MIN_GAIN = 0.03
@@ -143,18 +144,25 @@ class Exploration:
         """The best viewpoint here or in one of some cells (N, 2), with the headings that it can have there."""
         traversability, paths = context.traversability, context.paths
         assert paths.start is not None
-        seconds = np.where(paths.can_stand, paths.seconds, np.inf)
         cells = cells_of(context, camera)
         candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
-        seconds = np.vstack([paths.seconds[tuple(traversability.grid.cell_of(paths.start))], seconds[tuple(cells.T)]])
         gains = self._gains(paths.start, cells, camera)
         if self.rewards and self.rewards.wanted:
             gains = gains + self.rewards.gains(traversability.on_ground(candidates), ANGLES)
-        worth = self.worth(gains, seconds.min(axis=1), KEYFRAME_TIME + seconds)
-        n, m = np.unravel_index(worth.argmax(), worth.shape)
-        if worth[n, m] <= 0:
-            return None
-        return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]))
+        can_face = np.vstack([np.ones((1, len(ANGLES)), np.bool_), bits(paths.headings[tuple(cells.T)])])
+        there = np.vstack([traversability.grid.cell_of(paths.start), cells])
+        horizon = FIRST_HORIZON
+        while True:
+            known = np.where(can_face, paths.seconds_to(there, horizon), np.inf)
+            # What lies beyond the horizon of the search takes longer at least.
+            least = known if paths.is_complete else np.where(can_face, np.minimum(known, horizon), np.inf)
+            worth = self.worth(gains, least.min(axis=1), KEYFRAME_TIME + least)
+            n, m = np.unravel_index(worth.argmax(), worth.shape)
+            if worth[n, m] <= 0 or (paths.is_complete and np.isinf(known[n, m])):
+                return None
+            if np.isfinite(known[n, m]):
+                return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]))
+            horizon *= 2
 
     def correct(self, correction: Correction) -> None:
         """Let what keyframes missed follow their poses, and what the next one should show that of the newest."""
@@ -217,8 +225,7 @@ class Exploration:
 
 def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
     """(N, 2) of each block of cells the one with most headings that can be reached."""
-    headings = (context.paths.can_stand & np.isfinite(context.paths.seconds)).sum(axis=2)
-    return visibility.one_of_each_block(headings)
+    return visibility.one_of_each_block(np.bitwise_count(context.paths.headings))
 
 
 def _without_gaps(traversability: Traversability) -> NDArray[np.float32]:

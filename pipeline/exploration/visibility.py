@@ -9,7 +9,7 @@ from pipeline.exploration.visibility_kernels import RAYS
 from pipeline.frame import Frame
 from pipeline.grid_map import blocks
 from pipeline.robot import RobotModel
-from pipeline.traversability.pose_paths_kernels import ANGLES
+from pipeline.traversability.pose_kernels import ANGLES
 
 STEP = 2 * np.pi / RAYS
 """rad, from one to the next."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.segments.crossings import crossings
 from pipeline.segments.segments import Segment
-from pipeline.traversability.pose_paths_kernels import STOP
+from pipeline.traversability.pose_kernels import STOP
 from pipeline.traversability.traversability import Traversability
 
 BODY_LOW, BODY_HIGH = 0.2, 0.5

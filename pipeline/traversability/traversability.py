@@ -12,7 +12,7 @@ from pipeline.grid_map import Grid
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 from pipeline.traversability import elevation_kernels as kernels
-from pipeline.traversability import pose_paths_kernels as pose_kernels
+from pipeline.traversability import pose_kernels
 from pipeline.traversability.elevation_map import ElevationMap
 
 STANDING = pose_kernels.HEADINGS // 2
@@ -72,14 +72,21 @@ class Traversability:
     robot: RobotModel
 
     @cached_property
+    def free(self) -> NDArray[np.uint8]:
+        """(nx, ny, 2) uint8 bits of the eight headings with which it can stand, and of the turns it can make."""
+        return pose_kernels.free_poses(self.clearance, self.least)
+
+    @cached_property
     def traversable(self) -> NDArray[np.bool_]:
         """(nx, ny) where the robot may stand with one heading at least."""
-        return self.clearance[..., :STANDING].max(axis=2) >= self.least
+        return self.free[..., 0] != 0
 
     @cached_property
     def turnable(self) -> NDArray[np.bool_]:
         """(nx, ny) where it may turn around, on level ground."""
-        return (self.clearance.min(axis=2) >= np.maximum(self.least, round(100 * LEAST))) & ~self.ramp
+        may = self.traversable & ~self.ramp
+        may[may] = self.clearance[may].min(axis=1) >= np.maximum(self.least[may], round(100 * LEAST))
+        return may
 
     @property
     def terrain(self) -> pose_kernels.Terrain:

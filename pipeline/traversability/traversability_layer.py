@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pipeline.grid_map import GridMap, Layer, box_around, inside
 from pipeline.traversability.elevation_map import CELL, ElevationMap
-from pipeline.traversability.pose_paths_kernels import HEADINGS, UNKNOWN
+from pipeline.traversability.pose_kernels import HEADINGS, UNKNOWN
 from pipeline.traversability.traversability import FAR, MAX_DROP_GAP, Traversability, assess, least_clearance
 
 _NO = Layer(np.bool_)

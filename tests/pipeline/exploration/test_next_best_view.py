@@ -9,7 +9,7 @@ from pipeline.exploration.next_best_view import GIVE_UP, PRIOR, Exploration, aft
 from pipeline.localisation.correction import Correction
 from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
-from pipeline.traversability.pose_paths_kernels import ANGLES
+from pipeline.traversability.pose_kernels import ANGLES
 from tests.pipeline.exploration.asking import CAMERA, context, frontiers, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.topological_map.links import MAX_LENGTH, Links, drive_seconds
-from pipeline.traversability.pose_paths_kernels import STOP
+from pipeline.traversability.pose_kernels import STOP
 from pipeline.traversability.traversability import RAMP_SPEED, assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.topological_map.grounds import room

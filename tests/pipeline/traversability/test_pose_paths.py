@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pipeline.grid_map import Grid
+from pipeline.traversability import pose_kernels
 from pipeline.traversability import pose_paths_kernels as kernels
-from pipeline.traversability.pose_paths import ESCAPE, PosePaths, nearest_heading, simplify
+from pipeline.traversability.pose_paths import ESCAPE, PosePaths, bits, nearest_heading, simplify
 from pipeline.traversability.traversability import assess, assess_map, costs_of
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
@@ -40,16 +41,21 @@ def scattered(blocks):
     return assess(Grid(np.zeros(2, np.int64), 0.05, elevation.shape), elevation, nowhere, nowhere, PIONEER)
 
 
+def stands_in(traversability):
+    """(nx, ny, 16) where enough room is left around the robot with each heading."""
+    return bits(traversability.free[..., 0].astype(np.uint16) * 257)
+
+
 def graph_of(traversability):
     """Every pose that may be entered, and every move between two."""
     graph, terrain, costs = nx.DiGraph(), traversability.terrain, costs_of(PIONEER)
-    stands = PosePaths(traversability, (0.0, 0.0)).can_stand
+    stands, level = stands_in(traversability), kernels.level_ticks(terrain.cell, costs)
     for i, j, h in np.argwhere(stands).tolist():
         for move in range(kernels.FORWARD, kernels.RIGHT + 1):
             there = kernels.move_from(i, j, h, move)
             if all(0 <= k < n for k, n in zip(there, stands.shape, strict=True)) and stands[there]:
                 pose = (i, j, h)
-                ticks = kernels.entry_ticks(*pose, *there, move, np.array(pose), terrain, costs, -1, 1.0)
+                ticks = kernels.entry_ticks(*pose, *there, move, pose, terrain, level, costs, -1, 1.0)
                 if ticks > 0:
                     graph.add_edge(pose, there, weight=ticks)
     return graph
@@ -62,7 +68,7 @@ def test_it_agrees_with_networkx():
     expected = nx.single_source_dijkstra_path_length(graph_of(traversability), first)
     assert len(expected) > 1000
     for pose, ticks in expected.items():
-        assert paths.seconds[pose] == pytest.approx(ticks * kernels.TICK, rel=1e-5)
+        assert paths.seconds[pose] == pytest.approx(ticks * pose_kernels.TICK, rel=1e-5)
     assert np.isfinite(paths.seconds).sum() == len(expected)
 
 
@@ -71,38 +77,50 @@ def test_it_agrees_with_networkx():
 def test_no_way_leads_where_there_is_no_room(blocks, heading):
     traversability = scattered(blocks)
     start = np.array([1.025, 1.025])
-    paths = PosePaths(traversability, start, float(kernels.ANGLES[heading]))
-    cells = np.argwhere(np.isfinite(paths.seconds) & ~paths.can_stand)
+    paths = PosePaths(traversability, start, float(pose_kernels.ANGLES[heading]))
+    cells = np.argwhere(np.isfinite(paths.seconds) & ~stands_in(traversability))
     assert (np.abs(traversability.grid.centre_of(cells[:, :2]) - start) < ESCAPE + 0.1).all()
     for cell in np.argwhere(paths.reachable)[::97]:
         goal = traversability.grid.centre_of(cell)
         way = paths.way_to(goal)
         np.testing.assert_allclose(way.places[-1], goal)
-        if paths.can_stand[tuple(traversability.grid.cell_of(start))].all():
+        if stands_in(traversability)[tuple(traversability.grid.cell_of(start))].all():
             line = np.vstack([start, way.places])
             moved = np.linalg.norm(np.diff(line, axis=0), axis=1) > 0
             assert np.isfinite(traversability.line_seconds(line[:-1], line[1:])[moved]).all()
 
 
-@settings(max_examples=10, deadline=None)
-@given(arrays(np.int64, (4, 2), elements=st.integers(0, 39)))
-def test_every_move_of_a_way_costs_something(blocks):
+@settings(max_examples=25, deadline=None)
+@given(arrays(np.int64, (5, 2), elements=st.integers(0, 39)), st.integers(0, 15), st.floats(0.5, 30.0))
+def test_a_search_up_to_a_horizon_tells_the_same_as_a_whole_one(blocks, heading, horizon):
     traversability = scattered(blocks)
-    cost, came_by, _ = kernels.search(np.array([(20, 20, 0)]), traversability.terrain, costs_of(PIONEER), 16, 5.0)
-    for pose in np.argwhere(cost >= 0)[::501]:
-        way = kernels.trace(came_by, *pose)[::-1]
-        assert way[0].tolist() == [20, 20, 0]
-        assert (np.diff(cost[tuple(way.T)]) > 0).all()
+    start = (1.025, 1.025), float(pose_kernels.ANGLES[heading])
+    whole, part = PosePaths(traversability, *start), PosePaths(traversability, *start)
+    cells = np.argwhere(np.ones((40, 40), np.bool_))
+    near = part.seconds_to(cells, horizon).reshape(40, 40, 16)
+    is_near = whole.seconds < horizon
+    np.testing.assert_array_equal(near[is_near], whole.seconds[is_near])
+    assert (near[~is_near] >= horizon - 2 * pose_kernels.TICK).all()
+    np.testing.assert_array_equal(part.seconds, whole.seconds)
+
+
+@settings(max_examples=25, deadline=None)
+@given(arrays(np.int64, (6, 2), elements=st.integers(0, 39)), st.integers(0, 15))
+def test_the_poses_told_before_the_search_are_those_that_it_reaches(blocks, heading):
+    traversability = scattered(blocks)
+    paths = PosePaths(traversability, (1.025, 1.025), float(pose_kernels.ANGLES[heading]))
+    told = bits(paths.headings)
+    np.testing.assert_array_equal(told, np.isfinite(paths.seconds) & stands_in(traversability))
 
 
 @settings(max_examples=15, deadline=None)
 @given(arrays(np.int64, (3, 2), elements=st.integers(0, 39)), st.tuples(st.integers(0, 39), st.integers(0, 39)))
 def test_another_obstacle_makes_no_way_cheaper(blocks, another):
     before = PosePaths(scattered(blocks), (1.0, 1.0), EAST)
-    if not before.can_stand[20, 20, 0]:
+    if not stands_in(before.traversability)[20, 20, 0]:
         return
     after = PosePaths(scattered(np.vstack([blocks, another])), (1.0, 1.0), EAST)
-    if after.can_stand[20, 20, 0]:
+    if stands_in(after.traversability)[20, 20, 0]:
         assert (after.seconds >= before.seconds - 1e-3).all()
 
 
@@ -151,7 +169,8 @@ def test_a_ramp_is_met_head_on_where_that_is_no_detour():
     traversability = assess_map(surface_of(ground_points(ridge, (-2.5, 2.5), (-2, 2))))
     costs = costs_of(PIONEER)
     along, across = (
-        kernels.drive_seconds_per_metre(0.2, c, s, np.array([0.28, 0.0]), False, costs) for c, s in ((1, 0), (0, 1))
+        pose_kernels.drive_seconds_per_metre(0.2, c, s, np.array([0.28, 0.0]), False, costs)
+        for c, s in ((1, 0), (0, 1))
     )
     assert across > 1.5 * along
     path = PosePaths(traversability, (-1.8, 0.0), EAST).path_to((1.8, 0.0))

@@ -1,0 +1,269 @@
+"""Compiled geometry of a footprint that heads somewhere: how much room it has, and what moves cost there."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.traversability.elevation_kernels import cell_at
+
+_QUADRANT = np.array([(1, 0), (2, 1), (1, 1), (1, 2)])
+VECTORS = np.concatenate([_QUADRANT @ np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), k) for k in range(4)])
+"""(16, 2) cells that a move along each heading leads on: the headings are those of a lattice, 18 to 27° apart."""
+HEADINGS = len(VECTORS)
+ANGLES = np.arctan2(VECTORS[:, 1], VECTORS[:, 0]) % (2 * np.pi)
+"""(16,) rad."""
+UNKNOWN, HAZARD = 1, 2
+"""What an obstacle is; 0 is none."""
+FARTHEST = 0.2
+"""m; more room than this makes no difference."""
+LENIENCY = 0.03
+"""m by which the robot may come nearer to unknown ground than to a hazard."""
+SWEEP = 1
+"""cm that a turn to the next heading may come nearer to an obstacle."""
+TICK = 0.01
+"""s, the unit of costs."""
+STOP = 1.5
+"""s that a bend of the way takes: slow down, set off again."""
+BUCKETS = 8192
+"""Costs of a move are below so many ticks."""
+
+
+class Terrain(NamedTuple):
+    """What a move costs where; layers are (nx, ny) on one grid.
+
+    Attributes:
+        origin: (2,) corner of cell [0, 0], m.
+        cell: side of a cell, m.
+        obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
+        to_obstacle: float64 m to the nearest of them.
+        clearance: (nx, ny, 16) int8 cm to the nearest of them, negative inside: from the footprint by its heading, in
+            eight entries, and from what it sweeps in a turn from each of these headings to the next.
+        least: int8 cm that must be left.
+        ramp: bool, the wheels are on a ramp or right before it.
+        uphill: (nx, ny, 2) float32, slope of that ramp; 0 where there is none.
+    """
+
+    origin: NDArray[np.float64]
+    cell: float
+    obstacle: NDArray[np.uint8]
+    to_obstacle: NDArray[np.float64]
+    clearance: NDArray[np.int8]
+    least: NDArray[np.int8]
+    ramp: NDArray[np.bool_]
+    uphill: NDArray[np.float32]
+
+
+class Costs(NamedTuple):
+    """What moves cost a robot.
+
+    Attributes:
+        half_length, half_width: of the footprint, m.
+        speed, narrow_speed, ramp_speed: m/s, on level ground with much and with little room, and on ramps.
+        turn_rate, ramp_turn_rate: rad/s.
+        backward: time that a drive backwards counts for, over the same forwards.
+        stray: m that the robot may be off its way.
+        slide: m more that it may be off after a turn, over the slope.
+        across: what driving across a slope adds to the time, over the slope.
+        risk: what being sure to meet an obstacle adds to the time, over the time.
+    """
+
+    half_length: float
+    half_width: float
+    speed: float
+    narrow_speed: float
+    ramp_speed: float
+    turn_rate: float
+    ramp_turn_rate: float
+    backward: float
+    stray: float
+    slide: float
+    across: float
+    risk: float
+
+
+@njit(cache=True)
+def distance_to_footprint(x, y, cos, sin, half_length, half_width):
+    """Signed distance from a point (x, y) to the rectangle around (0, 0) that heads along (cos, sin)."""
+    a, b = abs(x * cos + y * sin) - half_length, abs(y * cos - x * sin) - half_width
+    if a <= 0 or b <= 0:
+        return max(a, b)
+    return np.sqrt(a * a + b * b)
+
+
+@njit(cache=True)
+def footprint_distances(half_length, half_width, cell):
+    """Cells around the robot, nearest first, and how far the middle of each is from its footprint.
+
+    Returns:
+        (N, 2) int64 offsets, (N, 16) int8 cm by heading and turn as in :class:`Terrain`, and (N,) the least of these.
+    """
+    reach = int((np.hypot(half_length, half_width) + FARTHEST) / cell) + 1
+    side = 2 * reach + 1
+    offsets, distances = np.empty((side**2, 2), np.int64), np.empty((side**2, HEADINGS), np.int8)
+    for n in range(side**2):
+        offsets[n, 0], offsets[n, 1] = i, j = n // side - reach, n % side - reach
+        for h in range(HEADINGS):
+            turns = h // (HEADINGS // 2)
+            d = FARTHEST
+            for angle in np.linspace(ANGLES[h % (HEADINGS // 2)], ANGLES[h % (HEADINGS // 2) + turns], 1 + 5 * turns):
+                cos, sin = np.cos(angle), np.sin(angle)
+                d = min(d, distance_to_footprint(i * cell, j * cell, cos, sin, half_length, half_width))
+            distances[n, h] = int(np.floor(100 * d))
+    least = np.array([distances[n].min() for n in range(side**2)])
+    order = np.argsort(least)
+    order = order[least[order] < int(100 * FARTHEST)]
+    return offsets[order], distances[order], least[order]
+
+
+@njit(cache=True)
+def clearances(obstacle, to_obstacle, half_length, half_width, cell):
+    """(nx, ny, 16) int8, see :class:`Terrain`, for (nx, ny) obstacles; beyond the grid all is unknown."""
+    nx, ny = obstacle.shape
+    offsets, distances, nearest = footprint_distances(half_length, half_width, cell)
+    result = np.full((nx, ny, HEADINGS), int(100 * FARTHEST), np.int8)
+    near = np.hypot(half_length, half_width) + FARTHEST
+    for i in range(nx):
+        for j in range(ny):
+            if to_obstacle[i, j] > near:
+                continue
+            room = result[i, j]
+            most = room[0]
+            for n in range(len(offsets)):
+                if nearest[n] >= most:
+                    break
+                a, b = i + offsets[n, 0], j + offsets[n, 1]
+                kind = obstacle[a, b] if 0 <= a < nx and 0 <= b < ny else UNKNOWN
+                if kind == 0:
+                    continue
+                lenience = int(100 * LENIENCY) if kind == UNKNOWN else 0
+                for h in range(HEADINGS):
+                    room[h] = min(room[h], distances[n, h] + lenience)
+                most = room.max()
+    return result
+
+
+@njit(cache=True)
+def free_poses(clearance, least):
+    """(nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the turns that it can make.
+
+    See :class:`Terrain` for ``clearance`` (nx, ny, 16) and ``least`` (nx, ny).
+    """
+    nx, ny = least.shape
+    result = np.zeros((nx, ny, 2), np.uint8)
+    for i in range(nx):
+        for j in range(ny):
+            for h in range(HEADINGS // 2):
+                if clearance[i, j, h] >= least[i, j]:
+                    result[i, j, 0] |= 1 << h
+                if clearance[i, j, HEADINGS // 2 + h] + SWEEP >= least[i, j]:
+                    result[i, j, 1] |= 1 << h
+    return result
+
+
+@njit(cache=True)
+def danger(clearance, spread):
+    """How likely the robot meets something ``clearance`` m away if it may be off by ``spread`` m."""
+    return max(0.0, 1.0 - max(clearance, 0.0) / spread)
+
+
+@njit(cache=True)
+def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
+    """What a metre along (cos, sin) costs, s, with ``clearance`` m beside the footprint on a slope (2,)."""
+    across = abs(uphill[1] * cos - uphill[0] * sin)
+    on_ramp = uphill[0] != 0 or uphill[1] != 0
+    level_speed = costs.speed if clearance >= FARTHEST - 0.01 else costs.narrow_speed
+    seconds = (1.0 + costs.across * across) / (costs.ramp_speed if on_ramp else level_speed)
+    return seconds * (costs.backward if backward else 1.0) * (1.0 + costs.risk * danger(clearance, costs.stray))
+
+
+@njit(cache=True)
+def turn_seconds_per_radian(clearance, uphill, costs):
+    """What a radian on the spot costs, s, with ``clearance`` m around the footprint on a slope (2,)."""
+    slope = np.hypot(uphill[0], uphill[1])
+    seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
+    return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray + costs.slide * slope))
+
+
+@njit(cache=True)
+def ticks(seconds):
+    """Whole ticks, at least one and less than the buckets hold."""
+    return max(1, min(int(seconds / TICK + 0.5), BUCKETS - 1))
+
+
+@njit(cache=True)
+def room_at(x, y, cos, sin, terrain, costs):
+    """m from the footprint of a robot at (x, y) m that heads along (cos, sin) to the nearest obstacle."""
+    nx, ny = terrain.least.shape
+    i, j = cell_at(x, y, terrain.origin, terrain.cell)
+    if not (0 <= i < nx and 0 <= j < ny):
+        return -1.0
+    radius = np.hypot(costs.half_length, costs.half_width) + costs.stray + LENIENCY
+    if terrain.to_obstacle[i, j] > radius + terrain.cell:
+        return FARTHEST
+    least, reach = FARTHEST, int(radius / terrain.cell) + 1
+    for a in range(i - reach, i + reach + 1):
+        for b in range(j - reach, j + reach + 1):
+            kind = terrain.obstacle[a, b] if 0 <= a < nx and 0 <= b < ny else UNKNOWN
+            if kind == 0:
+                continue
+            dx = terrain.origin[0] + (a + 0.5) * terrain.cell - x
+            dy = terrain.origin[1] + (b + 0.5) * terrain.cell - y
+            d = distance_to_footprint(dx, dy, cos, sin, costs.half_length, costs.half_width)
+            least = min(least, d + (LENIENCY if kind == UNKNOWN else 0.0))
+    return least
+
+
+@njit(cache=True)
+def line_seconds(ax, ay, bx, by, backward, terrain, costs):
+    """What a straight drive between points, m, costs, s; inf where the footprint meets something.
+
+    ``backward`` only changes what it costs.
+    """
+    nx, ny = terrain.least.shape
+    dx, dy = bx - ax, by - ay
+    length = np.sqrt(dx * dx + dy * dy)
+    cos, sin = (dx / length, dy / length) if length > 0 else (1.0, 0.0)
+    steps = int(np.ceil(length / terrain.cell)) + 1
+    total = 0.0
+    for s in range(steps + 1):
+        x, y = ax + dx * s / steps, ay + dy * s / steps
+        i, j = cell_at(x, y, terrain.origin, terrain.cell)
+        if not (0 <= i < nx and 0 <= j < ny):
+            return np.inf
+        room = room_at(x, y, cos, sin, terrain, costs)
+        if 100 * room < terrain.least[i, j] - 0.5:
+            return np.inf
+        total += drive_seconds_per_metre(room, cos, sin, terrain.uphill[i, j], backward, costs)
+    return total * length / (steps + 1)
+
+
+@njit(cache=True)
+def lines_seconds(starts, ends, terrain, costs):
+    """(N,) :func:`line_seconds` forwards between points (N, 2), m."""
+    result = np.empty(len(starts))
+    for n in range(len(starts)):
+        result[n] = line_seconds(starts[n, 0], starts[n, 1], ends[n, 0], ends[n, 1], False, terrain, costs)
+    return result
+
+
+@njit(cache=True)
+def turn_seconds(x, y, start, end, terrain, costs):
+    """What a turn on the spot the shorter way between two headings, rad, at (x, y) m costs, s; inf if impossible.
+
+    Nothing may be met at the headings in between either; at both ends :func:`line_seconds` tells.
+    """
+    nx, ny = terrain.least.shape
+    i, j = cell_at(x, y, terrain.origin, terrain.cell)
+    if not (0 <= i < nx and 0 <= j < ny):
+        return np.inf
+    angle = (end - start + np.pi) % (2 * np.pi) - np.pi
+    room = FARTHEST
+    steps = int(np.ceil(abs(angle) / 0.2))
+    for s in range(1, steps):
+        heading = start + angle * s / steps
+        room = min(room, room_at(x, y, np.cos(heading), np.sin(heading), terrain, costs))
+    if 100 * room < terrain.least[i, j] - 0.5:
+        return np.inf
+    return abs(angle) * turn_seconds_per_radian(room, terrain.uphill[i, j], costs)

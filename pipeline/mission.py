@@ -11,7 +11,7 @@ from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.traversability.traversability import Traversability
+from pipeline.traversability.pose_paths import PosePaths
 
 ARRIVED = 0.15
 """m; a robot so near to a goal has reached it."""
@@ -142,7 +142,7 @@ class Goals:
         Args:
             topology: tells how long the drives between them take.
             goals: where to go.
-            snap: m by which a goal may be off traversable ground; the nearest traversable place serves as well.
+            snap: m by which a goal may be off ground that can be reached; the nearest place there serves as well.
         """
         self.left = [np.asarray(goal, np.float64) for goal in goals]
         self.visits: list[Visit] = []
@@ -155,7 +155,7 @@ class Goals:
         """Count a goal that is near as visited, and give up one to which drives brought the robot no nearer."""
         self._context = context
         for goal in list(self.left):
-            place = self._place(goal, context.traversability)
+            place = self._place(goal, context.paths)
             if np.linalg.norm(place - context.T_map_base[:2, 3]) <= ARRIVED:
                 self._end(goal, None)
             elif self._set_out and goal is self._goal and self._was_in_vain(context.paths.cost_to(place)):
@@ -164,7 +164,7 @@ class Goals:
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The next goal; None when none is left that can be reached as far as the map goes."""
-        places = [self._place(goal, context.traversability) for goal in self.left]
+        places = [self._place(goal, context.paths) for goal in self.left]
         order = order_goals(self._topology, context.paths, places)
         if not order:
             return None
@@ -173,7 +173,7 @@ class Goals:
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember to which goal the robot sets out."""
-        places = [self._place(goal, context.traversability) for goal in self.left]
+        places = [self._place(goal, context.paths) for goal in self.left]
         goal = next(g for g, place in zip(self.left, places, strict=True) if (place == viewpoint.position).all())
         self._set_out = True
         if goal is not self._goal:
@@ -188,11 +188,11 @@ class Goals:
                 obstacle = obstacle_to(self._context.paths, goal)
             self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
 
-    def _place(self, goal: NDArray[np.float64], traversability: Traversability) -> NDArray[np.float64]:
+    def _place(self, goal: NDArray[np.float64], paths: PosePaths) -> NDArray[np.float64]:
         """(2,) where to drive to for a goal."""
         if not np.isfinite(goal).all():
             return goal
-        place = traversability.grid.nearest(traversability.traversable, goal, self._snap)
+        place = paths.traversability.grid.nearest(paths.reachable, goal, self._snap)
         return goal if place is None else place
 
     def _was_in_vain(self, way_left: float) -> bool:

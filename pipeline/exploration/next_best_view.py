@@ -77,7 +77,7 @@ class Exploration:
         )
         self._expected = np.zeros((0, 2), np.int64)
         self._missed: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
-        self._ray_gains, self._revision = visibility.RayGains(), 0
+        self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
 
     def observe(self, context: Context) -> None:
         """Remember which cells the last keyframe should have shown and did not, and where unseen ground is left."""
@@ -151,6 +151,10 @@ class Exploration:
             gains = gains + self.rewards.gains(traversability.on_ground(candidates), ANGLES)
         can_face = np.vstack([np.ones((1, len(ANGLES)), np.bool_), bits(paths.headings[tuple(cells.T)])])
         there = np.vstack([traversability.grid.cell_of(paths.start), cells])
+        is_some = (gains >= MIN_GAIN).any(axis=1)
+        if not is_some.any():
+            return None
+        candidates, gains, can_face, there = candidates[is_some], gains[is_some], can_face[is_some], there[is_some]
         horizon = FIRST_HORIZON
         while True:
             known = np.where(can_face, paths.seconds_to(there, horizon), np.inf)
@@ -218,9 +222,8 @@ class Exploration:
     ) -> NDArray[np.float64]:
         """(1 + N, 16) m² that each viewpoint should show, from here and from the cells (N, 2)."""
         changed, self._revision = self._layers.changed_since(self._revision), self._layers.revision
-        around = self._ray_gains.of(cells, camera, self._terrain, changed)
-        from_here = kernels.ray_gains(here[None], camera, self._terrain)
-        return visibility.gains(np.vstack([from_here, around]), camera)
+        around = self._viewpoint_gains.of(cells, camera, self._terrain, changed)
+        return np.vstack([visibility.gains(here[None], camera, self._terrain), around])
 
 
 def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:

@@ -38,10 +38,10 @@ def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
     return kernels.CameraView(*rounded, *np.deg2rad(np.degrees(angles).round(1)).tolist())
 
 
-def gains(ray_gains: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
-    """(N, 16) m² that viewpoints along each heading should show, from what each ray (N, RAYS) should."""
-    half = _rays_in_view(camera) // 2
-    sums = np.cumsum(np.hstack([np.zeros((len(ray_gains), 1)), ray_gains, ray_gains, ray_gains]), axis=1)
+def gains(places: NDArray[np.float64], camera: kernels.CameraView, terrain: kernels.Terrain) -> NDArray[np.float64]:
+    """(N, 16) m² that viewpoints at (N, 2) places, m, along each heading should show."""
+    rays, half = kernels.ray_gains(places, camera, terrain), _rays_in_view(camera) // 2
+    sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays, rays, rays]), axis=1)
     middle = np.rint(ANGLES / STEP).astype(int) + RAYS
     return sums[:, middle + half + 1] - sums[:, middle - half]
 
@@ -67,14 +67,14 @@ def cells_in_view(
     return kernels.cells_in_view(*position, bearings, camera, terrain)
 
 
-class RayGains:
-    """Casts rays only from where something within their reach has changed since they were cast last."""
+class ViewpointGains:
+    """Casts rays only from where something in their reach has changed, and something is left to see."""
 
     def __init__(self) -> None:
         self._camera: kernels.CameraView | None = None
         self._origin = np.full(2, np.nan)
         self._cells = np.zeros((0, 2), np.int64)
-        self._gains = np.zeros((0, RAYS))
+        self._gains = np.zeros((0, len(ANGLES)))
 
     def of(
         self,
@@ -83,7 +83,7 @@ class RayGains:
         terrain: kernels.Terrain,
         changed: NDArray[np.bool_],
     ) -> NDArray[np.float64]:
-        """(N, RAYS) m² that each ray should show.
+        """(N, 16) m² that viewpoints along each heading should show.
 
         Args:
             cells: (N, 2) elements to look from.
@@ -95,14 +95,15 @@ class RayGains:
         if camera != self._camera or (terrain.origin != self._origin).any():
             self._camera, self._origin, changed = camera, terrain.origin, np.ones_like(changed)
         # Two places more: a viewpoint and a change may lie anywhere in their blocks.
-        is_old = _farther_than(changed, camera.reach / (STRIDE * terrain.cell) + 2)
+        reach = camera.reach / (STRIDE * terrain.cell) + 2
+        is_old, is_vain = _farther_than(changed, reach), _farther_than(terrain.target, reach)
         row, kept = np.full(changed.shape, -1), np.flatnonzero(is_old[tuple(self._cells.T // STRIDE)])
         row[tuple(self._cells[kept].T)] = kept
         row = row[tuple(cells.T)]
-        result = np.zeros((len(cells), RAYS))
+        result = np.zeros((len(cells), len(ANGLES)))
         result[row >= 0] = self._gains[row[row >= 0]]
-        new = terrain.origin + (cells[row < 0] + 0.5) * terrain.cell
-        result[row < 0] = kernels.ray_gains(new, camera, terrain)
+        is_new = (row < 0) & ~is_vain[tuple(cells.T // STRIDE)]
+        result[is_new] = gains(terrain.origin + (cells[is_new] + 0.5) * terrain.cell, camera, terrain)
         self._cells, self._gains = cells, result
         return result
 

@@ -96,7 +96,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     horizon, ceiling = np.tan(tilt + view.lower_edge), np.tan(tilt + view.upper_edge)
     unknown, fall = 0.0, np.tan(tilt) if np.tan(tilt) > RAMP else 0.0
     total, count = 0.0, 0
-    d = max(0.35 - ahead, 0.5 * cell)
+    d = 0.5 * cell
     while d < view.far and unknown < MAX_UNKNOWN:
         d += cell
         i, j = cell_at(x + (d + ahead) * dx, y + (d + ahead) * dy, origin, cell)

@@ -53,8 +53,8 @@ class Cover:
 
     def __init__(self) -> None:
         mask = Layer(np.bool_)
-        count = Layer(np.int32, in_place=True)
-        self._layers = GridMap(CELL, {"target": mask, "standable": mask, "walls": mask, "count": count})
+        count, left = Layer(np.int32, in_place=True), Layer(np.bool_, in_place=True)
+        self._layers = GridMap(CELL, {"target": mask, "standable": mask, "walls": mask, "count": count, "left": left})
         self._seen_by: dict[int, VisibleCells] = {}
 
     def update(
@@ -78,6 +78,8 @@ class Cover:
         in_walls = np.vstack([np.zeros((0, 3)), *(centres(wall.cells) for wall in walls)])
         layers.write("walls", _tall(traversability) | self.grid.mask_of(in_walls))
         changed = layers.changed_since(revision)
+        if changed.any():
+            layers["left"][box_around(changed, 2 * _REACH)] = False
         for node, visible in list(self._seen_by.items()):
             if changed[self._window(visible)].any():
                 self.remove(node)
@@ -108,6 +110,15 @@ class Cover:
     def missing(self) -> NDArray[np.bool_]:
         """(nx, ny) target cells that no node sees."""
         return self.target & (self.count == 0)
+
+    @property
+    def wanted(self) -> NDArray[np.bool_]:
+        """(nx, ny) these, but for what was left as not worth a node, with the ground around it as it is."""
+        return self.missing & ~self._layers["left"]
+
+    def leave_rest(self) -> None:
+        """What no node sees is not worth one."""
+        self._layers["left"][:] = self.missing
 
     def visible_from(self, places: NDArray[np.float64]) -> VisibleCells:
         """What (K, 2) places, m, see."""

@@ -49,13 +49,14 @@ class Placement:
     def cover_rest(self) -> None:
         """Nodes for what no node sees, those first that add most."""
         cover = self._cover
-        visible = cover.visible_from(cover.candidates(cover.missing, SIGHT))
+        visible = cover.visible_from(cover.candidates(cover.wanted, SIGHT))
         while len(visible.places):
             gains = cover.gains(visible)
             if gains.max() <= _SPARE:
-                return
+                break
             xy = visible.places[self._best(visible.places, gains)]
             self._nodes.add(self._label(xy), xy)
+        cover.leave_rest()
 
     def _best(self, places: NDArray[np.float64], gains: NDArray[np.int64]) -> int:
         """The row of the place that adds most; a little less will do for one that is linked to a node."""

@@ -17,8 +17,9 @@ from pipeline.segments.segments import Segments
 from pipeline.topological_map.links import drive_seconds
 from pipeline.topological_map.node_set import Node, NodeSet
 from pipeline.topological_map.nodes import thesis_places
+from pipeline.topological_map.passages import Passages
 from pipeline.topological_map.placement import Placement
-from pipeline.topological_map.roadmap import add_passages, collision_free_tree, roadmap
+from pipeline.topological_map.roadmap import collision_free_tree, roadmap
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 
@@ -40,7 +41,7 @@ class TopologicalMap:
     def __init__(self, graph: GraphKind = "roadmap"):
         self.kind: GraphKind = graph
         self.tree = self.graph = nx.Graph()
-        self._set = NodeSet()
+        self._set, self._passages = NodeSet(), Passages()
 
     @property
     def nodes(self) -> Mapping[int, Node]:
@@ -67,7 +68,8 @@ class TopologicalMap:
         self.graph = self.tree
         if self.kind == "roadmap" and len(nodes.nodes) > 1:
             drives = nodes.free.copy()
-            add_passages(drives, self.nodes, nodes.links)
+            self._passages.renew(nodes.nodes, nodes.links, changed)
+            self._passages.add_to(drives)
             self.graph = roadmap(self.tree, drives, MAX_DETOUR)
 
     def correct(self, correction: Correction) -> None:
@@ -110,6 +112,6 @@ class TopologicalMap:
     def _reachable(self, paths: PosePaths) -> NDArray[np.bool_]:
         """(nx, ny) where the robot can go; if it stands where it reaches no node, where it could go from these."""
         places = [node.position for node in self.nodes.values()]
-        if not places or any(np.isfinite(paths.cost_to(place)) for place in places):
+        if not places or paths.traversability.grid.at(paths.reachable, np.array(places)).any():
             return paths.reachable
         return paths.reachable | PosePaths(paths.traversability, places).reachable

@@ -1,6 +1,6 @@
 """Where the robot may stand, turn and drive."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from pipeline.errors import InputError
-from pipeline.grid_map import Grid
+from pipeline.grid_map import Box, Grid
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 from pipeline.traversability import elevation_kernels as kernels
@@ -88,6 +88,11 @@ class Traversability:
         may[may] = self.clearance[may].min(axis=1) >= np.maximum(self.least[may], round(100 * LEAST))
         return may
 
+    def part(self, box: Box) -> "Traversability":
+        """What holds in a box of cells, whole in memory."""
+        layers = {name: np.ascontiguousarray(getattr(self, name)[box]) for name in LAYERS}
+        return Traversability(self.grid.part(box), robot=self.robot, **layers)
+
     @property
     def terrain(self) -> pose_kernels.Terrain:
         """What the search for poses knows of the ground."""
@@ -103,6 +108,9 @@ class Traversability:
     def on_ground(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 3) the points of the ground at (N, 2) m."""
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
+
+
+LAYERS = [field.name for field in fields(Traversability) if field.name not in ("grid", "robot")]
 
 
 def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:

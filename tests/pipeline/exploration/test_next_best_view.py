@@ -110,8 +110,7 @@ def test_cells_are_in_view_wherever_a_gain_is_expected(seed):
         missed_from=np.full((*shape, 2), np.inf, np.float32),
     )
     place = np.array([0.025, 0.025])
-    ray_gains = kernels.ray_gains(place[None], camera, terrain)
-    for m in np.flatnonzero(visibility.gains(ray_gains, camera)[0]):
+    for m in np.flatnonzero(visibility.gains(place[None], camera, terrain)[0]):
         heading = wrap_angle(float(ANGLES[m]))
         assert visibility.cells_in_view(place, heading, camera, terrain).any()
 

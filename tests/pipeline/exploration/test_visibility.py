@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.visibility import STRIDE, RayGains, camera_view
+from pipeline.exploration.visibility import STRIDE, ViewpointGains, camera_view
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import HEIGHT, INTRINSICS, PITCH, StillRobot
 
@@ -29,12 +30,19 @@ def known_up_to(i: int) -> np.ndarray:
     return known
 
 
+def known_but_for_stripes() -> np.ndarray:
+    """Something is left to see in the reach of every place."""
+    known = known_up_to(203)
+    known[2::40] = False
+    return known
+
+
 NOTHING = np.zeros(SHAPE, np.bool_)
 CELLS = np.argwhere(np.ones((20, 20), np.bool_)) * STRIDE
 
 
 def fresh(cells: np.ndarray, terrain: kernels.Terrain) -> np.ndarray:
-    return kernels.ray_gains(terrain.origin + (cells + 0.5) * terrain.cell, CAMERA, terrain)
+    return visibility.gains(terrain.origin + (cells + 0.5) * terrain.cell, CAMERA, terrain)
 
 
 @pytest.fixture
@@ -51,7 +59,7 @@ def casts(monkeypatch):
 
 
 def test_what_is_kept_is_what_a_fresh_cast_tells():
-    gains, rng = RayGains(), np.random.default_rng(0)
+    gains, rng = ViewpointGains(), np.random.default_rng(0)
     known = known_up_to(60)
     for _ in range(6):
         before = known.copy()
@@ -64,26 +72,31 @@ def test_what_is_kept_is_what_a_fresh_cast_tells():
 
 @pytest.fixture
 def gains():
-    """With rays cast from all places over ground known up to a line."""
-    gains = RayGains()
-    gains.of(CELLS, CAMERA, terrain_with(known_up_to(200)), NOTHING)
+    """With rays cast from all places over ground with stripes that are not known."""
+    gains = ViewpointGains()
+    gains.of(CELLS, CAMERA, terrain_with(known_but_for_stripes()), NOTHING)
     return gains
 
 
 def test_unchanged_ground_costs_nothing(casts, gains):
-    gains.of(CELLS, CAMERA, terrain_with(known_up_to(200)), NOTHING)
+    gains.of(CELLS, CAMERA, terrain_with(known_but_for_stripes()), NOTHING)
     assert casts == [len(CELLS), 0]
+
+
+def test_no_ray_is_cast_where_nothing_in_reach_is_left_to_see(casts):
+    ViewpointGains().of(CELLS, CAMERA, terrain_with(known_up_to(200)), NOTHING)
+    assert casts == [0]
 
 
 def test_a_change_concerns_only_what_sees_it(casts, gains):
     changed = NOTHING.copy()
     changed[0, 0] = True
-    gains.of(CELLS, CAMERA, terrain_with(known_up_to(200) & ~changed), changed)
+    gains.of(CELLS, CAMERA, terrain_with(known_but_for_stripes() & ~changed), changed)
     assert 0 < casts[1] < len(CELLS)
 
 
 def test_rays_are_cast_anew_where_the_grid_begins_elsewhere_and_for_another_camera(casts, gains):
-    terrain = terrain_with(known_up_to(200), origin=(-6.4, 0.0))
+    terrain = terrain_with(known_but_for_stripes(), origin=(-6.4, 0.0))
     gains.of(CELLS, CAMERA, terrain, NOTHING)
     gains.of(CELLS, CAMERA._replace(height=0.5), terrain, NOTHING)
     assert casts == [len(CELLS)] * 3

@@ -59,10 +59,10 @@ def test_a_ramp_is_driven_up_and_not_over_its_side():
 def test_a_metre_on_a_ramp_takes_longer():
     links = links_over(ground_points(ramp_and_deck, (-2, RUN + 1.5), (-2, 2)))
     level, ramp = drive_seconds(
-        links.traversability, np.array([[-1.8, 0, 0], [-0.8, 0, 0]]), np.array([[-0.8, 0, 0], [RUN + 0.7, 0, RISE]])
+        links.traversability, np.array([[-1.5, 0, 0], [-0.5, 0, 0]]), np.array([[-0.5, 0, 0], [RUN + 0.7, 0, RISE]])
     )
     assert level == pytest.approx(1.0 / PIONEER.speed + STOP)
-    length = RUN + 1.5
+    length = RUN + 1.2
     assert length / PIONEER.speed * 1.3 < ramp - STOP < length / RAMP_SPEED
 
 

@@ -128,8 +128,9 @@ def test_all_ground_is_seen_by_few_nodes_that_can_turn():
 
 
 def test_a_passage_too_narrow_to_turn_in_joins_two_rooms_and_keeps_doing_so():
-    bend = [((0, -2), (0, -0.35)), ((0, 0.35), (0, 2)), ((0.7, -0.9), (0.7, 2))]
-    traversability, segments = room((-3, 3), (-2, 2), bend)
+    ends = [((x, side * 0.33), (x, side * 2)) for x in (0, 1) for side in (-1, 1)]
+    tunnel = [*ends, ((0, -0.33), (1, -0.33)), ((0, 0.33), (1, 0.33))]
+    traversability, segments = room((-3, 4), (-2, 2), tunnel)
     topology = topology_of(traversability, segments, (-2, 0))
     assert nx.is_connected(topology.graph)
     before = {n: node.position.tolist() for n, node in topology.nodes.items()}

@@ -1,0 +1,106 @@
+"""Ways with bends between neighbours that no straight drive joins, kept up where the ground changes."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.grid_map import box_around
+from pipeline.topological_map.links import Links, drive_seconds
+from pipeline.topological_map.node_set import Node
+from pipeline.traversability.pose_paths import PosePaths, simplify
+from pipeline.traversability.traversability import Traversability
+
+REACH = 4.0
+"""m around what changed in which passages are found anew."""
+
+
+class Passages:
+    """The shortest ways between nodes whose shares touch; a cell of the ground is the share of the nearest node."""
+
+    def __init__(self) -> None:
+        self._edges: dict[tuple[int, int], dict[str, Any]] = {}
+        self._known: dict[int, bytes] = {}
+
+    def renew(self, nodes: Mapping[int, Node], links: Links, changed: NDArray[np.bool_]) -> None:
+        """Find passages anew around ``changed`` (nx, ny) ground and around nodes that came, went or moved."""
+        grid = links.traversability.grid
+        known = {n: node.position.tobytes() for n, node in nodes.items()}
+        moved = [n for n in known.keys() | self._known.keys() if known.get(n) != self._known.get(n)]
+        places = [data[n] for data in (known, self._known) for n in moved if n in data]
+        mask = changed | grid.mask_of(np.array([np.frombuffer(place) for place in places]).reshape(-1, 3))
+        self._known = known
+        if not mask.any():
+            return
+        inner = box_around(mask, 0)
+        box = box_around(mask, round(REACH / grid.cell))
+        is_old = np.ones(grid.shape, np.bool_)
+        is_old[inner] = False
+        self._edges = {
+            (a, b): edge
+            for (a, b), edge in self._edges.items()
+            if a in nodes and b in nodes and grid.at(is_old, _points(nodes, a, b, edge), outside=1).all()
+        }
+        part = links.traversability.part(box)
+        here = {n: node for n, node in nodes.items() if part.grid.mask_of(node.position[None]).any()}
+        for pair, edge in _between(here, links, part).items():
+            self._edges.setdefault(pair, edge)
+
+    def add_to(self, drives: nx.Graph) -> None:
+        """Join the nodes in a graph of straight drives that no such drive joins.
+
+        The edge keeps the ``bends`` of its way: (M, 3) m, from the node of the lower id to the other.
+        """
+        drives.add_edges_from((a, b, edge) for (a, b), edge in self._edges.items() if not drives.has_edge(a, b))
+
+
+def _points(nodes: Mapping[int, Node], a: int, b: int, edge: Mapping[str, Any]) -> NDArray[np.float64]:
+    return np.vstack([nodes[a].position, edge["bends"], nodes[b].position])
+
+
+def _between(nodes: Mapping[int, Node], links: Links, part: Traversability) -> dict[tuple[int, int], dict[str, Any]]:
+    """The edges of passages between nodes, by lower and higher id, on a part of the ground."""
+    edges: dict[tuple[int, int], dict[str, Any]] = {}
+    if len(nodes) < 2:
+        return edges
+    paths = PosePaths(part, [nodes[n].position for n in sorted(nodes)])
+    for p, q in _meetings(paths):
+        there, back = (paths.path_to(part.grid.centre_of(cell)) for cell in (p, q))
+        a, b = (_nearest(nodes, way[0]) for way in (there, back))
+        if a > b:
+            a, b, there, back = b, a, back, there
+        if a == b:
+            continue
+        way = simplify(np.vstack([there, back[::-1]]), links.traversability)
+        inner = links.traversability.on_ground(way[1:-1])
+        points = np.vstack([nodes[a].position, inner, nodes[b].position])
+        if links.are_free(points[:-1], points[1:]).all():
+            length = float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
+            seconds = float(drive_seconds(links.traversability, points[:-1], points[1:]).sum())
+            edges[a, b] = {"weight": seconds, "length": length, "bends": inner}
+    return edges
+
+
+def _nearest(nodes: Mapping[int, Node], xy: NDArray[np.float64]) -> int:
+    return min(nodes, key=lambda n: float(np.linalg.norm(nodes[n].position[:2] - xy)))
+
+
+def _meetings(paths: PosePaths) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Of every two touching shares the two neighbouring cells (2,) where the way between their nodes is shortest."""
+    source = paths.sources()
+    cells, costs, keys = [], [], []
+    for step in ((1, 0), (0, 1)):
+        here = tuple(slice(None, -1) if s else slice(None) for s in step)
+        there = tuple(slice(1, None) if s else slice(None) for s in step)
+        a, b = source[here], source[there]
+        border = (a != b) & (a >= 0) & (b >= 0)
+        p = np.argwhere(border)
+        cells.append(np.stack([p, p + step], axis=1))
+        costs.append((paths.cost[here] + paths.cost[there])[border])
+        keys.append(np.sort(np.stack([a[border], b[border]], axis=1), axis=1))
+    pairs, cost = np.concatenate(cells), np.concatenate(costs)
+    order = np.argsort(cost, kind="stable")
+    _, first = np.unique(np.concatenate(keys)[order], axis=0, return_index=True)
+    return [(pairs[k, 0], pairs[k, 1]) for k in order[np.sort(first)]]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.labels import RAMP_TILT
 from pipeline.navigation.attitude import Attitude
+from pipeline.navigation.pace import BRAKING
 from pipeline.navigation.progress import Progress, Turn
 from pipeline.robot import Motion, Robot, Velocity
 from pipeline.transforms import wrap_angle, yaw_of
@@ -31,10 +32,8 @@ TURN_LIMIT = np.deg2rad(35)
 """On a ramp the robot turns on the spot only if it would drive further than this off its heading, or off its tail."""
 SWERVE = np.deg2rad(5)
 """Elsewhere it does so from here: less is made up for on the way."""
-BRAKING = 0.2
-"""m/s², so that wheels do not skid past a way point."""
 TURN_BRAKING = 1.0
-"""rad/s², the same for turns."""
+"""rad/s², so that wheels do not skid past a heading."""
 HOLD_SPEED = 0.1
 """m/s; with no more a turn on a ramp makes up for sliding."""
 JUMP = 0.15

@@ -3,12 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.traversability.traversability import NARROW_SPEED, Traversability
+from pipeline.traversability.pose_kernels import level_speed
+from pipeline.traversability.pose_paths import nearest_heading
+from pipeline.traversability.traversability import NARROW_SPEED, STANDING, Traversability
 
-AHEAD = np.arange(0.0, 0.75, 0.05)
-"""m from the robot's middle, on its way, that are looked at: to where its wheels are when it has slowed down."""
-NARROW = 0.45
-"""m from the robot's middle to an obstacle; nearer ones slow it down."""
+BRAKING = 0.2
+"""m/s², so that wheels do not skid."""
+AHEAD = np.arange(0.0, 0.9, 0.05)
+"""m from the robot's middle, on its way, that are looked at: from 0.5 m/s it brakes in as many, front included."""
 
 
 class Pace:
@@ -18,10 +20,11 @@ class Pace:
         self._traversability = traversability
 
     def __call__(self, here: NDArray[np.float64], along: NDArray[np.float64]) -> float:
-        """m/s for a robot at (2,) m that drives along a unit vector (2,)."""
+        """m/s for a robot at (2,) m that drives along a unit vector (2,): it can brake before ground that is slow."""
         t, robot = self._traversability, self._traversability.robot
         places = here + AHEAD[:, None] * along
-        if t.grid.at(t.ramp, places).any():
-            return robot.ramp_speed
-        is_narrow = (t.grid.at(t.to_obstacle, places) < NARROW).any()
-        return min(robot.speed, NARROW_SPEED) if is_narrow else robot.speed
+        clearance = t.clearance[..., nearest_heading(float(np.arctan2(along[1], along[0]))) % STANDING]
+        speeds = level_speed(0.01 * t.grid.at(clearance, places), robot.speed, min(robot.speed, NARROW_SPEED))
+        speeds = np.where(t.grid.at(t.ramp, places), np.minimum(robot.ramp_speed, speeds), speeds)
+        left = np.maximum(AHEAD - robot.half_length, 0.0)
+        return float(np.sqrt(speeds**2 + 2 * BRAKING * left).min())

@@ -60,7 +60,7 @@ class Costs(NamedTuple):
 
     Attributes:
         half_length, half_width: of the footprint, m.
-        speed, narrow_speed, ramp_speed: m/s, on level ground with much and with little room, and on ramps.
+        speed, narrow_speed, ramp_speed: m/s, on level ground with much and with no room, and on ramps.
         turn_rate, ramp_turn_rate: rad/s.
         backward: time that a drive backwards counts for, over the same forwards.
         stray: m that the robot may be off its way.
@@ -169,12 +169,18 @@ def danger(clearance, spread):
 
 
 @njit(cache=True)
+def level_speed(room, speed, narrow_speed):
+    """m/s on level ground with ``room`` m around the footprint, a number or an array: the less, the slower."""
+    return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / FARTHEST, 1.0)
+
+
+@njit(cache=True)
 def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
     """What a metre along (cos, sin) costs, s, with ``clearance`` m beside the footprint on a slope (2,)."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
-    level_speed = costs.speed if clearance >= FARTHEST - 0.01 else costs.narrow_speed
-    seconds = (1.0 + costs.across * across) / (costs.ramp_speed if on_ramp else level_speed)
+    speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.narrow_speed)
+    seconds = (1.0 + costs.across * across) / speed
     return seconds * (costs.backward if backward else 1.0) * (1.0 + costs.risk * danger(clearance, costs.stray))
 
 

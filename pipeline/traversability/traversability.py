@@ -26,7 +26,7 @@ RAMP_MARGIN = 0.2
 RAMP_SPEED, TURN_RATE, RAMP_TURN_RATE = 0.1, 0.5, 0.17
 """m/s and rad/s, expected: on ramps the robot slows down, aligns itself and slips."""
 NARROW_SPEED = 0.2
-"""m/s at most where an obstacle is within ``FARTHEST`` of the footprint."""
+"""m/s at most where obstacles leave no room around the footprint."""
 BACKWARD = 2.0
 """Time that a drive backwards counts for: the camera looks the other way."""
 STRAY = 0.1

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.navigation.pace import Pace
+from pipeline.navigation.pace import BRAKING, Pace
 from pipeline.traversability.traversability import NARROW_SPEED, assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
@@ -19,14 +19,22 @@ def pace(world):
 def test_it_slows_down_before_a_ramp_and_not_behind_it():
     at = pace(surface_of(ground_points(ridge, (-4, 4), (-2, 2))))
     assert at(np.array([-3.0, 0.0]), EAST) == 0.5
-    assert at(np.array([-RUN - 0.6, 0.0]), EAST) == PIONEER.ramp_speed
+    assert at(np.array([-RUN - 0.3, 0.0]), EAST) == PIONEER.ramp_speed
     assert at(np.array([-RUN - 0.6, 0.0]), WEST) == 0.5
     assert at(np.array([-0.3, 0.0]), EAST) == PIONEER.ramp_speed
 
 
-def test_it_is_slow_where_there_is_little_room():
-    world = surface_of(ground_points(flat, (-3, 3), (-2, 2)), wall_points((0, 0.4), (3, 0.4)))
+def test_it_can_brake_in_time():
+    at = pace(surface_of(ground_points(ridge, (-4, 4), (-2, 2))))
+    speeds = [at(np.array([x, 0.0]), EAST) for x in np.arange(-3.0, -RUN, 0.05)]
+    assert (np.diff(np.square(speeds)) >= -2 * BRAKING * 0.05 - 1e-6).all()
+    assert speeds[0] > 0.4 > 0.2 > speeds[-1]
+
+
+def test_the_less_room_is_left_the_slower_it_is():
+    world = surface_of(ground_points(flat, (-3, 3), (-2, 2)), wall_points((-1, 0.4), (3, 0.4)))
     at = pace(world)
-    assert at(np.array([-2.0, 0.0]), EAST) == 0.5
-    assert at(np.array([-0.6, 0.0]), EAST) == NARROW_SPEED
-    assert at(np.array([1.0, -1.0]), EAST) == 0.5
+    assert at(np.array([-2.5, 0.0]), EAST) == 0.5
+    speeds = [at(np.array([1.0, y]), EAST) for y in (-0.4, 0.0, 0.05, 0.1)]
+    assert speeds[0] == 0.5 > speeds[1] >= speeds[2] >= speeds[3] >= NARROW_SPEED
+    assert speeds[3] < 0.4

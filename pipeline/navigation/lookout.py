@@ -136,7 +136,8 @@ class Lookout:
             frame = self._robot.sense()
         localisation = mapper.localisation
         fits = localisation.overlap > UNRIVALLED and not localisation.is_contradicted
-        if fits or (len(agreements) == LOOKS and not Agreement.of(agreements).was_carried):
+        around = Agreement.of(agreements)
+        if fits or (len(agreements) == LOOKS and not around.was_carried and not around.is_doubtful):
             # The map explains all but something new, or what the robot has driven through: that is what changed.
             return self._go_on(frame, mapper.localise(frame))
         raise LostError("the camera shows what the map does not, and no place fits for sure")

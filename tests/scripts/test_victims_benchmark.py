@@ -55,7 +55,7 @@ class FindsNothing:
 
 def test_the_same_people_are_seen_in_every_light():
     normal, dark = (
-        list(scene_frames(recipe(1, 3), 2, light, FindsNothing())) for light in (Lighting.normal, Lighting.dark)
+        list(scene_frames(recipe(2, 3), 2, light, FindsNothing())) for light in (Lighting.normal, Lighting.dark)
     )
     assert sum(len(people.boxes) for people in normal) > 0
     for a, b in zip(normal, dark, strict=True):

@@ -143,10 +143,10 @@ class Lookout:
         raise LostError("the camera shows what the map does not, and no place fits for sure")
 
     def _go_on(self, frame: Frame, T_map_base: NDArray[np.float64]) -> Frame:
-        """Trust a pose again; unless it is the one that the robot believed to have, it was carried there."""
+        """Trust a pose again; a robot that did not believe to have it was carried or set down there."""
         move = inverse(self._mapper.localise(frame)) @ T_map_base
         self.T_odom_expected = frame.T_odom_base
-        if np.linalg.norm(move[:3, 3]) > KIDNAPPED or abs(yaw_of(move)) > KEYFRAME_TURN:
+        if self._is_lost or np.linalg.norm(move[:3, 3]) > KIDNAPPED or abs(yaw_of(move)) > KEYFRAME_TURN:
             self._mapper.localisation.set_down(T_map_base)
             self.relocalised += 1
             self.T_odom_expected = None

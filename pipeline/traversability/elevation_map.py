@@ -18,6 +18,9 @@ from pipeline.traversability import elevation_kernels as kernels
 CELL = 0.05
 """m, side of a cell."""
 
+POSE_ERROR = 0.05
+"""m by which the disc within the footprint is smaller that the robot is sure to have swept."""
+
 _UNKNOWN = Layer(np.float32, np.nan)
 
 
@@ -45,6 +48,7 @@ class ElevationMap:
                 "touched": Layer(np.float32, np.nan, in_place=True),
                 "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
                 "been": Layer(np.bool_, in_place=True),
+                "swept": Layer(np.bool_, in_place=True),
                 # Of the keyframe that is being added; 0 otherwise.
                 "returns": Layer(np.int32, in_place=True),
                 "dropouts": Layer(np.int32, in_place=True),
@@ -103,13 +107,26 @@ class ElevationMap:
         self._refresh(~np.isnan(self.layers["touched"]))
 
     def add_track(self, places: NDArray[np.float64]) -> None:
-        """Mark the cells of (N, 2) places where the middle of the robot was, m."""
-        if len(places):
-            self.layers.cover(places)
-            where = tuple(self.grid.cell_of(places).T)
-            self.layers["been"][where] = True
-            if not self._is_making:
-                self.layers.write("driven", True, where)
+        """Mark the cells of (N, 2) places where the middle of the robot was, m; what it swept there is no panel."""
+        if not len(places):
+            return
+        reach = self.robot.half_width - POSE_ERROR
+        self.layers.cover(np.vstack([places - reach, places + reach]))
+        cells = self.grid.cell_of(places)
+        self.layers["been"][tuple(cells.T)] = True
+        i, j = np.indices((2 * int(reach / CELL) + 1,) * 2) - int(reach / CELL)
+        disc = np.column_stack([i[np.hypot(i, j) * CELL <= reach], j[np.hypot(i, j) * CELL <= reach]])
+        swept = tuple(np.unique((cells[:, None] + disc).reshape(-1, 2), axis=0).T)
+        self.layers["swept"][swept] = True
+        if not self._is_making:
+            self.layers.write("driven", True, tuple(cells.T))
+            self._write_dropouts(swept)
+            self._refresh(swept)
+
+    def _write_dropouts(self, where: tuple[NDArray, ...] | EllipsisType) -> None:
+        """Renew where a panel may stand, in cells that changed: not where the robot has been."""
+        missing = self.layers["dropout_direction"][where].any(axis=-1)
+        self.layers.write("dropout", missing & ~self.layers["swept"][where], where)
 
     def update(
         self,
@@ -145,14 +162,14 @@ class ElevationMap:
         returns[where] = 0
         if not self._is_making:
             self._extract(cells)
-            layers.write("dropout", layers["dropout_direction"][where].any(axis=1), where)
+            self._write_dropouts(where)
             self._refresh(where)
 
     @contextmanager
     def made_anew(self) -> Iterator[None]:
         """Forget everything; what is added in the block under it is then all that is known."""
         layers = self.layers
-        for name in ("height", "hits", "been", "dropout_direction"):
+        for name in ("height", "hits", "been", "swept", "dropout_direction"):
             layers[name].fill(0)
         for name in ("returned", "assumed", "touched"):
             layers[name].fill(np.nan)
@@ -160,7 +177,7 @@ class ElevationMap:
         yield
         self._is_making = False
         self._extract(np.argwhere(np.ones(self.grid.shape, np.bool_)))
-        layers.write("dropout", layers["dropout_direction"].any(axis=2))
+        self._write_dropouts(...)
         layers.write("driven", layers["been"])
         self._refresh(...)
 

@@ -161,3 +161,18 @@ def test_order_of_points_does_not_matter(points, random):
     random.shuffle(shuffled)
     a, b = (surface_of(np.repeat(np.array(p, np.float32), 3, axis=0)) for p in (points, shuffled))
     np.testing.assert_allclose(a.measured, b.measured, atol=1e-5)
+
+
+def test_where_the_robot_has_been_no_panel_stands():
+    panel = np.array([[0.025, y, 0.0] for y in np.arange(-0.975, 1.0, 0.05)], np.float32).repeat(60, axis=0)
+    camera = np.array([-2.0, 0.0])
+    for comes_first in (True, False):
+        world = surface_of(ground_points(flat, (-2, 2), (-1, 1)))
+        if comes_first:
+            world.update(ground_points(flat, (1.5, 1.6), (0, 0.1)), panel, camera)
+        world.add_track(np.array([[x, 0.0] for x in np.arange(-0.5, 0.5, 0.04)]))
+        if not comes_first:
+            world.update(ground_points(flat, (1.5, 1.6), (0, 0.1)), panel, camera)
+        assert world.grid.at(world.dropout, (0.025, 0.5))
+        assert not world.grid.at(world.dropout, [(0.025, y) for y in (-0.15, 0.0, 0.15)]).any()
+        assert world.grid.at(world.elevation, (0.025, 0.0), outside=np.nan) == 0.0

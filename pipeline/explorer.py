@@ -56,7 +56,7 @@ class Step:
     @property
     def traversability(self) -> Traversability:
         """Where the robot may drive."""
-        return self.keyframe.traversability
+        return self.context.traversability
 
 
 class Explorer:
@@ -159,7 +159,7 @@ class Explorer:
         T_map_base = keyframe.T_map_base
         # What failed is not tried again in the same way.
         caution = 1.0 + self._failed_drives
-        paths = PosePaths(keyframe.traversability, T_map_base[:2, 3], yaw_of(T_map_base), caution)
+        paths = PosePaths(self.mapper.traversability, T_map_base[:2, 3], yaw_of(T_map_base), caution)
         context = Context(keyframe.frame, T_map_base, self.mapper.elevation_map.measured, paths)
         self.mission.observe(context)
         return self._choose(context), context

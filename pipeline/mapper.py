@@ -54,7 +54,6 @@ class Keyframe:
         labels: (N,) uint8 their classes.
         patches: the planes in it.
         detections: people in the image, by their colours alone.
-        traversability: where the robot may drive by all keyframes so far.
         index: of its pose among those of all keyframes.
     """
 
@@ -64,7 +63,6 @@ class Keyframe:
     labels: NDArray[np.uint8]
     patches: list[PlanePatch]
     detections: list[Detection]
-    traversability: Traversability
     index: int = 0
 
 
@@ -145,7 +143,7 @@ class Mapper:
         self.localisation: Localisation = localisation or OdometryLocalisation()
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
-        self.traversability_layer = TraversabilityLayer()
+        self._traversability_layer = TraversabilityLayer()
         self.semantic_map = SemanticMap()
         self.segments = Segments()
         self.topological_map = TopologicalMap(graph)
@@ -164,6 +162,12 @@ class Mapper:
     def keyframes(self) -> int:
         """How many are in the maps."""
         return len(self.observations)
+
+    @property
+    def traversability(self) -> Traversability:
+        """Where the robot may drive by all keyframes so far, judged anew where the ground changed."""
+        with self.stopwatch("traversability"):
+            return self._traversability_layer.update(self.elevation_map)
 
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
@@ -215,11 +219,10 @@ class Mapper:
             self._add_depth(observation, T_map_base)
         self.poses = np.concatenate([self.poses, T_map_base[None]])
         self.poses_added = np.concatenate([self.poses_added, T_map_base[None]])
-        with self.stopwatch("traversability"):
+        with self.stopwatch("elevation_map"):
             self._add_ground(frame, observation)
-            traversability = self.traversability_layer.update(self.elevation_map)
         nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
-        keyframe = Keyframe(frame, T_map_base, *nothing, [], [], traversability, self.keyframes)
+        keyframe = Keyframe(frame, T_map_base, *nothing, [], [], self.keyframes)
         self.observations.append(observation)
         return self._label(keyframe, points, cloud) if labelled else keyframe
 
@@ -292,11 +295,9 @@ class Mapper:
                 self.metric_map.clear()
                 for observation, T in zip(self.observations, self.poses, strict=True):
                     self._add_depth(observation, T)
-            with self.stopwatch("correction_traversability"):
-                with self.elevation_map.made_anew():
-                    for k, evidence in self.ground:
-                        evidence.put(self.elevation_map, self.poses[k])
-                self.traversability_layer.update(self.elevation_map)
+            with self.stopwatch("correction_traversability"), self.elevation_map.made_anew():
+                for k, evidence in self.ground:
+                    evidence.put(self.elevation_map, self.poses[k])
             with self.stopwatch("correction_semantic_map"):
                 self.semantic_map.clear()
                 for observation, T in zip(self.observations, self.poses, strict=True):

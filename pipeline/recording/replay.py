@@ -146,7 +146,7 @@ class Replay:
             self.mapper.assume_ground(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base, labelled)
         if is_step:
-            self.mapper.connect(keyframe, PosePaths(keyframe.traversability, T_map_base[:2, 3]))
+            self.mapper.connect(keyframe, PosePaths(self.mapper.traversability, T_map_base[:2, 3]))
         return keyframe
 
     def _is_labelled(self, frame: Frame) -> bool | None:

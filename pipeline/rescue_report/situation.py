@@ -118,7 +118,7 @@ def situation_of(
         camera_height: m above the ground that the robot stands on.
         finished: whether no viewpoint was left that was worth a keyframe.
     """
-    traversability = mapper.traversability_layer.update(mapper.elevation_map)
+    traversability = mapper.traversability
     paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
     hazards = find_hazards(traversability, paths.reachable, points, robot.headroom)
     maps = traversability, paths, mapper.topological_map, mapper.metric_map

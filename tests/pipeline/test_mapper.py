@@ -68,7 +68,7 @@ def assert_same_ground(one: Mapper, other: Mapper) -> None:
         a, b = getattr(one.elevation_map, layer), getattr(other.elevation_map, layer)
         np.testing.assert_array_equal(a, b[box], layer)
         assert np.count_nonzero(np.nan_to_num(b)) == np.count_nonzero(np.nan_to_num(a))
-    a, b = (m.traversability_layer.update(m.elevation_map).traversable for m in (one, other))
+    a, b = (m.traversability.traversable for m in (one, other))
     np.testing.assert_array_equal(a, b[box])
 
 
@@ -77,7 +77,7 @@ def test_the_scene_has_something_in_every_map():
     assert len(np.unique(TRUE.semantic_map.labels())) == 3
     assert TRUE.elevation_map.driven.sum() == 2
     assert len(TRUE.segments) >= 5
-    assert TRUE.traversability_layer.update(TRUE.elevation_map).traversable.sum() > 500
+    assert TRUE.traversability.traversable.sum() > 500
 
 
 def test_correcting_to_the_same_poses_changes_nothing():

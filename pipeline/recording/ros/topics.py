@@ -103,7 +103,7 @@ class MapTopics:
 
     def maps(self, mapper: Mapper, keyframe: Keyframe, plan: PathPlan | None) -> None:
         """Send the traversable ground, the way so far, the plan and what is known by its place."""
-        time, traversability = keyframe.frame.time, keyframe.traversability
+        time, traversability = keyframe.frame.time, mapper.traversability
         known = np.where(traversability.hazard, 100, 0)
         values = np.where(np.isnan(traversability.elevation), -1, known).astype(np.int8)
         self._send("/map", time, messages.occupancy_grid(time, traversability.grid, values))

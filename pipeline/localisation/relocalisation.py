@@ -44,6 +44,8 @@ DRIFT = np.array([3e-3, 3e-3, 0.05, 0.1, 0.1, 0.03])
 robot turns on a slope and slides."""
 DEPENDENT = 4
 """Points of THIN that err together: those of a voxel of COARSE on a surface."""
+GROUND = 0.1
+"""m that a robot's place may be off the ground: on the crest of a ridge it stands 0.03 above the mean of a cell."""
 CERTAIN = 0.05
 """m, standard deviation of the position from which on there is doubt."""
 
@@ -152,7 +154,8 @@ class Relocalisation:
         found: list[Place] = []
         for guess in guesses:
             T_map_level = target.align(source, guess.T_map_level)
-            if not any(place.guess.is_near(T_map_level) for place in found):
+            is_new = not any(place.guess.is_near(T_map_level) for place in found)
+            if is_new and stands(T_map_level, elevation_map):
                 found.append(judge(T_map_level, patches, gain, target, field))
         best = decide(found)
         return None if best is None or self._contradicts(best, metric_map) else self._correct(best, target)
@@ -180,6 +183,12 @@ class Relocalisation:
             return None
         corrected = target.correct(prepared(points, THIN)[0], T_map_level)
         return None if corrected is None else corrected @ self._T_level_odom @ self.frames[-1].T_odom_base
+
+
+def stands(T_map_level: NDArray[np.float64], elevation_map: ElevationMap) -> bool:
+    """Whether a robot at a 4×4 pose neither floats nor sinks, as far as the ground there is known."""
+    ground = elevation_map.grid.at(elevation_map.elevation, T_map_level[:2, 3], outside=np.nan)
+    return not abs(T_map_level[2, 3] - ground) > GROUND
 
 
 def judge(

@@ -17,7 +17,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import MARGIN, LocalMap
 from pipeline.localisation.motion_model import WAY_SIGMA, Motion, MotionModel, Prediction
-from pipeline.localisation.odometry import Keyframes, Loop, LostError, check_odometry
+from pipeline.localisation.odometry import Keyframes, Localisation, Loop, LostError, check_odometry
 from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph, variance_of
 from pipeline.localisation.registration import (
     GATES,
@@ -82,7 +82,7 @@ class _Match:
     registration: Registration | None = None
 
 
-class Slam:
+class Slam(Localisation):
     """Localises frames in the map of its keyframes.
 
     Attributes:

@@ -25,7 +25,7 @@ def pose(x=0.0, y=0.0, yaw=0.0):
 def test_each_point_follows_the_keyframe_before_it():
     localisation, track = OdometryLocalisation(), EstimatedTrack()
     for x in (0.0, 1.0):
-        localisation.poses = np.concatenate([localisation.poses, pose(x)[None]])
+        localisation.add(None, pose(x))
         for way in (0.0, 0.5):
             track.add(pose(x + way), localisation)
     np.testing.assert_allclose(track.positions(localisation.poses)[:, 0], [0, 0.5, 1, 1.5])

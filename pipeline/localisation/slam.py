@@ -258,12 +258,9 @@ class Slam(Localisation):
 
     def _by_odometry(self, frame: Frame) -> Prediction:
         """The pose by what the odometry has measured since the newest keyframe."""
-        return self.motion.predict(self.poses[-1], self._moved(frame))
-
-    def _moved(self, frame: Frame) -> Motion:
-        """Since the newest keyframe."""
         (time, T_odom_base), up = self._odometry[-1], self.graph.ups[-1]
-        return Motion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time)
+        motion = Motion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time)
+        return self.motion.predict(self.poses[-1], motion)
 
     def _connect(
         self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration | None

@@ -128,11 +128,6 @@ class Pioneer3ATObservables(composer.Observables):
         """(3,) m/s² in ``base_link``."""
         return observable.Generic(self._entity.accelerometer)
 
-    @property
-    def proprioception(self) -> list[observable.Generic]:
-        """All of them."""
-        return [self.encoders, self.wheel_speed, self.gyro, self.accelerometer]
-
 
 def _per_side(wheels: NDArray[np.float64]) -> NDArray[np.float64]:
     """(2,) means of the left and right pairs of a (4,) array in the order of ``WHEELS``."""

@@ -87,6 +87,12 @@ class Observation:
     hits: NDArray[np.uint32]
     probabilities: NDArray[np.uint8] | None = None
 
+    @property
+    def frame(self) -> Frame:
+        """The depth alone, of no time and place."""
+        no_colour = np.zeros((0, 0, 3), np.uint8)
+        return Frame(0.0, no_colour, unpack_depth(self.depth), self.intrinsics, self.T_base_camera, np.eye(4))
+
 
 class Stopwatch:
     """Collects the wall time of named stages.

@@ -56,7 +56,6 @@ class RobotModel:
         turn_rate, ramp_turn_rate: fastest turns on level ground and on ramps, rad/s.
         acceleration, turn_acceleration: of its drive, m/s² and rad/s².
         ramp_slide: farthest that it strays in a quarter turn on the steepest ramp, m.
-        ramp_drift: farthest that it strays while it crosses such a ramp, m.
         slide_per_radian: that it slides down in a turn, for each radian and times the sine of its tilt, m.
         min_turn_rate: slower turns do not break the wheels loose, rad/s.
         camera_range: nearest and farthest depth that its camera measures, m.
@@ -77,7 +76,6 @@ class RobotModel:
     acceleration: float
     turn_acceleration: float
     ramp_slide: float
-    ramp_drift: float
     slide_per_radian: float
     min_turn_rate: float
     camera_range: tuple[float, float]
@@ -96,24 +94,6 @@ class RobotModel:
     def corner_radius(self) -> float:
         """Of the circle that the corners sweep in a turn in place, m."""
         return hypot(self.half_length, self.half_width)
-
-    @property
-    def driven_clearance(self) -> float:
-        """From its middle to what it must not touch where it has been, m: it has passed what stands beside."""
-        return self.half_width
-
-    @property
-    def straight_clearance(self) -> float:
-        """From its middle to what it must not touch while it drives straight, m."""
-        return self.half_width + 0.05
-
-    @property
-    def turning_clearance(self) -> float:
-        """From its middle to what it must not touch while it turns in place, m.
-
-        The corners sweep a circle, and it stands up to 0.04 m beside where it was sent.
-        """
-        return self.corner_radius + 0.04
 
 
 class Robot(Protocol):

@@ -15,7 +15,7 @@ from pipeline.explorer import Explorer, Step
 from pipeline.files import whole_file
 from pipeline.localisation.odometry import LostError, OdometryLocalisation
 from pipeline.localisation.slam import Slam
-from pipeline.mapper import Keyframe
+from pipeline.mapper import Keyframe, Mapper
 from pipeline.planning.path_plan import place_name
 from pipeline.recording.map_file import load_keyframes
 from pipeline.recording.results import KEYFRAMES, save_maps
@@ -29,8 +29,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.pioneer3at import WHEELS
 from sarsim.scoring.episode import EpisodeScore
-from sarsim.scoring.trajectory import write_tum
-from sarsim.settings import EpisodeConfig, Labels
+from sarsim.settings import EpisodeConfig, Labels, MapRecording
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 
@@ -168,8 +167,7 @@ class Episode:
         self.recorder.close()
         if self.explorer.steps or self.lost:
             self.report = self._report(wall_time, sim_time)
-            with whole_file(self.out / "report.json") as path:
-                path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
+            write_report(self.report, self.out)
         if self.explorer.steps:
             self._write()
         self.robot.close()
@@ -177,21 +175,10 @@ class Episode:
             self.bag.close()
 
     def _report(self, wall_time: float, sim_time: float) -> dict[str, Any]:
-        seconds = self.explorer.mapper.stopwatch.seconds
-        detector = self.config.detector and [str(path) for path in self.config.detector]
-        paths = {"out": str(self.out), "weights": str(self.config.weights), "detector": detector}
-        given = {"map": self.config.map, "bag": self.config.bag}
-        known = {name: str(path) for name, path in given.items() if path}
+        ran = {"arena": self.config.arena, "seed": self.config.seed, "steps": self.explorer.steps}
         return {
-            "arena": self.config.arena,
-            "seed": self.config.seed,
-            "steps": self.explorer.steps,
-            "version": version("sarsim"),
-            "config": asdict(self.config) | paths | known,
-            "sim_time_s": sim_time,
-            "wall_time_s": wall_time,
-            "real_time_factor": sim_time / wall_time,
-            "timing_ms": {stage: percentiles(times) for stage, times in seconds.items()},
+            **ran,
+            **run_report(self.config, self.out, sim_time, wall_time, self.explorer.mapper),
             **self.score.report(),
             **self.mission.report(),
             **({"lost": self.lost} if self.lost else {}),
@@ -199,9 +186,7 @@ class Episode:
 
     def _write(self) -> None:
         save_maps(self.explorer.mapper, self.out)
-        times = [p.time for p in self.robot.trajectory]
-        write_tum(self.out / "trajectory_true.tum", times, [p.T_world_base for p in self.robot.trajectory])
-        write_tum(self.out / "trajectory_estimated.tum", times, self.score.trajectory.estimated())
+        self.score.trajectory.save(self.out, with_truth=True)
         write_page(self.out / "report.html", self.situation, self.report)
 
 
@@ -216,6 +201,28 @@ def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
     if not weights.exists():
         raise InputError(f"--weights {weights}: no such file; train.py dgcnn makes one, --labels truth needs none")
     return DgcnnClassifier(weights)
+
+
+def run_report(
+    config: EpisodeConfig | MapRecording, out: Path, sim_time: float, wall_time: float, mapper: Mapper
+) -> dict[str, Any]:
+    """What report.json tells of any run: program and settings, times in s, and of each stage in ms."""
+    settings = {name: str(value) if isinstance(value, Path) else value for name, value in asdict(config).items()}
+    detector = config.detector and [str(path) for path in config.detector]
+    return {
+        "version": version("sarsim"),
+        "config": settings | {"out": str(out), "detector": detector},
+        "sim_time_s": sim_time,
+        "wall_time_s": wall_time,
+        "real_time_factor": sim_time / wall_time,
+        "timing_ms": {stage: percentiles(times) for stage, times in mapper.stopwatch.seconds.items()},
+    }
+
+
+def write_report(report: dict[str, Any], folder: Path) -> None:
+    """Write report.json; InputError if that is impossible."""
+    with whole_file(folder / "report.json") as path:
+        path.write_text(json.dumps(report, indent=1, default=float, allow_nan=False) + "\n")
 
 
 def percentiles(seconds: list[float]) -> dict[str, float]:

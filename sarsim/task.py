@@ -28,8 +28,7 @@ class RescueTask(composer.Task):
         self._drive = SkidSteer()
         self._inertial, self._measured = np.zeros((2, 3)), 0
         self.set_timesteps(CONTROL_TIMESTEP, arena.mjcf_model.option.timestep)
-        for observable in robot.observables.proprioception:
-            observable.enabled = True
+        robot.observables.enable_all()
 
     @property
     def root_entity(self) -> RescueArena:

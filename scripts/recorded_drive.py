@@ -1,10 +1,6 @@
 """A recording that is mapped, and what it leaves: the files of an episode."""
 
-import json
 from collections.abc import Callable
-from dataclasses import asdict
-from importlib.metadata import version
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -12,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
 from pipeline.localisation.odometry import LostError
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.recording.recorder import Recorder
@@ -23,10 +18,10 @@ from pipeline.rescue_report.report import write_page
 from pipeline.rescue_report.situation import situation_of
 from pipeline.transforms import inverse
 from pipeline.victims.detection.detector import VictimDetector
-from sarsim.episode import make_classifier, make_folder, percentiles
+from sarsim.episode import make_classifier, make_folder, run_report, write_report
 from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
-from sarsim.scoring.trajectory import TrajectoryScore, write_tum
+from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import MapRecording
 
 RECORDING = "episode.rrd"
@@ -106,22 +101,12 @@ class RecordedDrive:
             self._labelled.append(keyframe)
 
     def _report(self, wall_time: float) -> dict[str, Any]:
-        times = [pose.time for pose in self._trajectory]
-        config = {
-            name: str(value) if isinstance(value, Path) else value for name, value in asdict(self.config).items()
-        }
-        detector = self.config.detector and [str(path) for path in self.config.detector]
-        sim_time = times[-1] - times[0]
+        sim_time = self._trajectory[-1].time - self._trajectory[0].time
         return {
             "arena": self.config.path.name,
             "seed": 0,
             "steps": len(self._labelled),
-            "version": version("sarsim"),
-            "config": config | {"detector": detector},
-            "sim_time_s": sim_time,
-            "wall_time_s": wall_time,
-            "real_time_factor": sim_time / wall_time,
-            "timing_ms": {stage: percentiles(times) for stage, times in self.mapper.stopwatch.seconds.items()},
+            **run_report(self.config, self.config.out, sim_time, wall_time, self.mapper),
             "recording": {
                 "frames": self.frames,
                 "keyframes": self.mapper.keyframes,
@@ -134,13 +119,9 @@ class RecordedDrive:
 
     def _write(self) -> None:
         out, mapper = self.config.out, self.mapper
-        with whole_file(out / "report.json") as path:
-            path.write_text(json.dumps(self.report, indent=1, default=float, allow_nan=False) + "\n")
+        write_report(self.report, out)
         save_maps(mapper, out)
-        times = [pose.time for pose in self._trajectory]
-        write_tum(out / "trajectory_estimated.tum", times, self._score.estimated())
-        if self._has_truth:
-            write_tum(out / "trajectory_true.tum", times, [pose.T_world_base for pose in self._trajectory])
+        self._score.save(out, with_truth=self._has_truth)
         poses: list[NDArray[np.float64]] = [mapper.poses[keyframe.index] for keyframe in self._labelled]
         height = float(self._labelled[0].frame.T_base_camera[2, 3])
         situation = situation_of(mapper, PIONEER_3AT, poses, height, finished=not self.error)

@@ -97,15 +97,12 @@ def train_yolo(settings: TrainYolo) -> None:
     from sarsim.dataset.victim_images import VictimImages
 
     config = YoloTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(YoloTrainingConfig)})
-    images = [VictimImages(settings.data, split, settings.stride) for split in ("train", "val")]
-    try:
-        about = {"data": list(map(str, settings.data)), "images": [len(source) for source in images]}
+    splits = (VictimImages(settings.data, split, settings.stride) for split in ("train", "val"))
+    with next(splits) as training, next(splits) as validation:
+        about = {"data": list(map(str, settings.data)), "images": [len(training), len(validation)]}
         about |= {"stride": settings.stride, "init": str(settings.init) if settings.init else None}
-        trainer = Trainer(images[0], images[1], config, settings.out, about, settings.init)
+        trainer = Trainer(training, validation, config, settings.out, about, settings.init)
         _train(trainer, settings, "AP50")
-    finally:
-        for source in images:
-            source.close()
 
 
 def _check(settings: TrainDgcnn | TrainYolo) -> None:

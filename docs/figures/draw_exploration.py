@@ -7,8 +7,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from rich import box
+from rich.console import Console
 
-from sarsim.scripts.benchmarks.exploration_table import markdown_table
+from sarsim.scripts.benchmarks.exploration_table import rich_table, sections
 
 WIDTH = 800  # pixels of a picture
 IMAGE = Path(__file__).parents[1] / "images" / "exploration-worst.jpg"
@@ -30,7 +32,11 @@ def main() -> None:
     file = Path(sys.argv[1])
     content = json.loads(file.read_text())
     cv2.imwrite(str(IMAGE), pictures(file, content["worst"]), [cv2.IMWRITE_JPEG_QUALITY, 85])
-    print(markdown_table(content["figures"], content["config"]["baselines"]))
+    table = rich_table(
+        "exploration", content["figures"], sections(content["figures"], content["config"]["baselines"])
+    )
+    table.title, table.box = None, box.MARKDOWN
+    Console(width=1000).print(table)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from rich import box
+from rich.console import Console
 
-from sarsim.scripts.benchmarks.exploration_table import markdown
+from sarsim.scripts.benchmarks.exploration_table import rich_table
 from sarsim.scripts.benchmarks.localisation import sections_of
 
 WIDTH = 800  # pixels of a picture
@@ -25,7 +27,9 @@ def main() -> None:
         height = round(picture.shape[0] * WIDTH / picture.shape[1])
         rows.append(cv2.resize(picture, (WIDTH, height), interpolation=cv2.INTER_AREA))
     cv2.imwrite(str(IMAGES / "localisation.jpg"), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 85])
-    print(markdown(content["figures"], sections_of(content["figures"])))
+    table = rich_table("localisation", content["figures"], sections_of(content["figures"]))
+    table.title, table.box = None, box.MARKDOWN
+    Console(width=1000).print(table)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """What localises a robot, and the odometry taken at its word, for comparison."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,107 +45,68 @@ class LostError(Exception):
     """The robot does not know where it is, and says why."""
 
 
-class Localisation(Protocol):
-    """Tells where the robot was when frames were taken.
+class OdometryLocalisation:
+    """Tells where the robot was when frames were taken; this one takes the odometry at its word.
 
     Attributes:
-        T_map_odom: 4×4, where the odometry's origin is by the newest frame.
-        poses: (K, 4, 4) ``T_map_base`` of the keyframes, as they are now believed.
+        T_map_odom: 4×4, where the odometry's origin is by the newest frame; here the two frames are one.
         loops: closed so far.
         may_err: whether its poses are to be checked against the map.
-        is_contradicted: whether the newest frame fits only where no slip of wheels can have brought the robot.
     """
 
-    T_map_odom: NDArray[np.float64]
-    loops: list[Loop]
-    may_err: bool
-
-    @property
-    def is_contradicted(self) -> bool:
-        """By the newest frame."""
-        ...
-
-    @property
-    def overlap(self) -> float:
-        """Share of the newest frame's points that were seen before; 1 if it was not registered."""
-        ...
-
-    @property
-    def poses(self) -> NDArray[np.float64]:
-        """Of every keyframe."""
-        ...
-
-    def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` at the time of the frame.
-
-        Raises:
-            LostError: the frame or its odometry cannot be used.
-        """
-        ...
-
-    def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
-        """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
-        ...
-
-    def optimise(self) -> None:
-        """Correct the poses of all keyframes."""
-        ...
-
-    def set_down(self, T_map_base: NDArray[np.float64]) -> None:
-        """Take it that the robot was carried to a pose (4×4), whatever the odometry says."""
-        ...
-
-    def points(self) -> NDArray[np.float32]:
-        """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
-        ...
-
-    def keyframes(self) -> Keyframes:
-        """All so far."""
-        ...
-
-    def restore(self, keyframes: Keyframes) -> None:
-        """Begin with those of an earlier episode, which stay where they are."""
-        ...
-
-
-class OdometryLocalisation:
-    """Takes the odometry at its word: ``map`` and ``odom`` are one frame, and no pose is ever corrected."""
-
-    is_contradicted, overlap = False, 1.0
+    may_err = False
 
     def __init__(self) -> None:
         self.T_map_odom = np.eye(4)
         self.loops: list[Loop] = []
-        self.poses: NDArray[np.float64] = np.zeros((0, 4, 4))
-        self.may_err = False
+        self._poses: NDArray[np.float64] = np.zeros((0, 4, 4))
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """(K, 4, 4) ``T_map_base`` of every keyframe, as it is now believed."""
+        return self._poses
+
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether the newest frame fits only where no slip of wheels can have brought the robot."""
+        return False
+
+    @property
+    def overlap(self) -> float:
+        """Share of the newest frame's points that were seen before; 1 if it was not registered."""
+        return 1.0
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` at the time of the frame; LostError if the odometry is not finite."""
+        """4×4 pose of ``base_link`` in ``map`` at the time of the frame; LostError where it cannot be told."""
         check_odometry(frame)
         return self.T_map_odom @ frame.T_odom_base
 
     def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
-        """Remember the pose of a keyframe."""
-        self.poses = np.concatenate([self.poses, T_map_base[None]])
+        """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
+        self._poses = np.concatenate([self._poses, T_map_base[None]])
 
     def optimise(self) -> None:
-        """Do nothing."""
+        """Correct the poses of all keyframes; here there is nothing to correct."""
 
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
-        """Do nothing: the odometry is taken at its word."""
+        """Take it that the robot was carried to a pose (4×4); here the odometry is taken at its word all the same."""
 
     def points(self) -> NDArray[np.float32]:
-        """(0, 3) none are kept."""
+        """(N, 3) float32 points of the surfaces seen so far, m in ``map``; here none are kept."""
         return np.zeros((0, 3), np.float32)
 
     def keyframes(self) -> Keyframes:
-        """All so far, without points."""
+        """All so far; here without points."""
         nothing = np.zeros((0, 3))
         return Keyframes(self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64))
 
     def restore(self, keyframes: Keyframes) -> None:
-        """Begin with those of an earlier episode."""
-        self.poses = keyframes.poses
+        """Begin with those of an earlier episode, which stay where they are."""
+        self._poses = keyframes.poses
+
+
+Localisation = OdometryLocalisation
+"""What localises a robot: this, or :class:`pipeline.localisation.slam.Slam`."""
 
 
 def check_odometry(frame: Frame) -> None:

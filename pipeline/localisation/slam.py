@@ -17,7 +17,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import MARGIN, LocalMap
 from pipeline.localisation.motion_model import WAY_SIGMA, Motion, MotionModel, Prediction
-from pipeline.localisation.odometry import Keyframes, Loop, LostError, check_odometry
+from pipeline.localisation.odometry import Keyframes, Localisation, Loop, LostError, check_odometry
 from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph, variance_of
 from pipeline.localisation.registration import (
     GATES,
@@ -82,7 +82,7 @@ class _Match:
     registration: Registration | None = None
 
 
-class Slam:
+class Slam(Localisation):
     """Localises frames in the map of its keyframes.
 
     Attributes:
@@ -258,12 +258,9 @@ class Slam:
 
     def _by_odometry(self, frame: Frame) -> Prediction:
         """The pose by what the odometry has measured since the newest keyframe."""
-        return self.motion.predict(self.poses[-1], self._moved(frame))
-
-    def _moved(self, frame: Frame) -> Motion:
-        """Since the newest keyframe."""
         (time, T_odom_base), up = self._odometry[-1], self.graph.ups[-1]
-        return Motion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time)
+        motion = Motion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time)
+        return self.motion.predict(self.poses[-1], motion)
 
     def _connect(
         self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration | None

@@ -206,7 +206,7 @@ class MetricMap:
         return self.voxel_centre(np.concatenate([np.zeros((0, 3), np.int64), *indices]))
 
     def _fold(self, scan: Scan) -> None:
-        words = scan.words
+        words = scan.marks.view(np.uint64)  # eight marks at a time
         marked = []
         for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
             part = words[i, j, k.start // WORD : k.stop // WORD]

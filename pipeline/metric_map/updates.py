@@ -27,11 +27,6 @@ class Scan:
     marks: NDArray[np.uint8]
     flat: NDArray[np.uint8]
 
-    @property
-    def words(self) -> NDArray[np.uint64]:
-        """(nx, ny, nz / 8) uint64, the marks eight at a time."""
-        return self.marks.view(np.uint64)
-
 
 class Updater:
     """Turns depth images and point clouds into scans of a grid whose voxel (0, 0, 0) starts at the origin.

@@ -37,7 +37,10 @@ def draw_map(situation: Situation) -> str:
         situation=situation,
         paper=paper,
         ground=_ground(paper, situation),
-        ticks=[_multiples(apart, low, low + side) for low, side in zip(paper.low, size, strict=True)],
+        ticks=[
+            apart * np.arange(np.ceil(low / apart), np.floor((low + side) / apart) + 1)
+            for low, side in zip(paper.low, size, strict=True)
+        ],
         digits=0 if apart >= 1 else 1,
         drops=paper(grid.centre_of(np.argwhere(situation.hazards.drop > 0))) - paper.cell / 2,
         arrows=_arrows(paper, situation),
@@ -80,10 +83,6 @@ def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[NDArray[np.flo
         x, y = situation.traversability.gradient[tuple(cell)]
         yield paper(grid.centre_of(cell)), float(np.arctan2(y, x))
         cells = cells[np.linalg.norm(cells - cell, axis=1) > apart]
-
-
-def _multiples(step: float, low: float, high: float) -> NDArray[np.float64]:
-    return step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
 
 
 def _round_length(metres: float) -> float:

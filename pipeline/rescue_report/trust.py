@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.frame import Frame
 from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.localisation.slam import Slam
-from pipeline.mapper import Mapper, Observation
-from pipeline.metric_map.packed_depth import unpack_depth
+from pipeline.mapper import Mapper
 
 CHECKED = 100
 """Keyframes, at most, that are held against the map; evenly over the drive."""
@@ -53,13 +51,7 @@ def trust_in(mapper: Mapper) -> Trust:
     """Hold a mapper's map against its keyframes and its localisation."""
     kept = list(zip(mapper.observations, mapper.poses, strict=True))
     checked = kept[:: 1 + len(kept) // CHECKED]
-    whole = Agreement.of(agreement(_frame(seen), T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
+    whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
     known = mapper.localisation
     deviations = known.graph.deviations() if isinstance(known, Slam) and len(known.graph) else np.zeros(1)
     return Trust(1 - whole.share, float(deviations.max()))
-
-
-def _frame(seen: Observation) -> Frame:
-    """The depth of a keyframe."""
-    no_colour = np.zeros((0, 0, 3), np.uint8)
-    return Frame(0.0, no_colour, unpack_depth(seen.depth), seen.intrinsics, seen.T_base_camera, np.eye(4))

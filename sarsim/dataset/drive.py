@@ -79,7 +79,8 @@ class Drive:
     def _follow(self, leg: NDArray[np.float64], found: list[Pose]) -> None:
         """Drive along a leg, (K, 3) of x, y, yaw, as far as the robot can stand; add the poses of keyframes."""
         for x, y, yaw in leg:
-            T = self._contact.stand(x, y, yaw, self._height(x, y))
+            height = self._surface.grid.at(self._surface.height, np.array([x, y]), outside=np.nan)
+            T = self._contact.stand(x, y, yaw, float(height))
             if T is None:
                 return
             self._at = np.array([x, y, yaw])
@@ -87,9 +88,6 @@ class Drive:
             if not found or self._is_due(found[-1].T_world_base):
                 found.append(Pose(self._time, T @ self._vibration(), T_odom))
             self._time = round(self._time + self._period, 6)
-
-    def _height(self, x: float, y: float) -> float:
-        return float(self._surface.grid.at(self._surface.height, np.array([x, y]), outside=np.nan))
 
     def _is_due(self, last: NDArray[np.float64]) -> bool:
         """Whether the robot has come far enough for another keyframe."""

@@ -45,11 +45,6 @@ class SceneRecipe:
     random: RandomArenaConfig | None
     conditions: Conditions
 
-    @property
-    def random_seed(self) -> int:
-        """Of a random arena."""
-        return int(self.arena.removeprefix(PREFIX))
-
     def as_json(self) -> dict[str, Any]:
         """As JSON can hold it."""
         conditions = self.conditions

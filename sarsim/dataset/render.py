@@ -22,7 +22,7 @@ from sarsim.assets import asset
 from sarsim.dataset import image_kernels
 from sarsim.dataset.drive import Drive
 from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
-from sarsim.dataset.recipe import Recipe, SceneRecipe
+from sarsim.dataset.recipe import PREFIX, Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import Survey
@@ -113,7 +113,7 @@ def arena_of(scene: SceneRecipe) -> ArenaText:
     """
     if scene.random is not None:
         # What load_arena would make, without the tenths of a second that PyMJCF takes to read and write it.
-        return ArenaText(build_random(scene.random_seed, scene.random).to_xml(), {})
+        return ArenaText(build_random(int(scene.arena.removeprefix(PREFIX)), scene.random).to_xml(), {})
     root = load_arena(scene.arena).mjcf_model
     return ArenaText(root.to_xml_string(), root.get_assets())
 

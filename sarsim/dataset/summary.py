@@ -81,9 +81,13 @@ def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
             boxes = scene.victim_pixels[index][scene.victim_area[index] > 0]
             place = f"{entry.arena}, {entry.lighting}, dust {scene.settings['dust']:g}"
         images = {"colour": with_boxes(frame.rgb, boxes), "depth": depth_picture(frame.depth), "label": labels}
+        small = {
+            name: np.asarray(cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA), np.uint8)
+            for name, image in images.items()
+        }
         yield {
             "caption": f"{entry.file}, frame {index}: {place}",
-            "pictures": {name: _thumbnail(image) for name, image in images.items()},
+            "pictures": {name: jpeg(image) for name, image in small.items()},
         }
 
 
@@ -99,7 +103,3 @@ def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 RGB of depths (H, W) in m; near is blue, far red, no return black."""
     bgr = cv2.applyColorMap((depth / FAR * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
     return np.where((depth > 0)[..., None], bgr[..., ::-1], 0).astype(np.uint8)
-
-
-def _thumbnail(rgb: NDArray[np.uint8]) -> str:
-    return jpeg(cv2.resize(rgb, SIZE, interpolation=cv2.INTER_AREA).astype(np.uint8))

@@ -1,6 +1,7 @@
 """The frames of a dataset as images to learn from in which people are."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ MIN_AREA = 100
 """pixels that must show of a person who is to be found; one who shows fewer is ignored."""
 
 
-class VictimImages:
+class VictimImages(ExitStack):
     """All frames of one split, read when asked for."""
 
     def __init__(self, folders: Sequence[Path], split: str, stride: int = 1) -> None:
@@ -24,14 +25,15 @@ class VictimImages:
         Raises:
             InputError: no dataset, or a scene is missing or broken.
         """
+        super().__init__()
         files = [
             dataset.folder / entry.file
             for dataset in map(Dataset, folders)
             for entry in dataset.entries
             if entry.split == split
         ]
-        self._scenes = [Scene(file) for file in files]
-        self._frames = [(scene, index) for scene in self._scenes for index in range(0, len(scene), stride)]
+        scenes = [self.enter_context(Scene(file)) for file in files]
+        self._frames = [(scene, index) for scene in scenes for index in range(0, len(scene), stride)]
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -49,8 +51,3 @@ class VictimImages:
         scene, frame = self._frames[index]
         boxes = scene.victim_pixels[frame][scene.victim_area[frame] >= MIN_AREA]
         return (boxes[:, 2:] - boxes[:, :2]) / (scene.intrinsics.width, scene.intrinsics.height)
-
-    def close(self) -> None:
-        """Close the scenes' files."""
-        for scene in self._scenes:
-            scene.close()

@@ -108,17 +108,13 @@ def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
     return Columns(start, count, *arrays)
 
 
-@dataclass(frozen=True, eq=False)
-class _Shape:
-    """A convex body in its geom's frame: (M, 4) planes and (N, 3) vertices."""
-
-    planes: NDArray[np.float64]
-    vertices: NDArray[np.float64]
+_Shape = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""A convex body in its geom's frame: (M, 4) planes and (N, 3) vertices."""
 
 
 @dataclass(frozen=True, eq=False)
 class _TurnedShape:
-    """The same in the world's directions, around the geom's position."""
+    """A convex body in the world's directions, around the geom's position."""
 
     planes: NDArray[np.float64]
     outline: NDArray[np.float64]
@@ -130,13 +126,12 @@ def _turned_shapes(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np
     """One for each geom; an arena repeats few shapes and rotations, so each is computed once."""
     kinds = [model.geom_type[geoms], model.geom_dataid[geoms], model.geom_size[geoms], data.geom_xmat[geoms]]
     _, first, which = np.unique(np.column_stack(kinds), axis=0, return_index=True, return_inverse=True)
-    turned = [_turned(_shape(model, int(g)), data.geom_xmat[g].reshape(3, 3)) for g in geoms[first]]
+    turned = [_turned(*_shape(model, int(g)), data.geom_xmat[g].reshape(3, 3)) for g in geoms[first]]
     return [turned[k] for k in which.ravel()]
 
 
-def _turned(shape: _Shape, R: NDArray[np.float64]) -> _TurnedShape:
-    planes = np.column_stack([shape.planes[:, :3] @ R.T, shape.planes[:, 3]])
-    vertices = shape.vertices @ R.T
+def _turned(planes: NDArray[np.float64], vertices: NDArray[np.float64], R: NDArray[np.float64]) -> _TurnedShape:
+    planes, vertices = np.column_stack([planes[:, :3] @ R.T, planes[:, 3]]), vertices @ R.T
     return _TurnedShape(planes, _outline(vertices[:, :2]), vertices.min(axis=0), vertices.max(axis=0))
 
 
@@ -168,16 +163,16 @@ def _plane(half: NDArray[np.float64]) -> _Shape:
     """Everything below a rectangle."""
     normals = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], np.float64)
     distances = np.array([0, half[0], half[0], half[1], half[1]])
-    return _Shape(np.column_stack([normals, distances]), SQUARE * [*half, 0])
+    return np.column_stack([normals, distances]), SQUARE * [*half, 0]
 
 
 def _box(centre: NDArray[np.float64], half: NDArray[np.float64]) -> _Shape:
     normals = np.concatenate([np.eye(3), -np.eye(3)])
-    return _Shape(np.column_stack([normals, np.tile(half, 2) + normals @ centre]), centre + CUBE * half)
+    return np.column_stack([normals, np.tile(half, 2) + normals @ centre]), centre + CUBE * half
 
 
 def _hull(vertices: NDArray[np.float64]) -> _Shape:
-    return _Shape(hull_planes(vertices), vertices)
+    return hull_planes(vertices), vertices
 
 
 def _cylinder(size: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -29,7 +29,6 @@ PIONEER_3AT = RobotModel(
     acceleration=0.3,  # of its firmware
     turn_acceleration=np.deg2rad(100),
     ramp_slide=0.15,  # measured on 16°: 0.13 in a quarter turn, although it makes up for sliding
-    ramp_drift=0.05,  # measured on 16°: 0.013 in 2 m across the slope
     slide_per_radian=0.42,  # measured on 16°: 0.18 in a quarter turn
     min_turn_rate=0.06,
     camera_range=(0.8, 3.5),  # the Xtion PRO LIVE's
@@ -128,11 +127,6 @@ class Pioneer3ATObservables(composer.Observables):
     def accelerometer(self) -> observable.Generic:
         """(3,) m/s² in ``base_link``."""
         return observable.Generic(self._entity.accelerometer)
-
-    @property
-    def proprioception(self) -> list[observable.Generic]:
-        """All of them."""
-        return [self.encoders, self.wheel_speed, self.gyro, self.accelerometer]
 
 
 def _per_side(wheels: NDArray[np.float64]) -> NDArray[np.float64]:

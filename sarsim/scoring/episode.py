@@ -123,11 +123,8 @@ class EpisodeScore:
     def _see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells that a noise-free return fell in."""
         grid = self.surface.grid
-        cells = grid.cell_of(points)
-        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
-        i, j = cells[inside].T
-        on_ground = np.abs(points[inside, 2] - self.surface.height[i, j]) < SEEN_HEIGHT
-        self.seen[i[on_ground], j[on_ground]] = True
+        on_ground = np.abs(points[:, 2] - grid.at(self.surface.height, points, outside=np.nan)) < SEEN_HEIGHT
+        self.seen |= grid.mask_of(points[on_ground])
 
     def _optimum(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:
         """Length in m of the shortest way on the true grid; NaN if the truth has none."""

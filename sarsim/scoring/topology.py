@@ -1,5 +1,6 @@
 """How well nodes and edges express the true environment."""
 
+from itertools import pairwise
 from typing import Any
 
 import networkx as nx
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.topological_map.sight_kernels import count_in
 from pipeline.topological_map.topological_map import TopologicalMap
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
-from sarsim.scoring.topology_kernels import cells_in_sight, lines_are_free, mark
+from sarsim.scoring.topology_kernels import cells_in_sight, line_is_free
 
 SIGHT = 2.0
 """m from which a node covers a cell that it sees."""
@@ -21,7 +22,10 @@ def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, An
     """Size, soundness and coverage of a topological map, and its size against a greedy cover."""
     positions = np.array([node.position[:2] for node in topology.nodes.values()]).reshape(-1, 2)
     ways = [topology.way(a, b)[:, :2] for a, b in topology.graph.edges]
-    through = sum(not _in_sight(truth, way[:-1], way[1:]).all() for way in ways)
+    grid, free = truth.grid, ~truth.walls
+    through = sum(
+        not all(line_is_free(*a, *b, grid.origin, grid.cell, free) for a, b in pairwise(way)) for way in ways
+    )
     seen = _seen_from(positions, truth)
     greedy = _greedy_cover(truth, seen)
     return {
@@ -34,17 +38,11 @@ def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, An
     }
 
 
-def _in_sight(truth: TrueSurface, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N,) whether no wall stands between points (N, 2)."""
-    grid = truth.grid
-    return lines_are_free(starts, ends, grid.origin, grid.cell, ~truth.walls)
-
-
 def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> NDArray[np.bool_]:
     """(nx, ny) the drivable cells that nodes at positions (P, 2) see."""
     seen = np.zeros(truth.grid.shape, np.bool_)
     for window, corner in zip(*_views(positions, truth.drivable, truth), strict=True):
-        mark(window, corner, seen, True)
+        seen[tuple((np.argwhere(window) + corner).T)] = True
     return seen
 
 
@@ -67,5 +65,5 @@ def _greedy_cover(truth: TrueSurface, area: NDArray[np.bool_]) -> int:
         best = int(gain.argmax())
         if gain[best] * CELL**2 < MIN_GAIN:
             return nodes
-        mark(seen[best], corners[best], missing, False)
+        missing[tuple((np.argwhere(seen[best]) + corners[best]).T)] = False
         nodes += 1

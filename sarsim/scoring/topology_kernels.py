@@ -20,15 +20,6 @@ def line_is_free(ax, ay, bx, by, origin, cell, free):
 
 
 @njit(cache=True)
-def lines_are_free(starts, ends, origin, cell, free):
-    """(N,) bool of :func:`line_is_free` for lines between points (N, 2)."""
-    result = np.empty(len(starts), np.bool_)
-    for n in range(len(starts)):
-        result[n] = line_is_free(starts[n, 0], starts[n, 1], ends[n, 0], ends[n, 1], origin, cell, free)
-    return result
-
-
-@njit(cache=True)
 def way_lengths(i, j, free):
     """(nx, ny) cells from cell (i, j) over the eight neighbours of cells of a mask ``free``; inf where none leads."""
     length = np.full(free.shape, np.inf)
@@ -75,10 +66,3 @@ def cells_in_sight(places, target, origin, cell, sight, free):
                 if target[i, j] and np.hypot(u - x, v - y) <= sight:
                     seen[k, a, b] = line_is_free(x, y, u, v, origin, cell, free)
     return seen, corners
-
-
-@njit(cache=True)
-def mark(seen, corner, layer, value):
-    """Set the cells of a ``layer`` (nx, ny) that a window (S, S) at a ``corner`` (2,) shows."""
-    for a, b in np.argwhere(seen):
-        layer[corner[0] + a, corner[1] + b] = value

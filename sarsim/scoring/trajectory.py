@@ -44,6 +44,13 @@ class TrajectoryScore:
         times = [keyframe.time for keyframe in self._keyframes]
         return [T_map_odom[max(bisect_right(times, p.time) - 1, 0)] @ p.T_odom_base for p in self._trajectory]
 
+    def save(self, folder: Path, with_truth: bool) -> None:
+        """Write trajectory_estimated.tum and, where it is known, trajectory_true.tum into a folder."""
+        times = [pose.time for pose in self._trajectory]
+        write_tum(folder / "trajectory_estimated.tum", times, self.estimated())
+        if with_truth:
+            write_tum(folder / "trajectory_true.tum", times, [pose.T_world_base for pose in self._trajectory])
+
     def report(self) -> dict[str, float]:
         """Errors without alignment, since ``map`` is the world's frame at the start; the drift is that at the end."""
         true = np.array([pose.T_world_base for pose in self._trajectory])

@@ -109,10 +109,10 @@ def person_mjcf(name: str, figure: Figure, outfit: Outfit) -> tuple[list[Element
     """Assets and geoms of a person; every name begins with ``name`` and ``_``."""
     assets, geoms = _materials(name, outfit), []
     normals = vertex_normals(figure.body)
-    for part in figure.parts:
+    for number, part in enumerate(figure.parts):
         material = outfit.material(part)
         mesh, pattern = f"{name}_{part}", outfit.top_pattern if material == "top" else "plain"
-        shape = Shape(figure.body.vertices, figure.faces_of(part))
+        shape = Shape(figure.body.vertices, figure.body.faces[figure.face_parts == number])
         assets.append(_mesh(mesh, shape, normals, _texture_places(figure.rest, part, pattern)))
         geoms.append(geom(mesh, Label.VICTIM, type="mesh", mesh=mesh, material=f"{name}_{material}"))
     if outfit.hair_style != "bald":

@@ -71,10 +71,6 @@ class Figure:
     head_scale: float
     scale: float
 
-    def faces_of(self, part: str) -> NDArray[np.int64]:
-        """(K, 3) the body's faces that belong to a part."""
-        return self.body.faces[self.face_parts == self.parts.index(part)]
-
     def on_head(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 3) places at rest on an adult's head, in the posture."""
         grown = points + (self.head_scale - 1) * (points - NECK)

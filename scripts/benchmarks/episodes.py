@@ -179,28 +179,34 @@ class BenchmarkEpisode(Episode):
         return top_view(self.score.surface, self.score.seen, track, self.contacts, failed, text)
 
 
-def run_job(job: Job, folder: Path) -> None:
-    """Run an episode and leave its JSON and its picture in a folder; what it says goes to a log beside them."""
+def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> None:
+    """Leave in a folder what a job's process makes, unless that is None; what it says goes to a log beside it.
+
+    The process ends with status 1 where it fails.
+    """
     with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
         try:
-            _run(job, folder)
+            if (made := make()) is not None:
+                content = {"settings": job.settings} | made
+                with whole_file(folder / f"{job.name}.json") as file:
+                    file.write_text(json.dumps(content, indent=1, default=float, allow_nan=False) + "\n")
         except Exception:
             traceback.print_exc()
             raise SystemExit(1) from None
 
 
-def _run(job: Job, folder: Path) -> None:
-    content: dict[str, Any] = {"settings": job.settings}
+def run_job(job: Job, folder: Path) -> None:
+    """Run an episode and leave its JSON and its picture in a folder."""
+    leave(job, folder, lambda: _run(job, folder))
+
+
+def _run(job: Job, folder: Path) -> dict[str, Any] | None:
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
         try:
             episode = BenchmarkEpisode(job, Path(out))
         except InputError as error:
-            content["left_out"] = str(error)
-        else:
-            if not episode.run():
-                return
-            picture = cv2.cvtColor(episode.picture(), cv2.COLOR_RGB2BGR)
-            cv2.imwrite(str(folder / f"{job.name}.png"), picture)
-            content |= {"report": episode.report, "position_errors": episode.score.position_errors}
-    with whole_file(folder / f"{job.name}.json") as file:
-        file.write_text(json.dumps(content, indent=1, default=float, allow_nan=False) + "\n")
+            return {"left_out": str(error)}
+        if not episode.run():
+            return None
+        cv2.imwrite(str(folder / f"{job.name}.png"), cv2.cvtColor(episode.picture(), cv2.COLOR_RGB2BGR))
+        return {"report": episode.report, "position_errors": episode.score.position_errors}

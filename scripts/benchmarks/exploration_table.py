@@ -85,16 +85,3 @@ def rich_table(title: str, figures: Mapping[str, float], sections: Sequence[Rows
             table.add_row(name, *cells)
         table.add_section()
     return table
-
-
-def markdown_table(figures: Mapping[str, float], baselines: Sequence[str]) -> str:
-    """Of the exploration, for the documents."""
-    return markdown(figures, sections(figures, baselines))
-
-
-def markdown(figures: Mapping[str, float], sections: Sequence[Rows]) -> str:
-    """A table for the documents."""
-    groups = groups_in(figures)
-    lines = [["", *groups], ["---"] * (1 + len(groups))]
-    lines += [[name, *cells] for section in sections for name, cells in section]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -4,9 +4,8 @@ Decisions are made by the true pose, so that a drive does not depend on what is 
 """
 
 import json
-import traceback
 from collections.abc import Iterator
-from contextlib import ExitStack, redirect_stderr
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 from sarsim.dataset.scene_file import MILLIMETRE
 from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.robots.pose import Pose
-from sarsim.scripts.benchmarks.episodes import Job
+from sarsim.scripts.benchmarks.episodes import Job, leave
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 SPACING, TURN = 0.1, np.deg2rad(5)
@@ -159,18 +158,14 @@ def drive_file(job: Job, folder: Path) -> Path:
 
 def record_job(job: DriveJob, folder: Path) -> None:
     """Explore by the true pose, and leave a drive in a folder and a JSON file that says it is whole."""
-    with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
+
+    def made() -> dict[str, Any]:
         try:
-            content: dict[str, Any] = {"settings": job.settings}
-            try:
-                content["frames"] = _record(job, drive_file(job, folder))
-            except InputError as error:
-                content["left_out"] = str(error)
-            with whole_file(folder / f"{job.name}.json") as file:
-                file.write_text(json.dumps(content, indent=1) + "\n")
-        except Exception:
-            traceback.print_exc()
-            raise SystemExit(1) from None
+            return {"frames": _record(job, drive_file(job, folder))}
+        except InputError as error:
+            return {"left_out": str(error)}
+
+    leave(job, folder, made)
 
 
 def _record(job: DriveJob, path: Path) -> int:

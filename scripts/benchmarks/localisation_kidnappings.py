@@ -6,7 +6,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.errors import InputError
@@ -89,12 +88,7 @@ def look(explorer: Explorer, episode: Episode) -> str:
         T_map_base = explorer.step().keyframe.T_map_base
     except LostError:
         return "in_doubt"
-    error = error_of(T_map_base, episode.robot.trajectory[-1].T_world_base)
+    error = np.linalg.norm((inverse(episode.robot.trajectory[-1].T_world_base) @ T_map_base)[:3, 3])
     if explorer.lookout.relocalised == found and error > WRONG:
         return "not_noticed"
     return "found" if error < GOOD else "found_worse" if error < WRONG else "wrong"
-
-
-def error_of(T_map_base: NDArray[np.float64], T_world_base: NDArray[np.float64]) -> float:
-    """Metres between two 4×4 poses."""
-    return float(np.linalg.norm((inverse(T_world_base) @ T_map_base)[:3, 3]))

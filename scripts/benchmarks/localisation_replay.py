@@ -1,9 +1,6 @@
 """A recorded drive through every method: its trajectories as TUM files, its scores, its times, and a picture."""
 
-import json
-import traceback
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stderr
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -12,9 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.files import whole_file
 from sarsim.scoring.trajectory import write_tum
-from sarsim.scripts.benchmarks.episodes import Job
+from sarsim.scripts.benchmarks.episodes import Job, leave
 from sarsim.scripts.benchmarks.localisation_drives import Drive, drive_file
 from sarsim.scripts.benchmarks.localisation_methods import METHODS, Method, is_blind
 from sarsim.scripts.benchmarks.localisation_picture import picture_of
@@ -26,18 +22,13 @@ AGREEMENT = 1e-6
 
 def replay_job(job: Job, folder: Path, drives: Path, names: Sequence[str]) -> None:
     """Replay a drive, and leave scores as JSON, trajectories as TUM files, and a picture in a folder."""
-    with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
-        try:
-            with Drive(drive_file(job, drives)) as drive:
-                report = replay(
-                    drive, {name: METHODS[name](drive.T_world_base[0]) for name in names}, folder / job.name
-                )
-            with whole_file(folder / f"{job.name}.json") as file:
-                content = {"settings": job.settings, "report": report}
-                file.write_text(json.dumps(content, indent=1, default=float, allow_nan=False) + "\n")
-        except Exception:
-            traceback.print_exc()
-            raise SystemExit(1) from None
+
+    def made() -> dict[str, Any]:
+        with Drive(drive_file(job, drives)) as drive:
+            methods = {name: METHODS[name](drive.T_world_base[0]) for name in names}
+            return {"report": replay(drive, methods, folder / job.name)}
+
+    leave(job, folder, made)
 
 
 def replay(drive: Drive, methods: Mapping[str, Method], stem: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
 from pipeline.victims.detection.architectures import COCO_TINY_ANCHORS, yolov3_tiny
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.detection.inference import to_tensor
+from pipeline.victims.detection.inference import FusedNetwork, to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
 from sarsim.scripts.benchmarks.common import seconds
 
@@ -16,7 +16,7 @@ THREADS = 2
 WIDTH, HEIGHT = 640, 480
 
 
-class PlainNetwork:
+class PlainNetwork(FusedNetwork):
     """A network in PyTorch as it is, in place of :class:`pipeline.victims.detection.inference.FusedNetwork`."""
 
     def __init__(self, network: DarknetNetwork):

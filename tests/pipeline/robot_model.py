@@ -20,7 +20,6 @@ PIONEER = RobotModel(
     acceleration=0.3,
     turn_acceleration=np.deg2rad(100),
     ramp_slide=0.15,
-    ramp_drift=0.05,
     slide_per_radian=0.42,
     min_turn_rate=0.06,
     camera_range=(0.8, 3.5),

@@ -12,7 +12,7 @@ from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scripts.benchmarks import episodes, exploration
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, run_job
 from sarsim.scripts.benchmarks.exploration_figures import flat, group_figures, seen90_ratio
-from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, markdown_table
+from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, rich_table, sections
 from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
 from sarsim.settings import EpisodeConfig
 
@@ -163,13 +163,11 @@ def test_a_baseline_that_never_saw_enough_is_told_instead_of_a_ratio(tmp_path, p
 
 def test_the_table_has_a_row_for_what_was_measured_and_none_for_what_was_not():
     figures = {"random.runs": 2, "random.victims.found.sum": 3, "raf.runs": 1, "random_walk.raf.seen90_runs": 0}
-    lines = markdown_table(figures, ["random_walk"]).splitlines()
-    assert lines == [
-        "|  | raf | random |",
-        "| --- | --- | --- |",
-        "| runs | 1 | 2 |",
-        "| victims found | – | 3 |",
-        "| random walk: 90 % seen by | 0 | – |",
+    table = rich_table("", figures, sections(figures, ["random_walk"]))
+    assert [[column.header, *column.cells] for column in table.columns] == [
+        ["", "runs", "victims found", "random walk: 90 % seen by"],
+        ["raf", "1", "–", "0"],
+        ["random", "2", "3", "–"],
     ]
 
 

@@ -1,9 +1,9 @@
 """A ROS 2 bag to write: a folder with metadata.yaml and an MCAP file, as ``ros2 bag play`` and Foxglove take it."""
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Literal, Self
+from typing import Literal
 
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
@@ -19,52 +19,46 @@ FOREVER = QosTime(2147483647, 4294967295)
 """What ROS writes where there is no limit."""
 
 
-class Bag(AbstractContextManager["Bag"]):
+class Bag(ExitStack):
     """Takes messages until it is closed."""
 
     def __init__(self, path: Path):
         """Begin a bag in a new folder.
 
         Raises:
-            InputError: there is something already, or it cannot be written.
+            InputError: there is something already, or it cannot be written; so later.
         """
+        super().__init__()
         self.path = path
         self._connections: dict[str, Connection] = {}
-        try:
+        with self._writing():
             self._writer = Writer(path, version=VERSION, storage_plugin=StoragePlugin.MCAP)
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer.open()
-        except WriterError as error:
-            raise InputError(f"{path}: already there") from error
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+        self.callback(self._finish)
 
     def write(self, topic: str, time: float, message: Message) -> None:
         """Add a message that was sent at a time in s."""
         name = type_of(message)
-        try:
+        with self._writing():
             if topic not in self._connections:
                 self._connections[topic] = self._writer.add_connection(
                     topic, name, typestore=STORE, offered_qos_profiles=[_qos(topic in LATCHED)]
                 )
             self._writer.write(self._connections[topic], round(time * 1e9), STORE.serialize_cdr(message, name))
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be written: {error.strerror or error}") from error
 
-    def close(self) -> None:
-        """Write what makes the bag whole."""
-        try:
+    def _finish(self) -> None:
+        with self._writing():
             self._writer.close()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except WriterError as error:
+            raise InputError(f"{self.path}: already there") from error
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written: {error.strerror or error}") from error
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _qos(is_latched: bool) -> Qos:

@@ -77,7 +77,7 @@ class RecordedRobot:
             self._told = time
 
 
-class ExplorerBag:
+class ExplorerBag(Bag):
     """A bag of all that a robot senses and does and of the maps that an explorer makes of it.
 
     Attributes:
@@ -86,9 +86,9 @@ class ExplorerBag:
 
     def __init__(self, path: Path, images: ImageFormat, robot: Robot):
         """Raises InputError where the bag cannot be written."""
-        self._bag = Bag(path)
-        self.robot = RecordedRobot(robot, RobotTopics(self._bag.write, images))
-        self._maps = MapTopics(self._bag.write)
+        super().__init__(path)
+        self.robot = RecordedRobot(robot, RobotTopics(self.write, images))
+        self._maps = MapTopics(self.write)
         self._explorer: Explorer | None = None
 
     def watch(self, explorer: Explorer) -> None:
@@ -104,7 +104,3 @@ class ExplorerBag:
         """Tell of the newest step."""
         assert self._explorer is not None
         self._maps.maps(self._explorer.mapper, step.keyframe, step.plan)
-
-    def close(self) -> None:
-        """Make the bag whole."""
-        self._bag.close()

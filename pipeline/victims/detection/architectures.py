@@ -1,13 +1,9 @@
 """The texts of YOLOv3, of YOLOv3-tiny, and of a YOLOv3 small enough for a robot's processor.
 
-``python -m pipeline.victims.detection.architectures FOLDER`` writes the first two as published for COCO.
+``assets/weights`` has the first two as published, for COCO's classes.
 """
 
-import sys
 from collections.abc import Sequence
-from pathlib import Path
-
-from pipeline.files import whole_file
 
 COCO_CLASSES = 80
 Anchors = Sequence[tuple[float, float]]
@@ -117,15 +113,3 @@ def yolov3_small(width: int, height: int, classes: int, anchors: Anchors) -> str
     cfg.conv(32, 3, 2)
     cfg.pyramid(((64, 1), (128, 1), (256, 1)), (128, 64, 32), 1)
     return cfg.text
-
-
-def main() -> None:
-    """Write the published networks into the folder that the command line names."""
-    folder = Path(sys.argv[1])
-    for name, build, anchors in (("yolov3", yolov3, COCO_ANCHORS), ("yolov3-tiny", yolov3_tiny, COCO_TINY_ANCHORS)):
-        with whole_file(folder / f"{name}.cfg") as file:
-            file.write_text(build(416, 416, COCO_CLASSES, anchors))
-
-
-if __name__ == "__main__":
-    main()

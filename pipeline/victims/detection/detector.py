@@ -3,14 +3,12 @@
 from collections.abc import Callable
 from math import ceil
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.boxes import areas, decode, suppress
-from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.detection.inference import FusedNetwork
 from pipeline.victims.detection.input_image import Letterbox, evenly_exposed
@@ -28,16 +26,6 @@ SMALLER, NEAR = 0.6, 0.15
 network; and the longer side of a box there that counts, over the image's, at least."""
 
 
-class Network(Protocol):
-    """A network for one image at a time, such as :class:`FusedNetwork`."""
-
-    cfg: DarknetCfg
-
-    def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
-        """(anchors · (5 + classes), H, W) float32 of each [yolo], from an (H, W, 3) image of the network's size."""
-        ...
-
-
 class VictimDetector:
     """Finds people by a network of the YOLOv3 family."""
 
@@ -45,7 +33,7 @@ class VictimDetector:
         self,
         network: DarknetNetwork,
         confidence: float = CONFIDENCE,
-        make_fast: Callable[[DarknetNetwork], Network] = FusedNetwork,
+        make_fast: Callable[[DarknetNetwork], FusedNetwork] = FusedNetwork,
     ) -> None:
         """By a network.
 
@@ -82,7 +70,9 @@ class VictimDetector:
             boxes, scores = np.concatenate([boxes, more[is_near]]), np.append(scores, their_scores[is_near])
         return self._best(boxes, scores)
 
-    def _find(self, network: Network, image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _find(
+        self, network: FusedNetwork, image: NDArray[np.uint8]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(N, 4) boxes in the image, several of each person, and their (N,) confidences."""
         cfg = network.cfg
         letterbox, canvas = Letterbox.fit(image, cfg.width, cfg.height)

@@ -38,13 +38,8 @@ class Cloud:
     def of_scene(cls, scene: Scene, voxel: float) -> Self:
         """The first return in every cube with sides of ``voxel`` m."""
         parts = [cls.of_frame(scene, index).thinned(voxel) for index in range(len(scene))]
-        columns = zip(*(part.columns for part in parts), strict=True)
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
         return cls(*map(np.concatenate, columns)).thinned(voxel)
-
-    @property
-    def columns(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Points (N, 3) in m, colours (N, 3), labels (N,) and instances (N,)."""
-        return self.points, self.rgb, self.label, self.instance
 
     def thinned(self, voxel: float) -> Self:
         """The first point in every cube."""
@@ -57,4 +52,4 @@ class Cloud:
 
     def of(self, chosen: NDArray) -> Self:
         """Some of the points, by index or mask."""
-        return type(self)(*(column[chosen] for column in self.columns))
+        return type(self)(*(column[chosen] for column in vars(self).values()))

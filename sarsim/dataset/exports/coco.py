@@ -6,13 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
-from sarsim.dataset.arena_range import check
-from sarsim.dataset.exports.export import Export, write_image
+from sarsim.dataset.exports.export import ImageExport
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene, SceneContent
@@ -21,30 +19,18 @@ CATEGORIES = [{"id": int(label), "name": label.name.lower()} for label in Label 
 
 
 @dataclass(frozen=True)
-class Coco(Export):
+class Coco(ImageExport):
     """images/<split>/*.jpg and annotations/<split>.json: boxes and masks of victims, and of every other geom."""
 
-    min_area: int = 100
-    """pixels; of an object that shows fewer there is no box."""
-    quality: int = 95
-    """of the JPEG files, up to 100."""
     _splits: dict[str, dict[str, list[dict[str, Any]]]] = field(default_factory=dict, init=False)
-
-    def __post_init__(self) -> None:
-        check("min-area", self.min_area, 1)
-        check("quality", self.quality, 0, 100)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """An image for each frame, and what is known of the objects in it."""
-        images = folder / "images" / entry.split
-        images.mkdir(parents=True, exist_ok=True)
         split = self._splits.setdefault(entry.split, {"images": [], "annotations": []})
         k = scene.intrinsics
-        for index, frame in enumerate(scene):
-            name = f"{entry.index:05d}_{index:05d}.jpg"
-            write_image(images / name, frame.rgb, cv2.IMWRITE_JPEG_QUALITY, self.quality)
+        for name, frame in self.images(folder, entry, scene):
             image = len(split["images"]) + 1
-            split["images"].append({"id": image, "file_name": name, "width": k.width, "height": k.height})
+            split["images"].append({"id": image, "file_name": f"{name}.jpg", "width": k.width, "height": k.height})
             assert frame.instance is not None
             for category, mask in objects(frame.instance, scene.content, self.min_area):
                 about = {"id": len(split["annotations"]) + 1, "image_id": image, "category_id": category}

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.frame import Intrinsics
+from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import COLOURS, Label
+from sarsim.dataset.arena_range import check
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
@@ -67,6 +68,29 @@ class Export:
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
         """Write what concerns all scenes."""
+
+
+@dataclass(frozen=True)
+class ImageExport(Export):
+    """images/<split>/*.jpg, and what shows in them."""
+
+    min_area: int = 100
+    """pixels; of an object that shows fewer there is no box."""
+    quality: int = 95
+    """of the JPEG files, up to 100."""
+
+    def __post_init__(self) -> None:
+        check("min-area", self.min_area, 1)
+        check("quality", self.quality, 0, 100)
+
+    def images(self, folder: Path, entry: SceneEntry, scene: Scene) -> Iterator[tuple[str, Frame]]:
+        """Write every frame's image; yields its name without the ending, and the frame."""
+        images = folder / "images" / entry.split
+        images.mkdir(parents=True, exist_ok=True)
+        for index, frame in enumerate(scene):
+            name = f"{entry.index:05d}_{index:05d}"
+            write_image(images / f"{name}.jpg", frame.rgb, cv2.IMWRITE_JPEG_QUALITY, self.quality)
+            yield name, frame
 
 
 def room(entry: SceneEntry) -> str:

@@ -4,11 +4,9 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from sarsim.dataset.arena_range import check
-from sarsim.dataset.exports.export import Export, write_image
+from sarsim.dataset.exports.export import ImageExport
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SPLITS, SceneEntry
 from sarsim.dataset.scene_file import Scene
@@ -17,27 +15,15 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Yolo(Export):
+class Yolo(ImageExport):
     """images/<split>/*.jpg, labels/<split>/*.txt with lines of class x y width height, and data.yaml."""
-
-    min_area: int = 100
-    """pixels; of a victim that shows fewer there is no box."""
-    quality: int = 95
-    """of the JPEG files, up to 100."""
-
-    def __post_init__(self) -> None:
-        check("min-area", self.min_area, 1)
-        check("quality", self.quality, 0, 100)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """An image and a text for each frame."""
-        images, labels = folder / "images" / entry.split, folder / "labels" / entry.split
-        for place in (images, labels):
-            place.mkdir(parents=True, exist_ok=True)
+        labels = folder / "labels" / entry.split
+        labels.mkdir(parents=True, exist_ok=True)
         size = np.array([scene.intrinsics.width, scene.intrinsics.height], np.float64)
-        for index, frame in enumerate(scene):
-            name = f"{entry.index:05d}_{index:05d}"
-            write_image(images / f"{name}.jpg", frame.rgb, cv2.IMWRITE_JPEG_QUALITY, self.quality)
+        for index, (name, _) in enumerate(self.images(folder, entry, scene)):
             boxes = scene.victim_pixels[index][scene.victim_area[index] >= self.min_area]
             middle, extent = (boxes[:, :2] + boxes[:, 2:]) / 2 / size, (boxes[:, 2:] - boxes[:, :2]) / size
             lines = [

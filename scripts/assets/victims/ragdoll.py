@@ -89,7 +89,8 @@ class Ragdoll:
         self.physics = mjcf.Physics.from_mjcf_model(scene)
         self._recipe = recipe
         self._bones = [bodies[name] for name in dict.fromkeys(p.bone for p in primitives)]
-        self._arms = dict(zip("lr", _rotations(rest_poses(("lhumerus", "rhumerus"))), strict=True))
+        rest = rest_poses(("lhumerus", "rhumerus"))[:, 3:]
+        self._arms = dict(zip("lr", Rotation.from_quat(rest, scalar_first=True), strict=True))
         self._joints = {joint.name: self.physics.bind(joint) for joint in self._root.find_all("joint")}
 
     @property
@@ -233,10 +234,6 @@ def _exclude_neighbours(scene: mjcf.RootElement, physics: mjcf.Physics) -> None:
     pairs = {tuple(sorted(model.geom_bodyid[[c.geom1, c.geom2]])) for c in physics.data.contact}
     for first, second in sorted(pairs):
         scene.contact.add("exclude", body1=model.body(first).name, body2=model.body(second).name)
-
-
-def _rotations(poses: NDArray[np.float64]) -> Rotation:
-    return Rotation.from_quat(poses[:, [4, 5, 6, 3]])
 
 
 def _arm_angles(side: str, rest: Rotation, down: float, forward: float) -> dict[str, float]:

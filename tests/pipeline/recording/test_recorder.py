@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -243,7 +244,7 @@ class Blind:
 def be_elsewhere(explorer, T):
     """Let the localisation believe from now on that all was seen from elsewhere, by a 4×4 transform in ``map``."""
     localisation = explorer.mapper.localisation
-    localisation.poses = T @ localisation.poses
+    localisation.restore(replace(localisation.keyframes(), poses=T @ localisation.poses))
     localisation.T_map_odom = T @ localisation.T_map_odom
 
 

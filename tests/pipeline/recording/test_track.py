@@ -25,7 +25,7 @@ def pose(x=0.0, y=0.0, yaw=0.0):
 def test_each_point_follows_the_keyframe_before_it():
     localisation, track = OdometryLocalisation(), EstimatedTrack()
     for x in (0.0, 1.0):
-        localisation.poses = np.concatenate([localisation.poses, pose(x)[None]])
+        localisation.add(None, pose(x))
         for way in (0.0, 0.5):
             track.add(pose(x + way), localisation)
     np.testing.assert_allclose(track.positions(localisation.poses)[:, 0], [0, 0.5, 1, 1.5])
@@ -38,7 +38,8 @@ def test_each_point_follows_the_keyframe_before_it():
 def test_the_odometrys_origin_counts_as_the_newest_keyframe_has_it():
     localisation, track = OdometryLocalisation(), EstimatedTrack()
     track.add(np.eye(4), None)
-    localisation.poses, localisation.T_map_odom = pose(0, 2)[None], pose(0, 2, np.pi / 2)
+    localisation.add(None, pose(0, 2))
+    localisation.T_map_odom = pose(0, 2, np.pi / 2)
     track.add(pose(1), localisation)
     np.testing.assert_allclose(track.positions(localisation.poses), [[0, 3, 0]], atol=1e-12)
     assert track.distance == pytest.approx(1.0)

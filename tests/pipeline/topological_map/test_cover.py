@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.topological_map import sight_kernels as kernels
 from pipeline.topological_map.cover import Cover
-from sarsim.scoring.topology_kernels import lines_are_free
+from sarsim.scoring.topology_kernels import line_is_free
 from tests.pipeline.topological_map.grounds import U_TURN, room
 
 REACH = 12
@@ -16,8 +16,7 @@ REACH = 12
 def seen_by_lines(place, walls, reach):
     cells = np.argwhere(np.ones_like(walls))
     ends = cells + 0.5
-    starts = np.repeat(place[None], len(ends), axis=0)
-    clear = lines_are_free(starts, ends, np.zeros(2), 1.0, ~walls)
+    clear = np.array([line_is_free(*place, *end, np.zeros(2), 1.0, ~walls) for end in ends])
     near = np.linalg.norm(ends - place, axis=1) <= reach
     return (clear & near).reshape(walls.shape)
 

@@ -23,8 +23,8 @@ def scored(trajectory, keyframes=(), poses=(), loops=()):
         grown.append(pose)
         if n in keyframes:
             score.add()
-    if len(poses):
-        localisation.poses = np.array(poses)
+    for T in poses:
+        localisation.add(None, T)
     localisation.loops.extend(loops)
     return score
 

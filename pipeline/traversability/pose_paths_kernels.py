@@ -59,6 +59,16 @@ def level_ticks(cell, costs):
     return result
 
 
+@njit(cache=True)
+def was_near(i, j, least):
+    """Whether the robot's middle has been in a cell or beside it, by the clearance (nx, ny) int8 kept there."""
+    for a in range(max(i - 1, 0), min(i + 2, least.shape[0])):
+        for b in range(max(j - 1, 0), min(j + 2, least.shape[1])):
+            if least[a, b] < 0:
+                return True
+    return False
+
+
 @njit(cache=True, inline="always")
 def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, escape_factor):
     """Ticks of a move from (i, j, h) to (a, b, k) on a way from a start (2,); -1 where it is not allowed."""
@@ -71,7 +81,9 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, es
         # A tight turn is one of little room as well, and so is a way out.
         entered = min(entered, room + SWEEP)
     is_free = entered >= terrain.least[a, b]
-    if not is_free and (entered < before or max(abs(a - start[0]), abs(b - start[1])) > escape):
+    if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
+        return -1
+    if not is_free and entered < before and not was_near(a, b, terrain.least):
         return -1
     if terrain.ramp[a, b]:
         step = move_ticks(h, move, room, terrain.uphill[a, b], terrain.cell, costs)
@@ -89,7 +101,8 @@ class Search(NamedTuple):
         came_by: (N,) uint8 the move that led there.
         source: (N,) int16 from which start.
         level: (5, 16, R) ticks of moves on level ground, see :func:`level_ticks`.
-        escape: m that a robot may go from its start through poses without room, as long as it is never less.
+        escape: m that a robot may go from its start through poses without room, as long as it is never less, or where
+            it has been.
         factor: what each tick of that counts.
         now: (1,) int64 the cost up to which all is known.
     """

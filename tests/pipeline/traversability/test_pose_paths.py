@@ -218,3 +218,16 @@ def test_where_the_robot_has_been_it_may_stand_nearer():
     assert not traversability.traversable.any()
     been = replace(traversability, least=np.full_like(traversability.least, -3))
     assert been.grid.at(been.traversable, (0.0, 0.0))
+
+
+def test_a_robot_that_is_shut_in_goes_back_the_way_it_came():
+    elevation = np.zeros((60, 60), np.float32)
+    elevation[30:45, 20:26] = elevation[30:45, 35:41] = elevation[45, 20:41] = 1.0  # they leave 0.45 m between them
+    elevation[30, 26:28] = elevation[30, 33:35] = 1.0  # and 0.25 m at the entrance
+    nowhere, driven = np.zeros((2, 60, 60), np.bool_)
+    driven[10:39, 30] = True
+    grid = Grid(np.zeros(2, np.int64), 0.05, elevation.shape)
+    for track in (nowhere, driven):
+        paths = PosePaths(assess(grid, elevation, nowhere, track, PIONEER), (1.925, 1.525), EAST)
+        assert np.isfinite(paths.cost_to((0.6, 1.5))) == track.any()
+    assert paths.way_to((0.6, 1.525)).backwards[0]

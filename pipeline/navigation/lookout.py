@@ -15,7 +15,7 @@ from pipeline.transforms import angle_of, inverse, yaw_of
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
 """m and rad that the robot drives or turns from one keyframe to the next."""
-LABELLED = 3
+LABELLED = 6
 """Of so many keyframes that are taken while the robot drives one is labelled: the network takes longest of all."""
 LOOKS = 8
 """Frames that a robot takes around itself when it does not know where it is."""

@@ -16,7 +16,7 @@ FORBIDDEN = {
     "scripts": ("tests",),
 }
 MOST_ENTRIES = {"pipeline": 22, "sarsim": 16}
-MOST_LINES = 34_000
+MOST_LINES = 34_300
 """Of all packages together, without tests; 27 000 until the robot began to localise itself (SLAM), 31 200 until every
 number of a stranger's file was checked and recordings could be mapped and written."""
 LONGEST_FUNCTION = 40

@@ -31,6 +31,8 @@ THIN, COARSE = 0.05, 0.1
 """m, to which the map's points and a single frame, and all frames together, are thinned for registration."""
 REACHES = 0.3, 0.1
 """m from points to their correspondences: first to make up for half a step of the search, then those of one voxel."""
+LEAST_FRAMES = 3
+"""A corner of one room is like that of another, above all in a map that is half made."""
 COVERED = 0.85
 """Share of the patches that must lie within a voxel of the map's points; elsewhere the map knows too little."""
 RIVAL = 1e-4
@@ -139,7 +141,7 @@ class Relocalisation:
         """
         cloud = np.vstack([np.zeros((0, 3)), *map(self._points, self.frames)])
         patches = thinned(cloud, PATCH)
-        if len(cloud) < SEARCHED or not len(points):
+        if len(self.frames) < LEAST_FRAMES or len(cloud) < SEARCHED or not len(points):
             return None
         field = Field.around(metric_map, patches)
         places = standable(elevation_map, field, self._model)

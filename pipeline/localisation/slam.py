@@ -240,7 +240,9 @@ class Slam(Localisation):
         registration = register(target, cloud, [first, by_gravity(first.T, frame)], gates)
         if odometry is not None and (registration.chi2 > SLIPPED or registration.overlap < POOR):
             prior, slipped = slipped_registration(target, cloud, first, self.poses[-1], frame)
-            if registration.chi2 > SLIPPED or slipped.overlap > registration.overlap + BETTER:
+            is_better = registration.chi2 > SLIPPED or slipped.overlap > registration.overlap + BETTER
+            # On a bare floor a robot that stayed sees what it saw, and fits best.
+            if is_better and is_pinned(slipped.information):
                 self.slips += 1
                 return _Match(frame, slipped.T, None, prior, cloud, target, slipped)
         return _Match(frame, registration.T, odometry, step, cloud, target, registration)

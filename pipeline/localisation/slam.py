@@ -242,7 +242,8 @@ class Slam(Localisation):
             prior, slipped = slipped_registration(target, cloud, first, self.poses[-1], frame)
             is_better = registration.chi2 > SLIPPED or slipped.overlap > registration.overlap + BETTER
             # On a bare floor a robot that stayed sees what it saw, and fits best.
-            if is_better and is_pinned(slipped.information):
+            way = (inverse(slipped.T) @ first.T)[:3, 3]
+            if is_better and is_pinned(slipped.information, way):
                 self.slips += 1
                 return _Match(frame, slipped.T, None, prior, cloud, target, slipped)
         return _Match(frame, registration.T, odometry, step, cloud, target, registration)
@@ -349,7 +350,12 @@ def firm(information: NDArray[np.float64]) -> NDArray[np.float64]:
     return directions * strength[is_firm] @ directions.T
 
 
-def is_pinned(information: NDArray[np.float64]) -> bool:
-    """Whether (6, 6) information of surfaces alone, 1/rad² and 1/m², tells the position to within ``KNOWN``."""
-    variances = np.linalg.eigvalsh(np.linalg.inv(information + np.eye(6))[3:, 3:])
-    return bool(variances[-1] < min(KNOWN**2, variances[0] / FEIGNED))
+def is_pinned(information: NDArray[np.float64], way: NDArray[np.float64] | None = None) -> bool:
+    """Whether (6, 6) information of surfaces alone, 1/rad² and 1/m², tells the position to within ``KNOWN``.
+
+    In every direction, or along a ``way`` (3,), m, in the frame of the pose.
+    """
+    covariance = np.linalg.inv(information + np.eye(6))[3:, 3:]
+    variances = np.linalg.eigvalsh(covariance)
+    greatest = variances[-1] if way is None else way @ covariance @ way / max(float(way @ way), 1e-12)
+    return bool(greatest < min(KNOWN**2, variances[0] / FEIGNED))

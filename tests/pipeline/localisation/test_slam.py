@@ -15,6 +15,7 @@ from pipeline.localisation.registration import logarithm
 from pipeline.localisation.slam import Slam
 from pipeline.transforms import from_yaw, inverse
 from tests.pipeline.localisation.driving_robot import drifting, drive, seen
+from tests.pipeline.polygon_scene import floor, wall
 
 TURN = [(0.0, np.pi / 12)] * 6
 AROUND = drive(*[(0.3, 0.0)] * 8, *TURN, *[(0.3, 0.0)] * 6, *TURN, *[(0.3, 0.0)] * 8, *TURN, *[(0.3, 0.0)] * 6, *TURN)
@@ -171,6 +172,18 @@ def test_wheels_that_slip_do_not_carry_the_robot_along() -> None:
     slipped = replace(seen(AROUND[3], AROUND[3], time=50), T_odom_base=frames()[4].T_odom_base)
     T = slam.localise(slipped)
     assert distance(T, AROUND[3]) < 0.02
+    assert slam.slips == 1
+
+
+def test_wheels_that_spin_before_a_long_wall_do_not_carry_the_robot_along() -> None:
+    """The wall tells how far ahead the robot is, and not how far to the side."""
+    slam, poses, faces = Slam(), drive(*[(0.3, 0.0)] * 4), [floor(-3, 5, -20, 20), wall((5, -20), (5, 20))]
+    for k, T in enumerate(poses):
+        frame = seen(T, T, time=k, faces=faces)
+        slam.add(frame, slam.localise(frame))
+        slam.optimise()
+    spun = seen(poses[-1], poses[-1] @ from_yaw(0.3, 0.0, 0.0, 0.0), time=50, faces=faces)
+    assert abs(slam.localise(spun)[0, 3] - poses[-1][0, 3]) < 0.02
     assert slam.slips == 1
 
 

@@ -139,10 +139,12 @@ class Relocalisation:
             4×4 ``T_map_base`` of the newest frame; None if there is doubt: no place fits, more than one does, or the
             map knows too little there.
         """
-        cloud = np.vstack([np.zeros((0, 3)), *map(self._points, self.frames)])
-        patches = thinned(cloud, PATCH)
-        if len(self.frames) < LEAST_FRAMES or len(cloud) < SEARCHED or not len(points):
+        if len(self.frames) < LEAST_FRAMES or not len(points):
             return None
+        cloud = np.vstack([*map(self._points, self.frames)])
+        if len(cloud) < SEARCHED:
+            return None
+        patches = thinned(cloud, PATCH)
         field = Field.around(metric_map, patches)
         places = standable(elevation_map, field, self._model)
         if not len(places):

@@ -122,7 +122,7 @@ class PosePaths:
         self._extend(until)
         return self._known(tuple(cells.T))
 
-    @property
+    @cached_property
     def seconds(self) -> NDArray[np.float32]:
         """(nx, ny, 16) s to be at each cell with each heading; inf where no way leads."""
         self._extend(np.inf)

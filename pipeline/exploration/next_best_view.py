@@ -149,8 +149,8 @@ class Exploration:
         gains = self._gains(paths.start, cells, camera)
         if self.rewards and self.rewards.wanted:
             gains = gains + self.rewards.gains(traversability.on_ground(candidates), ANGLES)
-        can_face = np.vstack([np.ones((1, len(ANGLES)), np.bool_), bits(paths.headings[tuple(cells.T)])])
         there = np.vstack([traversability.grid.cell_of(paths.start), cells])
+        can_face = bits(paths.headings[tuple(there.T)])
         is_some = (gains >= MIN_GAIN).any(axis=1)
         if not is_some.any():
             return None

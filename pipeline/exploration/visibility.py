@@ -40,7 +40,13 @@ def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
 
 def gains(places: NDArray[np.float64], camera: kernels.CameraView, terrain: kernels.Terrain) -> NDArray[np.float64]:
     """(N, 16) m² that viewpoints at (N, 2) places, m, along each heading should show."""
-    rays, half = kernels.ray_gains(places, camera, terrain), _rays_in_view(camera) // 2
+    shape = len(places), RAYS
+    return _by_heading(kernels.ray_gains(places, camera, terrain, np.ones(shape, np.bool_), np.zeros(shape)), camera)
+
+
+def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
+    """(N, 16) the sum over what is in view along each heading, of (N, RAYS) rays."""
+    half = _rays_in_view(camera) // 2
     sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays, rays, rays]), axis=1)
     middle = np.rint(ANGLES / STEP).astype(int) + RAYS
     return sums[:, middle + half + 1] - sums[:, middle - half]
@@ -68,13 +74,13 @@ def cells_in_view(
 
 
 class ViewpointGains:
-    """Casts rays only from where something in their reach has changed, and something is left to see."""
+    """Casts again only those rays that meet something that has changed, where something is left to see."""
 
     def __init__(self) -> None:
         self._camera: kernels.CameraView | None = None
         self._origin = np.full(2, np.nan)
         self._cells = np.zeros((0, 2), np.int64)
-        self._gains = np.zeros((0, len(ANGLES)))
+        self._rays, self._gains = np.zeros((0, RAYS)), np.zeros((0, len(ANGLES)))
 
     def of(
         self,
@@ -90,30 +96,47 @@ class ViewpointGains:
             camera: that looks.
             terrain: what is known.
             changed: (nx, ny) the cells of it that changed since the last call. All rays are cast anew if the camera
-                is another, or if the grid begins elsewhere, and with it the places on every so many-th cell.
+                is another, or if the grid begins elsewhere.
         """
         if camera != self._camera or (terrain.origin != self._origin).any():
             self._camera, self._origin, changed = camera, terrain.origin, np.ones_like(changed)
-        # Two places more: a viewpoint and a change may lie anywhere in their blocks.
-        reach = camera.reach / (STRIDE * terrain.cell) + 2
-        is_old, is_vain = _farther_than(changed, reach), _farther_than(terrain.target, reach)
-        row, kept = np.full(changed.shape, -1), np.flatnonzero(is_old[tuple(self._cells.T // STRIDE)])
-        row[tuple(self._cells[kept].T)] = kept
+        row = np.full(changed.shape, -1)
+        row[tuple(self._cells.T)] = np.arange(len(self._cells))
         row = row[tuple(cells.T)]
-        result = np.zeros((len(cells), len(ANGLES)))
-        result[row >= 0] = self._gains[row[row >= 0]]
-        is_new = (row < 0) & ~is_vain[tuple(cells.T // STRIDE)]
-        result[is_new] = gains(terrain.origin + (cells[is_new] + 0.5) * terrain.cell, camera, terrain)
-        self._cells, self._gains = cells, result
-        return result
+        rays, gains = np.zeros((len(cells), RAYS)), np.zeros((len(cells), len(ANGLES)))
+        rays[row >= 0], gains[row >= 0] = self._rays[row[row >= 0]], self._gains[row[row >= 0]]
+        renewed = _towards(changed, cells, camera, terrain)
+        renewed[row < 0] = True
+        rays[renewed] = 0.0
+        some = renewed.any(axis=1)
+        wanted = renewed[some] & _towards(terrain.target, cells[some], camera, terrain)
+        rays[some] = kernels.ray_gains(_places(cells[some], terrain), camera, terrain, wanted, rays[some])
+        gains[some] = _by_heading(rays[some], camera)
+        self._cells, self._rays, self._gains = cells, rays, gains
+        return gains
 
 
-def _farther_than(changed: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
-    """(⌈nx / S⌉, ⌈ny / S⌉) the blocks of S × S cells with no change within so many blocks, S being the stride."""
-    untouched = np.asarray(~blocks(changed, STRIDE).any(axis=2))
-    if untouched.all():
-        return untouched
-    distance: NDArray[np.float64] = ndimage.distance_transform_edt(untouched)
+def _towards(
+    mask: NDArray[np.bool_], cells: NDArray[np.int64], camera: kernels.CameraView, terrain: kernels.Terrain
+) -> NDArray[np.bool_]:
+    """(N, RAYS) the rays from cells (N, 2) that may meet a cell of a mask (nx, ny)."""
+    wanted = np.zeros((len(cells), RAYS), np.bool_)
+    parts, side = np.asarray(blocks(mask, STRIDE).any(axis=2)), STRIDE * terrain.cell
+    near = ~_farther_than(parts, camera.reach / side + 2)[tuple(cells.T // STRIDE)]
+    wanted[near] = kernels.rays_towards(_places(cells[near], terrain), parts, terrain.origin, side, camera.reach)
+    return wanted
+
+
+def _places(cells: NDArray[np.int64], terrain: kernels.Terrain) -> NDArray[np.float64]:
+    """(N, 2) m, the middles of cells."""
+    return terrain.origin + (cells + 0.5) * terrain.cell
+
+
+def _farther_than(mask: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
+    """(I, J) the squares with none of a mask (I, J) within so many squares."""
+    if not mask.any():
+        return ~mask
+    distance: NDArray[np.float64] = ndimage.distance_transform_edt(~mask)
     return distance > reach
 
 

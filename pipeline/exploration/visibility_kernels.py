@@ -147,16 +147,42 @@ def is_shown(x, y, i, j, d, slope, rise, view, terrain):
 
 
 @njit(cache=True)
-def ray_gains(places, view, terrain):
-    """(N, RAYS) m² of target area that each ray of the circle is expected to show from each of (N, 2) points."""
-    result = np.zeros((len(places), RAYS))
+def ray_gains(places, view, terrain, wanted, known):
+    """(N, RAYS) m² that each ray from (N, 2) points should show; those ``wanted`` are cast, others ``known``."""
+    result = known.copy()
     seen = np.zeros(int(view.far / terrain.cell) + 9, np.int64)
     step = 2 * np.pi / RAYS
     for n in range(len(places)):
         for m in range(RAYS):
-            total, _ = cast_ray(places[n, 0], places[n, 1], m * step, view, terrain, seen)
-            result[n, m] = total * terrain.cell * step
+            if wanted[n, m]:
+                total, _ = cast_ray(places[n, 0], places[n, 1], m * step, view, terrain, seen)
+                result[n, m] = total * terrain.cell * step
     return result
+
+
+@njit(cache=True)
+def rays_towards(places, mask, origin, side, reach):
+    """(N, RAYS) bool, the rays from (N, 2) points that come within ``reach`` m through squares of a mask (I, J).
+
+    The squares have sides of ``side`` m, and the corner of the first one is ``origin``.
+    """
+    wanted = np.zeros((len(places), RAYS), np.bool_)
+    step, radius, around = 2 * np.pi / RAYS, side / np.sqrt(2), int(reach / side) + 1
+    for n in range(len(places)):
+        i, j = cell_at(places[n, 0], places[n, 1], origin, side)
+        for a in range(max(i - around, 0), min(i + around + 1, mask.shape[0])):
+            for b in range(max(j - around, 0), min(j + around + 1, mask.shape[1])):
+                if not mask[a, b]:
+                    continue
+                x, y = origin[0] + (a + 0.5) * side - places[n, 0], origin[1] + (b + 0.5) * side - places[n, 1]
+                distance = np.hypot(x, y)
+                if distance > reach + radius:
+                    continue
+                half = np.arcsin(radius / distance) if distance > radius else np.pi
+                bearing = np.arctan2(y, x)
+                for m in range(int(np.floor((bearing - half) / step)), int(np.ceil((bearing + half) / step)) + 1):
+                    wanted[n, m % RAYS] = True
+    return wanted
 
 
 @njit(cache=True)

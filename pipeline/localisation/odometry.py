@@ -72,6 +72,11 @@ class OdometryLocalisation:
         return False
 
     @property
+    def is_blind(self) -> bool:
+        """Whether the robot has come farther than its odometry may be believed with nothing to register."""
+        return False
+
+    @property
     def overlap(self) -> float:
         """Share of the newest frame's points that were seen before; 1 if it was not registered."""
         return 1.0

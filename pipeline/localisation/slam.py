@@ -45,6 +45,8 @@ POOR, BETTER = 0.6, 0.1
 """Overlap below which wheels may have slipped, and by how much more shows it."""
 STOPPED = 0.05
 """m that the robot drives by its odometry while a camera shows the very same, which one with noise never does."""
+BLIND = 1.0
+"""m by the odometry without a registration; wheels may spin as well, before a wall too near to be measured."""
 JUMP = 1.0
 """m between keyframes; an odometry that says more has jumped, and tells nothing."""
 SINCE_JUMP = (0.5,) * 6 + GATES
@@ -109,6 +111,7 @@ class Slam(Localisation):
         self._motions: list[Motion | None] = []
         self._anchor: NDArray[np.float64] | None = None
         self._deviations = np.zeros(0)
+        self._unseen_way = 0.0
         self._match: _Match | None = None
         self._keyframe: _Match | None = None
 
@@ -127,6 +130,11 @@ class Slam(Localisation):
         """Whether the newest frame fits only where no slip of wheels can have brought the robot."""
         match = self._match
         return bool(match and match.step and match.registration and match.registration.chi2 > CONTRADICTED)
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether the robot has come farther than its odometry may be believed with nothing to register."""
+        return self._unseen_way > BLIND and bool(self._match and not self._match.registration)
 
     @property
     def overlap(self) -> float:
@@ -154,6 +162,8 @@ class Slam(Localisation):
             self.motion.take(match.prediction, match.registration)
         else:
             self.motion.restart(match.registration.covariance if match.registration else np.diag(SET_DOWN**2))
+        way = float(np.linalg.norm(match.prediction.motion.T[:3, 3])) if match.prediction else 0.0
+        self._unseen_way = 0.0 if match.registration else self._unseen_way + way
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         if match.step is not None:
             self.graph.connect(number - 1, number, match.step.T, match.step.information)
@@ -181,7 +191,7 @@ class Slam(Localisation):
 
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
         """The robot was carried and found again at a pose (4×4), whatever the odometry says."""
-        self._anchor = T_map_base
+        self._anchor, self._unseen_way = T_map_base, 0.0
         self._match = None
 
     def points(self) -> NDArray[np.float32]:
@@ -299,7 +309,8 @@ class Slam(Localisation):
         for share in shares[:MOST_SHARES]:
             self.graph.connect(share.owner, number, share.T, firm(share.information), is_loop=True)
             self.graph.link(share.owner, number, found.covariance)
-            self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], share.T)))
+            # A share alone leaves directions open, where its own minimum means nothing; all of them together do not.
+            self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
         # From elsewhere, the robust loss takes a loop for an outlier and leaves the poses where they are.
         self.poses[-1] = found.T
 

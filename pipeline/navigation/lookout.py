@@ -83,9 +83,11 @@ class Lookout:
         assert self._navigator.motion is not None
         if is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
             frame = self._robot.sense()
-            if self._mapper.localisation.may_err and self._was_carried(self._agreement(frame)):
+            localisation = self._mapper.localisation
+            if localisation.may_err and self._was_carried(self._agreement(frame)):
                 return False
             self.add(frame, labelled=self._mapper.keyframes % LABELLED == 0)
+            return not localisation.is_blind
         return True
 
     def returns(self) -> NDArray[np.float32]:
@@ -106,12 +108,14 @@ class Lookout:
         found = self._agreement(frame)
         for _ in range(LOOKS):
             is_elsewhere = self._was_carried(found) or localisation.is_contradicted
-            is_doubtful = found.is_doubtful or (found.share < UNSURE[0] and localisation.overlap < UNSURE[1])
+            is_unsure = localisation.is_blind or (found.share < UNSURE[0] and localisation.overlap < UNSURE[1])
+            is_doubtful = found.is_doubtful or is_unsure
             if is_elsewhere or not is_doubtful or not self._navigator.turn(2 * np.pi / LOOKS):
                 break
             frame = self._robot.sense()
             found = Agreement.of([found, self._agreement(frame)])
-        return frame, not (self._was_carried(found) or localisation.is_contradicted or found.is_doubtful)
+        is_elsewhere = self._was_carried(found) or localisation.is_contradicted
+        return frame, not (is_elsewhere or found.is_doubtful or localisation.is_blind)
 
     def _was_carried(self, found: Agreement) -> bool:
         overlap = self._mapper.localisation.overlap

@@ -79,6 +79,9 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
         return f"{name} is not a place"
     if paths.start is None:
         return f"{name} cannot be driven to: the robot stands where it cannot drive"
+    # Also to where it stands, or could go to get away, though it may not stop there on its way.
+    if np.isfinite(paths.cost_to(goal)):
+        return None
     if np.isnan(grid.at(traversability.elevation, goal, outside=np.nan)):
         if grid.at(traversability.to_hazard, goal, outside=np.inf) < THICKEST:
             return f"{name} is in a wall or right behind one: the ground there was not seen"
@@ -87,9 +90,7 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
         return f"{name} is in a wall, on a step or on ground too steep"
     if not grid.at(traversability.traversable, goal):
         return f"{name} is too near to an obstacle or to unknown ground"
-    if not np.isfinite(paths.cost_to(goal)):
-        return f"{name} cannot be reached from ({paths.start[0]:.2f}, {paths.start[1]:.2f}) m"
-    return None
+    return f"{name} cannot be reached from ({paths.start[0]:.2f}, {paths.start[1]:.2f}) m"
 
 
 def goal_name(goal: NDArray[np.float64]) -> str:

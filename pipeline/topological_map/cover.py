@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,9 +123,9 @@ class Cover:
 
     def visible_from(self, places: NDArray[np.float64]) -> VisibleCells:
         """What (K, 2) places, m, see."""
-        cells = np.ascontiguousarray((places - self.grid.origin) / CELL)
-        seen, corners = kernels.visible_cells(cells, self.target, self._layers["walls"], _REACH)
-        return VisibleCells(places, seen, corners + self.grid.low)
+        cells = self.grid.cell_of(places)
+        seen = kernels.visible_cells(cells, self.target, self._layers["walls"], ray_tree(_REACH), _REACH)
+        return VisibleCells(places, seen, cells - _REACH + self.grid.low)
 
     def add(self, node: int, place: NDArray[np.float64]) -> None:
         """Let a node at ``place`` (2,), m, see."""
@@ -198,6 +199,37 @@ class Cover:
         corner = visible.corners[0] - self.grid.low
         i, j = (slice(w.start - c, w.stop - c) for w, c in zip(self._window(visible), corner, strict=True))
         return visible.seen[0][i, j]
+
+
+@cache
+def ray_tree(reach: int) -> NDArray[np.int64]:
+    """(N, 3) the cells on rays from a cell's middle to all cells on the rim of a square, ``reach`` cells away.
+
+    Each by its offset and the number of the next entry that does not lie behind it, where to go on if a wall hides
+    it. Rays that begin alike share their first entries.
+    """
+    across = np.arange(-reach, reach + 1)
+    sides = [np.stack([across, np.full_like(across, end)], axis=1) for end in (-reach, reach)]
+    rim = np.vstack([*sides, *(side[:, ::-1] for side in sides)])
+    steps = np.arange(2 * reach + 2) / 2
+    rays = np.floor(0.5 + steps[:, None] * (rim / np.linalg.norm(rim, axis=1)[:, None])[:, None]).astype(int)
+    root: dict = {}
+    for ray in rays.tolist():
+        behind = root
+        for i, j in dict.fromkeys(map(tuple, ray)):
+            if i * i + j * j <= reach * reach:
+                behind = behind.setdefault((i, j), {})
+    entries: list[list[int]] = []
+
+    def add(behind: dict) -> None:
+        for cell, farther in behind.items():
+            entry = [*cell, 0]
+            entries.append(entry)
+            add(farther)
+            entry[2] = len(entries)
+
+    add(root)
+    return np.array(entries)
 
 
 def _tall(traversability: Traversability) -> NDArray[np.bool_]:

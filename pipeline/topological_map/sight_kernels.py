@@ -5,44 +5,32 @@ from numba import njit
 
 
 @njit(cache=True)
-def visible_cells(places, target, walls, reach):
-    """Which target cells each place sees.
-
-    Rays run to every cell on the rim of a square window around the place, in steps of half a cell, and end at walls.
+def visible_cells(cells, target, walls, rays, reach):
+    """Which target cells are seen from each of (K, 2) cells, int64; walls end the ``rays``.
 
     Args:
-        places: (K, 2) float64, in cells from the grid's corner.
+        cells: grid indices.
         target: (nx, ny) bool, what there is to see.
         walls: (nx, ny) bool, what hides it.
-        reach: cells, how far a place sees.
+        rays: of a place that sees ``reach`` cells far, see ``ray_tree``.
+        reach: cells.
 
     Returns:
-        (K, 2 reach + 1, 2 reach + 1) bool, and the (K, 2) int64 grid indices of the windows' corners.
+        (K, 2 reach + 1, 2 reach + 1) bool, windows around the cells.
     """
     size = 2 * reach + 1
-    seen = np.zeros((len(places), size, size), np.bool_)
-    corners = np.empty((len(places), 2), np.int64)
-    for k in range(len(places)):
-        corners[k] = np.floor(places[k, 0]) - reach, np.floor(places[k, 1]) - reach
-        for n in range(size):
-            for rim_i, rim_j in ((n, 0), (n, size - 1), (0, n), (size - 1, n)):
-                _cast(places[k], corners[k], rim_i, rim_j, target, walls, reach, seen[k])
-    return seen, corners
-
-
-@njit(cache=True)
-def _cast(place, corner, rim_i, rim_j, target, walls, reach, seen):
-    """Mark the target cells on the ray from a place to the rim cell of its window."""
-    dx, dy = corner[0] + rim_i + 0.5 - place[0], corner[1] + rim_j + 0.5 - place[1]
-    length = np.sqrt(dx * dx + dy * dy)
-    for s in range(2 * reach + 2):
-        i = int(np.floor(place[0] + dx / length * s / 2))
-        j = int(np.floor(place[1] + dy / length * s / 2))
-        if not (0 <= i < target.shape[0] and 0 <= j < target.shape[1]) or walls[i, j]:
-            return
-        x, y = i + 0.5 - place[0], j + 0.5 - place[1]
-        if target[i, j] and x * x + y * y <= reach * reach:
-            seen[i - corner[0], j - corner[1]] = True
+    seen = np.zeros((len(cells), size, size), np.bool_)
+    for k in range(len(cells)):
+        n = 0
+        while n < len(rays):
+            i, j = cells[k, 0] + rays[n, 0], cells[k, 1] + rays[n, 1]
+            if not (0 <= i < target.shape[0] and 0 <= j < target.shape[1]) or walls[i, j]:
+                n = rays[n, 2]
+                continue
+            if target[i, j]:
+                seen[k, rays[n, 0] + reach, rays[n, 1] + reach] = True
+            n += 1
+    return seen
 
 
 @njit(cache=True)

@@ -47,12 +47,12 @@ def fresh(cells: np.ndarray, terrain: kernels.Terrain) -> np.ndarray:
 
 @pytest.fixture
 def casts(monkeypatch):
-    """How many places rays were cast from, call by call."""
+    """How many rays were cast, call by call."""
     numbers, cast = [], kernels.ray_gains
 
-    def counted(places, *rest):
-        numbers.append(len(places))
-        return cast(places, *rest)
+    def counted(places, camera, terrain, wanted, known):
+        numbers.append(np.count_nonzero(wanted))
+        return cast(places, camera, terrain, wanted, known)
 
     monkeypatch.setattr(kernels, "ray_gains", counted)
     return numbers
@@ -80,7 +80,7 @@ def gains():
 
 def test_unchanged_ground_costs_nothing(casts, gains):
     gains.of(CELLS, CAMERA, terrain_with(known_but_for_stripes()), NOTHING)
-    assert casts == [len(CELLS), 0]
+    assert casts[0] > 0 == casts[1]
 
 
 def test_no_ray_is_cast_where_nothing_in_reach_is_left_to_see(casts):
@@ -92,14 +92,14 @@ def test_a_change_concerns_only_what_sees_it(casts, gains):
     changed = NOTHING.copy()
     changed[0, 0] = True
     gains.of(CELLS, CAMERA, terrain_with(known_but_for_stripes() & ~changed), changed)
-    assert 0 < casts[1] < len(CELLS)
+    assert 0 < casts[1] < casts[0] / 20
 
 
 def test_rays_are_cast_anew_where_the_grid_begins_elsewhere_and_for_another_camera(casts, gains):
     terrain = terrain_with(known_but_for_stripes(), origin=(-6.4, 0.0))
     gains.of(CELLS, CAMERA, terrain, NOTHING)
     gains.of(CELLS, CAMERA._replace(height=0.5), terrain, NOTHING)
-    assert casts == [len(CELLS)] * 3
+    assert min(casts) > 0.95 * max(casts)
 
 
 def test_a_view_is_that_of_the_camera_on_the_robot():

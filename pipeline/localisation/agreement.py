@@ -82,6 +82,8 @@ def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: Metri
     """
     depth = tile_depths(frame)
     free, surface = expected_depths(frame, T_map_camera, metric_map)
+    # A voxel so near hides more than a window, though it may hold no more than the end of a wall beside the view.
+    surface = np.where(surface < NEAREST, np.inf, surface)
     short = _highest(depth) + MARGIN < _lowest(free)
     through = _lowest(depth) > _highest(surface) + MARGIN
     seen = np.isfinite(depth)

@@ -6,10 +6,14 @@ nearer than the camera's range. All that tells of it is a stripe of the image wi
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from pipeline.frame import Intrinsics
 from pipeline.transforms import transform_points
 from pipeline.traversability import depth_dropouts_kernels as kernels
+
+LEAST_ROWS = 3
+"""Rows, of those that are searched, in which a panel leaves its gap: one row of three pixels is noise."""
 
 
 def find_depth_dropouts(
@@ -24,5 +28,8 @@ def find_depth_dropouts(
     """
     dropouts = np.zeros_like(depth)
     kernels.dropout_depth(depth, intrinsics.fy, dropouts)
-    v, u = np.nonzero(dropouts)
+    gaps, _ = ndimage.label(dropouts[:: kernels.ROW_STEP] > 0, np.ones((3, 3)))
+    is_panel = [False, *(rows.stop - rows.start >= LEAST_ROWS for rows, _ in ndimage.find_objects(gaps))]
+    v, u = np.nonzero(np.array(is_panel)[gaps])
+    v *= kernels.ROW_STEP
     return transform_points(T_map_camera, intrinsics.rays[v, u] * dropouts[v, u, None])

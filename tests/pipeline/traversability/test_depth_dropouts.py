@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
-from pipeline.traversability.depth_dropouts import find_depth_dropouts
+from pipeline.traversability.depth_dropouts import LEAST_ROWS, find_depth_dropouts
 from pipeline.traversability.depth_dropouts_kernels import ROW_STEP
 
-WIDE = Intrinsics(width=101, height=4, fx=100.0, fy=100.0, cx=50.5, cy=-58.0)
+WIDE = Intrinsics(width=101, height=8, fx=100.0, fy=100.0, cx=50.5, cy=-58.0)
 """Every row of it looks at the ground when the camera looks level."""
 LEVEL = np.array([(0.0, 0, 1, 0), (-1, 0, 0, 0), (0, -1, 0, 0.6), (0, 0, 0, 1)])
 """A camera 0.6 m above the origin that looks along x."""
@@ -41,6 +41,14 @@ def test_frayed_pixels_and_wide_shadows_are_not_missing(width):
     depth = ground_depth()
     depth[:, 20 : 20 + width] = 0
     assert not len(dropouts(depth))
+
+
+def test_a_few_rows_of_noise_are_no_panel():
+    depth = ground_depth()
+    depth[: (LEAST_ROWS - 1) * ROW_STEP, 48:53] = 0
+    assert not len(dropouts(depth))
+    depth[(LEAST_ROWS - 1) * ROW_STEP, 48:53] = 0
+    assert len(dropouts(depth)) == 5 * LEAST_ROWS
 
 
 def test_what_lies_farther_behind_a_gap_is_other_ground():

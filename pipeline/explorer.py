@@ -185,8 +185,8 @@ class Explorer:
         self.mapper.add_drive(track, obstacles, [touched(halt, self.robot.model) for halt in halts])
         self.track = np.vstack([self.track, track])
 
-    def settle(self) -> None:
-        """Correct the keyframes' poses; the maps, and what is known by its place in them, follow."""
+    def settle(self) -> bool:
+        """Correct the keyframes' poses; the maps, and what is known by its place in them, follow. Whether any moved."""
         correction = self.mapper.settle()
         if correction is not None:
             self.mission.exploration.correct(correction)
@@ -194,3 +194,4 @@ class Explorer:
             self.track = correction.moved(self.track)
             self.on_correction(correction)
         self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
+        return correction is not None

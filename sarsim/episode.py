@@ -137,7 +137,8 @@ class Episode:
             self.recorder.log_message("WARN", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
         self.recorder.log_message("INFO" if step.can_drive else "WARN", self._tell(step))
         if step.plan is None:
-            return False
+            # Walls that were doubled, and shut what is behind them, come together when a loop is closed.
+            return self.explorer.settle()
         if not self.explorer.drive(step):
             leg = self.explorer.navigator.legs[-1]
             self.recorder.log_message("WARN", f"leg to {place_name(leg.target)} ended: {leg.outcome.value}")

@@ -40,7 +40,8 @@ class Progress:
     def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity, on_ramp: bool = False) -> bool:
         """Whether the newest 4×4 pose shows that the command cannot be followed; on ramps wheels skid for a while."""
         held = self._is_held(T, time - self._time, command) and not on_ramp
-        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STUCK_DISTANCE
+        # In a turn wheels that spin on one side alone seem to get somewhere.
+        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STUCK_DISTANCE and not isinstance(command, Turn)
         turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STUCK_ANGLE
         if moved or turned:
             self._anchor, self._since = T, time

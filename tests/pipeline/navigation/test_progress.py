@@ -1,0 +1,34 @@
+"""Whether a robot still gets anywhere."""
+
+import numpy as np
+import pytest
+
+from pipeline.navigation.progress import STUCK_TIME, Progress, Turn
+from pipeline.robot import Velocity
+from pipeline.transforms import from_yaw
+from tests.pipeline.robot_model import PIONEER
+
+DT = 0.04
+
+
+def seconds_until_stuck(command: Velocity, v: float, omega: float, on_ramp: bool = True) -> float:
+    """Of a robot whose odometry says that it moves with ``v`` m/s and ``omega`` rad/s; inf if it is never stuck."""
+    progress = Progress(PIONEER, from_yaw(0, 0, 0, 0), 0.0)
+    for k in range(1, 300):
+        if progress.is_stuck(from_yaw(k * DT * v, 0, 0, k * DT * omega), k * DT, command, on_ramp):
+            return k * DT
+    return np.inf
+
+
+@pytest.mark.parametrize(
+    ("command", "v", "omega", "expected"),
+    [
+        (Velocity(0.2), 0.2, 0.0, np.inf),
+        (Velocity(0.2), 0.0, 0.0, STUCK_TIME),
+        (Turn(0.0, 0.3), 0.0, 0.3, np.inf),
+        # Of a robot that is held, wheels that spin on one side feign a drive.
+        (Turn(0.1, 0.3), 0.12, 0.0, STUCK_TIME),
+    ],
+)
+def test_a_robot_is_stuck_when_what_it_was_told_to_change_does_not(command, v, omega, expected):
+    assert seconds_until_stuck(command, v, omega) == pytest.approx(expected, abs=2 * DT)

@@ -148,7 +148,8 @@ class Cover:
         lost = [self._unseen(self._seen_by[n]) for n in nodes]
         for n in nodes:
             self._count(n, 1)
-        cells = np.unique(np.concatenate(lost), axis=0)
+        flat = np.unique(np.ravel_multi_index(tuple(np.concatenate(lost).T), self.grid.shape))
+        cells = np.stack(np.unravel_index(flat, self.grid.shape), axis=1)
         if not len(cells):
             return cells
         return cells[np.argsort(-np.linalg.norm(cells - cells.mean(axis=0), axis=1), kind="stable")]

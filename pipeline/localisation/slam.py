@@ -59,6 +59,9 @@ KNOWN = 0.05
 """m; keyframes known better than this from the newest one make up one map to register with. Others make a loop."""
 FEIGNED = 1e-3
 """Of the information across surfaces, at most so much does noise in their normals feign along them."""
+TOLD = 0.03
+"""Of that information, what surfaces must tell of a way that wheels only feigned. On bare floors, where robots that
+drove seemed to have stayed, it was less in 99 of 100 frames, and 0.0009 by median."""
 FAR_OFF = 1.0
 """m; a loop is looked for no farther away, however little is known."""
 UNPINNED = 0.15
@@ -368,5 +371,6 @@ def is_pinned(information: NDArray[np.float64], way: NDArray[np.float64] | None 
     """
     covariance = np.linalg.inv(information + np.eye(6))[3:, 3:]
     variances = np.linalg.eigvalsh(covariance)
-    greatest = variances[-1] if way is None else way @ covariance @ way / max(float(way @ way), 1e-12)
-    return bool(greatest < min(KNOWN**2, variances[0] / FEIGNED))
+    if way is None:
+        return bool(variances[-1] < min(KNOWN**2, variances[0] / FEIGNED))
+    return bool(way @ covariance @ way < min(KNOWN**2, variances[0] / TOLD) * max(float(way @ way), 1e-12))

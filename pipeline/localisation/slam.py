@@ -23,6 +23,7 @@ from pipeline.localisation.registration import (
     GATES,
     Prior,
     Registration,
+    Share,
     Target,
     cloud_of,
     exponential,
@@ -116,7 +117,7 @@ class Slam(Localisation):
         self._deviations = np.zeros(0)
         self._unseen_way = 0.0
         self._match: _Match | None = None
-        self._keyframe: _Match | None = None
+        self._loop: tuple[int, Registration, list[Share]] | None = None
 
     @property
     def poses(self) -> NDArray[np.float64]:
@@ -163,8 +164,10 @@ class Slam(Localisation):
         assert match is not None and match.frame is frame
         if match.prediction is not None:
             self.motion.take(match.prediction, match.registration)
-        else:
-            self.motion.restart(match.registration.covariance if match.registration else np.diag(SET_DOWN**2))
+        elif match.registration:
+            self.motion.restart(match.registration.covariance)
+        elif len(self.graph):
+            self.motion.restart(np.diag(SET_DOWN**2))
         way = float(np.linalg.norm(match.prediction.motion.T[:3, 3])) if match.prediction else 0.0
         self._unseen_way = 0.0 if match.registration else self._unseen_way + way
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
@@ -178,16 +181,17 @@ class Slam(Localisation):
             self.local_map.add(number, match.cloud, frame.T_base_camera[:3, 3], new)
         self._motions.append(match.prediction.motion if match.prediction else None)
         self._odometry.append((frame.time, frame.T_odom_base))
-        self._anchor, self._keyframe = None, match
+        self._anchor = None
         self._renew()
+        if self.closes_loops:
+            self._find_loop(number, match)
 
     def optimise(self) -> None:
-        """Close a loop if there is one, and correct the poses of all keyframes."""
-        loops = len(self.loops)
-        if self.closes_loops:
-            self._close_loop()
+        """Close a loop if one was found, and correct the poses of all keyframes."""
+        is_closed = self._loop is not None
+        self._close_loop()
         self.graph.optimise()
-        if len(self.loops) > loops:
+        if is_closed:
             self.motion.fit(self._motions, self.poses)
         self.T_map_odom = self.poses[-1] @ inverse(self._odometry[-1][1])
         self._renew()
@@ -289,14 +293,12 @@ class Slam(Localisation):
             self.graph.link(share.owner, number, registration.covariance)
         return new
 
-    def _close_loop(self) -> None:
-        """Register the newest keyframe with those near that it knows too little of."""
-        match = self._keyframe
+    def _find_loop(self, number: int, match: _Match) -> None:
+        """Register the newest keyframe with those near that it knows too little of; one loop at a time."""
         unknown = self._deviations >= KNOWN
-        if match is None or match.cloud is None or not unknown.any():
+        if self._loop is not None or match.cloud is None or not unknown.any():
             return
-        number, T = len(self.graph) - 1, self.poses[-1]
-        reach = min(float(self._deviations.max()), FAR_OFF)
+        T, reach = self.poses[number], min(float(self._deviations.max()), FAR_OFF)
         target = self._target(match.cloud.points()[:, :3], T, match.frame, unknown, MARGIN + reach)
         if target is None:
             return
@@ -306,16 +308,22 @@ class Slam(Localisation):
         found = register(target, match.cloud, [prior, by_gravity(T, match.frame)], gates)
         tells = variance_of(found.covariance) < deviation**2 / 2
         is_safe = deviation < UNPINNED or is_pinned(found.information)
-        if found.overlap < LOOP_OVERLAP or found.chi2 > SLIPPED or not tells or not is_safe:
+        if found.overlap >= LOOP_OVERLAP and found.chi2 <= SLIPPED and tells and is_safe:
+            self._loop = number, found, shares_of(target, match.cloud, found.T)[0][:MOST_SHARES]
+
+    def _close_loop(self) -> None:
+        """Connect the keyframe that met a place again with those that saw it before."""
+        if self._loop is None:
             return
-        shares, _ = shares_of(target, match.cloud, found.T)
-        for share in shares[:MOST_SHARES]:
+        number, found, shares = self._loop
+        for share in shares:
             self.graph.connect(share.owner, number, share.T, firm(share.information), is_loop=True)
             self.graph.link(share.owner, number, found.covariance)
             # A share alone leaves directions open, where its own minimum means nothing; all of them together do not.
             self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
         # From elsewhere, the robust loss takes a loop for an outlier and leaves the poses where they are.
-        self.poses[-1] = found.T
+        self.poses[number:] = found.T @ inverse(self.poses[number]) @ self.poses[number:]
+        self._loop = None
 
 
 def cloud_of_frame(frame: Frame) -> small_gicp.PointCloud | None:

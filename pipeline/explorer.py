@@ -186,7 +186,7 @@ class Explorer:
         self.track = np.vstack([self.track, track])
 
     def settle(self) -> bool:
-        """Correct the keyframes' poses; the maps, and what is known by its place in them, follow. Whether any moved."""
+        """Correct the keyframes' poses; maps, and what is known by its place in them, follow. Whether any moved."""
         correction = self.mapper.settle()
         if correction is not None:
             self.mission.exploration.correct(correction)

@@ -158,11 +158,11 @@ def progress(disable: bool = False) -> Progress:
 
 @functools.cache
 def announce_compilation() -> None:
-    """Say it when numba compiles first, which takes minutes: from the second run on, all comes from its cache."""
+    """Tell a person at a terminal when numba compiles first, which takes minutes; later runs have its cache."""
     from numba.core import event
 
     class Announcer(event.Listener):
-        is_told = _quiet
+        is_told = _quiet or not sys.stderr.isatty()
 
         def on_start(self, event: event.Event) -> None:
             if not self.is_told:

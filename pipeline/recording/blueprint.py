@@ -103,13 +103,13 @@ def _plots() -> list[rrb.TimeSeriesView | rrb.Tabs]:
     ]
 
 
-def _plot(name: str, *contents: str, **axes: rrb.ScalarAxis) -> rrb.TimeSeriesView:
+def _plot(name: str, *contents: str, axis_y: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
     whole = rr.TimeRange(start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite())
     return rrb.TimeSeriesView(
         origin="metrics",
         contents=list(contents),
         name=name,
         axis_x=rrb.TimeAxis(view_range=whole),
-        **axes,
+        axis_y=axis_y,
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
     )

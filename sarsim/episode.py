@@ -1,10 +1,8 @@
 """An episode: the robot explores an arena, builds its maps and leaves a recording and a report."""
 
 import json
-import sys
 from collections.abc import Callable
 from dataclasses import asdict
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -23,7 +21,7 @@ from pipeline.recording.map_file import load_keyframes
 from pipeline.recording.results import KEYFRAMES, save_maps
 from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints
 from pipeline.rescue_report.report import RescueReport, write_page
-from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
+from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.victims.detection.detector import VictimDetector
@@ -34,8 +32,6 @@ from sarsim.robots.pioneer3at import WHEELS
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.settings import EpisodeConfig, Labels, MapRecording
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-
-OWN_LABELS: dict[str, Callable[[], PointClassifier]] = {"truth": TruthClassifier, "rules": RuleClassifier}
 
 
 class Episode:
@@ -201,34 +197,15 @@ def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
     Raises:
         InputError: the network's weights are missing, or not for this, or there is no such class.
     """
-    if labels in OWN_LABELS:
-        return OWN_LABELS[labels]()
+    if labels == "truth":
+        return TruthClassifier()
+    if labels == "rules":
+        return RuleClassifier()
     if labels != "dgcnn":
         return own_classifier(labels)
     if not weights.exists():
         raise InputError(f"--weights {weights}: no such file; train.py dgcnn makes one, --labels truth needs none")
     return DgcnnClassifier(weights)
-
-
-def own_classifier(name: str) -> PointClassifier:
-    """An instance of the class ``module:Class``; the module is looked for in the working folder too.
-
-    Raises:
-        InputError: there is none, or it cannot classify.
-    """
-    module, _, kind = name.partition(":")
-    if not (module and kind):
-        raise InputError(f"--labels {name}: give dgcnn, rules, truth or module:Class")
-    sys.path.append(str(Path.cwd()))
-    try:
-        classifier = getattr(import_module(module), kind)()
-    except (ImportError, AttributeError, TypeError) as error:
-        raise InputError(f"--labels {name}: {error}") from error
-    finally:
-        sys.path.pop()
-    if not callable(getattr(classifier, "classify", None)):
-        raise InputError(f"--labels {name}: has no method classify, see pipeline.semantic_map.classifier")
-    return classifier
 
 
 def run_report(

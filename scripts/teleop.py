@@ -1,7 +1,7 @@
 """Drive the robot through an arena by keyboard, in MuJoCo's viewer: ``teleop.py --arena A``."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
 from sarsim.arenas.settings import StartPose
@@ -14,21 +14,16 @@ if TYPE_CHECKING:
 
 
 def teleop(
-    arena: str = "nist_6x4",
-    start: StartPose | None = None,
-    out: Path | None = None,
-    labels: Labels = "truth",
-    view: Literal["none", "spawn", "web"] = "spawn",
+    arena: str = "nist_6x4", start: StartPose | None = None, out: Path | None = None, labels: Labels = "truth"
 ) -> None:
     """Drive the robot by keyboard, to get to know an arena or the robot, or to map an arena by hand.
 
     Args:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
         start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
-        out: folder for the recording and the maps of the drive, the same files as an episode's; without it nothing is
-            mapped.
+        out: folder for the recording and the maps of the drive, the same files as an episode's, which Rerun shows
+            meanwhile; without it nothing is mapped.
         labels: with --out, what labels the points, as in run_episode.py.
-        view: with --out, where to show camera, labels and maps meanwhile: a window, the browser, or nowhere.
     """
     from pipeline.recording.viewer import has_display
     from sarsim.arenas.load import load_arena
@@ -37,7 +32,7 @@ def teleop(
     scene = load_arena(arena, start)
     if not has_display():
         raise InputError("there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)")
-    mapped = map_drive(scene, out, labels, view) if out else None
+    mapped = map_drive(scene, out, labels) if out else None
     driven = mapped or FreeDrive(scene)
     print(KEYS, flush=True)
     with Interruptible() as hold:
@@ -49,9 +44,7 @@ def teleop(
         raise KeyboardInterrupt(hold.signal)
 
 
-def map_drive(
-    arena: "RescueArena", out: Path, labels: Labels, view: Literal["none", "spawn", "web"]
-) -> "MappedDrive":
+def map_drive(arena: "RescueArena", out: Path, labels: Labels) -> "MappedDrive":
     """What maps and records a drive; InputError where the folder, the labels or the viewer cannot be had."""
     from sarsim.episode import make_classifier, make_folder
     from sarsim.recording import EpisodeRecorder
@@ -61,7 +54,7 @@ def map_drive(
     classifier = make_classifier(labels, WEIGHTS)
     make_folder(out)
     robot = SimulatedRobot(arena, SimulationConfig(), seed=0)
-    return MappedDrive(robot, classifier, EpisodeRecorder(robot, out / "episode.rrd", view))
+    return MappedDrive(robot, classifier, EpisodeRecorder(robot, out / "episode.rrd", "spawn"))
 
 
 def main() -> None:

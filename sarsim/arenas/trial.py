@@ -1,10 +1,10 @@
 """A stranger's MJCF, tried in a process of its own, which may take only so much memory and time."""
 
-import multiprocessing
 import os
 import resource
+import select
+import signal
 from contextlib import suppress
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 import mujoco
@@ -17,6 +17,8 @@ MEMORY = 4_000_000_000
 """bytes beyond what this process has."""
 SECONDS = 20
 """of processor time; a process that takes none waits for something, ten times as long."""
+GOOD, MOST_SAID = "good", 4096
+"""Answer of the process, and its longest, in bytes, that a pipe takes at once."""
 TIMESTEP = 1e-4, 0.02
 """s, from and to; the drive's period is the longest."""
 MOST_ITERATIONS = 1000
@@ -33,22 +35,27 @@ def try_mjcf(path: Path) -> None:
     Raises:
         InputError: it is no good, holds a number that makes no sense, or takes absurdly much memory or time.
     """
-    fork = multiprocessing.get_context("fork")  # another way to start takes a second
-    ours, theirs = fork.Pipe(duplex=False)
-    process = fork.Process(target=_try, args=(path, theirs))
-    process.start()
-    theirs.close()
-    said = f"more than {MEMORY / 1e9:g} GB or {SECONDS} s are needed to read it"
-    with suppress(EOFError):
-        said = ours.recv() if ours.poll(10 * SECONDS) else said
-    process.kill()
-    process.join()
-    if said:
-        raise InputError(f"{path}: {said}")
+    reading, writing = os.pipe()
+    child = os.fork()  # another way to start a process takes a second, and workers may have none of multiprocessing's
+    if not child:
+        try:
+            os.write(writing, _tried(path).encode()[:MOST_SAID])
+        finally:
+            os._exit(0)
+    os.close(writing)
+    try:
+        answered, _, _ = select.select([reading], [], [], 10 * SECONDS)
+        said = os.read(reading, MOST_SAID).decode(errors="replace") if answered else ""
+    finally:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        os.close(reading)
+    if said != GOOD:
+        raise InputError(f"{path}: {said or f'more than {MEMORY / 1e9:g} GB or {SECONDS} s are needed to read it'}")
 
 
-def _try(path: Path, pipe: Connection) -> None:
-    """Tell through the pipe what is wrong with a file, an empty line if nothing is."""
+def _tried(path: Path) -> str:
+    """What is wrong with a file, as far as MuJoCo says it; this process is of no other use afterwards."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
     with suppress(OSError, ValueError):  # elsewhere than on Linux time is limited alone
@@ -59,13 +66,13 @@ def _try(path: Path, pipe: Connection) -> None:
         check_model(model)
         mujoco.mj_step(model, mujoco.MjData(model))
         mjcf.from_path(str(path))
-        pipe.send("")
+        return GOOD
     except InputError as error:
-        pipe.send(str(error))
+        return str(error)
     except Exception as error:
         if "unknown exception" in str(error):
-            return  # so MuJoCo says that there is no memory
-        pipe.send(f"not a readable MJCF file: {' '.join(str(error).split()) or type(error).__name__}")
+            return ""  # so MuJoCo says that there is no memory
+        return f"not a readable MJCF file: {' '.join(str(error).split()) or type(error).__name__}"
 
 
 def check_model(model: mujoco.MjModel) -> None:

@@ -29,7 +29,7 @@ def test_labels_come_from_rules_the_simulator_or_a_class_of_the_users(
 @pytest.mark.parametrize(
     ("labels", "said"),
     [
-        ("magic", "give dgcnn, rules, truth or module:Class"),
+        ("magic", "give one that --help names, or module:Class"),
         ("no_such_module:Mine", "No module named 'no_such_module'"),
         ("json:Mine", "has no attribute 'Mine'"),
         ("json:JSONDecoder", "has no method classify"),

@@ -117,14 +117,16 @@ def unboxed(text: str) -> str:
 class PlainProgress(Progress):
     """Progress as lines on stderr, one in :data:`LINE_EVERY` s and a last one, for a file or a service's log."""
 
-    _due = 0.0
-
     def start(self) -> None:
         """Draw nothing."""
+        self._due = time.monotonic() + LINE_EVERY
 
     def stop(self) -> None:
-        """Tell how far every task is in the end."""
-        for task in self.tasks:
+        """Draw nothing."""
+
+    def __exit__(self, error: type[BaseException] | None, *_: Any) -> None:
+        """Tell how far every task is in the end; an error speaks for itself."""
+        for task in self.tasks if error is None else []:
             self._tell(task)
 
     def update(self, task_id: TaskID, **changes: Any) -> None:

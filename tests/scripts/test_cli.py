@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import InputError
+from sarsim.scripts import cli
 from sarsim.scripts.cli import progress, run
 
 
@@ -170,15 +171,25 @@ def test_the_log_has_the_level_that_is_asked_for(capsys: pytest.CaptureFixture[s
     assert "--log-level: invalid choice: 'loud'" in capsys.readouterr().err
 
 
-def test_progress_is_lines_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_is_lines_without_a_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "LINE_EVERY", -1.0)
     with progress() as bars:
         bar = bars.add_task("steps", total=5)
         for _ in range(5):
             bars.advance(bar)
         assert list(bars.track([1, 2], description="scenes")) == [1, 2]
     lines = capsys.readouterr().err.splitlines()
-    assert lines[0].startswith("steps: 1 of 5, ") and lines[-2].startswith("steps: 5 of 5, ")
-    assert len(lines) == 3  # one as it begins, and one of each in the end
+    assert [line.partition(",")[0] for line in lines[:5]] == [f"steps: {k} of 5" for k in range(1, 6)]
+    assert lines[-1].startswith("scenes: 2 of 2, ")
+
+
+def test_progress_leaves_the_last_word_to_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(InputError), progress() as bars:
+        bars.update(bars.add_task("steps", total=5), advance=1)
+        raise InputError("no more")
+    assert capsys.readouterr().err == ""
 
 
 COMPILING = """

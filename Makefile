@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 SUBJECT ?= camera
 
-.PHONY: help setup episode test endurance lint benchmark docs clean
+.PHONY: help setup episode test endurance lint benchmark docs dist clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
@@ -38,6 +38,13 @@ docs: setup .venv/docs-installed ## build the documentation's site in build/site
 .venv/docs-installed: docs/requirements.txt
 	$(PYTHON) -m pip --disable-pip-version-check --quiet install --no-deps --requirement $<
 	@touch $@
+
+# From the sdist alone, so that it is whole.
+dist: setup ## build the wheel and the sdist in dist/
+	rm -rf dist
+	$(PYTHON) -c "from setuptools import build_meta; build_meta.build_sdist('dist')" >/dev/null
+	$(PYTHON) -m pip --quiet wheel --no-deps --no-build-isolation --wheel-dir dist dist/*.tar.gz
+	@ls -sh dist
 
 clean: ## remove all that was built, .venv too; runs/ stays
 	rm -rf .venv build dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
+MOST_BYTES = 4_000_000_000
+"""of the arrays in a file, unpacked."""
+
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
@@ -38,6 +41,10 @@ def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
         InputError: it is missing or damaged.
     """
     try:
+        with zipfile.ZipFile(path) as packed:
+            size = sum(member.file_size for member in packed.infolist())
+        if size > MOST_BYTES:
+            raise InputError(f"{path}: refused, a {what} that takes {size / 1e6:.0f} MB unpacked")
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except OSError as error:

@@ -21,8 +21,9 @@ from pipeline.recording.map_file import load_keyframes
 from pipeline.recording.results import KEYFRAMES, save_maps
 from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints
 from pipeline.rescue_report.report import RescueReport, write_page
-from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
+from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
+from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
@@ -195,10 +196,14 @@ def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
     """The classifier that ``--labels`` names.
 
     Raises:
-        InputError: the network's weights are missing, or not for this.
+        InputError: the network's weights are missing, or not for this, or there is no such class.
     """
     if labels == "truth":
         return TruthClassifier()
+    if labels == "rules":
+        return RuleClassifier()
+    if labels != "dgcnn":
+        return own_classifier(labels)
     if not weights.exists():
         raise InputError(f"--weights {weights}: no such file; train.py dgcnn makes one, --labels truth needs none")
     return DgcnnClassifier(weights)

@@ -22,8 +22,6 @@ from sarsim.robots.pose import Pose
 from sarsim.sensors.camera import geom_labels
 from sarsim.simulated_robot import SimulatedRobot
 
-TRUE_TRACK_COLOUR = (0, 255, 120)
-
 
 class EpisodeRecorder(Recorder):
     """Logs an episode; the robot is drawn where its software believes it to be, the arena where it is."""
@@ -72,7 +70,7 @@ class EpisodeRecorder(Recorder):
         super().log_trajectory(localisation)
         if self._can_err:
             way = [*self._true_track.positions, self._T_world_base[:3, 3]]
-            self.stream.log("world/trajectory/true", drawings.trajectory(way, TRUE_TRACK_COLOUR))
+            self.stream.log("world/trajectory/true", drawings.trajectory(way, drawings.TRUE_TRACK_COLOUR))
             self._log_error()
 
     @property

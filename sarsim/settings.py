@@ -9,8 +9,8 @@ import tyro
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.assets import asset
 
-Labels = Literal["dgcnn", "truth"]
-"""What labels the points: the network, or the simulator."""
+Labels = Literal["dgcnn", "rules", "truth"] | str
+"""What labels the points: the network, height and slope alone, the simulator, or a class, module:Class."""
 Odometry = Literal["truth", "wheel"]
 """The true pose, or dead reckoning by wheels and gyro."""
 LightingName = Literal["normal", "dim", "dark"]
@@ -32,7 +32,8 @@ class EpisodeConfig:
         map: folder of an earlier episode in the same arena, in whose map the robot finds its place and goes on.
         goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
         home: drive back to the start in the end.
-        labels: what labels the points: the network, or the simulator, to see what perfect labels would bring.
+        labels: what labels the points: the network (dgcnn), height and slope alone (rules), the simulator (truth), to
+            see what perfect labels would bring, or a class of yours, module:Class.
         weights: of the network, as train.py writes them.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
         odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
@@ -94,7 +95,8 @@ class MapRecording:
         out: folder for the results, the same files as an episode's.
         poses: where they come from: recorded odometry, corrected by registration (slam), registration alone,
             recorded odometry or true poses taken at their word; by default slam if there is odometry.
-        labels: what labels the points: the network, or true labels that a simulator recorded.
+        labels: what labels the points: the network (dgcnn), height and slope alone (rules), true labels that a
+            simulator recorded (truth), or a class of yours, module:Class.
         weights: of the network, as train.py writes them.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
         camera: of the camera on the robot: x y z in m, roll pitch yaw in degrees, pitch positive where it looks down;

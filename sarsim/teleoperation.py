@@ -4,13 +4,24 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import mujoco.viewer
 import numpy as np
-from dm_control import composer
 
-from sarsim.task import CONTROL_TIMESTEP
+from pipeline.frame import Frame
+from pipeline.localisation.slam import Slam
+from pipeline.mapper import Mapper
+from pipeline.navigation.lookout import is_keyframe
+from pipeline.recording.results import save_maps
+from pipeline.robot import Velocity
+from pipeline.semantic_map.classifier import PointClassifier
+from sarsim.arenas.arena import RescueArena
+from sarsim.recording import EpisodeRecorder
+from sarsim.robots.skid_steer import MAX_SPEED, MAX_TURN_RATE
+from sarsim.simulated_robot import SimulatedRobot
+from sarsim.task import CONTROL_TIMESTEP, rescue_environment
 
 SPACE, RIGHT, LEFT, DOWN, UP = 32, 262, 263, 264, 265
 """GLFW's key codes."""
@@ -49,27 +60,84 @@ class Throttle:
         self.omega = _limited(held * self.omega + leftwards * OMEGA_STEP, self.max_omega)
 
 
-def drive_by_keyboard(environment: composer.Environment, interrupted: Callable[[], bool] = lambda: False) -> None:
+class FreeDrive:
+    """A robot that is driven, and senses nothing.
+
+    Attributes:
+        physics: of the arena.
+        base_body: id of the robot's body.
+        control_period: s for which a command holds.
+    """
+
+    control_period = CONTROL_TIMESTEP
+
+    def __init__(self, arena: RescueArena):
+        self._environment = rescue_environment(arena, seed=0)
+        self._environment.reset()
+        self.physics = self._environment.physics
+        self.base_body = self.physics.bind(self._environment.task.robot.base).element_id
+
+    def drive(self, command: Velocity) -> None:
+        """Obey for one control period."""
+        self._environment.step(np.array([command.v, command.omega]))
+
+
+def drive_by_keyboard(driven: "FreeDrive | MappedDrive", interrupted: Callable[[], bool] = lambda: False) -> None:
     """Open a window and follow the keys in real time until it is closed, or ``interrupted`` says so.
 
     An exception between two steps would leave the viewer's thread waiting for a lock that nobody gives back.
     """
-    environment.reset()
-    throttle = Throttle(*environment.action_spec().maximum)
-    physics = environment.physics
+    throttle, physics = Throttle(MAX_SPEED, MAX_TURN_RATE), driven.physics
     others = set(threading.enumerate())
     with mujoco.viewer.launch_passive(
         physics.model.ptr, physics.data.ptr, key_callback=throttle.press, show_left_ui=False, show_right_ui=False
     ) as window:
-        _follow(window.cam, physics.bind(environment.task.robot.base).element_id)
+        _follow(window.cam, driven.base_body)
         while window.is_running() and not interrupted():
-            due = time.monotonic() + CONTROL_TIMESTEP
+            due = time.monotonic() + driven.control_period
             with window.lock():
-                environment.step(np.array([throttle.v, throttle.omega]))
+                driven.drive(Velocity(throttle.v, throttle.omega))
             window.sync()
             time.sleep(max(0.0, due - time.monotonic()))
     for thread in set(threading.enumerate()) - others:
         thread.join(ENDING)  # until it ends, the viewer draws from the model and the data
+
+
+class MappedDrive:
+    """Maps what the robot sees while a person drives it, and records it as an episode is.
+
+    Attributes:
+        mapper: of its keyframes; the others are those of :class:`FreeDrive`.
+    """
+
+    def __init__(self, robot: SimulatedRobot, classifier: PointClassifier, recorder: EpisodeRecorder):
+        """Take the first keyframe where the robot was set down."""
+        self._robot, self._recorder = robot, recorder
+        self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
+        self.mapper = Mapper(robot.model, classifier, localisation=Slam())
+        robot.on_motion = recorder.log_motion
+        frame = robot.sense()
+        self.mapper.assume_ground(self.mapper.localise(frame))
+        self._add(frame)
+
+    def drive(self, command: Velocity) -> None:
+        """Obey for one control period, and take a keyframe when the robot has come far enough."""
+        motion = self._robot.drive(command)
+        if is_keyframe(self._T_odom_keyframe, motion.T_odom_base):
+            self._add(self._robot.sense())
+
+    def _add(self, frame: Frame) -> None:
+        if correction := self.mapper.settle():
+            self._recorder.log_correction(correction)
+        keyframe = self.mapper.add(frame, self.mapper.localise(frame))
+        self._recorder.log_keyframe(keyframe.index, self.mapper, keyframe, self._robot.model.camera_range[1])
+        self._T_odom_keyframe = frame.T_odom_base
+
+    def save(self, folder: Path) -> None:
+        """End the recording, and write the maps into a folder; InputError where one cannot be written."""
+        self.mapper.settle()
+        self._recorder.close()
+        save_maps(self.mapper, folder)
 
 
 def _follow(camera: mujoco.MjvCamera, body: int) -> None:

@@ -1,24 +1,28 @@
 """What all commands share: flags from typed parameters, and one line on stderr for what is wrong with the input."""
 
+import argparse
 import functools
 import inspect
 import io
+import logging
 import os
 import re
 import select
 import signal
 import stat
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr
 from difflib import get_close_matches
+from importlib.metadata import version
 from pathlib import Path
 from types import FrameType
 from typing import Any, Self
 
 import tyro
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
+from rich.progress import MofNCompleteColumn, Progress, Task, TaskID, TimeElapsedColumn
 
 from pipeline.errors import InputError
 
@@ -29,6 +33,12 @@ SIGNALLED = 128  # and the number of the signal, as shells have it
 UNREAD = 141  # 128 + SIGPIPE
 HELP_INDENT = 8 * " "
 """before the help of a flag in tyro's messages about wrong ones."""
+LINE_EVERY = 10.0
+"""s between lines of progress where there is no terminal."""
+COMMON = (
+    "Every command also takes --version, --quiet (errors alone) and --log-level LEVEL (debug, info, warning, error)."
+)
+_quiet = False
 
 
 def run(command: Callable[..., object], args: Sequence[str] | None = None) -> None:
@@ -42,7 +52,38 @@ def run(command: Callable[..., object], args: Sequence[str] | None = None) -> No
     def bind(*args: Any, **kwargs: Any) -> functools.partial[object]:
         return functools.partial(command, *args, **kwargs)
 
-    guarded(lambda: parse(lambda: tyro.cli(bind, args=args))())
+    def action() -> None:
+        words = common(args)  # before stderr is tyro's
+        about = f"{(inspect.getdoc(command) or '').partition('Args:')[0]}\n\n{COMMON}"
+        parse(lambda: tyro.cli(bind, args=words, description=about))()
+
+    guarded(action)
+
+
+def common(args: Sequence[str] | None = None) -> list[str]:
+    """Do what the flags of :data:`COMMON` say; the other words of the command line.
+
+    Raises:
+        InputError: one of them is wrong.
+    """
+    global _quiet
+    flags = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    flags.add_argument("--version", action="store_true")
+    flags.add_argument("--quiet", action="store_true")
+    flags.add_argument("--log-level", choices=("debug", "info", "warning", "error"), default="warning")
+    try:
+        given, rest = flags.parse_known_args(args)
+    except argparse.ArgumentError as error:
+        raise InputError(str(error)) from None
+    if given.version:
+        print("sarsim", version("sarsim"))
+        raise SystemExit
+    _quiet = given.quiet
+    if _quiet:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    level = "error" if given.quiet else given.log_level
+    logging.basicConfig(format="%(levelname)s %(name)s: %(message)s", level=level.upper())
+    return rest
 
 
 def parse(command_line: Callable[[], Any]) -> Any:
@@ -73,10 +114,69 @@ def unboxed(text: str) -> str:
     return told + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
 
 
-def progress(**options: Any) -> Progress:
-    """A progress bar on stderr, with counts and the time elapsed."""
+class PlainProgress(Progress):
+    """Progress as lines on stderr, one in :data:`LINE_EVERY` s and a last one, for a file or a service's log."""
+
+    def start(self) -> None:
+        """Draw nothing."""
+        self._due = time.monotonic() + LINE_EVERY
+
+    def stop(self) -> None:
+        """Draw nothing."""
+
+    def __exit__(self, error: type[BaseException] | None, *_: Any) -> None:
+        """Tell how far every task is in the end; an error speaks for itself."""
+        for task in self.tasks if error is None else []:
+            self._tell(task)
+
+    def update(self, task_id: TaskID, **changes: Any) -> None:
+        """Note how far a task is, and tell it if it is time."""
+        super().update(task_id, **changes)
+        if time.monotonic() >= self._due:
+            self._due = time.monotonic() + LINE_EVERY
+            self._tell(self._tasks[task_id])
+
+    def advance(self, task_id: TaskID, advance: float = 1) -> None:
+        """Note that a task is farther."""
+        self.update(task_id, advance=advance)
+
+    def _tell(self, task: Task) -> None:
+        if not self.disable:
+            of = f" of {task.total:g}" if task.total else ""
+            print(
+                f"{task.description}: {task.completed:g}{of}, {task.elapsed or 0:.0f} s", file=sys.stderr, flush=True
+            )
+
+
+def progress(disable: bool = False) -> Progress:
+    """A progress bar on stderr, with counts and the time elapsed; lines where that is no terminal."""
+    announce_compilation()
+    console, disable = Console(stderr=True), disable or _quiet
+    if not console.is_terminal:
+        return PlainProgress(auto_refresh=False, disable=disable)
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=Console(stderr=True), **options)
+    return Progress(*columns, console=console, disable=disable)
+
+
+@functools.cache
+def announce_compilation() -> None:
+    """Tell a person at a terminal when numba compiles first, which takes minutes; later runs have its cache."""
+    from numba.core import event
+
+    class Announcer(event.Listener):
+        is_told = _quiet or not sys.stderr.isatty()
+
+        def on_start(self, event: event.Event) -> None:
+            if not self.is_told:
+                self.is_told = True
+                print(
+                    "compiling for this machine: a first run takes some minutes longer", file=sys.stderr, flush=True
+                )
+
+        def on_end(self, event: event.Event) -> None:
+            """Say no more."""
+
+    event.register("numba:compile", Announcer())
 
 
 def call_with(function: Callable[..., Any], given: Mapping[str, Any], name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Write the map of an episode for other programs: ``export_map.py EPISODE --out FILE.bt|.ot|.ply|.pgm``."""
+"""Write the map of an episode for other programs: ``export_map.py EPISODE --out FILE.bt|.ot|.ply|.pgm|.tif|…``."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,6 +7,9 @@ import tyro
 
 from pipeline.errors import InputError
 from sarsim.scripts.cli import run
+
+GROUND = (".pgm", ".tif", ".png", ".svg")
+"""Endings of 2D maps."""
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,19 +21,20 @@ if TYPE_CHECKING:
 def export_map(
     path: Annotated[Path, tyro.conf.Positional], out: Path, heights: tuple[float, float] | None = None
 ) -> None:
-    """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS map_server.
+    """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS, GIS or drawing programs.
 
     Args:
         path: folder of the episode, or its metric_map.npz; beside that a semantic_map.ply gives the classes and
             keyframes.npz the ground.
         out: the file to write. By its ending: .bt is OctoMap's free and occupied space; .ot the same with log-odds,
             coloured by class; .ply the centres of the occupied voxels, coloured by class; .pgm the ground as the
-            robot judges it, free, lethal or unknown, with a .yaml beside it and slopes as costs in ..._cost.png.
+            robot judges it, free, lethal or unknown, with a .yaml beside it and slopes as costs in ..._cost.png;
+            .tif, .png and .svg the same ground as GeoTIFF, as PNG with a world file, and as outlines.
         heights: of a .pgm: m, lowest and highest; a slice of the occupancy grid between them instead, which knows no
             ramps: 0.25 0.65 shows what stands in the robot's way on level ground.
     """
-    if out.suffix not in (".bt", ".ot", ".ply", ".pgm"):
-        raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply or .pgm")
+    if out.suffix not in (".bt", ".ot", ".ply", *GROUND):
+        raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply, {', '.join(GROUND)}")
     if heights is not None and not (out.suffix == ".pgm" and heights[0] < heights[1]):
         raise InputError(f"--heights {heights[0]:g} {heights[1]:g}: of a .pgm, the lower one first")
     from pipeline.metric_map.io.exports import save_map_server, save_ply
@@ -38,7 +42,7 @@ def export_map(
     from pipeline.metric_map.io.octomap import write_bt, write_ot
 
     path = path / "metric_map.npz" if path.is_dir() else path
-    if out.suffix == ".pgm" and heights is None:
+    if out.suffix in GROUND and heights is None:
         _export_ground(path.with_name("keyframes.npz"), out)
         return
     metric_map = load_metric_map(path)
@@ -56,15 +60,22 @@ def export_map(
 
 def _export_ground(keyframes: Path, out: Path) -> None:
     """Write the ground as the robot judges it."""
+    from pipeline.metric_map.io.plans import SAVED
     from pipeline.recording.map_file import load_elevation_map
-    from pipeline.traversability.ros_map import save_ros_map
+    from pipeline.traversability.ros_map import known_costs, save_ros_map, trinary
     from pipeline.traversability.traversability import assess_map
     from sarsim.robots.pioneer3at import PIONEER_3AT
 
     if not keyframes.exists():
-        raise InputError(f"{keyframes}: no such file; --heights 0.25 0.65 makes a map of the occupancy grid instead")
+        instead = "; --heights 0.25 0.65 makes a map of the occupancy grid instead" if out.suffix == ".pgm" else ""
+        raise InputError(f"{keyframes}: no such file{instead}")
     elevation_map, poses = load_elevation_map(keyframes, PIONEER_3AT)
-    save_ros_map(out, assess_map(elevation_map), poses[:, :2, 3])
+    ground, places = assess_map(elevation_map), poses[:, :2, 3]
+    if out.suffix == ".pgm":
+        save_ros_map(out, ground, places)
+        return
+    cost, origin = known_costs(ground, places)
+    SAVED[out.suffix](out, trinary(cost), ground.grid.cell, origin)
 
 
 def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":

@@ -35,7 +35,8 @@ def map_recording(config: MapRecording) -> None:
     if drive.report:
         save_settings(config, config.out / "config.yaml")
         Console().print(report_table(drive.report))
-        Console().print(f"Results in {config.out}", soft_wrap=True)
+        told = f"Results in {config.out}; the page for rescuers: {config.out / 'report.html'}"
+        Console().print(told, soft_wrap=True)
     if drive.error:
         raise InputError(drive.error)
     if control.signal:

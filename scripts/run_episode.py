@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from sarsim.scripts.cli import SIGNALLED, Interruptible, progress
+from sarsim.scripts.cli import SIGNALLED, Interruptible, announce_compilation, progress
 from sarsim.scripts.settings import run_with_settings, save_settings
 from sarsim.scripts.tables import report_table
 from sarsim.settings import EpisodeConfig
@@ -22,6 +22,7 @@ def run_episode(config: EpisodeConfig) -> None:
     """Explore an arena, and leave a recording, a report, the maps and config.yaml, with which --config repeats it."""
     from sarsim.episode import Episode
 
+    announce_compilation()
     episode = Episode(config)
     save_settings(config, episode.out / "config.yaml")
     ended_by = run_with_progress(episode)
@@ -29,8 +30,9 @@ def run_episode(config: EpisodeConfig) -> None:
     if episode.explorer.steps or episode.lost:
         console.print(report_table(episode.report))
     viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
-    told = f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}"
-    console.print(told, soft_wrap=True)
+    console.print(f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}", soft_wrap=True)
+    if episode.explorer.steps:
+        console.print(f"The page for rescuers: {episode.out / 'report.html'}", soft_wrap=True)
     if ended_by:
         raise SystemExit(SIGNALLED + ended_by)
     if episode.recorder.viewer and episode.recorder.viewer.page:

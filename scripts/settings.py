@@ -12,7 +12,7 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
-from sarsim.scripts.cli import guarded, parse
+from sarsim.scripts.cli import COMMON, common, guarded, parse
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
 RESULTS = ("out", "bag", "json")
@@ -34,10 +34,10 @@ def run_with_settings(
 
     ``repeated`` may change settings that come from such a file before the command gets them.
     """
-    words = sys.argv[1:] if args is None else list(args)
 
     def run() -> None:
-        settings = settings_from(kind, words, command.__doc__, prog)
+        words = common(args)
+        settings = settings_from(kind, words, f"{command.__doc__}\n\n{COMMON}", prog)
         command(repeated(settings) if config_file(words) else settings)
 
     guarded(run)
@@ -50,7 +50,13 @@ def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], des
         run_with_settings(*commands[name], words, f"{Path(sys.argv[0]).name} {name}")
         return
     kinds: dict[str, Callable[..., Any]] = {name: kind for name, (_, kind) in commands.items()}
-    guarded(lambda: parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, description=description)))
+    about = f"{description}\n\n{COMMON}"
+
+    def run() -> None:
+        words = common()
+        parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, args=words, description=about))
+
+    guarded(run)
 
 
 def settings_from(
@@ -99,6 +105,8 @@ def load_settings(kind: type[Settings], path: Path) -> Settings:
         raise InputError(f"--config {path}: not readable YAML: {error}") from error
     if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
         raise InputError(f"--config {path}: no file says where results go: give --{places[0]} as a flag")
+    if isinstance(content, dict) and ":" in str(content.get("labels")):
+        raise InputError(f"--config {path}: no file says what code runs: give --labels as a flag")
     return _settings(kind, content, f"--config {path}")
 
 

@@ -1,30 +1,60 @@
 """Drive the robot through an arena by keyboard, in MuJoCo's viewer: ``teleop.py --arena A``."""
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from pipeline.errors import InputError
 from sarsim.arenas.settings import StartPose
 from sarsim.scripts.cli import Interruptible, run
+from sarsim.settings import WEIGHTS, Labels
+
+if TYPE_CHECKING:
+    from sarsim.arenas.arena import RescueArena
+    from sarsim.teleoperation import MappedDrive
 
 
-def teleop(arena: str = "nist_6x4", start: StartPose | None = None) -> None:
-    """Drive the robot by keyboard, to get to know an arena or the robot.
+def teleop(
+    arena: str = "nist_6x4", start: StartPose | None = None, out: Path | None = None, labels: Labels = "truth"
+) -> None:
+    """Drive the robot by keyboard, to get to know an arena or the robot, or to map an arena by hand.
 
     Args:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
         start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
+        out: folder for the recording and the maps of the drive, the same files as an episode's, which Rerun shows
+            meanwhile; without it nothing is mapped.
+        labels: with --out, what labels the points, as in run_episode.py.
     """
     from pipeline.recording.viewer import has_display
     from sarsim.arenas.load import load_arena
-    from sarsim.task import rescue_environment
-    from sarsim.teleoperation import KEYS, drive_by_keyboard
+    from sarsim.teleoperation import KEYS, FreeDrive, drive_by_keyboard
 
-    environment = rescue_environment(load_arena(arena, start), seed=0)
+    scene = load_arena(arena, start)
     if not has_display():
         raise InputError("there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)")
+    mapped = map_drive(scene, out, labels) if out else None
+    driven = mapped or FreeDrive(scene)
     print(KEYS, flush=True)
     with Interruptible() as hold:
-        drive_by_keyboard(environment, lambda: hold.signal is not None)
+        drive_by_keyboard(driven, lambda: hold.signal is not None)
+        if mapped and out:
+            mapped.save(out)
+            print(f"{mapped.mapper.keyframes} keyframes in {out}", flush=True)
     if hold.signal is not None:
         raise KeyboardInterrupt(hold.signal)
+
+
+def map_drive(arena: "RescueArena", out: Path, labels: Labels) -> "MappedDrive":
+    """What maps and records a drive; InputError where the folder, the labels or the viewer cannot be had."""
+    from sarsim.episode import make_classifier, make_folder
+    from sarsim.recording import EpisodeRecorder
+    from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+    from sarsim.teleoperation import MappedDrive
+
+    classifier = make_classifier(labels, WEIGHTS)
+    make_folder(out)
+    robot = SimulatedRobot(arena, SimulationConfig(), seed=0)
+    return MappedDrive(robot, classifier, EpisodeRecorder(robot, out / "episode.rrd", "spawn"))
 
 
 def main() -> None:

@@ -1,6 +1,7 @@
 """What the documents name is there: files, headings, pictures, flags, imports, the site's pages."""
 
 import ast
+import json
 import re
 import tomllib
 from importlib import import_module
@@ -118,3 +119,14 @@ def test_the_site_is_made_with_pinned_tools() -> None:
 def test_the_site_has_every_page_once() -> None:
     listed = re.findall(r": ([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
     assert sorted(listed) == [page.name for page in PAGES]
+
+
+def test_the_notebook_runs_from_an_episode_to_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.chdir(tmp_path)
+    cells = json.loads((ROOT / "docs" / "episode.ipynb").read_text())["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    assert "STEPS = 20\n" in code
+    exec(compile(code.replace("STEPS = 20\n", "STEPS = 2\n"), "episode.ipynb", "exec"), {})
+    files = {path.name for path in (tmp_path / "runs" / "notebook").iterdir()}
+    assert files >= {"ground.tif", "metric_map.npz", "semantic_map.ply", "topology.json"}

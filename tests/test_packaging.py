@@ -1,4 +1,4 @@
-"""A wheel carries everything that a copy outside the checkout needs."""
+"""An sdist and the wheel made of it carry everything that a copy outside the checkout needs."""
 
 import re
 import shutil
@@ -18,13 +18,15 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that a wheel, built from a copy of the checkout, is installed into."""
+    """The folder that a wheel, built from an sdist of a copy of the checkout, is installed into."""
     copy, wheels, target = (tmp_path_factory.mktemp(name) for name in ("copy", "wheels", "target"))
     for name in ("pipeline", "sarsim", "scripts", "assets"):
         shutil.copytree(ROOT / name, copy / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", PROJECT["readme"], *PROJECT["license-files"]):
         shutil.copy(ROOT / name, copy)
-    pip("wheel", "--no-build-isolation", "--wheel-dir", wheels, copy)
+    build = "from setuptools import build_meta; build_meta.build_sdist('dist')"
+    subprocess.run([sys.executable, "-c", build], cwd=copy, check=True, stdout=subprocess.DEVNULL)
+    pip("wheel", "--no-build-isolation", "--wheel-dir", wheels, *(copy / "dist").iterdir())
     pip("install", "--target", target, *wheels.iterdir())
     return target
 
@@ -91,6 +93,11 @@ def test_installed_copy_opens_its_own_models(installed: Path) -> None:
     assert all(Path(path).is_relative_to(installed) for path in paths)
 
 
+def test_an_installed_command_runs(installed: Path) -> None:
+    code = "import sys; sys.argv[1:] = ['--version']; from sarsim.scripts.run_episode import main; main()"
+    assert run_installed(installed, code) == [f"sarsim {PROJECT['version']}"]
+
+
 def test_installed_commands_are_there(installed: Path) -> None:
     targets = [target.split(":") for target in PROJECT["scripts"].values()]
     assert targets
@@ -112,10 +119,19 @@ def pins(lines: list[str]) -> dict[str, str]:
 LOCKED = pins((ROOT / "requirements.txt").read_text().splitlines())
 
 
-def test_requirements_agree_with_the_project() -> None:
-    asked = PROJECT["dependencies"] + PROJECT["optional-dependencies"]["dev"]
-    assert len(pins(asked)) == len(asked)
-    assert pins(asked).items() <= LOCKED.items()
+def test_requirements_are_what_the_project_begins_with() -> None:
+    asked = [Requirement(line) for line in PROJECT["dependencies"] + PROJECT["optional-dependencies"]["dev"]]
+    for need in asked:
+        pinned = LOCKED[canonicalize_name(need.name)]
+        assert need.specifier.contains(pinned), need
+        lowest = next(s.version for s in need.specifier if s.operator in (">=", "=="))
+        assert pinned.startswith(lowest), f"{need}: {pinned} is what is tested"
+    for line in PROJECT["dependencies"]:
+        assert re.search("==|<", line), f"{line}: the next major version may break"
+
+
+def test_the_changes_of_this_version_are_told() -> None:
+    assert f"\n## {PROJECT['version']}" in (ROOT / "CHANGELOG.md").read_text()
 
 
 def test_requirements_hold_what_they_need() -> None:

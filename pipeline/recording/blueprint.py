@@ -10,6 +10,9 @@ BACKGROUND = (38, 40, 44)
 SEEN_PER_METRE = (1.45, 0.8)
 """Width and depth of the ground that the viewer's eye sees, in m for each m that it is away."""
 
+TIMES = 0.0, 1000.0
+"""ms that the plot of times shows at first: the first step, which loads compiled code, would flatten the rest."""
+
 _SCENE = (
     "+ $origin/**",
     # The pictures have views of their own; here they would hide the map.
@@ -37,7 +40,11 @@ def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: in
         active_tab=tab,
     )
     columns = rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["loglevel", "body"])
-    log = rrb.TextLogView(origin="log", name="Log", columns=columns)
+    log = rrb.Tabs(
+        rrb.TextLogView(origin="log", name="Log", columns=columns),
+        rrb.Spatial2DView(origin="legend", name="Legend"),
+        active_tab=0,
+    )
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(maps, _camera(), column_shares=[3.4, 1]),
@@ -86,7 +93,8 @@ def _camera() -> rrb.Vertical:
 
 def _plots() -> list[rrb.TimeSeriesView | rrb.Tabs]:
     hidden = ["navigation", *(f"correction_{part}" for part in _CORRECTED)]
-    times = _plot("Time, ms", "$origin/time_ms/**", *(f"- $origin/time_ms/{stage}" for stage in hidden))
+    stages = (f"- $origin/time_ms/{stage}" for stage in hidden)
+    times = _plot("Time, ms", "$origin/time_ms/**", *stages, axis_y=rrb.ScalarAxis(range=TIMES))
     tilt = _plot("Tilt, °", "$origin/roll_deg", "$origin/pitch_deg")
     return [
         _plot("Explored area, m²", "$origin/explored_area_m2"),
@@ -95,12 +103,13 @@ def _plots() -> list[rrb.TimeSeriesView | rrb.Tabs]:
     ]
 
 
-def _plot(name: str, *contents: str) -> rrb.TimeSeriesView:
+def _plot(name: str, *contents: str, axis_y: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
     whole = rr.TimeRange(start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite())
     return rrb.TimeSeriesView(
         origin="metrics",
         contents=list(contents),
         name=name,
         axis_x=rrb.TimeAxis(view_range=whole),
+        axis_y=axis_y,
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
     )

@@ -17,6 +17,7 @@ from pipeline.localisation.odometry import Localisation
 from pipeline.mapper import NOTICEABLE, Keyframe, Mapper
 from pipeline.recording import drawings, victim_drawings
 from pipeline.recording.blueprint import blueprint
+from pipeline.recording.legend import legend
 from pipeline.recording.track import EstimatedTrack
 from pipeline.recording.viewer import Viewer, start_rerun
 from pipeline.transforms import tilt_of
@@ -63,6 +64,7 @@ class Recorder:
         self._mapper: Mapper | None = None
         self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
+        self.stream.log("legend", rr.Image(legend()), static=True)
         self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)
 
     def log_step(self, index: int, explorer: Explorer, step: Step) -> None:

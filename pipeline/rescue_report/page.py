@@ -1,11 +1,13 @@
 """The page: the robot's knowledge as HTML in one file that needs nothing else."""
 
 from collections.abc import Iterator, Mapping
+from datetime import datetime
 from pathlib import PurePath
 from typing import Any
 
 from pipeline.labels import Label
 from pipeline.rescue_report.map_drawing import draw_map, pale
+from pipeline.rescue_report.people import people_data
 from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.situation import Situation
 
@@ -14,14 +16,17 @@ MAX_LISTED = 8
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
 """Parts of report.json that say what ran and how long it took; all others but the settings need the truth."""
 SETTINGS = "config"
+CLASSES = {Label.INCLINED_RAMP: "slope", Label.STRAIGHT_RAMP: "raised deck", Label.TERRAIN: "ground"}
+"""What people who know no networks call some of the classes."""
 
 
-def page(situation: Situation, report: Mapping[str, Any]) -> str:
+def page(situation: Situation, report: Mapping[str, Any], written: datetime | None = None) -> str:
     """The whole page.
 
     Args:
         situation: what the robot knows.
         report: report.json's figures; only the last section, which says so, holds those that need the truth.
+        written: when, for the head of the page.
     """
     classes = sorted(set(situation.labels.tolist()) - {Label.CEILING})
     return TEMPLATES.get_template("page.html").render(
@@ -29,7 +34,9 @@ def page(situation: Situation, report: Mapping[str, Any]) -> str:
         report=report,
         title=_title(str(report["arena"])),
         map=draw_map(situation),
-        classes={Label(k).name.lower().replace("_", " "): pale(Label(k)) for k in classes},
+        classes={CLASSES.get(Label(k), Label(k).name.lower()): pale(Label(k)) for k in classes},
+        people=people_data(situation),
+        written=written,
         run=_tables({key: report[key] for key in RUN if key in report}, "run"),
         scores=_tables({key: report[key] for key in report if key not in (*RUN, SETTINGS)}, ""),
         settings=_tables(report.get(SETTINGS, {}), "command"),

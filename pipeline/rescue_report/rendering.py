@@ -20,17 +20,23 @@ def environment(package: str) -> Environment:
 
 def png(rgba: NDArray[np.uint8]) -> str:
     """(H, W, 4) uint8 RGBA as a data URI without loss."""
-    return _data_uri("png", rgba[..., [2, 1, 0, 3]], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    _, data = cv2.imencode(".png", rgba[..., [2, 1, 0, 3]], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    return _data_uri("png", data.tobytes())
 
 
 def jpeg(rgb: NDArray[np.uint8]) -> str:
     """(H, W, 3) uint8 RGB as a data URI."""
-    return _data_uri("jpeg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+    return _data_uri("jpeg", encoded_jpeg(rgb))
 
 
-def _data_uri(kind: str, image: NDArray[np.uint8], settings: list[int]) -> str:
-    _, data = cv2.imencode(f".{kind}", image, settings)
-    return f"data:image/{kind};base64,{b64encode(data.tobytes()).decode()}"
+def encoded_jpeg(rgb: NDArray[np.uint8]) -> bytes:
+    """(H, W, 3) uint8 RGB as the content of a file."""
+    _, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+    return data.tobytes()
+
+
+def _data_uri(kind: str, data: bytes) -> str:
+    return f"data:image/{kind};base64,{b64encode(data).decode()}"
 
 
 TEMPLATES = environment("pipeline.rescue_report")

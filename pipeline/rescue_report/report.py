@@ -1,6 +1,7 @@
 """From an explorer that is watched to the rescue report."""
 
 from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from pipeline.explorer import Explorer, Step
 from pipeline.files import whole_file
 from pipeline.rescue_report.page import page
+from pipeline.rescue_report.people import write_people
 from pipeline.rescue_report.situation import Situation, situation_of
 
 
@@ -38,10 +40,11 @@ class RescueReport:
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:
-    """Write the page, with the figures of report.json.
+    """Write the page, with the figures of report.json, and beside it the people as data.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: a file cannot be written.
     """
     with whole_file(path) as partial:
-        partial.write_text(page(situation, report), encoding="utf-8")
+        partial.write_text(page(situation, report, datetime.now().astimezone()), encoding="utf-8")
+    write_people(path.parent, situation)

@@ -12,7 +12,7 @@ from pipeline.rescue_report.routes import Route, Router
 from pipeline.rescue_report.trust import Trust, trust_in
 from pipeline.rescue_report.unseen import Unseen, find_unseen
 from pipeline.robot import RobotModel
-from pipeline.transforms import yaw_of
+from pipeline.transforms import wrap_angle, yaw_of
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
@@ -49,6 +49,14 @@ class Person:
         values, vectors = np.linalg.eigh(self.victim.covariance[:2, :2])
         shorter, longer = np.sqrt(CHI2_95 * values).tolist()
         return longer, shorter, float(np.arctan2(vectors[1, 1], vectors[0, 1]))
+
+    @property
+    def beyond_way(self) -> float:
+        """Rad to the left of where the way's last part leads, from its end to the person; 0 without a way."""
+        if self.route is None or len(self.route.way) < 2:
+            return 0.0
+        (x, y), (u, v) = np.diff(self.route.way[-2:, :2], axis=0)[0], self.victim.position[:2] - self.route.end
+        return wrap_angle(float(np.arctan2(v, u) - np.arctan2(y, x)))
 
 
 @dataclass(frozen=True, eq=False)

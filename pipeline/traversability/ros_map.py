@@ -29,16 +29,25 @@ def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) 
     Raises:
         InputError: if a file cannot be written.
     """
-    cost = costs(traversability, places)
-    found = ndimage.find_objects((cost >= 0).astype(np.int8))
-    i, j = found[0] if found else (slice(0, 1), slice(0, 1))
-    grid, cost = traversability.grid, cost[i, j]
-    origin = grid.origin + np.array([i.start, j.start]) * grid.cell
-    trinary = np.select([cost < 0, cost == LETHAL], [PGM_UNKNOWN, PGM_OCCUPIED], PGM_FREE).astype(np.uint8)
-    write_map_server(path, trinary, grid.cell, origin)
+    cost, origin = known_costs(traversability, places)
+    cell = traversability.grid.cell
+    write_map_server(path, trinary(cost), cell, origin)
     shade = np.rint(255 * (1 - np.maximum(cost, 0) / 100))
     scaled = np.stack([shade, 255 * (cost >= 0)], axis=-1).astype(np.uint8)
-    write_map_server(path.with_name(f"{path.stem}_cost.png"), scaled, grid.cell, origin, "scale", SCALED)
+    write_map_server(path.with_name(f"{path.stem}_cost.png"), scaled, cell, origin, "scale", SCALED)
+
+
+def known_costs(traversability: Traversability, places: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The part of :func:`costs` (nx, ny) that is known, and the corner (2,) of its first cell, m."""
+    cost, grid = costs(traversability, places), traversability.grid
+    found = ndimage.find_objects((cost >= 0).astype(np.int8))
+    i, j = found[0] if found else (slice(0, 1), slice(0, 1))
+    return cost[i, j], grid.origin + np.array([i.start, j.start]) * grid.cell
+
+
+def trinary(cost: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """(nx, ny) the greys of map_saver for costs (nx, ny): free, occupied or unknown."""
+    return np.select([cost < 0, cost == LETHAL], [PGM_UNKNOWN, PGM_OCCUPIED], PGM_FREE).astype(np.uint8)
 
 
 def costs(traversability: Traversability, places: ArrayLike) -> NDArray[np.int64]:

@@ -51,17 +51,20 @@ class Sighting:
         points: (N, 3) float32 what was seen, m.
         information: (3, 3) float64 inverse of the position's covariance, 1/m².
         camera: (3,) float64 where the camera stood, m.
+        time: of the frame, s; NaN in the map of an earlier episode.
     """
 
     keyframe: int
     points: NDArray[np.float32]
     information: NDArray[np.float64]
     camera: NDArray[np.float64]
+    time: float = np.nan
 
     def moved(self, T: NDArray[np.float64]) -> "Sighting":
         """The same after the map has moved by the 4×4 transform ``T``."""
         R, points = T[:3, :3], moved_by(T, self.points).astype(np.float32)
-        return Sighting(self.keyframe, points, R @ self.information @ R.T, moved_by(T, self.camera[None])[0])
+        camera = moved_by(T, self.camera[None])[0]
+        return Sighting(self.keyframe, points, R @ self.information @ R.T, camera, self.time)
 
 
 @dataclass(eq=False)
@@ -207,7 +210,7 @@ class Victims:
     def _add(self, observation: Observation, frame: Frame, keyframe: int) -> Victim:
         """Add an observation to the nearest victim that may be the same person, or as a new one."""
         points, confidence = _thinned(observation.points), observation.detection.confidence
-        seen = Sighting(keyframe, points, _inverse(observation.covariance), observation.camera)
+        seen = Sighting(keyframe, points, _inverse(observation.covariance), observation.camera, frame.time)
         photo = _crop(frame.rgb, observation.detection.box)
         new = Victim(
             points, seen.information, [seen.camera], [confidence], photo, len(points) * confidence, sightings=[seen]

@@ -22,6 +22,8 @@ CLEARANCE = 0.30
 HEADROOM = 0.65
 MARGIN = 0.5
 """m of grid around the arena."""
+MOST_AREA = 6000.0
+"""m² of an arena; a .raf file's may be 72 m long and wide."""
 START_REACH = 0.3
 """m; a start so far above or below the ground is taken to stand on it."""
 
@@ -174,6 +176,10 @@ def _grid_around(bodies: ConvexBodies) -> Grid:
     """A grid over all that the arena is made of."""
     low, high = bodies.low[:, :2].min(axis=0), bodies.high[:, :2].max(axis=0)
     # Rounding errors must not add a row of cells.
+    if not np.prod(high - low) <= MOST_AREA:
+        raise InputError(
+            f"an arena of {' × '.join(f'{x:.3g}' for x in high - low)} m: at most {MOST_AREA:g} m² are built"
+        )
     first = np.floor((low - MARGIN) / CELL + 1e-6).astype(np.int64)
     nx, ny = np.ceil((high + MARGIN - first * CELL) / CELL - 1e-6).astype(int)
     return Grid(first, CELL, (int(nx), int(ny)))

@@ -7,10 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.metric_map.io.npz import load_metric_map
+from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim import teleoperation
 from sarsim.arenas.load import load_arena
-from sarsim.task import rescue_environment
-from sarsim.teleoperation import DOWN, LEFT, RIGHT, SPACE, UP, Throttle, drive_by_keyboard
+from sarsim.recording import EpisodeRecorder
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from sarsim.teleoperation import DOWN, LEFT, RIGHT, SPACE, UP, FreeDrive, MappedDrive, Throttle, drive_by_keyboard
 
 
 def pressed(*keys):
@@ -62,21 +65,47 @@ class Window:
         self.synced += 1
 
 
-def test_the_robot_follows_the_keys(monkeypatch):
-    windows = []
+@pytest.fixture
+def windows(monkeypatch):
+    """The windows that are opened."""
+    opened = []
 
     @contextmanager
     def launch(model, data, key_callback, **panels):
-        windows.append(Window(key_callback))
-        yield windows[0]
+        opened.append(Window(key_callback))
+        yield opened[-1]
 
     monkeypatch.setattr(mujoco.viewer, "launch_passive", launch)
     monkeypatch.setattr(teleoperation.time, "sleep", lambda seconds: None)
-    environment = rescue_environment(load_arena("nist_6x4"), seed=0)
-    drive_by_keyboard(environment)
-    robot, physics = environment.task.robot, environment.physics
+    return opened
+
+
+@pytest.fixture
+def robot():
+    robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
+    yield robot
+    robot.close()
+
+
+def test_the_robot_follows_the_keys(windows):
+    arena = load_arena("nist_6x4")
+    drive = FreeDrive(arena)
+    before = drive.physics.data.xpos[drive.base_body, 0]
+    drive_by_keyboard(drive)
     # With 0.3 m/s² the 0.3 m/s are reached at the end of that second, after 0.15 m.
-    driven = robot.T_world_base(physics)[0, 3] - load_arena("nist_6x4").T_world_start[0, 3]
+    driven = drive.physics.data.xpos[drive.base_body, 0] - before
     assert 0.08 < driven < 0.2
-    assert windows[0].cam.trackbodyid == physics.bind(robot.base).element_id
-    environment.close()
+    assert windows[0].cam.trackbodyid == drive.base_body
+
+
+def test_a_drive_is_mapped_and_recorded(windows, robot, tmp_path):
+    drive = MappedDrive(robot, TruthClassifier(), EpisodeRecorder(robot, tmp_path / "episode.rrd"))
+    drive_by_keyboard(drive)
+    drive.save(tmp_path)
+    assert drive.mapper.keyframes >= 2
+    moved = drive.mapper.poses[-1, 0, 3] - drive.mapper.poses[0, 0, 3]
+    assert moved == pytest.approx(robot.trajectory[-1].T_world_base[0, 3] - drive.mapper.poses[0, 0, 3], abs=0.25)
+    labels = drive.mapper.semantic_map.labels()
+    assert {1, 2} <= set(labels.tolist())
+    assert (tmp_path / "episode.rrd").read_bytes()[:4] == b"RRF2"
+    assert len(load_metric_map(tmp_path / "metric_map.npz").occupied_centres()) > 100

@@ -6,12 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.scripts.cli import run
+from sarsim.scripts import cli
+from sarsim.scripts.cli import progress, run
 
 
 def command(count: int, *, fail: str = "") -> None:
@@ -70,6 +72,7 @@ def test_other_signals_end_a_command_as_ctrl_c_does(
 
 STEPS = """
 import time
+from importlib.metadata import version
 from pathlib import Path
 from sarsim.scripts.cli import Interruptible, progress, run
 
@@ -141,3 +144,68 @@ def test_a_pipe_without_a_reader_ends_the_process_without_a_message(args: str) -
 def test_another_pipe_that_breaks_is_an_error() -> None:
     with pytest.raises(BrokenPipeError, match="not of stdout"):
         run(command, ["--count", "3", "--fail", "pipe"])
+
+
+def ended(args: list[str], program: str = "from tests.scripts.test_cli import *; run(command, {})") -> list[str]:
+    """Status, stdout and stderr of a process of its own."""
+    code = program.format(args)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    return [str(done.returncode), done.stdout, done.stderr]
+
+
+def test_every_command_tells_its_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(["--version"]) in (None, 0)
+    assert capsys.readouterr().out == f"sarsim {version('sarsim')}\n"
+
+
+def test_quiet_tells_errors_alone() -> None:
+    assert ended(["--count", "3", "--quiet"]) == ["0", "", ""]
+    assert ended(["--count", "3", "--fail", "input", "--quiet"])[2] == "error: count 3 is too much\n"
+
+
+def test_the_log_has_the_level_that_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    told = "import logging; from sarsim.scripts.cli import *; run(lambda: logging.info('so'), {})"
+    assert ended(["--log-level", "info"], told) == ["0", "", "INFO root: so\n"]
+    assert ended([], told) == ["0", "", ""]
+    assert exit_status(["--count", "3", "--log-level", "loud"]) == 2
+    assert "--log-level: invalid choice: 'loud'" in capsys.readouterr().err
+
+
+def test_progress_is_lines_without_a_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "LINE_EVERY", -1.0)
+    with progress() as bars:
+        bar = bars.add_task("steps", total=5)
+        for _ in range(5):
+            bars.advance(bar)
+        assert list(bars.track([1, 2], description="scenes")) == [1, 2]
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(",")[0] for line in lines[:5]] == [f"steps: {k} of 5" for k in range(1, 6)]
+    assert lines[-1].startswith("scenes: 2 of 2, ")
+
+
+def test_progress_leaves_the_last_word_to_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(InputError), progress() as bars:
+        bars.update(bars.add_task("steps", total=5), advance=1)
+        raise InputError("no more")
+    assert capsys.readouterr().err == ""
+
+
+COMPILING = """
+import numba
+from sarsim.scripts.cli import announce_compilation
+
+announce_compilation()
+for function in (lambda x: x + 1, lambda x: x + 2):
+    numba.njit(function)(1)
+"""
+
+
+def test_a_person_is_told_once_that_numba_compiles() -> None:
+    terminal, stderr = pty.openpty()
+    assert subprocess.run([sys.executable, "-c", COMPILING], stderr=stderr).returncode == 0
+    os.close(stderr)
+    assert os.read(terminal, 10_000).count(b"compiling for this machine") == 1
+    os.close(terminal)
+    assert ended([], COMPILING)[2] == ""

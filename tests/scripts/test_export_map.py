@@ -83,6 +83,11 @@ def test_a_flat_map_is_the_ground_as_the_robot_judges_it(episode):
 
     assert (at(0, 0), at(1.6, 0), at(2.1, 0.8, 5)) == (254, 254, 0)  # the floor, the ramp, the wall
     assert (episode / "map_cost.yaml").exists()
+    for name in ("map.tif", "map.png"):
+        export_map(episode, episode / name)
+        np.testing.assert_array_equal(cv2.imread(str(episode / name), cv2.IMREAD_UNCHANGED), image)
+    export_map(episode, episode / "map.svg")
+    assert (episode / "map.svg").read_text().startswith("<svg")
 
 
 def test_without_a_semantic_map_there_are_no_classes(episode):
@@ -97,6 +102,10 @@ def test_what_cannot_be_done_is_refused(episode, tmp_path):
         export_map(episode, episode / "map.xyz")
     with pytest.raises(InputError, match=r"keyframes\.npz: no such file; --heights"):
         export_map(episode, episode / "map.pgm")
+    with pytest.raises(InputError, match=r"keyframes\.npz: no such file$"):
+        export_map(episode, episode / "map.tif")
+    with pytest.raises(InputError, match=r"of a \.pgm"):
+        export_map(episode, episode / "map.tif", (0.25, 0.65))
     with pytest.raises(InputError, match="the lower one first"):
         export_map(episode, episode / "map.pgm", (0.65, 0.25))
     with pytest.raises(InputError, match=r"none\.npz"):

@@ -10,6 +10,7 @@ from tyro.conf import Fixed
 
 from pipeline.errors import InputError
 from sarsim.scripts.settings import load_settings, run_with_settings, save_settings, settings_from
+from sarsim.settings import EpisodeConfig
 
 
 @dataclass(frozen=True)
@@ -104,3 +105,11 @@ def test_a_bad_file_is_one_line_and_status_2(
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"error: --config {path}: ")
     assert complaint in line
+
+
+def test_a_file_names_no_code_that_runs(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text("labels: os:getcwd\n")
+    with pytest.raises(InputError, match="no file says what code runs: give --labels as a flag"):
+        load_settings(EpisodeConfig, path)
+    assert settings_from(EpisodeConfig, ["--labels", "my:Own"]).labels == "my:Own"

@@ -25,7 +25,15 @@ LICENSE = """SPDX-License-Identifier: Apache-2.0
 The arenas, the robot and the people in these data are sarsim's, under the Apache License, Version 2.0:
 https://www.apache.org/licenses/LICENSE-2.0. Files of arenas that were brought along keep their own licences.
 """
-README = """{title}
+README = """---
+license: apache-2.0
+pretty_name: {name}
+task_categories: [image-segmentation, depth-estimation, object-detection]
+tags: [robotics, simulation, search-and-rescue, rgb-d, semantic-mapping]
+size_categories: [{size}]
+---
+
+# {title}
 
 {layout}
 
@@ -59,7 +67,7 @@ class Export:
                 cameras[room(entry)] = scene.intrinsics
                 self.add(folder, entry, scene)
                 yield entry
-            describe(folder, f"# {self.out.name}", cleandoc(str(type(self).__doc__)), dataset, cameras)
+            describe(folder, self.out.name, cleandoc(str(type(self).__doc__)), dataset, cameras)
             self.finish(folder, dataset)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
@@ -104,16 +112,15 @@ def label_names() -> str:
 
 
 def describe(folder: Path, title: str, layout: str, dataset: Dataset, cameras: Mapping[str, Intrinsics]) -> None:
-    """Write what every export carries: README.md, labels.csv, intrinsics.json (by scene) and LICENSE."""
+    """Write what every export carries: README.md (a card of Hugging Face's), labels.csv, LICENSE, intrinsics.json."""
     rows = [f"{int(label)},{label.name.lower()},{','.join(map(str, COLOURS[label].tolist()))}\n" for label in Label]
     (folder / "labels.csv").write_text("".join(["id,name,red,green,blue\n", *rows]))
     known = {name: asdict(camera) for name, camera in cameras.items()}
     (folder / "intrinsics.json").write_text(json.dumps(known, indent=1) + "\n")
     (folder / "LICENSE").write_text(LICENSE)
-    text = README.format(
-        title=title, layout=layout, scenes=len(dataset), generator=dataset.generator, seed=dataset.recipe.get("seed")
-    )
-    (folder / "README.md").write_text(text)
+    size, seed = "n<1K" if len(dataset) < 1000 else "1K<n<10K", dataset.recipe.get("seed")
+    about = {"title": title, "name": json.dumps(title), "layout": layout, "size": size, "scenes": len(dataset)}
+    (folder / "README.md").write_text(README.format(**about, generator=dataset.generator, seed=seed))
 
 
 def write_image(path: Path, image: NDArray, *options: int) -> None:

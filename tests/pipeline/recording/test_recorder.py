@@ -65,7 +65,7 @@ def test_every_entity_is_there(recording):
         "world", "world/robot", *EACH_STEP, "world/robot/camera/labels", "world/metric_map/occupied",
         "world/metric_map/free", "world/semantic_map", "world/segments", "world/topological_map/nodes",
         "world/topological_map/edges", "world/path_plan", "world/frontiers", "world/trajectory/estimated", "log",
-        "world/localisation/keyframes", "world/localisation/loops",
+        "world/localisation/keyframes", "world/localisation/loops", "legend",
         "metrics/explored_area_m2", "metrics/distance_m", "metrics/speed_m_s", "metrics/roll_deg",
         "metrics/pitch_deg", "metrics/map/occupied_voxels", "metrics/time_ms/sense",
     }  # fmt: skip

@@ -1,14 +1,18 @@
 """The page, read back as a browser would."""
 
+import json
 import re
 from base64 import b64decode
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import cv2
 import numpy as np
 import pytest
 
+from pipeline.labels import Label
 from pipeline.rescue_report.page import MAX_LISTED, page
+from pipeline.rescue_report.people import people_data
 from pipeline.rescue_report.places import Place
 from pipeline.rescue_report.trust import Trust
 from tests.pipeline.rescue_report.html_page import Tag, read
@@ -41,7 +45,7 @@ def texts(root: Tag, name: str, kind: str = "") -> list[str]:
 
 def test_the_page_needs_nothing_else(html: str, root: Tag) -> None:
     text = re.sub(r'"data:image/\w+;base64,[^"]*"', "", html)
-    assert not re.search(r"data:|https?:|//|@import|<script|<link|\bon\w+=", text)
+    assert not re.search(r"data:|https?:|//|@import|<script(?! type=.application/json)|<link|\bon\w+=", text)
     assert set(re.findall(r"url\(([^)]*)\)", html)) <= {"#hatched", "#taped"}
     tags = [tag for name in ("img", "image", "a", "iframe") for tag in root.all(name)]
     assert tags
@@ -75,6 +79,34 @@ def test_a_card_says_where_a_person_is(root: Tag) -> None:
     assert "unconfirmed" in bob.attributes["class"]
     assert "Posturelying, judging" in bob.text
     assert "No way up to the person" in bob.text
+
+
+def test_the_directions_end_at_the_person(root: Tag) -> None:
+    alice, bob = ([item.text for item in article.all("li")] for article in root.all("article"))
+    assert re.fullmatch(
+        r"Person 1 is \d\.\d m from there, (straight ahead|behind|\d+° to the (left|right))", alice[-1]
+    )
+    assert bob[-1].startswith("Sighting A lies ")
+
+
+def test_the_page_says_when_it_was_written_and_folds_figures_away(root: Tag) -> None:
+    now = read(page(before_a_wall(None), REPORT, datetime(2026, 11, 2, 9, 5, tzinfo=UTC)))
+    assert texts(now, "time") == ["2 November 2026, 09:05 UTC"]
+    assert texts(root, "time") == []
+    (figures,) = (details for details in root.all("details") if list(details.all("div", "truth")))
+    assert "open" not in figures.attributes
+
+
+def test_ramps_are_called_as_people_see_them() -> None:
+    situation = before_a_wall(None)
+    labels = np.resize(np.uint8([Label.INCLINED_RAMP, Label.STRAIGHT_RAMP]), len(situation.labels))
+    legend = texts(read(page(replace(situation, labels=labels), {"arena": "a"})), "ul", "legend")[0]
+    assert "slope" in legend and "raised deck" in legend and "ramp" not in legend
+
+
+def test_the_page_holds_the_people_as_data(root: Tag) -> None:
+    (data,) = root.all("script")
+    assert json.loads(data.text) == people_data(before_a_wall(victims(ALICE, BOB), finished=False))
 
 
 def test_the_photo_is_the_robots(root: Tag) -> None:
@@ -154,7 +186,7 @@ def test_a_readers_voice_says_a_person_once(root: Tag) -> None:
 def test_names_from_outside_are_text() -> None:
     evil = '<script>alert("1")</script> & <b>{{ title }}'
     html = page(before_a_wall(None), {"arena": evil, "config": {"<i>": "</td>"}})
-    assert "<script" not in html
+    assert html.count("<script") == 1  # the people as data
     root = read(html)
     assert texts(root, "h1") == [evil]
     assert texts(root, "title")[0] == f"Rescue report: {evil}"

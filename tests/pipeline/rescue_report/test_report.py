@@ -34,7 +34,7 @@ def test_the_last_step_tells_whether_a_viewpoint_is_left() -> None:
 def test_the_page_is_a_file(tmp_path: Path) -> None:
     write_page(tmp_path / "report.html", before_a_wall(None), {"arena": "Fußweg"})
     assert "Fußweg" in read((tmp_path / "report.html").read_text(encoding="utf-8")).text
-    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "victims.json", "victims.csv"}
 
 
 def test_a_page_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:

@@ -147,6 +147,8 @@ def test_every_export_says_what_it_is(kind: type[Export], data: Path, tmp_path: 
     folder = exported(kind(data, tmp_path / "out"))
     text = (folder / "README.md").read_text()
     assert "2 scenes" in text and "Apache-2.0" in text and "sarsim" in text
+    card = yaml.safe_load(text.split("---")[1])
+    assert (card["license"], card["pretty_name"], card["size_categories"]) == ("apache-2.0", "out", ["n<1K"])
     assert (folder / "labels.csv").read_text().splitlines()[5].startswith("4,straight_ramp,")
     assert json.loads((folder / "intrinsics.json").read_text())["arena_1"] == asdict(scene.intrinsics)
     assert "SPDX-License-Identifier: Apache-2.0" in (folder / "LICENSE").read_text()

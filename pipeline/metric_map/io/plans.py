@@ -1,0 +1,84 @@
+"""A 2D map for geographic information systems and drawing programs: GeoTIFF, PNG with a world file, SVG."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, TiffImagePlugin
+
+from pipeline.files import whole_file
+from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
+
+Cells = NDArray[np.uint8]
+GEO_KEYS = (1, 1, 0, 2, 1024, 0, 1, 32767, 1025, 0, 1, 1)
+"""Of GeoTIFF 1.1: version 1.1.0, two keys: an own model (m in ``map``), and pixels that are areas."""
+DOUBLES, SHORTS = 12, 3
+"""TIFF's types."""
+LOOKS = {"unknown": (PGM_UNKNOWN, "#cdcdcd"), "free": (PGM_FREE, "#ffffff"), "occupied": (PGM_OCCUPIED, "#1a1a1a")}
+"""Grey value and colour of each kind of ground."""
+
+
+def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
+    """Write cells (nx, ny) of side ``cell`` m, the first one's corner at ``origin`` (2,) m, as GeoTIFF, without loss.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    tags, height = TiffImagePlugin.ImageFileDirectory_v2(), cells.shape[1] * cell
+    for tag, kind, value in (
+        (33550, DOUBLES, (cell, cell, 0.0)),  # ModelPixelScale
+        (33922, DOUBLES, (0.0, 0.0, 0.0, float(origin[0]), float(origin[1]) + height, 0.0)),  # ModelTiepoint
+        (34735, SHORTS, GEO_KEYS),
+    ):
+        tags.tagtype[tag], tags[tag] = kind, value
+    with whole_file(path) as partial:
+        Image.fromarray(_image(cells)).save(partial, "TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
+
+
+def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
+    """Write such cells as PNG, with a world file (.pgw) beside it that says where; as :func:`save_geotiff`."""
+    x, y = origin[0] + cell / 2, origin[1] + (cells.shape[1] - 0.5) * cell
+    with whole_file(path) as partial:
+        partial.write_bytes(cv2.imencode(".png", _image(cells))[1].tobytes())
+    with whole_file(path.with_suffix(".pgw")) as partial:
+        partial.write_text("".join(f"{value:.9g}\n" for value in (cell, 0, 0, -cell, x, y)))
+
+
+def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
+    """Write such cells as outlines, in m, with y up; as :func:`save_geotiff`."""
+    width, height = np.array(cells.shape) * cell
+    x, y = origin
+    parts = [
+        f'<path id="{name}" fill="{colour}" d="{_outlines(cells == grey, cell, origin)}"/>\n'
+        for name, (grey, colour) in LOOKS.items()
+    ]
+    with whole_file(path) as partial:
+        partial.write_text(
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{100 * width:.6g}" height="{100 * height:.6g}"'
+            f' viewBox="{x:.6g} {-y - height:.6g} {width:.6g} {height:.6g}">\n'
+            f'<g transform="scale(1 -1)" fill-rule="evenodd">\n{"".join(parts)}</g>\n</svg>\n'
+        )
+
+
+def _image(cells: Cells) -> Cells:
+    """Rows from the top."""
+    return np.ascontiguousarray(cells.T[::-1])
+
+
+def _outlines(mask: NDArray[np.bool_], cell: float, origin: NDArray[np.float64]) -> str:
+    """The edges of the cells (nx, ny) of a mask as an SVG path in m; holes are outlines too."""
+    # OpenCV's outlines run through the middles of pixels: of three a cell, these are nearest to one edge alone.
+    fine = np.ascontiguousarray(np.kron(mask.T, np.ones((3, 3), np.uint8)), np.uint8)
+    contours, _ = cv2.findContours(fine, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    edges = [np.rint((contour[:, 0] + 0.5) / 3) * cell + origin for contour in contours]
+    return "".join("M" + "L".join(f"{x:.6g} {y:.6g}" for x, y in edge) + "z" for edge in edges)
+
+
+SAVED: dict[str, Callable[[Path, Cells, float, NDArray[np.float64]], None]] = {
+    ".tif": save_geotiff,
+    ".png": save_world_png,
+    ".svg": save_svg,
+}
+"""By ending."""

@@ -1,0 +1,97 @@
+"""A stranger's MJCF, tried in a process of its own, which may take only so much memory and time."""
+
+import os
+import resource
+import select
+import signal
+from contextlib import suppress
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+
+from pipeline.errors import InputError
+
+MEMORY = 4_000_000_000
+"""bytes beyond what this process has."""
+SECONDS = 20
+"""of processor time; a process that takes none waits for something, ten times as long."""
+GOOD, MOST_SAID = "good", 4096
+"""Answer of the process, and its longest, in bytes, that a pipe takes at once."""
+TIMESTEP = 1e-4, 0.02
+"""s, from and to; the drive's period is the longest."""
+MOST_ITERATIONS = 1000
+"""of a solver; MuJoCo's own default is 100."""
+MOST_USER = 100
+"""``user`` numbers of an element."""
+ZNEAR, ZFAR = (1e-6, 1.0), (1e-3, 1e6)
+"""of ``<visual><map>``, in extents of the model."""
+
+
+def try_mjcf(path: Path) -> None:
+    """Compile an MJCF file and take a step of it.
+
+    Raises:
+        InputError: it is no good, holds a number that makes no sense, or takes absurdly much memory or time.
+    """
+    reading, writing = os.pipe()
+    child = os.fork()  # another way to start a process takes a second, and workers may have none of multiprocessing's
+    if not child:
+        try:
+            os.write(writing, _tried(path).encode()[:MOST_SAID])
+        finally:
+            os._exit(0)
+    os.close(writing)
+    try:
+        answered, _, _ = select.select([reading], [], [], 10 * SECONDS)
+        said = os.read(reading, MOST_SAID).decode(errors="replace") if answered else ""
+    finally:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        os.close(reading)
+    if said != GOOD:
+        raise InputError(f"{path}: {said or f'more than {MEMORY / 1e9:g} GB or {SECONDS} s are needed to read it'}")
+
+
+def _tried(path: Path) -> str:
+    """What is wrong with a file, as far as MuJoCo says it; this process is of no other use afterwards."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    with suppress(OSError, ValueError):  # elsewhere than on Linux time is limited alone
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+        check_model(model)
+        mujoco.mj_step(model, mujoco.MjData(model))
+        root = mjcf.from_path(str(path))
+        mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())  # as PyMJCF writes it
+        return GOOD
+    except InputError as error:
+        return str(error)
+    except Exception as error:
+        if "unknown exception" in str(error):
+            return ""  # so MuJoCo says that there is no memory
+        return f"not a readable MJCF file: {' '.join(str(error).split()) or type(error).__name__}"
+
+
+def check_model(model: mujoco.MjModel) -> None:
+    """Raises InputError if a number of a compiled model makes no sense."""
+    options, eye = model.opt, model.vis.map
+    _within("timestep", options.timestep, TIMESTEP)
+    _within("znear", eye.znear, ZNEAR)
+    _within("zfar", eye.zfar, ZFAR)
+    for name in ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations", "sdf_iterations"):
+        _within(name, getattr(options, name), (0, MOST_ITERATIONS))
+    for name in sorted(dir(model), key=lambda name: name.startswith("bvh")):  # of those the others tell
+        value = getattr(model, name)
+        if name.startswith("nuser_"):
+            _within(name, value, (0, MOST_USER))
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "f" and not np.isfinite(value).all():
+            raise InputError(f"{name} holds a number that is not finite")
+
+
+def _within(name: str, value: float, bounds: tuple[float, float]) -> None:
+    if not bounds[0] <= value <= bounds[1]:
+        raise InputError(f"{name} {value:g} is not between {bounds[0]:g} and {bounds[1]:g}")

@@ -1,0 +1,67 @@
+"""2D maps, read back as other programs read them."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from matplotlib.path import Path as Outline
+from PIL import Image
+
+from pipeline.metric_map.io.plans import save_geotiff, save_svg, save_world_png
+
+GREYS = np.array([0, 205, 254], np.uint8)
+CELL, ORIGIN = 0.05, np.array([-1.5, 2.25])
+
+
+@pytest.fixture
+def cells() -> np.ndarray:
+    """(nx, ny) greys at random, so that cells touch at corners and lie in holes."""
+    return GREYS[np.random.default_rng(3).integers(0, 3, (17, 12))]
+
+
+def test_a_geotiff_lies_where_the_map_does(cells: np.ndarray, tmp_path: Path) -> None:
+    path = tmp_path / "map.tif"
+    save_geotiff(path, cells, CELL, ORIGIN)
+    with Image.open(path) as image:
+        np.testing.assert_array_equal(np.array(image), cells.T[::-1])
+        scale, tie, keys = (image.tag_v2[tag] for tag in (33550, 33922, 34735))
+    assert scale == (CELL, CELL, 0)
+    np.testing.assert_allclose(tie, (0, 0, 0, -1.5, 2.25 + 12 * CELL, 0))
+    assert keys[:4] == (1, 1, 0, 2)
+
+
+def test_rasterio_reads_it(cells: np.ndarray, tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    for name, save in (("map.tif", save_geotiff), ("map.png", save_world_png)):
+        save(tmp_path / name, cells, CELL, ORIGIN)
+        with rasterio.open(tmp_path / name) as raster:
+            np.testing.assert_array_equal(raster.read(1), cells.T[::-1])
+            np.testing.assert_allclose(raster.bounds, (-1.5, 2.25, -1.5 + 17 * CELL, 2.25 + 12 * CELL), atol=1e-9)
+            assert next(raster.sample([(-1.5 + 4.5 * CELL, 2.25 + 6.5 * CELL)]))[0] == cells[4, 6]
+
+
+def test_a_world_file_says_where_the_first_pixel_lies(cells: np.ndarray, tmp_path: Path) -> None:
+    save_world_png(tmp_path / "map.png", cells, CELL, ORIGIN)
+    numbers = [float(line) for line in (tmp_path / "map.pgw").read_text().split()]
+    np.testing.assert_allclose(numbers, [CELL, 0, 0, -CELL, -1.5 + CELL / 2, 2.25 + 11.5 * CELL])
+    image = cv2.imread(str(tmp_path / "map.png"), cv2.IMREAD_UNCHANGED)
+    assert image[0, 0] == cells[0, -1]
+
+
+def test_outlines_hold_the_cells_and_no_others(cells: np.ndarray, tmp_path: Path) -> None:
+    save_svg(tmp_path / "map.svg", cells, CELL, ORIGIN)
+    root = ET.parse(tmp_path / "map.svg").getroot()
+    i, j = np.indices(cells.shape).reshape(2, -1)
+    middles = np.column_stack([i, j]) * CELL + CELL / 2 + ORIGIN
+    for part, grey in (("unknown", 205), ("free", 254), ("occupied", 0)):
+        (path,) = root.findall(f".//*[@id='{part}']")
+        inside = np.zeros(cells.size, np.bool_)
+        for line in path.attrib["d"].strip("Mz").split("zM"):
+            corners = np.array([point.split() for point in line.split("L")], float)
+            inside ^= Outline(np.vstack([corners, corners[:1]])).contains_points(middles)
+        np.testing.assert_array_equal(inside.reshape(cells.shape), cells == grey)
+    low, high = ORIGIN, ORIGIN + np.array(cells.shape) * CELL
+    x, y, width, height = map(float, root.attrib["viewBox"].split())
+    np.testing.assert_allclose((x, -y - height, x + width, -y), (*low, *high), atol=1e-6)

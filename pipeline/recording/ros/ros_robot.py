@@ -19,7 +19,7 @@ from pipeline.transforms import angle_of, inverse
 LEAST_PERIOD = 0.04
 """s; commands come no more often."""
 HOLD = 0.2
-"""s without a new command after which the robot is told to stand: the pipeline computes meanwhile."""
+"""s of the robot's time without a new command after which it is told to stand: the pipeline computes meanwhile."""
 FRESH = 0.1
 """s that a frame may be older than the newest odometry."""
 CLOCKS = 1.0
@@ -30,6 +30,7 @@ LEAST_COMMAND = 0.04, 0.15
 """m/s and rad/s that must move a robot."""
 UNHEEDED = 10.0
 """s of commands after which a robot that has not moved ignores them."""
+STAMPED = "geometry_msgs/msg/TwistStamped"
 STARTING = 5
 """Messages of odometry by which its rate is told."""
 
@@ -92,8 +93,8 @@ class RosRobot:
             if len(senders := node.senders(topic)) > 1:
                 raise InputError(f"{topic}: several nodes send it, {' and '.join(senders)}")
         types = node.types()
-        self._is_stamped = "geometry_msgs/msg/TwistStamped" in types[topics.cmd_vel]
-        node.offer(topics.cmd_vel, messages.type_of(self._message(Velocity())))
+        self._kind = STAMPED if STAMPED in types[topics.cmd_vel] else "geometry_msgs/msg/Twist"
+        node.offer(topics.cmd_vel, self._kind)
         self._listen(topics.depth, senses.take_depth(types[topics.depth][0]))
         self._listen(topics.color, senses.take_colour(types[topics.color][0]))
         self._listen(topics.camera_info, senses.take_info)
@@ -173,17 +174,14 @@ class RosRobot:
         self._send(Velocity())
 
     def _send(self, command: Velocity) -> None:
-        self._last, self._commanded = command, self._node.now()
-        self._node.send(self.topics.cmd_vel, self._senses.time, self._message(command))
-
-    def _message(self, command: Velocity) -> messages.Message:
-        return (
-            messages.velocity_stamped(self._senses.time, command) if self._is_stamped else messages.velocity(command)
-        )
+        self._last, self._commanded = command, self._senses.time
+        time = max(0.0, self._senses.time)
+        message = messages.velocity_stamped(time, command) if self._kind == STAMPED else messages.velocity(command)
+        self._node.send(self.topics.cmd_vel, time, message)
 
     def _rest(self) -> None:
         """Stop a robot that gets no commands, for what commands it computes."""
-        if not self._is_driving and self._last != Velocity() and self._node.now() - self._commanded > HOLD:
+        if not self._is_driving and self._last != Velocity() and self._senses.time - self._commanded > HOLD:
             self._send(Velocity())
 
     def _check_heeded(self, command: Velocity, motion: Motion, elapsed: float) -> None:

@@ -42,7 +42,7 @@ class Wire:
 
 
 class End:
-    """Has what :class:`pipeline.recording.ros.node.Node` offers. While one end waits, ``work`` lets the other work."""
+    """Has what a node offers; while one end waits, ``work`` lets the other work."""
 
     def __init__(self, wire: Wire, name: str):
         self.wire, self.name = wire, name
@@ -58,10 +58,10 @@ class End:
         self.wire.senders.setdefault(topic, []).append(self.name)
 
     def send(self, topic: str, time: float, message: Any) -> None:
-        for topic, _, message in self.wire.change(topic, time, message):
-            if self.name not in self.wire.senders.get(topic, []):
-                self.offer(topic, type_of(message))
-            self.wire.carry(topic, message)
+        for name, _, changed in self.wire.change(topic, time, message):
+            if self.name not in self.wire.senders.get(name, []):
+                self.offer(name, type_of(changed))
+            self.wire.carry(name, changed)
 
     def listen(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:
         self.wire.kinds.setdefault(topic, name or "")

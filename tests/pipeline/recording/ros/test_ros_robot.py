@@ -113,7 +113,7 @@ def test_stamped_commands_are_sent_to_what_listens_to_them() -> None:
 
 
 def test_a_transform_tells_where_the_camera_is() -> None:
-    with pytest.raises(InputError, match="no transform tells where camera_optical is .* --camera"):
+    with pytest.raises(InputError, match=r"no transform tells where camera_optical is .* --camera"):
         Pair(T_base_camera=None)
     wire = Wire()
     room, end = RoomRobot(wire), End(wire, "explorer")

@@ -1,12 +1,14 @@
 """A node on a network of ROS 2 (rclpy) that passes messages on as bytes, for CDR is the same there and in a bag."""
 
 import os
+import re
 from collections.abc import Callable
 from contextlib import ExitStack
 from importlib import import_module
 from threading import Condition, Event, Thread
 from time import monotonic
 from typing import Any
+from warnings import catch_warnings
 
 from pipeline.errors import InputError
 from pipeline.recording.ros.bag import LATCHED
@@ -41,6 +43,8 @@ class Node:
         Raises:
             InputError: there is no rclpy, or a node of this name already.
         """
+        if not re.fullmatch("[A-Za-z_][A-Za-z0-9_]*", name):
+            raise InputError(f"--name {name}: letters, digits and _ alone make the name of a node")
         if not network:
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         rclpy = _rclpy()
@@ -52,7 +56,7 @@ class Node:
         context.init(args=[])
         with ExitStack() as stack:
             stack.callback(context.try_shutdown)
-            self._node = _named(rclpy, name, context)
+            self._node = rclpy.create_node(name, context=context)
             stack.callback(self._node.destroy_node)
             self._executor = import_module("rclpy.executors").SingleThreadedExecutor(context=context)
             self._executor.add_node(self._node)
@@ -157,17 +161,11 @@ def _rclpy() -> Any:
         raise InputError(f"there is no rclpy here: {told}; {error}") from error
 
 
-def _named(rclpy: Any, name: str, context: Any) -> Any:
-    try:
-        return rclpy.create_node(name, context=context)
-    except import_module("rclpy.exceptions").InvalidNodeNameException as error:
-        raise InputError(f"--name {name}: letters, digits and _ alone make the name of a node") from error
-
-
 def message_type(name: str) -> Any:
     """The class of messages ``package/msg/Name``; None where it is not installed."""
     package, _, kind = name.partition("/msg/")
     try:
-        return getattr(import_module(f"{package}.msg"), kind)
+        with catch_warnings(action="ignore"):  # of a parser that its generator brings
+            return getattr(import_module(f"{package}.msg"), kind)
     except ImportError:
         return None

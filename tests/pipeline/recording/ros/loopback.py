@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from pipeline.frame import Frame
+from pipeline.recording.ros.bag import LATCHED
 from pipeline.recording.ros.messages import command_of, decode, encode, type_of
 from pipeline.recording.ros.topics import RobotTopics
 from pipeline.robot import Velocity
@@ -66,6 +67,8 @@ class End:
     def listen(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:
         self.wire.kinds.setdefault(topic, name or "")
         self.wire.takers.setdefault(topic, []).append((self.name, take))
+        for message in self.wire.heard.get(topic, [])[-1:] if topic in LATCHED else ():
+            take(encode(message))
 
     def types(self) -> dict[str, list[str]]:
         return {topic: [name] for topic, name in self.wire.kinds.items()}

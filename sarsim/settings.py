@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from pipeline.recording.ros.topic_names import TopicNames
+from pipeline.recording.live.topic_names import TopicNames
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.assets import asset
 

@@ -8,10 +8,10 @@ from pipeline.errors import InputError
 from pipeline.explorer import Step
 from pipeline.mapper import Keyframe
 from pipeline.navigation.navigator import Outcome
+from pipeline.recording.live.node import Node
+from pipeline.recording.live.ros_robot import RosRobot
 from pipeline.recording.recorder import Recorder
 from pipeline.recording.ros.messages import MAP, ODOM, transforms
-from pipeline.recording.ros.node import Node
-from pipeline.recording.ros.ros_robot import RosRobot
 from pipeline.recording.ros.topics import MapTopics
 from pipeline.recording.sources.recording import CameraPose
 from pipeline.recording.viewer import Viewer

@@ -13,7 +13,7 @@ def ros_explore(config: RosExploration) -> None:
 
     Ctrl-C stops the robot. Where it falls silent or does not obey, what was mapped is kept.
     """
-    from pipeline.recording.ros.node import Node
+    from pipeline.recording.live.node import Node
     from sarsim.scripts.ros_drive import RosDrive
 
     node = Node(config.name, config.network)

@@ -9,7 +9,7 @@ from sarsim.settings import RosRobotConfig
 
 def ros_robot(config: RosRobotConfig) -> None:
     """Show the simulated robot to ROS 2: it senses and obeys by topics, until Ctrl-C."""
-    from pipeline.recording.ros.node import Node
+    from pipeline.recording.live.node import Node
     from sarsim.scripts.simulated_node import SimulatedNode
 
     node = Node(config.name, config.network)

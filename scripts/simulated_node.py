@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.recording.live.node import Node
 from pipeline.recording.ros.messages import BASE, CAMERA, command_of, decode, time_of, transform
-from pipeline.recording.ros.node import Node
 from pipeline.recording.ros.topics import RobotTopics
 from pipeline.robot import Motion, Velocity
 from sarsim.arenas.load import load_arena

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.recording.live.node import Node
 from pipeline.recording.ros import messages
 from pipeline.recording.ros.messages import decode, type_of
-from pipeline.recording.ros.node import Node
 from pipeline.robot import Velocity
 
 pytest.importorskip("rclpy", reason="there is no ROS 2 here; make ros adds it")

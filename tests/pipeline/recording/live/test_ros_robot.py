@@ -8,13 +8,13 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.navigation.navigator import Navigator
+from pipeline.recording.live.ros_robot import FRESH, HOLD, RosRobot
+from pipeline.recording.live.topic_names import TopicNames
 from pipeline.recording.ros import messages
 from pipeline.recording.ros.messages import command_of
-from pipeline.recording.ros.ros_robot import FRESH, HOLD, RosRobot
-from pipeline.recording.ros.topic_names import TopicNames
 from pipeline.robot import Velocity
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
-from tests.pipeline.recording.ros.loopback import Change, End, RoomRobot, Wire
+from tests.pipeline.recording.live.loopback import Change, End, RoomRobot, Wire
 from tests.pipeline.robot_model import PIONEER
 
 DEPTH, COLOUR, INFO, ODOM = "/camera/depth/image_raw", "/camera/color/image_raw", "/camera/depth/camera_info", "/odom"

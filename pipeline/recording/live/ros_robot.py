@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
+from pipeline.recording.live.node import Node
+from pipeline.recording.live.senses import APART, Senses
+from pipeline.recording.live.topic_names import TopicNames
 from pipeline.recording.ros import messages
-from pipeline.recording.ros.node import Node
-from pipeline.recording.ros.senses import APART, Senses
-from pipeline.recording.ros.topic_names import TopicNames
 from pipeline.recording.sources.pinhole import Pinhole
 from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.transforms import angle_of, inverse

@@ -23,11 +23,9 @@ from pipeline.recording.results import KEYFRAMES, save_maps
 from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.rescue_report.situation import Situation
-from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from pipeline.traversability.elevation_map import CELL
-from pipeline.victims.detection.detection import Detector
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
@@ -58,27 +56,11 @@ class Expedition:
     situation: Situation
     report: dict[str, Any]
 
-    def __init__(
-        self,
-        config: EpisodeConfig | RosExploration,
-        robot: Robot,
-        classifier: PointClassifier,
-        detector: Detector | None,
-        trusts_odometry: bool = False,
-    ):
-        """Begin where the robot stands; InputError where an earlier map cannot be read."""
-        self.config, self.out = config, config.folder
-        self.explorer = Explorer(
-            robot,
-            classifier,
-            detector,
-            voxel_size=config.voxel_size,
-            graph=config.graph,
-            seed=config.seed,
-            localisation=OdometryLocalisation() if trusts_odometry else Slam(),
-        )
+    def __init__(self, config: EpisodeConfig | RosExploration, explorer: Explorer):
+        """Begin where the explorer's robot stands; InputError where an earlier map cannot be read."""
+        self.config, self.out, self.explorer = config, config.folder, explorer
         if config.map:
-            load_keyframes(config.map / KEYFRAMES, self.explorer.mapper)
+            load_keyframes(config.map / KEYFRAMES, explorer.mapper)
         self.mission = self.explorer.mission
         self.rescue_report = RescueReport(self.explorer)
         self.explorer.lookout.on_keyframe = self._add_keyframe
@@ -178,7 +160,7 @@ class Expedition:
         if self.explorer.steps or self.lost:
             self.report = {
                 "arena": self.place,
-                "seed": self.config.seed,
+                "seed": self.config.seed if isinstance(self.config, EpisodeConfig) else 0,
                 "steps": self.explorer.steps,
                 **run_report(self.config, self.out, sim_time, wall_time, self.explorer.mapper),
                 **self._figures(),
@@ -228,7 +210,16 @@ class Episode(Expedition):
         self.robot = SimulatedRobot(arena, simulation, config.seed)
         self.bag = ExplorerBag(config.bag, config.bag_images, self.robot) if config.bag else None
         is_told = config.odometry == "truth" or config.localisation == "odometry"
-        super().__init__(config, self.bag.robot if self.bag else self.robot, classifier, detector, is_told)
+        explorer = Explorer(
+            self.bag.robot if self.bag else self.robot,
+            classifier,
+            detector,
+            voxel_size=config.voxel_size,
+            graph=config.graph,
+            seed=config.seed,
+            localisation=OdometryLocalisation() if is_told else Slam(),
+        )
+        super().__init__(config, explorer)
         self.score = EpisodeScore(self.robot, self.explorer, fiducials)
         self.trajectory = self.score.trajectory
         self.recorder: EpisodeRecorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)

@@ -127,38 +127,26 @@ class RosRobotConfig:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
         start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
         seed: of everything random; another one shows how much of a result is chance.
-        odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
-        sensor: the Xtion with its noise, or its range alone, to see what noise costs.
         lighting: of the arena; in the dark the robot's lamp is on.
-        dust: in the air, from 0 to 1; it swallows depth returns, makes false ones and veils colours.
         camera_rate: images a simulated second; each takes some 50 ms to compute, a real Xtion gives 30.
-        images: depth in whole mm (16UC1) or exactly, in m (32FC1); colours as they are or as JPEG.
         pace: of the simulated time: that of the wall's clock (real-time), as fast as it goes (free), or as fast as
             commands come and never slower than the wall's clock (commands).
         stamped: commands are TwistStamped.
-        duration: simulated s after which the node ends; by default Ctrl-C ends it.
         name: of the node.
         network: other machines may see the robot, and drive it; else nothing leaves this one.
         out: folder for what is true of the drive, report.json and trajectory_true.tum; by default it is not told.
-        random: what a random arena is like.
     """
 
     arena: str = "nist_6x4"
     start: StartPose | None = None
     seed: int = 0
-    odometry: Odometry = "wheel"
-    sensor: Literal["xtion", "ideal"] = "xtion"
     lighting: LightingName = "normal"
-    dust: float = 0.0
     camera_rate: float = 5.0
-    images: Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"] = "16UC1"
     pace: Literal["commands", "real-time", "free"] = "commands"
     stamped: bool = False
-    duration: float | None = None
     name: str = "sarsim_robot"
     network: bool = False
     out: Path | None = None
-    random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
 
 
 @dataclass(frozen=True)
@@ -173,12 +161,7 @@ class RosExploration:
         home: drive back to the start in the end.
         weights: of the network that labels the points, as train.py writes them.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
-        localisation: registration of what the camera sees (slam), or the odometry taken at its word.
-        seed: of what the pipeline draws by chance.
         speed: at most, on seen level ground with room, m/s.
-        voxel_size: of the metric map, m; smaller voxels show more detail and take more time and memory.
-        graph: what plans are made on: the thesis's minimum spanning tree (mst), or the tree and loops that shorten
-            detours.
         view: show the drive while it goes on: in a new window (spawn), in the browser (web), or not at all.
         camera: of the camera on the robot: x y z in m, roll pitch yaw in degrees, pitch positive where it looks down;
             by default as the robot's transforms have it.
@@ -195,11 +178,7 @@ class RosExploration:
     home: bool = False
     weights: Path = WEIGHTS
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
-    localisation: Literal["slam", "odometry"] = "slam"
-    seed: int = 0
     speed: float = 0.5
-    voxel_size: float = 0.1
-    graph: Literal["mst", "roadmap"] = "roadmap"
     view: Literal["none", "spawn", "web"] = "none"
     camera: tuple[float, float, float, float, float, float] | None = None
     topics: TopicNames = field(default_factory=TopicNames)

@@ -5,7 +5,8 @@ from dataclasses import replace
 from typing import Any
 
 from pipeline.errors import InputError
-from pipeline.explorer import Step
+from pipeline.explorer import Explorer, Step
+from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe
 from pipeline.navigation.navigator import Outcome
 from pipeline.recording.live.node import Node
@@ -46,7 +47,7 @@ class RosDrive(Expedition):
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = replace(PIONEER_3AT, speed=config.speed)
         self.robot = RosRobot(node, model, config.topics, camera, config.patience)
-        super().__init__(config, self.robot, classifier, detector, config.localisation == "odometry")
+        super().__init__(config, Explorer(self.robot, classifier, detector, localisation=Slam()))
         self.recorder = Recorder(self.out / "episode.rrd", None if config.view == "none" else Viewer(config.view))
         self.explorer.on_correction = self.recorder.log_correction
         self.robot.on_motion = self._log_motion

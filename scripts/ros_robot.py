@@ -16,7 +16,7 @@ def ros_robot(config: RosRobotConfig) -> None:
     try:
         simulated = SimulatedNode(config, node)
         with progress() as bars, Interruptible() as control:
-            bar = bars.add_task(config.arena, total=config.duration)
+            bar = bars.add_task(config.arena, total=None)
             simulated.run(lambda: control.signal is not None, lambda time: bars.update(bar, completed=round(time, 1)))
     finally:
         node.close()

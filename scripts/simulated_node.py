@@ -47,11 +47,11 @@ class SimulatedNode:
         self.config, self._node = config, node
         if config.out:
             make_folder(config.out)
-        simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust)
-        self.robot = SimulatedRobot(load_arena(config.arena, config.start, config.random), simulation, config.seed)
+        arena = load_arena(config.arena, config.start)
+        self.robot = SimulatedRobot(arena, SimulationConfig(lighting=config.lighting), config.seed)
         self.coverage = Coverage(self.robot)
         self.commands = 0
-        self._topics = RobotTopics(node.send, config.images)
+        self._topics = RobotTopics(node.send)
         self._command, self._commanded = Velocity(), -np.inf
         self._begin, self._wall = self.robot.time, node.now()
         self._next_frame, self._has_camera = self.robot.time, False
@@ -66,13 +66,12 @@ class SimulatedNode:
         self.commands += 1
 
     def run(self, interrupted: Callable[[], bool], on_period: Callable[[float], object] = lambda time: None) -> None:
-        """Simulate until ``interrupted`` or the time is over, and write what is true.
+        """Simulate until ``interrupted``, and write what is true.
 
         ``on_period`` gets the simulated s so far, after each control period.
         """
-        end = self._begin + (self.config.duration or np.inf)
         try:
-            while self.robot.time < end and not interrupted():
+            while not interrupted():
                 start, commands = self._node.now(), self.commands
                 self.period()
                 on_period(self.robot.time - self._begin)

@@ -19,6 +19,10 @@ Change = Callable[[str, float, Any], list[tuple[str, float, Any]]]
 """From a topic, a time in s and a message to what is sent in its place."""
 
 
+def unchanged(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+    return [(topic, time, message)]
+
+
 class Wire:
     """Passes messages between ends on at once.
 
@@ -30,7 +34,7 @@ class Wire:
 
     def __init__(self) -> None:
         self.time = 100.0
-        self.change: Change = lambda topic, time, message: [(topic, time, message)]
+        self.change: Change = unchanged
         self.heard: dict[str, list[Any]] = {}
         self.kinds: dict[str, str] = {}
         self.senders: dict[str, list[str]] = {}

@@ -13,8 +13,9 @@ from pipeline.recording.live.topic_names import TopicNames
 from pipeline.recording.ros import messages
 from pipeline.recording.ros.messages import command_of
 from pipeline.robot import Velocity
+from pipeline.transforms import from_rotation
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
-from tests.pipeline.recording.live.loopback import Change, End, RoomRobot, Wire
+from tests.pipeline.recording.live.loopback import Change, End, RoomRobot, Wire, unchanged
 from tests.pipeline.robot_model import PIONEER
 
 DEPTH, COLOUR, INFO, ODOM = "/camera/depth/image_raw", "/camera/color/image_raw", "/camera/depth/camera_info", "/odom"
@@ -74,23 +75,19 @@ def test_motions_tell_what_is_felt(pair: Pair) -> None:
 
 
 def test_without_inertial_sensors_the_odometry_tells_whether_it_leans() -> None:
-    pair = Pair.__new__(Pair)
-    pair.wire = Wire()
-    pair.wire.change = lambda topic, time, message: [] if topic == "/imu" else [(topic, time, message)]
-    room = RoomRobot(pair.wire)
-    lean = 0.2
-    room.body.drive(Velocity())
-    end = End(pair.wire, "explorer")
+    wire, lean = Wire(), 0.2
+    wire.change = silent("/imu")
+    room, end = RoomRobot(wire), End(wire, "explorer")
     end.work = room.period
     robot = RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
     tilted = np.array([[np.cos(lean), 0, np.sin(lean)], [0, 1, 0], [-np.sin(lean), 0, np.cos(lean)]])
 
     def leaning(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
-        T = np.eye(4)
-        T[:3, :3] = tilted
-        return [(topic, time, messages.odometry(time, T, Velocity(0.1, 0.3)) if topic == ODOM else message)]
+        T = from_rotation(tilted, np.zeros(3))
+        odometry = messages.odometry(time, T, Velocity(0.1, 0.3))
+        return [] if topic == "/imu" else [(topic, time, odometry if topic == ODOM else message)]
 
-    pair.wire.change = lambda *sent: [] if sent[0] == "/imu" else leaning(*sent)
+    wire.change = leaning
     motion = robot.drive(Velocity())
     assert motion.accelerometer == pytest.approx(tilted.T @ [0, 0, 9.81])
     assert motion.gyro == pytest.approx([0, 0, 0.3])
@@ -112,18 +109,18 @@ def test_stamped_commands_are_sent_to_what_listens_to_them() -> None:
     assert message.header.frame_id == "base_link"
 
 
-def test_a_transform_tells_where_the_camera_is() -> None:
-    with pytest.raises(InputError, match=r"no transform tells where camera_optical is .* --camera"):
-        Pair(T_base_camera=None)
+@pytest.mark.parametrize("topic", ["/tf_static", "/camera/transform"])
+def test_a_transform_tells_where_the_camera_is(topic: str) -> None:
     wire = Wire()
     room, end = RoomRobot(wire), End(wire, "explorer")
-
-    def work() -> None:
-        link = messages.transform(0.0, "base_link", "camera_optical", T_BASE_CAMERA)
-        room.end.send("/camera/transform", 0.0, link)
-        room.period()
-
-    end.work = work
+    end.work = room.period
+    wire.change = silent("/tf_static")
+    with pytest.raises(InputError, match=r"no transform tells where camera_optical is .* --camera"):
+        RosRobot(end, PIONEER, TopicNames(), patience=2.0)
+    link = messages.transform(0.0, "base_link", "camera_optical", T_BASE_CAMERA)
+    message = messages.make("tf2_msgs/TFMessage", [link]) if topic == "/tf_static" else link
+    wire.change = unchanged
+    room.end.send(topic, 0.0, message)
     robot = RosRobot(end, PIONEER, TopicNames(), patience=2.0)
     np.testing.assert_allclose(robot.sense().T_base_camera, T_BASE_CAMERA, atol=1e-9)
 
@@ -183,9 +180,6 @@ def test_what_goes_wrong_while_it_drives_is_said_and_the_robot_stopped(pair: Pai
 
 
 def test_a_robot_that_ignores_commands_is_given_up(pair: Pair) -> None:
-    pair.room.body.T = pair.room.body.T.copy()
-    held = RoomRobot(Wire())
-    pair.end.work = lambda: (held, pair.room.period())[1]
     pair.wire.takers["/cmd_vel"] = [("robot", lambda data: None)]
     with pytest.raises(InputError, match="/cmd_vel: the robot ignores it, for it has not moved for 10 s"):
         for _ in range(500):

@@ -1,6 +1,7 @@
 """A robot on a network of ROS 2, real or simulated, that the pipeline senses and drives by."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.recording.live.node import Node
+from pipeline.recording.live.node import DISCOVERY, Node
 from pipeline.recording.live.senses import APART, Senses
 from pipeline.recording.live.topic_names import TopicNames
 from pipeline.recording.ros import messages
@@ -99,23 +100,22 @@ class RosRobot:
         self._listen(topics.color, senses.take_colour(types[topics.color][0]))
         self._listen(topics.camera_info, senses.take_info)
         self._listen(topics.odom, senses.take_odometry)
-        for topic, take in (
-            (topics.imu, senses.take_imu),
-            ("/tf_static", senses.take_transforms),
-            ("/camera/transform", senses.take_transform),
-        ):
-            if node.senders(topic):
-                self._listen(topic, take)
+        places = {"/tf_static": senses.take_transforms, "/camera/transform": senses.take_transform}
+        # What may be missing was maybe not discovered yet.
+        node.wait(lambda: bool(node.senders(topics.imu)) and any(map(node.senders, places)), DISCOVERY)
+        for topic, take in {topics.imu: senses.take_imu, **places}.items():
+            with suppress(InputError):  # the packages of PyPI have no type for /tf_static
+                if node.senders(topic):
+                    self._listen(topic, take)
         self._wait(lambda: senses.info is not None and senses.poses >= STARTING and self._sees(-np.inf))
 
     def _listen(self, topic: str, take: Callable[[bytes], None]) -> None:
-        self._heard[topic] = -np.inf
-
         def heard(data: bytes) -> None:
             self._heard[topic] = self._node.now()
             take(data)
 
         self._node.listen(topic, heard)
+        self._heard.setdefault(topic, -np.inf)
 
     def _camera_pose(self) -> NDArray[np.float64]:
         frame = self._senses.camera_frame

@@ -125,6 +125,18 @@ def test_a_transform_tells_where_the_camera_is(topic: str) -> None:
     np.testing.assert_allclose(robot.sense().T_base_camera, T_BASE_CAMERA, atol=1e-9)
 
 
+def test_a_type_that_is_not_installed_is_no_reason_to_give_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    listen = End.listen
+
+    def refusing(end: End, topic: str, *args: Any) -> None:
+        if topic == "/tf_static":
+            raise InputError("/tf_static: its type is not installed here")
+        listen(end, topic, *args)
+
+    monkeypatch.setattr(End, "listen", refusing)
+    assert Pair().robot.drive(Velocity()).time > 0
+
+
 def silent(*topics: str) -> Change:
     return lambda topic, time, message: [] if topic in topics else [(topic, time, message)]
 

@@ -130,7 +130,7 @@ class RosRobotConfig:
         lighting: of the arena; in the dark the robot's lamp is on.
         camera_rate: images a simulated second; each takes some 50 ms to compute, a real Xtion gives 30.
         pace: of the simulated time: that of the wall's clock (real-time), as fast as it goes (free), or as fast as
-            commands come and never slower than the wall's clock (commands).
+            commands come (commands), for each of which the robot waits 0.1 s at most.
         stamped: commands are TwistStamped.
         name: of the node.
         network: other machines may see the robot, and drive it; else nothing leaves this one.

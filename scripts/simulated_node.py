@@ -22,6 +22,8 @@ from sarsim.settings import RosRobotConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig, TrueFrame
 
 COMMANDS, KEYFRAMES = "/cmd_vel", "/keyframe"
+WAIT = 0.1
+"""s of the wall's clock, at most, after each control period, for the next command."""
 WATCHDOG = 0.5
 """s of simulated time without a command after which the robot stops."""
 KEPT = 30
@@ -75,7 +77,10 @@ class SimulatedNode:
                 start, commands = self._node.now(), self.commands
                 self.period()
                 on_period(self.robot.time - self._begin)
-                self._pause(start, commands)
+                if self.config.pace == "real-time":
+                    self._node.wait(lambda: False, start + self.robot.control_period - self._node.now())
+                elif self.config.pace == "commands":
+                    self._node.wait(lambda n=commands: self.commands > n, WAIT)
         finally:
             if self.config.out:
                 write_report(self.report(), self.config.out)
@@ -84,14 +89,6 @@ class SimulatedNode:
                     self.config.out / "trajectory_true.tum", [p.time for p in poses], [p.T_world_base for p in poses]
                 )
             self.robot.close()
-
-    def _pause(self, start: float, commands: int) -> None:
-        """Let the wall's clock catch up with a control period that began at a time of it, s."""
-        left = start + self.robot.control_period - self._node.now()
-        if self.config.pace == "real-time":
-            self._node.wait(lambda: False, left)
-        elif self.config.pace == "commands":
-            self._node.wait(lambda: self.commands > commands, left)
 
     def period(self) -> None:
         """Follow the newest command for a control period, and tell what the robot senses; odometry last."""

@@ -8,7 +8,7 @@ from importlib import import_module
 from threading import Condition, Event, Thread
 from time import monotonic
 from typing import Any
-from warnings import catch_warnings
+from warnings import filterwarnings
 
 from pipeline.errors import InputError
 from pipeline.recording.ros.bag import LATCHED
@@ -154,6 +154,7 @@ class Node:
 
 def _rclpy() -> Any:
     """ROS 2 for Python, of an installation that was sourced or of this environment."""
+    filterwarnings("ignore", category=DeprecationWarning, module="lark")  # a parser that it brings
     try:
         return import_module("rclpy")
     except ImportError as error:
@@ -165,7 +166,6 @@ def message_type(name: str) -> Any:
     """The class of messages ``package/msg/Name``; None where it is not installed."""
     package, _, kind = name.partition("/msg/")
     try:
-        with catch_warnings(action="ignore"):  # of a parser that its generator brings
-            return getattr(import_module(f"{package}.msg"), kind)
+        return getattr(import_module(f"{package}.msg"), kind)
     except ImportError:
         return None

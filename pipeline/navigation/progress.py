@@ -17,7 +17,7 @@ STUCK_DISTANCE, STUCK_ANGLE = 0.02, np.deg2rad(3)
 OVERDUE = 60.0
 """s that a turn may take, and that a leg may take beyond four times what it takes on a ramp: a robot that
 slides back and forth is not still, and gets nowhere."""
-PAUSE = 0.2
+PAUSE = 0.15
 """s between two poses from which nothing is judged: meanwhile a real robot was left to itself, for its software
 computed."""
 LEAST = np.array([0.04, 0.15])

@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 SUBJECT ?= camera
 
-.PHONY: help setup episode test endurance lint benchmark docs dist clean
+.PHONY: help setup ros episode test endurance lint benchmark docs dist clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
@@ -12,6 +12,10 @@ setup: .venv/installed ## install the system packages that are missing, and the 
 .venv/installed: pyproject.toml requirements.txt scripts/setup.sh
 	@scripts/setup.sh
 	@touch $@
+
+ros: setup ## add ROS 2 to .venv, where no installation of it is sourced; make test then tests with it too
+	$(PYTHON) -m pip --disable-pip-version-check --quiet install --constraint requirements.txt --no-build-isolation \
+	    --editable '.[ros]'
 
 episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a report in runs/nist_6x4-0
 	$(PYTHON) scripts/run_episode.py

@@ -1,4 +1,4 @@
-"""An episode: the robot explores an arena, builds its maps and leaves a recording and a report."""
+"""A robot explores, simulated as an episode or real, builds its maps and leaves a recording and a report."""
 
 import json
 from collections.abc import Callable
@@ -18,66 +18,65 @@ from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.planning.path_plan import place_name
 from pipeline.recording.map_file import load_keyframes
+from pipeline.recording.recorder import Recorder
 from pipeline.recording.results import KEYFRAMES, save_maps
 from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints
 from pipeline.rescue_report.report import RescueReport, write_page
+from pipeline.rescue_report.situation import Situation
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
 from pipeline.semantic_map.networks.classifier import DgcnnClassifier
 from pipeline.semantic_map.rules import RuleClassifier
+from pipeline.traversability.elevation_map import CELL
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.pioneer3at import WHEELS
 from sarsim.scoring.episode import EpisodeScore
-from sarsim.settings import EpisodeConfig, Labels, MapRecording
+from sarsim.scoring.trajectory import TrajectoryScore
+from sarsim.settings import EpisodeConfig, Labels, MapRecording, RosExploration
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 
-class Episode:
-    """A robot, its explorer, and what watches them: the score, the rescue report and the recorder."""
+class Expedition:
+    """An explorer with a robot, simulated or real, and what watches them: the rescue report and the recorder.
 
-    def __init__(self, config: EpisodeConfig):
-        """Raises InputError where the arena, the output folder or the viewer cannot be had."""
-        self.config = config
-        if config.steps < 1 or config.seed < 0:
-            raise InputError(f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed")
-        if not np.isfinite(config.goals).all():
-            raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there")
-        classifier = make_classifier(config.labels, config.weights)
-        detector = VictimDetector.load(*config.detector) if config.detector else None
-        arena = load_arena(config.arena, config.start, config.random)
-        fiducials = hang_fiducials(arena, config.fiducials, config.seed)
-        self.out = config.folder
-        make_folder(self.out)
-        simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust, config.speed)
-        self.robot = SimulatedRobot(arena, simulation, config.seed)
-        is_told = config.odometry == "truth" or config.localisation == "odometry"
-        self.bag = ExplorerBag(config.bag, config.bag_images, self.robot) if config.bag else None
-        self.explorer = Explorer(
-            self.bag.robot if self.bag else self.robot,
-            classifier,
-            detector,
-            voxel_size=config.voxel_size,
-            graph=config.graph,
-            seed=config.seed,
-            localisation=OdometryLocalisation() if is_told else Slam(),
-        )
+    Attributes:
+        out: folder for the results.
+        explorer: with all maps.
+        mission: what to do next.
+        recorder: of what Rerun shows.
+        trajectory: where the robot believes to have been.
+        situation: what rescuers need to know; known at the end.
+        report: what goes into report.json; known at the end.
+        lost: why the robot does not know where it is, if so.
+    """
+
+    recorder: Recorder
+    trajectory: TrajectoryScore
+    situation: Situation
+    report: dict[str, Any]
+
+    def __init__(self, config: EpisodeConfig | RosExploration, explorer: Explorer):
+        """Begin where the explorer's robot stands; InputError where an earlier map cannot be read."""
+        self.config, self.out, self.explorer = config, config.folder, explorer
         if config.map:
-            load_keyframes(config.map / KEYFRAMES, self.explorer.mapper)
+            load_keyframes(config.map / KEYFRAMES, explorer.mapper)
         self.mission = self.explorer.mission
-        self.score = EpisodeScore(self.robot, self.explorer, fiducials)
         self.rescue_report = RescueReport(self.explorer)
-        self.recorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
-        self.robot.on_motion = self.recorder.log_motion
         self.explorer.lookout.on_keyframe = self._add_keyframe
-        if self.bag:
-            self.bag.watch(self.explorer)
-            self.bag.robot.T_world_base = lambda: self.robot.trajectory[-1].T_world_base
-            self.bag.robot.joints = lambda: Joints(WHEELS, *self.robot.wheels)
-        self.explorer.on_correction = self.recorder.log_correction
         self.lost: str | None = None
-        self._wall_start, self._sim_start = perf_counter(), self.robot.time
+
+    @property
+    def place(self) -> str:
+        """What is explored."""
+        return self.config.arena if isinstance(self.config, EpisodeConfig) else self.out.name
+
+    @property
+    def explored(self) -> str:
+        """How much is, in words."""
+        area = np.isfinite(self.explorer.mapper.elevation_map.measured).sum() * CELL**2
+        return f"{area:.0f} m² mapped"
 
     def run(
         self,
@@ -87,16 +86,17 @@ class Episode:
         """Explore, drive to the goals and home, and write the results.
 
         Args:
-            interrupted: asked before each step; the episode ends where the answer is yes.
+            interrupted: asked before each step; the expedition ends where the answer is yes.
             on_step: called after each step with a line on the task and how much is explored.
 
         Returns:
-            Whether the episode came to its own end.
+            Whether it came to its own end.
         """
+        self._wall_start, self._sim_start = perf_counter(), self._time()
         try:
             for task in self.mission.tasks(list(self.config.goals), self.config.home, self.explorer):
                 while self._may_step() and not interrupted() and self.step():
-                    on_step(f"{self.config.arena}: {task}, {self.score.explored_fraction:.0%} explored")
+                    on_step(f"{self.place}: {task}, {self.explored}")
             self._log_news()
         except LostError as error:
             self.lost = str(error)
@@ -104,11 +104,6 @@ class Episode:
         finally:
             self._finish()
         return not interrupted()
-
-    def _add_keyframe(self, keyframe: Keyframe) -> None:
-        self.score.add_keyframe(keyframe)
-        if self.bag:
-            self.bag.add_keyframe(keyframe)
 
     def _may_step(self) -> bool:
         """Whether the task goes on; the way to goals ends by itself, exploring after so many steps."""
@@ -123,11 +118,9 @@ class Episode:
         """One step of the robot: sense, map, plan, drive; False when there is nowhere to drive to."""
         relocalised = self.explorer.lookout.relocalised
         step = self.explorer.step()
-        self.score.add(step)
+        self._add(step)
         self.rescue_report.add(step)
         self.recorder.log_step(self.explorer.steps - 1, self.explorer, step)
-        if self.bag:
-            self.bag.add(step)
         self._log_news()
         if step.was_kidnapped:
             how = (
@@ -147,49 +140,126 @@ class Episode:
 
     def _tell(self, step: Step) -> str:
         """What came of a step, for the log."""
-        explored = f"{self.score.explored_fraction:.0%} explored"
         if not step.can_drive:
-            return f"{explored}; the robot stands where it cannot drive"
+            return f"{self.explored}; the robot stands where it cannot drive"
         if step.viewpoint is None or step.plan is None:
             nothing = "that is worth a keyframe" if self.mission.goals is None else "to drive to"
-            return f"{explored}; nothing is left {nothing}"
+            return f"{self.explored}; nothing is left {nothing}"
         place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
         way = f"{step.plan.length:.1f} m {f'over nodes {nodes}' if nodes else 'straight'}"
         if not step.viewpoint.gain:
-            return f"{explored}; next to {place}, {way}"
+            return f"{self.explored}; next to {place}, {way}"
         heading = np.degrees(step.viewpoint.heading)
-        return f"{explored}; next from {place} towards {heading:.0f}°, {way}, for {step.viewpoint.gain:.2f} m²"
+        return f"{self.explored}; next from {place} towards {heading:.0f}°, {way}, for {step.viewpoint.gain:.2f} m²"
 
     def _finish(self) -> None:
-        wall_time, sim_time = perf_counter() - self._wall_start, self.robot.time - self._sim_start
+        wall_time, sim_time = perf_counter() - self._wall_start, self._time() - self._sim_start
         if self.explorer.steps:
             self.explorer.settle()
             self.situation = self.rescue_report.situation
             self.recorder.log_ways([p.route.trace for p in self.situation.everyone if p.route])
         self.recorder.close()
         if self.explorer.steps or self.lost:
-            self.report = self._report(wall_time, sim_time)
+            self.report = {
+                "arena": self.place,
+                "seed": self.config.seed if isinstance(self.config, EpisodeConfig) else 0,
+                "steps": self.explorer.steps,
+                **run_report(self.config, self.out, sim_time, wall_time, self.explorer.mapper),
+                **self._figures(),
+                **self.mission.report(),
+                **({"lost": self.lost} if self.lost else {}),
+            }
             write_report(self.report, self.out)
         if self.explorer.steps:
-            self._write()
-        self.robot.close()
+            save_maps(self.explorer.mapper, self.out)
+            self.trajectory.save(self.out, with_truth=isinstance(self.config, EpisodeConfig))
+            write_page(self.out / "report.html", self.situation, self.report)
+
+    def _add_keyframe(self, keyframe: Keyframe) -> None:
+        """Take the newest keyframe into account."""
+        raise NotImplementedError
+
+    def _add(self, step: Step) -> None:
+        """Take the newest step into account."""
+        raise NotImplementedError
+
+    def _time(self) -> float:
+        """The robot's, s."""
+        raise NotImplementedError
+
+    def _figures(self) -> dict[str, Any]:
+        """What report.json tells of the stages."""
+        raise NotImplementedError
+
+
+class Episode(Expedition):
+    """An expedition in a simulated arena, and its score."""
+
+    config: EpisodeConfig
+
+    def __init__(self, config: EpisodeConfig):
+        """Raises InputError where the arena, the output folder or the viewer cannot be had."""
+        if config.steps < 1 or config.seed < 0:
+            raise InputError(f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed")
+        if not np.isfinite(config.goals).all():
+            raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there")
+        classifier = make_classifier(config.labels, config.weights)
+        detector = VictimDetector.load(*config.detector) if config.detector else None
+        arena = load_arena(config.arena, config.start, config.random)
+        fiducials = hang_fiducials(arena, config.fiducials, config.seed)
+        make_folder(config.folder)
+        simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust, config.speed)
+        self.robot = SimulatedRobot(arena, simulation, config.seed)
+        self.bag = ExplorerBag(config.bag, config.bag_images, self.robot) if config.bag else None
+        is_told = config.odometry == "truth" or config.localisation == "odometry"
+        explorer = Explorer(
+            self.bag.robot if self.bag else self.robot,
+            classifier,
+            detector,
+            voxel_size=config.voxel_size,
+            graph=config.graph,
+            seed=config.seed,
+            localisation=OdometryLocalisation() if is_told else Slam(),
+        )
+        super().__init__(config, explorer)
+        self.score = EpisodeScore(self.robot, self.explorer, fiducials)
+        self.trajectory = self.score.trajectory
+        self.recorder: EpisodeRecorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)
+        self.robot.on_motion = self.recorder.log_motion
         if self.bag:
-            self.bag.close()
+            self.bag.watch(self.explorer)
+            self.bag.robot.T_world_base = lambda: self.robot.trajectory[-1].T_world_base
+            self.bag.robot.joints = lambda: Joints(WHEELS, *self.robot.wheels)
+        self.explorer.on_correction = self.recorder.log_correction
 
-    def _report(self, wall_time: float, sim_time: float) -> dict[str, Any]:
-        ran = {"arena": self.config.arena, "seed": self.config.seed, "steps": self.explorer.steps}
-        return {
-            **ran,
-            **run_report(self.config, self.out, sim_time, wall_time, self.explorer.mapper),
-            **self.score.report(),
-            **self.mission.report(),
-            **({"lost": self.lost} if self.lost else {}),
-        }
+    @property
+    def explored(self) -> str:
+        """How much is, in words."""
+        return f"{self.score.explored_fraction:.0%} explored"
 
-    def _write(self) -> None:
-        save_maps(self.explorer.mapper, self.out)
-        self.score.trajectory.save(self.out, with_truth=True)
-        write_page(self.out / "report.html", self.situation, self.report)
+    def _add_keyframe(self, keyframe: Keyframe) -> None:
+        self.score.add_keyframe(keyframe)
+        if self.bag:
+            self.bag.add_keyframe(keyframe)
+
+    def _add(self, step: Step) -> None:
+        self.score.add(step)
+        if self.bag:
+            self.bag.add(step)
+
+    def _time(self) -> float:
+        return self.robot.time
+
+    def _figures(self) -> dict[str, Any]:
+        return self.score.report()
+
+    def _finish(self) -> None:
+        try:
+            super()._finish()
+        finally:
+            self.robot.close()
+            if self.bag:
+                self.bag.close()
 
 
 def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
@@ -210,7 +280,11 @@ def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
 
 
 def run_report(
-    config: EpisodeConfig | MapRecording, out: Path, sim_time: float, wall_time: float, mapper: Mapper
+    config: EpisodeConfig | MapRecording | RosExploration,
+    out: Path,
+    sim_time: float,
+    wall_time: float,
+    mapper: Mapper,
 ) -> dict[str, Any]:
     """What report.json tells of any run: program and settings, times in s, and of each stage in ms."""
     settings = {name: str(value) if isinstance(value, Path) else value for name, value in asdict(config).items()}

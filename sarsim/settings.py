@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from pipeline.recording.live.topic_names import TopicNames
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.assets import asset
 
@@ -118,3 +119,76 @@ class MapRecording:
     depth_scale: float | None = None
     fps: float | None = None
     topics: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class RosRobotConfig:
+    """What the node simulates.
+
+    Attributes:
+        arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
+        start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
+        seed: of everything random; another one shows how much of a result is chance.
+        lighting: of the arena; in the dark the robot's lamp is on.
+        camera_rate: images a simulated second; each takes some 50 ms to compute, a real Xtion gives 30.
+        pace: of the simulated time: that of the wall's clock (real-time), as fast as it goes (free), or as fast as
+            commands come (commands), for each of which the robot waits 0.1 s at most.
+        stamped: commands are TwistStamped.
+        name: of the node.
+        network: other machines may see the robot, and drive it; else nothing leaves this one.
+        out: folder for what is true of the drive, report.json and trajectory_true.tum; by default it is not told.
+    """
+
+    arena: str = "nist_6x4"
+    start: StartPose | None = None
+    seed: int = 0
+    lighting: LightingName = "normal"
+    camera_rate: float = 5.0
+    pace: Literal["commands", "real-time", "free"] = "commands"
+    stamped: bool = False
+    name: str = "sarsim_robot"
+    network: bool = False
+    out: Path | None = None
+
+
+@dataclass(frozen=True)
+class RosExploration:
+    """How a robot of ROS 2 explores.
+
+    Attributes:
+        out: folder for the results, the same files as an episode's.
+        steps: most steps (sense, map, plan, drive) of exploring, which ends before when no viewpoint is left.
+        map: folder of an earlier episode in the same place, in whose map the robot finds its place and goes on.
+        goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
+        home: drive back to the start in the end.
+        weights: of the network that labels the points, as train.py writes them.
+        detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
+        speed: at most, on seen level ground with room, m/s.
+        view: show the drive while it goes on: in a new window (spawn), in the browser (web), or not at all.
+        camera: of the camera on the robot: x y z in m, roll pitch yaw in degrees, pitch positive where it looks down;
+            by default as the robot's transforms have it.
+        topics: what the robot's topics are called.
+        patience: s that the robot, or one of its topics, may be silent.
+        name: of the node.
+        network: look for the robot on other machines as well.
+    """
+
+    out: Path
+    steps: int = 160
+    map: Path | None = None
+    goals: tuple[tuple[float, float], ...] = ()
+    home: bool = False
+    weights: Path = WEIGHTS
+    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
+    speed: float = 0.5
+    view: Literal["none", "spawn", "web"] = "none"
+    camera: tuple[float, float, float, float, float, float] | None = None
+    topics: TopicNames = field(default_factory=TopicNames)
+    patience: float = 5.0
+    name: str = "sarsim_explorer"
+    network: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """For the results."""
+        return self.out

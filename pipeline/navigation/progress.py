@@ -17,6 +17,9 @@ STUCK_DISTANCE, STUCK_ANGLE = 0.02, np.deg2rad(3)
 OVERDUE = 60.0
 """s that a turn may take, and that a leg may take beyond four times what it takes on a ramp: a robot that
 slides back and forth is not still, and gets nowhere."""
+PAUSE = 0.15
+"""s between two poses from which nothing is judged: meanwhile a real robot was left to itself, for its software
+computed."""
 LEAST = np.array([0.04, 0.15])
 """m/s and rad/s; slower commands tell nothing."""
 
@@ -39,6 +42,9 @@ class Progress:
 
     def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity, on_ramp: bool = False) -> bool:
         """Whether the newest 4×4 pose shows that the command cannot be followed; on ramps wheels skid for a while."""
+        if (pause := time - self._time) > PAUSE:
+            self._since, self._deadline, self._time = self._since + pause, self._deadline + pause, time
+            self._due, self._wanted, self._felt = np.zeros(2), np.zeros(2), np.zeros(2)
         held = self._is_held(T, time - self._time, command) and not on_ramp
         # In a turn wheels that spin on one side alone seem to get somewhere.
         moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STUCK_DISTANCE and not isinstance(command, Turn)

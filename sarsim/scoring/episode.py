@@ -10,19 +10,17 @@ from pipeline.mapper import Keyframe
 from pipeline.navigation.navigator import Outcome
 from pipeline.segments.cells_kernels import moved
 from sarsim.ground_truth.faces import true_faces
-from sarsim.ground_truth.true_surface import Survey
+from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.segments import score_segments
 from sarsim.scoring.semantics import KeyframeTruth
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import way_lengths
-from sarsim.scoring.trajectory import TrajectoryScore, driven, greatest_tilt, times_tipped
+from sarsim.scoring.trajectory import TrajectoryScore, motion_figures
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot
 
-SEEN_HEIGHT = 0.15
-"""m; a return this near to a cell's ground has seen the cell."""
 MOST = 0.9
 """Share of the drivable area whose time to be seen is told."""
 
@@ -31,9 +29,7 @@ class EpisodeScore:
     """Watches an episode from outside, with the truth at hand.
 
     Attributes:
-        surface: the true ground.
-        seen: (nx, ny) bool on its grid, the cells in which a noise-free return fell, or in an earlier episode one of
-            those that the robot kept.
+        coverage: what noise-free returns show of the true ground, or in an earlier episode those that were kept.
         victims: which of them came into view.
         fiducials: where the tags on the walls were seen.
         trajectory: where the robot believes to have been.
@@ -45,16 +41,16 @@ class EpisodeScore:
         self._robot = robot
         self._explorer = explorer
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
-        self.surface = Survey(model, data, robot.base_body).surface_from(robot.trajectory[-1].T_world_base[:3, 3])
+        self.coverage = Coverage(robot)
+        self.surface = self.coverage.surface
         self._faces = true_faces(model, data)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
         self._semantics = KeyframeTruth(explorer.mapper.observations)
         self.victims = VictimScore(model, data)
         self.fiducials = FiducialScore(T_world_tag)
         self.trajectory = TrajectoryScore(explorer.mapper.localisation, robot.trajectory)
-        self.seen = np.zeros(self.surface.grid.shape, np.bool_)
         for observation, T in zip(explorer.mapper.observations, explorer.mapper.poses, strict=True):
-            self._see(moved(T, observation.points))
+            self.coverage.see(moved(T, observation.points))
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
         self._kidnaps = 0
@@ -67,7 +63,7 @@ class EpisodeScore:
         assert truth is not None
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
-        self._see(points)
+        self.coverage.see(points)
         self.victims.add(truth.image)
         self.fiducials.add(keyframe.frame, keyframe.T_map_base)
         self.trajectory.add()
@@ -87,9 +83,14 @@ class EpisodeScore:
             )
 
     @property
+    def seen(self) -> NDArray[np.bool_]:
+        """(nx, ny) on the grid of the true ground."""
+        return self.coverage.seen
+
+    @property
     def explored_fraction(self) -> float:
         """Share of the drivable area that was seen."""
-        return float(self.seen[self.surface.drivable].mean())
+        return self.coverage.fraction
 
     def report(self) -> dict[str, Any]:
         """All stages of which there is something to say; the commands add what ran and how long it took."""
@@ -120,12 +121,6 @@ class EpisodeScore:
         """(N, 3) where the robot reports victims."""
         return np.array([victim.position for victim in self._explorer.mapper.victims.confirmed]).reshape(-1, 3)
 
-    def _see(self, points: NDArray[np.float32]) -> None:
-        """Mark the cells that a noise-free return fell in."""
-        grid = self.surface.grid
-        on_ground = np.abs(points[:, 2] - grid.at(self.surface.height, points, outside=np.nan)) < SEEN_HEIGHT
-        self.seen |= grid.mask_of(points[on_ground])
-
     def _optimum(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:
         """Length in m of the shortest way on the true grid; NaN if the truth has none."""
         grid, drivable = self.surface.grid, self.surface.drivable
@@ -150,17 +145,13 @@ class EpisodeScore:
         return {"plans": len(self._cost_ratios), "cost_vs_grid": cost}
 
     def _navigation(self) -> dict[str, Any]:
-        legs, trajectory = self._explorer.navigator.legs, self._robot.trajectory
-        roll, pitch = greatest_tilt(trajectory)
+        legs = self._explorer.navigator.legs
         return {
             "legs": len(legs),
             "reached": sum(leg.outcome is Outcome.REACHED for leg in legs),
-            "tipped": times_tipped(trajectory),
             "kidnapped": self._kidnaps,
             "stuck": sum(leg.outcome is Outcome.STUCK for leg in legs),
             "recovered": self._explorer.navigator.recovered,
             "collisions": self._robot.collisions.collisions,
-            "distance_m": driven(trajectory),
-            "max_roll_deg": float(np.degrees(roll)),
-            "max_pitch_deg": float(np.degrees(pitch)),
+            **motion_figures(self._robot.trajectory),
         }

@@ -31,9 +31,9 @@ class TrajectoryScore:
         self._keyframes: list[Pose] = []
         self._loaded = localisation.poses.copy()
 
-    def add(self) -> None:
-        """The newest pose of the trajectory is that of a new keyframe."""
-        self._keyframes.append(self._trajectory[-1])
+    def add(self, pose: Pose | None = None) -> None:
+        """Take in the pose of a new keyframe, by default the newest of the trajectory."""
+        self._keyframes.append(pose or self._trajectory[-1])
 
     def estimated(self) -> list[NDArray[np.float64]]:
         """4×4 ``T_map_base`` at every pose of the trajectory: by odometry from the keyframe before it."""
@@ -84,6 +84,17 @@ def driven(trajectory: Sequence[Pose]) -> float:
     """
     steps = np.linalg.norm(np.diff([p.T_world_base[:2, 3] for p in trajectory], axis=0), axis=1)
     return float(steps[(steps > 5e-4) & (steps < LIFT)].sum())
+
+
+def motion_figures(trajectory: Sequence[Pose]) -> dict[str, float]:
+    """What report.json tells of a true trajectory."""
+    roll, pitch = greatest_tilt(trajectory)
+    return {
+        "tipped": times_tipped(trajectory),
+        "distance_m": driven(trajectory),
+        "max_roll_deg": float(np.degrees(roll)),
+        "max_pitch_deg": float(np.degrees(pitch)),
+    }
 
 
 def greatest_tilt(trajectory: Sequence[Pose]) -> tuple[float, float]:

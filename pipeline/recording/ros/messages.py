@@ -1,5 +1,9 @@
-"""What the pipeline knows as ROS 2 messages (Jazzy's types; units and frames by REP 103, 105 and 118), and back."""
+"""What the pipeline knows as ROS 2 messages (Jazzy's types; units and frames by REP 103, 105 and 118), and back.
 
+Serialised they are the same in a bag and on a network.
+"""
+
+import struct
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
@@ -35,6 +39,21 @@ def make(name: str, *values: Any, **named: Any) -> Message:
 def type_of(message: Message) -> str:
     """``package/msg/Name`` of a message."""
     return message.__msgtype__
+
+
+def encode(message: Message) -> bytes:
+    """A message as CDR."""
+    return bytes(STORE.serialize_cdr(message, type_of(message)))
+
+
+def decode(data: bytes, name: str) -> Message:
+    """The message of the type ``package/msg/Name`` that CDR holds."""
+    return STORE.deserialize_cdr(data, name)
+
+
+def time_of(data: bytes) -> float:
+    """The time, s, of CDR that begins with a header, without reading on: images are large."""
+    return seconds(make("builtin_interfaces/Time", *struct.unpack_from("<iI" if data[1] else ">iI", data, 4)))
 
 
 def stamp(time: float) -> Message:
@@ -93,18 +112,13 @@ def path(time: float, places: NDArray[np.float64]) -> Message:
 
 def transforms(time: float, links: Mapping[tuple[str, str], NDArray[np.float64]]) -> Message:
     """4×4 poses of frames by the names of parent and child, as tf2_msgs/TFMessage."""
-    return make(
-        "tf2_msgs/TFMessage",
-        [
-            make(
-                "geometry_msgs/TransformStamped",
-                header(time, parent),
-                child,
-                make("geometry_msgs/Transform", _vector(T[:3, 3]), _quaternion(T)),
-            )
-            for (parent, child), T in links.items()
-        ],
-    )
+    return make("tf2_msgs/TFMessage", [transform(time, parent, child, T) for (parent, child), T in links.items()])
+
+
+def transform(time: float, parent: str, child: str, T_parent_child: NDArray[np.float64]) -> Message:
+    """A 4×4 pose of one frame in another as geometry_msgs/TransformStamped."""
+    place = make("geometry_msgs/Transform", _vector(T_parent_child[:3, 3]), _quaternion(T_parent_child))
+    return make("geometry_msgs/TransformStamped", header(time, parent), child, place)
 
 
 def image(time: float, encoding: str, pixels: NDArray) -> Message:
@@ -152,6 +166,23 @@ def odometry(time: float, T_odom_base: NDArray[np.float64], twist: Velocity) -> 
 def velocity(command: Velocity) -> Message:
     """A velocity in ``base_link`` as geometry_msgs/Twist."""
     return make("geometry_msgs/Twist", _vector([command.v, 0, 0]), _vector([0, 0, command.omega]))
+
+
+def velocity_stamped(time: float, command: Velocity) -> Message:
+    """The same at a time in s, as geometry_msgs/TwistStamped."""
+    return make("geometry_msgs/TwistStamped", header(time, BASE), velocity(command))
+
+
+def command_of(message: Message) -> Velocity:
+    """What a Twist or TwistStamped asks for; to stand where that is no number."""
+    twist = message.twist if hasattr(message, "twist") else message
+    v, omega = float(twist.linear.x), float(twist.angular.z)
+    return Velocity(v, omega) if np.isfinite([v, omega]).all() else Velocity()
+
+
+def vector_of(message: Message) -> NDArray[np.float64]:
+    """(3,) of a Vector3."""
+    return np.array([message.x, message.y, message.z])
 
 
 def imu(motion: Motion) -> Message:

@@ -72,10 +72,11 @@ class RobotTopics:
         if T_world_base is not None:
             self._send("/ground_truth/pose", time, messages.pose_stamped(time, MAP, T_world_base))
 
-    def motion(self, motion: Motion, command: Velocity) -> None:
-        """Send what the body feels after a control period, the command, and the time."""
+    def motion(self, motion: Motion, command: Velocity | None = None) -> None:
+        """Send what the body feels after a control period, the time, and the command unless it came as a message."""
         self._send("/clock", motion.time, messages.clock(motion.time))
-        self._send("/cmd_vel", motion.time, messages.velocity(command))
+        if command is not None:
+            self._send("/cmd_vel", motion.time, messages.velocity(command))
         self._send("/imu", motion.time, messages.imu(motion))
 
     def joints(

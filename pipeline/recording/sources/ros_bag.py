@@ -13,7 +13,8 @@ from rosbags.highlevel import AnyReader
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.recording.ros.messages import BASE, ODOM, STORE, Message, pose_matrix, seconds
+from pipeline.recording.ros.links import Links
+from pipeline.recording.ros.messages import BASE, ODOM, STORE, Message, pose_matrix, seconds, vector_of
 from pipeline.recording.sources.images import colour_of, depth_of, label_of
 from pipeline.recording.sources.pinhole import Pinhole
 from pipeline.recording.sources.recording import Calibration, Recording, Trajectory
@@ -52,7 +53,7 @@ def read_ros_bag(path: Path, topics: Sequence[str] = (), calibration: Calibratio
     recording.odometry, recording.truth = beside.odometry(), beside.trajectory(beside.true_poses)
     recording.keyframes = {time: time in beside.labelled for time in beside.keyframes} or None
     recording.steps = beside.steps
-    recording.has_camera_pose = beside.T_base(beside.camera_frame) is not None
+    recording.has_camera_pose = beside.links.T_base(beside.camera_frame) is not None
     recording.up = beside.up()
     return recording
 
@@ -130,9 +131,9 @@ class _Beside:
         self.true_poses: list[tuple[float, NDArray[np.float64]]] = []
         self._odometry: list[tuple[float, NDArray[np.float64]]] = []
         self._by_tf: list[tuple[float, NDArray[np.float64]]] = []
-        self._links: dict[str, tuple[str, NDArray[np.float64]]] = {}
+        self.links = Links()
         self._felt: list[tuple[float, NDArray[np.float64]]] = []
-        self._imu_frame, self._base = "", BASE
+        self._imu_frame = ""
         takers: dict[str | None, Callable[[Any], None]] = {
             topics.camera_info: self._take_camera_info,
             topics.odometry: self._take_odometry,
@@ -153,33 +154,18 @@ class _Beside:
         self.camera_frame = message.header.frame_id
 
     def _take_odometry(self, message: Message) -> None:
-        self._base = message.child_frame_id or BASE
+        self.links.base = message.child_frame_id or BASE
         self._odometry.append(_stamped(message, message.pose.pose))
 
     def _take_imu(self, message: Message) -> None:
-        a, self._imu_frame = message.linear_acceleration, message.header.frame_id
-        self._felt.append((seconds(message.header.stamp), np.array([a.x, a.y, a.z])))
+        self._imu_frame = message.header.frame_id
+        self._felt.append((seconds(message.header.stamp), vector_of(message.linear_acceleration)))
 
     def _take_tf(self, message: Message) -> None:
         for link in message.transforms:
-            T = pose_matrix(link.transform.translation, link.transform.rotation)
-            parent, child = link.header.frame_id.strip("/"), link.child_frame_id.strip("/")
+            parent, T = self.links.take(link)
             if parent == ODOM:
                 self._by_tf.append((seconds(link.header.stamp), T))
-            else:
-                self._links[child] = parent, T
-
-    def T_base(self, frame: str) -> NDArray[np.float64] | None:
-        """4×4 pose of a frame in that of the robot; None if no transforms lead there."""
-        T = np.eye(4)
-        for _ in range(len(self._links) + 1):
-            if frame.strip("/") == self._base.strip("/"):
-                return T
-            if frame.strip("/") not in self._links:
-                return None
-            frame, step = self._links[frame.strip("/")]
-            T = step @ T
-        return None
 
     def odometry(self) -> Trajectory | None:
         """By its own topic, or else by the transforms from ``odom``."""
@@ -193,7 +179,7 @@ class _Beside:
     def up(self) -> NDArray[np.float64] | None:
         """(3,) the vertical in the robot's frame at the beginning, by the accelerometer."""
         felt = np.array([a for time, a in self._felt if time <= self._felt[0][0] + AT_REST]).reshape(-1, 3)
-        T = self.T_base(self._imu_frame)
+        T = self.links.T_base(self._imu_frame)
         mean = felt.mean(axis=0) if len(felt) and np.isfinite(felt).all() else np.zeros(3)
         return None if T is None or not mean.any() else T[:3, :3] @ mean / np.linalg.norm(mean)
 
@@ -204,7 +190,7 @@ def _stamped(message: Message, pose: Message) -> tuple[float, NDArray[np.float64
 
 def _frames(recording: Recording, topics: Topics, camera: Pinhole, beside: _Beside, span: float) -> Iterator[Frame]:
     """Each depth image with the colour image nearest in time, in the order of their stamps."""
-    T_base_camera = beside.T_base(beside.camera_frame)
+    T_base_camera = beside.links.T_base(beside.camera_frame)
     place, last = np.eye(4) if T_base_camera is None else T_base_camera, -np.inf
     with _opened(recording.path) as reader:
         for time, depth, found in _matched(reader, topics):

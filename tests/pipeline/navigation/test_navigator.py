@@ -1,3 +1,5 @@
+from itertools import count
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -151,6 +153,24 @@ def test_a_robot_that_was_lifted_stops():
     assert not navigator.halts
     assert robot.commands[-1] == Velocity()
     np.testing.assert_allclose(robot.T[:2, 3], (3, 3), atol=0.02)
+
+
+@pytest.mark.parametrize("seconds", [0.25, 1.0, 5.0])
+def test_time_that_goes_on_while_a_keyframe_is_mapped_is_nothing_strange(seconds):
+    robot = KinematicRobot()
+    navigator = Navigator(robot)
+    looks = count()
+
+    def look():
+        # The robot rolls on, stands, and then turns a little.
+        if next(looks) % 40 == 30:
+            for _ in range(round(seconds / robot.control_period)):
+                robot.drive(Velocity(PIONEER.speed if seconds < 2 else 0.0))
+        return True
+
+    navigator.look = look
+    assert navigator.follow(np.array([(1.5, 0), (1.5, 1)]), 0.0)
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.REACHED] * 2
 
 
 def test_a_slow_drive_is_no_blocked_one():

@@ -1,0 +1,1 @@
+"""Robots on a network of ROS 2, real or simulated."""

@@ -1,0 +1,45 @@
+"""Explore with a robot of ROS 2: ``ros_explore.py --out DIR``."""
+
+from rich.console import Console
+
+from sarsim.scripts.cli import SIGNALLED, Interruptible, progress
+from sarsim.scripts.settings import run_with_settings, save_settings
+from sarsim.scripts.tables import report_table
+from sarsim.settings import RosExploration
+
+
+def ros_explore(config: RosExploration) -> None:
+    """Explore with the robot that a network of ROS 2 offers, and leave the files of an episode.
+
+    Ctrl-C stops the robot. Where it falls silent or does not obey, what was mapped is kept.
+    """
+    from pipeline.recording.live.node import Node
+    from sarsim.scripts.ros_drive import RosDrive
+
+    node = Node(config.name, config.network)
+    try:
+        drive = RosDrive(config, node)
+        save_settings(config, drive.out / "config.yaml")
+        with progress() as bars, Interruptible() as control:
+            bar = bars.add_task(drive.place, total=config.steps)
+            drive.run(
+                lambda: control.signal is not None,
+                lambda line: bars.update(bar, completed=drive.explorer.steps, description=line),
+            )
+    finally:
+        node.close()
+    console = Console()
+    if drive.explorer.steps or drive.lost:
+        console.print(report_table(drive.report))
+    console.print(f"Results in {drive.out}", soft_wrap=True)
+    if control.signal:
+        raise SystemExit(SIGNALLED + control.signal)
+
+
+def main() -> None:
+    """Entry point."""
+    run_with_settings(ros_explore, RosExploration)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""The simulated robot as a node of ROS 2, in place of a real one or of Gazebo's."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.recording.live.node import Node
+from pipeline.recording.ros.messages import BASE, CAMERA, command_of, decode, time_of, transform
+from pipeline.recording.ros.topics import RobotTopics
+from pipeline.robot import Motion, Velocity
+from sarsim.arenas.load import load_arena
+from sarsim.episode import make_folder, write_report
+from sarsim.robots.pioneer3at import WHEELS
+from sarsim.scoring.coverage import Coverage
+from sarsim.scoring.trajectory import motion_figures, write_tum
+from sarsim.settings import RosRobotConfig
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig, TrueFrame
+
+COMMANDS, KEYFRAMES = "/cmd_vel", "/keyframe"
+WAIT = 0.1
+"""s of the wall's clock, at most, after each control period, for the next command."""
+WATCHDOG = 0.5
+"""s of simulated time without a command after which the robot stops."""
+KEPT = 30
+"""True frames that wait for an explorer to say that it made keyframes of them."""
+
+
+class SimulatedNode:
+    """A Pioneer 3-AT in an arena that senses and obeys by topics.
+
+    Attributes:
+        robot: the body.
+        coverage: what the frames show of the true ground of which an explorer made keyframes.
+        commands: how many came.
+    """
+
+    def __init__(self, config: RosRobotConfig, node: Node):
+        """Raises InputError where the arena or the folder for results cannot be had."""
+        if not 0 < config.camera_rate <= 25 or config.seed < 0:
+            raise InputError(
+                f"--camera-rate {config.camera_rate:g} --seed {config.seed}: at most 25 a second, and no "
+                "negative seed"
+            )
+        self.config, self._node = config, node
+        if config.out:
+            make_folder(config.out)
+        arena = load_arena(config.arena, config.start)
+        self.robot = SimulatedRobot(arena, SimulationConfig(lighting=config.lighting), config.seed)
+        self.coverage = Coverage(self.robot)
+        self.commands = 0
+        self._topics = RobotTopics(node.send)
+        self._command, self._commanded = Velocity(), -np.inf
+        self._begin, self._wall = self.robot.time, node.now()
+        self._next_frame, self._has_camera = self.robot.time, False
+        self._true_frames: deque[tuple[float, TrueFrame]] = deque(maxlen=KEPT)
+        self._keyframes: list[float] = []
+        self._name = "geometry_msgs/msg/TwistStamped" if config.stamped else "geometry_msgs/msg/Twist"
+        node.listen(COMMANDS, self._obey, self._name)
+        node.listen(KEYFRAMES, lambda data: self._keyframes.append(time_of(data)), "geometry_msgs/msg/PoseStamped")
+
+    def _obey(self, data: bytes) -> None:
+        self._command, self._commanded = command_of(decode(data, self._name)), self.robot.time
+        self.commands += 1
+
+    def run(self, interrupted: Callable[[], bool], on_period: Callable[[float], object] = lambda time: None) -> None:
+        """Simulate until ``interrupted``, and write what is true.
+
+        ``on_period`` gets the simulated s so far, after each control period.
+        """
+        try:
+            while not interrupted():
+                start, commands = self._node.now(), self.commands
+                self.period()
+                on_period(self.robot.time - self._begin)
+                if self.config.pace == "real-time":
+                    self._node.wait(lambda: False, start + self.robot.control_period - self._node.now())
+                elif self.config.pace == "commands":
+                    self._node.wait(lambda n=commands: self.commands > n, WAIT)
+        finally:
+            if self.config.out:
+                write_report(self.report(), self.config.out)
+                poses = self.robot.trajectory
+                write_tum(
+                    self.config.out / "trajectory_true.tum", [p.time for p in poses], [p.T_world_base for p in poses]
+                )
+            self.robot.close()
+
+    def period(self) -> None:
+        """Follow the newest command for a control period, and tell what the robot senses; odometry last."""
+        with self._node.news:
+            is_commanded = self.robot.time - self._commanded < WATCHDOG
+            command = self._command if is_commanded else Velocity()
+            keyframes, self._keyframes = self._keyframes, []
+        motion, topics = self.robot.drive(command), self._topics
+        topics.motion(motion)
+        topics.joints(motion.time, WHEELS, *self.robot.wheels)
+        topics.odometry(motion.time, motion.T_odom_base, _twist(motion), None, None)
+        if motion.time >= self._next_frame - 1e-6:
+            self._next_frame += 1 / self.config.camera_rate
+            self._sense()
+        for time in keyframes:
+            for seen in [frame for known, frame in self._true_frames if abs(known - time) < 1e-6]:
+                self.coverage.see(seen.points())
+
+    def _sense(self) -> None:
+        frame = self.robot.sense()
+        if not self._has_camera:
+            link = transform(frame.time, BASE, CAMERA, frame.T_base_camera)
+            self._node.send("/camera/transform", frame.time, link)
+            self._has_camera = True
+        self._topics.frame(replace(frame, label=None))
+        assert self.robot.true_frame is not None
+        self._true_frames.append((frame.time, self.robot.true_frame))
+
+    def report(self) -> dict[str, Any]:
+        """What is true of the drive, under the names that an episode's report.json has."""
+        sim_time, wall_time = self.robot.time - self._begin, self._node.now() - self._wall
+        return {
+            "arena": self.config.arena,
+            "seed": self.config.seed,
+            "version": version("sarsim"),
+            "sim_time_s": sim_time,
+            "wall_time_s": wall_time,
+            "real_time_factor": sim_time / wall_time,
+            "navigation": {"collisions": self.robot.collisions.collisions, **motion_figures(self.robot.trajectory)},
+            "exploration": {"explored_fraction": self.coverage.fraction},
+        }
+
+
+def _twist(motion: Motion) -> Velocity:
+    return Velocity(float(motion.wheel_speed.mean()), float(motion.gyro[2]))

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from typing import Any
 
@@ -80,7 +81,7 @@ class SimulatedNode:
                 if self.config.pace == "real-time":
                     self._node.wait(lambda: False, start + self.robot.control_period - self._node.now())
                 elif self.config.pace == "commands":
-                    self._node.wait(lambda n=commands: self.commands > n, WAIT)
+                    self._node.wait(partial(self._is_told_since, commands), WAIT)
         finally:
             if self.config.out:
                 write_report(self.report(), self.config.out)
@@ -89,6 +90,9 @@ class SimulatedNode:
                     self.config.out / "trajectory_true.tum", [p.time for p in poses], [p.T_world_base for p in poses]
                 )
             self.robot.close()
+
+    def _is_told_since(self, commands: int) -> bool:
+        return self.commands > commands
 
     def period(self) -> None:
         """Follow the newest command for a control period, and tell what the robot senses; odometry last."""

@@ -22,10 +22,11 @@ from pipeline.recording.results import KEYFRAMES, save_maps
 from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier
+from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
+from sarsim.assets import asset
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.pioneer3at import WHEELS
 from sarsim.scoring.episode import EpisodeScore
@@ -190,17 +191,18 @@ class Episode:
         write_page(self.out / "report.html", self.situation, self.report)
 
 
-def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
-    """The classifier that ``--labels`` names.
+def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:
+    """The classifier that ``--labels`` names, with ``weights`` or the shipped ones.
 
     Raises:
         InputError: the network's weights are missing, or not for this.
     """
     if labels == "truth":
         return TruthClassifier()
+    weights = weights or asset("weights", f"{labels}.safetensors")
     if not weights.exists():
-        raise InputError(f"--weights {weights}: no such file; train.py dgcnn makes one, --labels truth needs none")
-    return DgcnnClassifier(weights)
+        raise InputError(f"--weights {weights}: no such file; train.py {labels} makes one, --labels truth needs none")
+    return NetworkClassifier(weights, network=labels)
 
 
 def run_report(

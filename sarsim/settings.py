@@ -2,20 +2,22 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import tyro
 
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.assets import asset
 
-Labels = Literal["dgcnn", "truth"]
-"""What labels the points: the network, or the simulator."""
+Labels = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext", "truth"]
+"""What labels the points: a network, or the simulator."""
+POINT_NETWORKS: tuple[Labels, ...] = get_args(Labels)[:-1]
 Odometry = Literal["truth", "wheel"]
 """The true pose, or dead reckoning by wheels and gyro."""
 LightingName = Literal["normal", "dim", "dark"]
 """See :class:`sarsim.sensors.lighting.Lighting`."""
 WEIGHTS = asset("weights", "dgcnn.safetensors")
+"""Of the default network."""
 DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
 
 
@@ -32,8 +34,8 @@ class EpisodeConfig:
         map: folder of an earlier episode in the same arena, in whose map the robot finds its place and goes on.
         goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
         home: drive back to the start in the end.
-        labels: what labels the points: the network, or the simulator, to see what perfect labels would bring.
-        weights: of the network, as train.py writes them.
+        labels: what labels the points: a network, or the simulator, to see what perfect labels would bring.
+        weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
         odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
         localisation: registration of what the camera sees (slam), or the odometry taken at its word.
@@ -62,7 +64,7 @@ class EpisodeConfig:
     goals: tuple[tuple[float, float], ...] = ()
     home: bool = False
     labels: Labels = "dgcnn"
-    weights: Path = WEIGHTS
+    weights: Path | None = None
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     odometry: Odometry = "wheel"
     localisation: Literal["slam", "odometry"] = "slam"
@@ -94,8 +96,8 @@ class MapRecording:
         out: folder for the results, the same files as an episode's.
         poses: where they come from: recorded odometry, corrected by registration (slam), registration alone,
             recorded odometry or true poses taken at their word; by default slam if there is odometry.
-        labels: what labels the points: the network, or true labels that a simulator recorded.
-        weights: of the network, as train.py writes them.
+        labels: what labels the points: a network, or true labels that a simulator recorded.
+        weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
         camera: of the camera on the robot: x y z in m, roll pitch yaw in degrees, pitch positive where it looks down;
             by default as the recording has it, else level over the floor of the first frame.
@@ -109,7 +111,7 @@ class MapRecording:
     out: Path
     poses: Literal["slam", "registration", "odometry", "truth"] | None = None
     labels: Labels = "dgcnn"
-    weights: Path = WEIGHTS
+    weights: Path | None = None
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     camera: tuple[float, float, float, float, float, float] | None = None
     intrinsics: tuple[float, float, float, float] | None = None

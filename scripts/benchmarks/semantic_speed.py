@@ -11,7 +11,7 @@ from torch.nn import functional
 
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import Block, BlockConfig, cut
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier, save_classifier
+from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
@@ -112,7 +112,7 @@ def _frame_times(network: Dgcnn, frames: list[TrueFrame]) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         weights = Path(folder) / "random.safetensors"
         save_classifier(weights, network, BlockConfig(), {})
-        classifier = DgcnnClassifier(weights, threads=THREADS)
+        classifier = NetworkClassifier(weights, threads=THREADS)
     clouds = [frame.points for frame in frames]
     classifier.classify(frames[0].frame, clouds[0], frames[0].T_map_camera)
     times = [

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from safetensors import safe_open
 
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier
+from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from sarsim.dataset.generate import generate
 from sarsim.dataset.recipe import Recipe
 from sarsim.scripts import train
@@ -37,7 +37,7 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
     out = tmp_path / "w.safetensors"
     call(monkeypatch, "dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2)
     assert str(out) in capsys.readouterr().out
-    assert DgcnnClassifier(out)
+    assert NetworkClassifier(out)
     with safe_open(out, "np") as file:
         training = json.loads(file.metadata()["training"])
     assert training["data"] == str(dataset)
@@ -50,7 +50,7 @@ def test_two_processes_train_together(dataset: Path, tmp_path: Path) -> None:
     flags = ["dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2]
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", 2, TRAIN, *flags]
     subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
-    assert DgcnnClassifier(out)
+    assert NetworkClassifier(out)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from safetensors.torch import load_file
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier, load_classifier
+from pipeline.semantic_map.networks.classifier import NetworkClassifier, load_classifier
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.parallel import Worker
 from pipeline.semantic_map.networks.training import Trainer, class_weights, cross_entropy
@@ -38,7 +38,7 @@ def test_floor_and_walls_are_learned(clouds, tmp_path: Path) -> None:
     training = trainer(clouds, out, replace(CONFIG, steps=60, validate_every=30))
     training.run()
     assert training.best > 0.85
-    assert DgcnnClassifier(out)
+    assert NetworkClassifier(out)
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".checkpoint", ".csv", ".safetensors"]
     header, *rows = (tmp_path / "w.csv").read_text().splitlines()
     assert header.startswith("step,loss,miou_four,iou.wall")

@@ -1,6 +1,6 @@
 """PointCNN for semantic segmentation (Li et al., NeurIPS 2018): convolutions on neighbours put into an order learned.
 
-Levels, neighbours and dilations are those of the authors' setting for segmenting the parts of ShapeNet; that for S3DIS
+Levels, neighbours and dilations are those of the authors' setting for segmenting parts of ShapeNet; that for S3DIS
 looks the neighbours of one level up in another. The width is that of their setting for Semantic3D, half as much. Here
 a block's number of points varies, so a level has a share of them where theirs has a number: 768, 384, 128 of 2,048.
 """

@@ -28,8 +28,8 @@ class SetAbstraction(nn.Module):
         """Features of a point before and after; ``radius`` in m."""
         super().__init__()
         self.radius = radius
-        self.layers = mlp(3 + channels, outputs // 2)
-        self.last = nn.Sequential(nn.Linear(outputs // 2, outputs, bias=False), nn.BatchNorm1d(outputs))
+        last = nn.Linear(outputs // 2, outputs, bias=False), nn.BatchNorm1d(outputs)
+        self.layers = nn.Sequential(*mlp(3 + channels, outputs // 2), *last)
         self.own = nn.Linear(channels, outputs)
 
     def forward(self, cloud: Cloud) -> Cloud:
@@ -39,8 +39,8 @@ class SetAbstraction(nn.Module):
         near = in_ball(cloud, centres, self.radius, NEIGHBOURS)
         offsets = (cloud.positions[near] - centres.positions[:, None]) / self.radius
         edges = torch.cat((offsets, cloud.features[near]), dim=-1)
-        around = largest(edges, nn.Sequential(self.layers, self.last))
-        return Cloud(centres.positions, relu(around + self.own(centres.features)), sizes)
+        features = relu(largest(edges, self.layers) + self.own(centres.features))
+        return Cloud(centres.positions, features, sizes)
 
 
 class PointNeXt(RowNetwork):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
-SUBCOMMANDS = {"train": ["dgcnn", "yolo"]}
+SUBCOMMANDS = {"train": ["pointnext", "yolo"]}
 COMMANDS = [
     [path.stem, *sub]
     for path in sorted(SCRIPTS.glob("*.py"))

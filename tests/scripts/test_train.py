@@ -40,7 +40,7 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
     assert NetworkClassifier(out)
     with safe_open(out, "np") as file:
         training = json.loads(file.metadata()["training"])
-    assert training["data"] == str(dataset)
+    assert training["data"] == [str(dataset)]
     assert training["scenes"] == 5
     assert training["config"]["steps"] == 2
 

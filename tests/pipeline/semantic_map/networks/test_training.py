@@ -77,7 +77,7 @@ def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> 
     first = tmp_path / "first.safetensors"
     trainer(clouds, first, replace(CONFIG, steps=60, validate_every=30)).run()
     losses = {}
-    for name, initial in (("random", None), ("trained", load_classifier(first)[0])):
+    for name, initial in (("random", "dgcnn"), ("trained", load_classifier(first)[0])):
         out = tmp_path / f"{name}.safetensors"
         training = Trainer(clouds[:3], clouds[3:], CONFIG, out, ALONE, {}, initial)
         training.run(until=6)

@@ -32,7 +32,7 @@ def made(name, channels=6, classes=6, seed=0):
 
 
 def fitted(network):
-    """The network, its batch norms fitted to some blocks, as after a training: else layer by layer all answers fade."""
+    """The network, its batch norms fitted to some blocks as by a training: else answers fade layer by layer."""
     norms = [m for m in network.modules() if isinstance(m, torch.nn.BatchNorm1d | torch.nn.BatchNorm2d)]
     for norm in norms:
         norm.momentum = 1.0

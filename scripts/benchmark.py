@@ -39,7 +39,7 @@ class Benchmark:
             semantic 40, networks 24), or at most of a drive (localisation 3000); more make figures steadier.
         rounds: rounds that are timed (dataset 5, networks, semantic 7, victims 15); 0 times nothing (victims).
         scenes: random arenas that are rendered (dataset 4, victims 30); 0 for none (victims).
-        seed: of arenas and drives (dataset, metric-map, networks, semantic 0; victims 2026, with which none was trained).
+        seed: of arenas and drives (dataset, metric-map, networks, semantic 0; victims 2026, never trained on).
         nist: episodes in nist_6x4 (exploration, localisation, victims 10); fewer are done earlier and say less.
         esogu: episodes in esogu_52x15 (exploration, victims 2, localisation 1).
         random: episodes in random arenas of difficulties 0, 1 and 2 (exploration, victims 30, localisation 9), or
@@ -51,7 +51,7 @@ class Benchmark:
             earlier.
         odometry: of the episodes, the true pose or wheels and gyro (exploration, victims truth).
         kidnappings: times that a robot is carried elsewhere in its map (localisation 0), in nist_6x4 and in random:1.
-        lighting: of the episodes (exploration, localisation, victims normal), or of frames (networks: normal and dark).
+        lighting: of the episodes (exploration, localisation, victims normal) or frames (networks: normal and dark).
         labels: what labels the points in episodes (exploration, victims dgcnn).
         weights: of the network that labels (exploration, semantic, victims), or their folder (networks); by default
             the shipped ones.

@@ -20,13 +20,12 @@ from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.weights import NETWORKS, load_weights
 from pipeline.semantic_map.planar_vote import planar_vote
-from sarsim.assets import asset
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
 from sarsim.scripts.benchmarks.semantic import KEYFRAMES, LIGHTINGS, SHARED
 from sarsim.scripts.benchmarks.semantic_accuracy import Tally
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, thesis_blocks
-from sarsim.settings import LightingName
+from sarsim.settings import WEIGHTS, LightingName
 
 FIRST_RANDOM = 90_000
 """Seed of the first random arena: those of datasets have seeds drawn from two thousand million."""
@@ -46,7 +45,7 @@ def measure(
     arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"),
     raf: Path = SHARED / "arenas" / "raf",
     lighting: LightingName | None = None,
-    weights: Path = asset("weights"),
+    weights: Path = WEIGHTS.parent,
 ) -> Result:
     """Every network's size, time, and accuracy in arenas that none was trained on.
 
@@ -133,7 +132,7 @@ def _sizes(files: dict[str, Path]) -> dict[str, float]:
 
 
 def _times(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
-    """A block's ms and a frame's s, planes included, with random weights, which cost the same; networks take turns."""
+    """A block's ms and a frame's s, planes included, the networks in turn; random weights cost the same."""
     torch.manual_seed(0)
     written = {name: kind(CHANNELS, len(CLASSES)).eval() for name, kind in NETWORKS.items()}
     ready = {name: for_inference(network, THREADS) for name, network in written.items()}

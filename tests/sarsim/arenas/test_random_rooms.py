@@ -1,4 +1,4 @@
-"""Furniture of all sizes in random arenas: it is clutter, stays on its tile, fails no check, and must be asked for."""
+"""Furniture of all sizes in random arenas: it is clutter on its own tile, fails no check, and must be asked for."""
 
 from dataclasses import replace
 from xml.etree import ElementTree

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.victims.detection.training_config import YoloTrainingConfig
 from sarsim.scripts.cli import Interruptible, check_folder_of, progress
@@ -131,6 +130,7 @@ def _scenes(data: Path) -> int:
 
 def _clouds(settings: TrainPoints, worker: "Worker", voxel_size: float) -> dict[str, list["LabelledCloud"]]:
     """The clouds of the splits train and val, and a word on classes that are missing there."""
+    from pipeline.semantic_map.classifier import CLASSES
     from pipeline.semantic_map.networks.clouds import LabelledCloud
     from sarsim.dataset.folder import Dataset
 

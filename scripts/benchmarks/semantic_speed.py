@@ -16,6 +16,7 @@ from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
+from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
 from sarsim.scripts.benchmarks.common import seconds
@@ -41,7 +42,7 @@ def speed(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
 def agreement(folder: Path) -> dict[str, float]:
     """Share of the points whose class is the published one, and the median difference of the logits."""
     network, _ = load_weights(folder / "s3dis_area6.safetensors")
-    fast = FastDgcnn(network, THREADS)
+    fast = for_inference(network, THREADS)
     with np.load(folder / "reference.npz") as file:
         points, expected = file["input"], file["logits"]
     logits = {"": np.stack([fast(block.T).T for block in points])}

@@ -45,6 +45,22 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
     assert training["config"]["steps"] == 2
 
 
+def test_any_network_is_trained_and_told_what_it_will_not_know(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "w.safetensors"
+    call(monkeypatch, "pointnext", "--data", dataset, dataset, "--out", out, "--steps", 1, "--batch", 2)
+    told = capsys.readouterr().err.replace("\n", " ")
+    assert f"--data {dataset} {dataset}: no point of " in told
+    assert "ceiling" in told
+    assert NetworkClassifier(out, network="pointnext")
+    with pytest.raises(SystemExit) as raised:
+        call(monkeypatch, "pointnet", "--data", dataset, "--out", tmp_path / "v.safetensors", "--init", out)
+    assert raised.value.code == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "weights of pointnext, not of pointnet" in line
+
+
 def test_two_processes_train_together(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "w.safetensors"
     flags = ["dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2]

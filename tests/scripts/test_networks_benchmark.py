@@ -21,7 +21,7 @@ def test_the_truth_is_right_and_the_vote_changes_what_is_not() -> None:
     given = networks.scores(seen, {"truth": TruthClassifier(), "rules": RuleClassifier()})
     assert list(given) == ["truth", "truth.alone", "rules", "rules.alone"]
     assert given["truth.alone"]["frame"]["miou_four"] == given["truth.alone"]["fused"]["miou_four"] == 1
-    assert given["truth"]["frame"]["miou_four"] > 0.95
+    assert min(given["truth"]["frame"][label] for label in ("wall", "terrain", "inclined_ramp")) > 0.98
     assert given["rules"]["frame"] != given["rules.alone"]["frame"]
 
 

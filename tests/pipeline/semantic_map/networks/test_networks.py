@@ -41,7 +41,8 @@ def fitted(network):
     logits(network.train(), *blocks)
     for norm in norms:
         norm.momentum = 0.1
-        norm.running_var += 1e-3
+        assert norm.running_var is not None
+        norm.running_var.add_(1e-3)
     return network.eval()
 
 

@@ -158,11 +158,12 @@ def _classifier(network: PointNetwork) -> NetworkClassifier:
 
 
 def table(figures: dict[str, float], groups: Sequence[str]) -> Table:
-    """A row for each network: what it costs, and mean IoU over the four of frames and of the fused map."""
-    columns = {"parameters": "{:,.0f}", "train_s": "{:,.0f}", "block_ms": "{:.1f}", "frame_s": "{:.2f}"}
-    columns |= {f"miou_four.{group}.{kind}": "{:.3f}" for group in groups for kind in ("frame", "fused")}
-    result = Table("network", *columns)
-    for name in NETWORKS:
-        values = [(form, figures.get(f"{name}.{column}")) for column, form in columns.items()]
-        result.add_row(name, *("–" if value is None else form.format(value) for form, value in values))
+    """A column for each network: what it costs, and mean IoU over the four of frames and of the fused map."""
+    rows = {"parameters": "{:,.0f}", "train_s": "{:,.0f}", "block_ms": "{:.1f}", "frame_s": "{:.2f}"}
+    rows |= {f"miou_four.{group}.{kind}": "{:.3f}" for group in groups for kind in ("frame", "fused")}
+    result = Table("", *NETWORKS)
+    for row, form in rows.items():
+        values = [figures.get(f"{name}.{row}") for name in NETWORKS]
+        if any(value is not None for value in values):
+            result.add_row(row, *("–" if value is None else form.format(value) for value in values))
     return result

@@ -24,17 +24,18 @@ from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.rescue_report.situation import Situation
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier
+from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.traversability.elevation_map import CELL
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
+from sarsim.assets import asset
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.pioneer3at import WHEELS
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import TrajectoryScore
-from sarsim.settings import EpisodeConfig, Labels, MapRecording, RosExploration
+from sarsim.settings import POINT_NETWORKS, EpisodeConfig, Labels, MapRecording, RosExploration
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 
@@ -262,8 +263,8 @@ class Episode(Expedition):
                 self.bag.close()
 
 
-def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
-    """The classifier that ``--labels`` names.
+def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:
+    """The classifier that ``--labels`` names, with ``weights`` or the shipped ones.
 
     Raises:
         InputError: the network's weights are missing, or not for this, or there is no such class.
@@ -272,11 +273,12 @@ def make_classifier(labels: Labels, weights: Path) -> PointClassifier:
         return TruthClassifier()
     if labels == "rules":
         return RuleClassifier()
-    if labels != "dgcnn":
+    if labels not in POINT_NETWORKS:
         return own_classifier(labels)
+    weights = weights or asset("weights", f"{labels}.safetensors")
     if not weights.exists():
-        raise InputError(f"--weights {weights}: no such file; train.py dgcnn makes one, --labels truth needs none")
-    return DgcnnClassifier(weights)
+        raise InputError(f"--weights {weights}: no such file; train.py {labels} makes one, --labels truth needs none")
+    return NetworkClassifier(weights, network=labels)
 
 
 def run_report(

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import tyro
 
@@ -10,13 +10,16 @@ from pipeline.recording.live.topic_names import TopicNames
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.assets import asset
 
-Labels = Literal["dgcnn", "rules", "truth"] | str
-"""What labels the points: the network, height and slope alone, the simulator, or a class, module:Class."""
+NetworkName = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext"]
+POINT_NETWORKS: tuple[NetworkName, ...] = get_args(NetworkName)
+Labels = NetworkName | Literal["rules", "truth"] | str
+"""What labels the points: a network, height and slope alone, the simulator, or a class, module:Class."""
 Odometry = Literal["truth", "wheel"]
 """The true pose, or dead reckoning by wheels and gyro."""
 LightingName = Literal["normal", "dim", "dark"]
 """See :class:`sarsim.sensors.lighting.Lighting`."""
 WEIGHTS = asset("weights", "dgcnn.safetensors")
+"""Of the default network."""
 DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
 
 
@@ -33,9 +36,9 @@ class EpisodeConfig:
         map: folder of an earlier episode in the same arena, in whose map the robot finds its place and goes on.
         goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
         home: drive back to the start in the end.
-        labels: what labels the points: the network (dgcnn), height and slope alone (rules), the simulator (truth), to
+        labels: what labels the points: a network (dgcnn), height and slope alone (rules), the simulator (truth), to
             see what perfect labels would bring, or a class of yours, module:Class.
-        weights: of the network, as train.py writes them.
+        weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
         odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
         localisation: registration of what the camera sees (slam), or the odometry taken at its word.
@@ -64,7 +67,7 @@ class EpisodeConfig:
     goals: tuple[tuple[float, float], ...] = ()
     home: bool = False
     labels: Labels = "dgcnn"
-    weights: Path = WEIGHTS
+    weights: Path | None = None
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     odometry: Odometry = "wheel"
     localisation: Literal["slam", "odometry"] = "slam"
@@ -96,9 +99,9 @@ class MapRecording:
         out: folder for the results, the same files as an episode's.
         poses: where they come from: recorded odometry, corrected by registration (slam), registration alone,
             recorded odometry or true poses taken at their word; by default slam if there is odometry.
-        labels: what labels the points: the network (dgcnn), height and slope alone (rules), true labels that a
+        labels: what labels the points: a network (dgcnn), height and slope alone (rules), true labels that a
             simulator recorded (truth), or a class of yours, module:Class.
-        weights: of the network, as train.py writes them.
+        weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
         camera: of the camera on the robot: x y z in m, roll pitch yaw in degrees, pitch positive where it looks down;
             by default as the recording has it, else level over the floor of the first frame.
@@ -112,7 +115,7 @@ class MapRecording:
     out: Path
     poses: Literal["slam", "registration", "odometry", "truth"] | None = None
     labels: Labels = "dgcnn"
-    weights: Path = WEIGHTS
+    weights: Path | None = None
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     camera: tuple[float, float, float, float, float, float] | None = None
     intrinsics: tuple[float, float, float, float] | None = None
@@ -178,7 +181,7 @@ class RosExploration:
     map: Path | None = None
     goals: tuple[tuple[float, float], ...] = ()
     home: bool = False
-    weights: Path = WEIGHTS
+    weights: Path | None = None
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     speed: float = 0.5
     view: Literal["none", "spawn", "web"] = "none"

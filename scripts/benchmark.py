@@ -31,28 +31,30 @@ class Benchmark:
 
     Attributes:
         subject: camera, dataset: time of a frame and of a scene beside mujoco.Renderer; metric-map: time and accuracy
-            beside OctoMap; semantic: DGCNN's time, and accuracy of the labels; exploration: whole episodes beside
-            two baselines; localisation: recorded drives beside KISS-ICP and Open3D; victims: precision and time of
-            the detector, and whole episodes.
+            beside OctoMap; semantic: DGCNN's time, and accuracy of the labels; networks: size, time and
+            accuracy of all five; exploration: whole episodes beside two baselines; localisation: recorded drives
+            beside KISS-ICP and Open3D; victims: precision and time of the detector, and whole episodes.
         json: file for the figures, with the machine and the settings that they hold for.
         frames: frames in all (camera 60), of a scene (dataset 100, victims 12), of an arena (metric-map 160,
-            semantic 40), or at most of a drive (localisation 3000); more make figures steadier.
-        rounds: rounds that are timed (dataset 5, semantic 7, victims 15); 0 times nothing (victims).
+            semantic 40, networks 24), or at most of a drive (localisation 3000); more make figures steadier.
+        rounds: rounds that are timed (dataset 5, networks, semantic 7, victims 15); 0 times nothing (victims).
         scenes: random arenas that are rendered (dataset 4, victims 30); 0 for none (victims).
-        seed: of arenas and drives (dataset, metric-map, semantic 0; victims 2026, with which none was trained).
+        seed: of arenas and drives (dataset, metric-map, networks, semantic 0; victims 2026, never trained on).
         nist: episodes in nist_6x4 (exploration, localisation, victims 10); fewer are done earlier and say less.
         esogu: episodes in esogu_52x15 (exploration, victims 2, localisation 1).
-        random: episodes in random arenas of difficulties 0, 1 and 2 (exploration, victims 30, localisation 9).
-        raf: folder of .raf arenas to explore or to label (exploration, localisation, semantic).
-        raf_frames: frames of each .raf arena (semantic 10).
+        random: episodes in random arenas of difficulties 0, 1 and 2 (exploration, victims 30, localisation 9), or
+            random arenas of all four (networks 20).
+        raf: folder of .raf arenas to explore or to label (exploration, localisation, networks, semantic).
+        raf_frames: frames of each .raf arena (semantic 10, networks 8, of random ones too).
         baselines: also run what is compared with: two other strategies (exploration), episodes without a detector
             (victims), OctoMap without discretize (metric-map), the peers (localisation); without them it is done
             earlier.
         odometry: of the episodes, the true pose or wheels and gyro (exploration, victims truth).
         kidnappings: times that a robot is carried elsewhere in its map (localisation 0), in nist_6x4 and in random:1.
-        lighting: of the episodes (exploration, localisation, victims normal).
+        lighting: of the episodes (exploration, localisation, victims normal) or frames (networks: normal and dark).
         labels: what labels the points in episodes (exploration, victims dgcnn).
-        weights: of the network that labels (exploration, semantic, victims); by default the shipped ones.
+        weights: of the network that labels (exploration, semantic, victims), or their folder (networks); by default
+            the shipped ones.
         detector: of victims: .cfg and .weights (exploration, victims); by default the shipped one.
         workers: episodes at a time (exploration, localisation, victims: one a core).
         runs: folder for the result of each episode (exploration, localisation, victims: runs/benchmark-<subject>);
@@ -60,7 +62,7 @@ class Benchmark:
     """
 
     subject: Annotated[
-        Literal["camera", "dataset", "exploration", "localisation", "metric-map", "semantic", "victims"],
+        Literal["camera", "dataset", "exploration", "localisation", "metric-map", "networks", "semantic", "victims"],
         tyro.conf.Positional,
     ]
     json: Path | None = None

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from pipeline.errors import InputError
 from sarsim.arenas.settings import StartPose
 from sarsim.scripts.cli import Interruptible, run
-from sarsim.settings import WEIGHTS, Labels
+from sarsim.settings import Labels
 
 if TYPE_CHECKING:
     from sarsim.arenas.arena import RescueArena
@@ -51,7 +51,7 @@ def map_drive(arena: "RescueArena", out: Path, labels: Labels) -> "MappedDrive":
     from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
     from sarsim.teleoperation import MappedDrive
 
-    classifier = make_classifier(labels, WEIGHTS)
+    classifier = make_classifier(labels, None)
     make_folder(out)
     robot = SimulatedRobot(arena, SimulationConfig(), seed=0)
     return MappedDrive(robot, classifier, EpisodeRecorder(robot, out / "episode.rrd", "spawn"))

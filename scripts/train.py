@@ -4,6 +4,8 @@ On several GPUs, or a process for each core of a CPU: ``torchrun --nproc-per-nod
 """
 
 from dataclasses import dataclass, fields
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +16,11 @@ from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.victims.detection.training_config import YoloTrainingConfig
 from sarsim.scripts.cli import Interruptible, check_folder_of, progress
 from sarsim.scripts.settings import run_one_of, save_settings
+from sarsim.settings import POINT_NETWORKS
 
 if TYPE_CHECKING:
     from pipeline.semantic_map.networks.clouds import LabelledCloud
+    from pipeline.semantic_map.networks.network import PointNetwork
     from pipeline.semantic_map.networks.parallel import Worker
     from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
@@ -25,11 +29,11 @@ VALIDATION_FRAMES = 200
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainDgcnn(TrainingConfig):
-    """The network of the semantic map, from a dataset of generate_dataset.py.
+class TrainPoints(TrainingConfig):
+    """A network of the semantic map, from datasets of generate_dataset.py.
 
     Attributes:
-        data: folder of the dataset; its scenes of the split train are learned from, those of val validated with.
+        data: folders of datasets; scenes of the split train are learned from, those of val validated with.
         out: file for the weights (.safetensors); a checkpoint, a table and the settings (.yaml) get its name with
             other endings. The same command continues an interrupted training from its checkpoint.
         stride: use every n-th frame of a scene; larger ones load faster.
@@ -37,7 +41,7 @@ class TrainDgcnn(TrainingConfig):
         until: stop after that step as if interrupted; the learning rate still falls as --steps says.
     """
 
-    data: Path
+    data: tuple[Path, ...]
     out: Path
     stride: int = 1
     init: Path | None = None
@@ -64,8 +68,8 @@ class TrainYolo(YoloTrainingConfig):
     init: Path | None = None
 
 
-def train_dgcnn(settings: TrainDgcnn) -> None:
-    """Train the network of the semantic map, and say where the weights lie."""
+def train_points(settings: TrainPoints, network: str) -> None:
+    """Train a network of the semantic map, and say where the weights lie."""
     _check(settings)
     from pipeline.semantic_map.networks.blocks import BlockConfig
     from pipeline.semantic_map.networks.classifier import load_classifier
@@ -73,11 +77,11 @@ def train_dgcnn(settings: TrainDgcnn) -> None:
     from pipeline.semantic_map.networks.training import Trainer
 
     config = TrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(TrainingConfig)})
-    about: dict[str, Any] = {"data": str(settings.data), "scenes": _scenes(settings.data)}
-    about["stride"] = settings.stride
-    initial = None
+    scenes = sum(map(_scenes, settings.data))
+    about: dict[str, Any] = {"data": list(map(str, settings.data)), "scenes": scenes, "stride": settings.stride}
+    initial: PointNetwork | str = network
     if settings.init is not None:
-        initial, about["init"] = load_classifier(settings.init)[0], str(settings.init)
+        initial, about["init"] = load_classifier(settings.init, network)[0], str(settings.init)
     worker = Worker.join()
     try:
         clouds = _clouds(settings, worker, BlockConfig().voxel_size)
@@ -105,7 +109,7 @@ def train_yolo(settings: TrainYolo) -> None:
         _train(trainer, settings, "AP50")
 
 
-def _check(settings: TrainDgcnn | TrainYolo) -> None:
+def _check(settings: TrainPoints | TrainYolo) -> None:
     if settings.stride < 1:
         raise InputError("--stride: at least 1")
     check_folder_of("out", settings.out)
@@ -124,25 +128,32 @@ def _scenes(data: Path) -> int:
     return len(scenes)
 
 
-def _clouds(settings: TrainDgcnn, worker: "Worker", voxel_size: float) -> dict[str, list["LabelledCloud"]]:
-    """The clouds of the splits train and val."""
+def _clouds(settings: TrainPoints, worker: "Worker", voxel_size: float) -> dict[str, list["LabelledCloud"]]:
+    """The clouds of the splits train and val, and a word on classes that are missing there."""
+    from pipeline.semantic_map.classifier import CLASSES
     from pipeline.semantic_map.networks.clouds import LabelledCloud
     from sarsim.dataset.folder import Dataset
 
-    dataset = Dataset(settings.data)
+    datasets = [Dataset(folder) for folder in settings.data]
     clouds: dict[str, list[LabelledCloud]] = {"train": [], "val": [], "test": []}
     with progress(disable=not worker.leads) as bars:
-        for entry, scene in bars.track(dataset, total=len(dataset), description="scenes"):
+        for entry, scene in bars.track(chain(*datasets), total=sum(map(len, datasets)), description="scenes"):
             for index in range(0, len(scene) if entry.split != "test" else 0, settings.stride):
                 pose = scene.T_world_camera(index)
                 clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size))
+    folders = " ".join(map(str, settings.data))
     if not clouds["val"]:
-        raise InputError(f"--data {settings.data}: no scene of the split val, which one in ten is: make 5 at least")
+        raise InputError(f"--data {folders}: no scene of the split val, which one in ten is: make 5 at least")
+    seen = sum(cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"])
+    missing = [label.name.lower() for label, count in zip(CLASSES, seen, strict=True) if not count]
+    if missing and worker.leads:
+        told = f"--data {folders}: no point of {', '.join(missing)}, which the network will not know"
+        Console(stderr=True).print(told, soft_wrap=True)
     return clouds
 
 
 def _train(
-    trainer: "TrainingLoop[Any]", settings: TrainDgcnn | TrainYolo, score: str, until: int | None = None
+    trainer: "TrainingLoop[Any]", settings: TrainPoints | TrainYolo, score: str, until: int | None = None
 ) -> None:
     """Run a trainer with a progress bar; Ctrl-C ends it after the step under way."""
     leads = trainer.worker.leads
@@ -163,7 +174,8 @@ def _train(
 
 def main() -> None:
     """Entry point."""
-    networks: dict[str, Any] = {"dgcnn": (train_dgcnn, TrainDgcnn), "yolo": (train_yolo, TrainYolo)}
+    networks: dict[str, Any] = {name: (partial(train_points, network=name), TrainPoints) for name in POINT_NETWORKS}
+    networks["yolo"] = (train_yolo, TrainYolo)
     run_one_of(networks, str(__doc__))
 
 

@@ -1,4 +1,4 @@
-"""Draw the pictures of arenas.md and tutorial-arena.md: ``python docs/figures/draw_arenas.py``."""
+"""Draw the pictures of arenas.md, networks.md and tutorial-arena.md: ``python docs/figures/draw_arenas.py``."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,6 +33,8 @@ def main() -> None:
     roofed = RandomArenaConfig(ceiling=True, difficulty=1)
     save("arenas-more.jpg", [overview("random:11", large), eye("random:3", None, roofed)])
     furnished = RandomArenaConfig(columns=9, rows=7, furniture=0.25)
+    rooms = RandomArenaConfig(wall_density=0.2, ramps=0.15, clutter=0.05, victims=2, furnished=0.35)
+    save("furnished-rooms.jpg", [overview(f"random:{seed}", rooms) for seed in (4, 7)])
     tags = [eye("nist_6x4", start, fiducials=8) for start in ((-2.5, -1.3, -30.0), (1.6, -1.3, 10.0))]
     save("arena-fiducial.jpg", tags)
     save("arenas-furniture.jpg", [overview("random:16", furnished), eye("random:5", None, furnished)])

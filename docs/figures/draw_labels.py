@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import COLOURS
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier
+from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from sarsim.assets import asset
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
 
@@ -23,7 +23,7 @@ def label_picture(seen: TrueFrame, labels: NDArray[np.integer]) -> NDArray[np.ui
     return picture
 
 
-def column(seen: TrueFrame, networks: list[DgcnnClassifier]) -> NDArray[np.uint8]:
+def column(seen: TrueFrame, networks: list[NetworkClassifier]) -> NDArray[np.uint8]:
     """Colour, true labels and given ones, one above the other."""
     given = [network.classify(seen.frame, seen.points, seen.T_map_camera).argmax(axis=1) for network in networks]
     colour = seen.frame.rgb[..., ::-1]
@@ -33,7 +33,7 @@ def column(seen: TrueFrame, networks: list[DgcnnClassifier]) -> NDArray[np.uint8
 def main() -> None:
     """Drive, look, draw."""
     weights = asset("weights", "dgcnn.safetensors")
-    networks = [DgcnnClassifier(weights, vote=False), DgcnnClassifier(weights)]
+    networks = [NetworkClassifier(weights, vote=False), NetworkClassifier(weights)]
     columns = [
         column(seen, networks)
         for arena, wanted in FRAMES.items()

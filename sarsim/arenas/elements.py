@@ -100,12 +100,33 @@ class ArenaBuilder:
             self._add_victim(geoms, pose)
             return
         for geom in geoms:
-            moved = pose.geom(geom)
-            if (key := _identity(moved)) not in self._placed:
-                self._placed.add(key)
-                # PyMJCF takes time that grows with the square of the number of geoms without a name.
-                moved.set("name", f"{kind}_{len(self._placed)}")
-                self._world.append(moved)
+            self._place(kind, pose.geom(geom))
+
+    def add_box(
+        self, name: str, label: str, position: ArrayLike, yaw_deg: float, middle: ArrayLike, half: ArrayLike,
+        colour: tuple[float, float, float],
+    ) -> None:  # fmt: skip
+        """Add a box of an element that no library has.
+
+        Args:
+            name: what its geom's name begins with.
+            label: its class.
+            position: (3,) m of the element's origin.
+            yaw_deg: degrees that the element is turned to the left.
+            middle: (3,) m of the box in the element's frame.
+            half: (3,) m, half of its extent.
+            colour: red, green, blue, from 0 to 1.
+        """
+        box = {"class": label, "pos": _text(middle), "size": _text(half), "rgba": _text((*colour, 1.0))}
+        pose = _Pose(np.asarray(position, np.float64), _turn(yaw_deg))
+        self._place(name, pose.geom(Element("geom", box)))
+
+    def _place(self, kind: str, geom: Element) -> None:
+        if (key := _identity(geom)) not in self._placed:
+            self._placed.add(key)
+            # PyMJCF takes time that grows with the square of the number of geoms without a name.
+            geom.set("name", f"{kind}_{len(self._placed)}")
+            self._world.append(geom)
 
     def _add_victim(self, geoms: list[Element], pose: "_Pose") -> None:
         self._victims += 1

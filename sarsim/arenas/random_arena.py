@@ -16,6 +16,7 @@ from sarsim.arenas.random_draws import RandomDraws
 from sarsim.arenas.random_furniture import OTHER_WALLS, hang_on_walls, place_bulky, place_furniture
 from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, make_maze, wall_items
 from sarsim.arenas.random_paint import paint
+from sarsim.arenas.random_rooms import Piece, furnish
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
 from sarsim.arenas.settings import RandomArenaConfig
 
@@ -32,12 +33,13 @@ _BOUNDS = {
     "clutter": (0, 1),
     "furniture": (0, 1),
     "bulky": (0, 1),
+    "furnished": (0, 1),
     "victims": (0, 100),
     "difficulty": (0, 3),
 }
 """Lowest and highest value of each setting."""
 
-_Plan = tuple[list[Item], list[PlacedVictim], Tile, Side]
+_Plan = tuple[list[Item], list[Piece], list[PlacedVictim], Tile, Side]
 """What stands where, and the tile where the robot starts and the side that it faces."""
 
 
@@ -96,19 +98,22 @@ def _draw(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Pl
         other_walls = OTHER_WALLS
     if config.bulky:
         items += place_bulky(layout, draws, config.bulky)
+    pieces = furnish(layout, draws, config.furnished) if config.furnished else []
     items += ground_items(layout)
     items += wall_items(layout, draws, difficulty >= 2, config.ceiling, other_walls)
-    return items, victims, *start
+    return items, pieces, victims, *start
 
 
 def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
     """Set everything down; the middle of the arena is the origin."""
-    items, victims, tile, side = plan
+    items, pieces, victims, tile, side = plan
     builder = ArenaBuilder(name)
     corner = -np.array([config.columns, config.rows]) * TILE / 2
     for item in items:
         xy = corner + (np.array(item.tile) + 0.5) * TILE + np.array(item.shift) / 100
         builder.add_element(item.kind, [*xy, 0.0], item.yaw)
+    for piece in pieces:
+        piece.add_to(builder, *(corner + (np.array(piece.tile) + 0.5) * TILE))
     low, high = builder.bounds
     builder.add_surroundings(low, high, config.ceiling)
     builder.add_floor(low - FLOOR_MARGIN, high + FLOOR_MARGIN)

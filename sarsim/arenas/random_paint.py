@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.random_draws import RandomDraws
 
+Colour = tuple[float, float, float]
+"""Red, green, blue, from 0 to 1."""
 _TEXTURES = {"terrain": "concrete", "wall": "osb", "straight_ramp": "plywood"}
 """Of the materials that have one."""
 _PLAIN = ("inclined_ramp", "hole_rim", "ceiling", "board", "timber", "cardboard", "plaster", "grey")
@@ -16,7 +18,7 @@ _PATTERNS = ("none", "random", "edge", "cross")
 def paint(builder: ArenaBuilder, draws: RandomDraws) -> None:
     """Give floor, walls, ramps and boards of an arena other colours, and the larger ones other patterns."""
     for material, texture in _TEXTURES.items():
-        colour = _colour(draws)
+        colour = random_colour(draws)
         step: dict[str, str | Sequence[float]] = {
             "builtin": draws.pick(("flat", "gradient")),
             "rgb1": colour,
@@ -28,17 +30,17 @@ def paint(builder: ArenaBuilder, draws: RandomDraws) -> None:
         repeats = draws.number(1, 3)
         builder.change_asset("material", material, {"texrepeat": (repeats, repeats)})
     for material in _PLAIN:
-        builder.change_asset("material", material, {"rgba": (*_colour(draws), 1.0)})
+        builder.change_asset("material", material, {"rgba": (*random_colour(draws), 1.0)})
 
 
-def _colour(draws: RandomDraws) -> tuple[float, float, float]:
-    """Red, green, blue; pale ones more often than strong ones."""
+def random_colour(draws: RandomDraws) -> Colour:
+    """A pale colour more often than a strong one."""
     hue, saturation = draws.number(0, 99) / 100, (draws.number(0, 9) / 10) ** 2
     value = draws.number(20, 95) / 100
     return colorsys.hsv_to_rgb(hue, saturation, value)
 
 
-def _shade(colour: tuple[float, float, float], draws: RandomDraws) -> tuple[float, float, float]:
+def _shade(colour: Colour, draws: RandomDraws) -> Colour:
     """The same somewhat darker or lighter."""
     factor = draws.number(60, 120) / 100
     red, green, blue = (min(1.0, factor * c) for c in colour)

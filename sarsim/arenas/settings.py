@@ -26,6 +26,8 @@ class RandomArenaConfig:
         difficulty: 0 flat; 1 decks and ridges of ramps; 2 crossing ramps, clutter, holes in walls and half-hidden
             victims; 3 continuous ramp fields and step fields; by default the arena's seed modulo 4.
         ceiling: close the arena at 2.4 m, with all walls up to there.
+        furnished: share of the tiles with furniture of all sizes and colours, in rows along walls: lockers, shelves,
+            tables, sofas, beds, stairs.
         painted: floor, walls, ramps and boards have colours and patterns of their own.
     """
 
@@ -39,4 +41,5 @@ class RandomArenaConfig:
     ceiling: bool = False
     furniture: float = 0.0
     bulky: Fixed[float] = 0.0
+    furnished: Fixed[float] = 0.0
     painted: Fixed[bool] = False

@@ -21,6 +21,8 @@ class ArenaRange:
         clutter: share of the tiles with a barrel, a block, a step field or such; more of it hides more.
         furniture: share of the tiles with furniture; teaches a network that it is neither wall nor victim.
         bulky: share of the tiles with raised floors, steep boards and cupboards, which hide much.
+        furnished: share of the tiles with furniture of all sizes and colours, such as lockers and tables; teaches a
+            network what is neither wall nor deck.
         victims: victims in an arena.
         difficulty: 0 flat, 1 decks and ridges, 2 crossing ramps and half-hidden victims, 3 ramp and step fields.
         ceilings: share of the arenas that have one.
@@ -36,10 +38,12 @@ class ArenaRange:
     ceilings: Fixed[float] = 0.2
     furniture: tuple[float, float] = (0.0, 0.0)
     bulky: Fixed[tuple[float, float]] = (0.0, 0.0)
+    furnished: tuple[float, float] = (0.0, 0.0)
     painted: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("tiles", "wall_density", "ramps", "clutter", "furniture", "bulky", "victims", "difficulty"):
+        shares = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
+        for name in ("tiles", *shares, "victims", "difficulty"):
             check_order(f"random.{name}", getattr(self, name))
         check("random.ceilings", self.ceilings, 0, 1)
         check("random.painted", self.painted, 0, 1)
@@ -58,6 +62,7 @@ class ArenaRange:
             # No number is drawn for nothing: datasets without furniture or paint stay as they are.
             furniture=round(rng.uniform(*self.furniture), 3) if self.furniture[1] else 0.0,
             bulky=round(rng.uniform(*self.bulky), 3) if self.bulky[1] else 0.0,
+            furnished=round(rng.uniform(*self.furnished), 3) if self.furnished[1] else 0.0,
             painted=bool(self.painted and rng.random() < self.painted),
         )
 

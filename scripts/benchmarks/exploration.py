@@ -35,7 +35,7 @@ def measure(
     odometry: Odometry = _DEFAULT.odometry,
     lighting: LightingName = _DEFAULT.lighting,
     labels: Labels = _DEFAULT.labels,
-    weights: Path = _DEFAULT.weights,
+    weights: Path | None = _DEFAULT.weights,
     detector: tuple[Path, Path] | None = _DEFAULT.detector,
     workers: int | None = None,
     runs: Path = Path("runs/benchmark-exploration"),

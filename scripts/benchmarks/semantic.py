@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.progress import track
 
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier
+from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
 from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
@@ -54,7 +54,7 @@ def measure(
     figures = speed(list(drive_through("nist_6x4", timed_frames, seed)), rounds)
     if checkpoint.is_dir():
         figures |= agreement(checkpoint)
-    network = DgcnnClassifier(weights, threads=THREADS) if weights.exists() else None
+    network = NetworkClassifier(weights, threads=THREADS) if weights.exists() else None
     jobs = [(arena, frames) for arena in arenas if frames]
     jobs += [(str(path), raf_frames) for path in sorted(raf.glob("*.raf")) if raf_frames]
     lit = [(*job, suffix) for suffix in LIGHTINGS for job in jobs]

@@ -11,11 +11,12 @@ from torch.nn import functional
 
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import Block, BlockConfig, cut
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier, save_classifier
+from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
+from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
 from sarsim.scripts.benchmarks.common import seconds
@@ -41,7 +42,7 @@ def speed(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
 def agreement(folder: Path) -> dict[str, float]:
     """Share of the points whose class is the published one, and the median difference of the logits."""
     network, _ = load_weights(folder / "s3dis_area6.safetensors")
-    fast = FastDgcnn(network, THREADS)
+    fast = for_inference(network, THREADS)
     with np.load(folder / "reference.npz") as file:
         points, expected = file["input"], file["logits"]
     logits = {"": np.stack([fast(block.T).T for block in points])}
@@ -112,7 +113,7 @@ def _frame_times(network: Dgcnn, frames: list[TrueFrame]) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         weights = Path(folder) / "random.safetensors"
         save_classifier(weights, network, BlockConfig(), {})
-        classifier = DgcnnClassifier(weights, threads=THREADS)
+        classifier = NetworkClassifier(weights, threads=THREADS)
     clouds = [frame.points for frame in frames]
     classifier.classify(frames[0].frame, clouds[0], frames[0].T_map_camera)
     times = [

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from safetensors import safe_open
 
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier
+from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from sarsim.dataset.generate import generate
 from sarsim.dataset.recipe import Recipe
 from sarsim.scripts import train
@@ -37,12 +37,28 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
     out = tmp_path / "w.safetensors"
     call(monkeypatch, "dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2)
     assert str(out) in capsys.readouterr().out
-    assert DgcnnClassifier(out)
+    assert NetworkClassifier(out)
     with safe_open(out, "np") as file:
         training = json.loads(file.metadata()["training"])
-    assert training["data"] == str(dataset)
+    assert training["data"] == [str(dataset)]
     assert training["scenes"] == 5
     assert training["config"]["steps"] == 2
+
+
+def test_any_network_is_trained_and_told_what_it_will_not_know(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "w.safetensors"
+    call(monkeypatch, "pointnext", "--data", dataset, dataset, "--out", out, "--steps", 1, "--batch", 2)
+    told = capsys.readouterr().err.replace("\n", " ")
+    assert f"--data {dataset} {dataset}: no point of " in told
+    assert "ceiling" in told
+    assert NetworkClassifier(out, network="pointnext")
+    with pytest.raises(SystemExit) as raised:
+        call(monkeypatch, "pointnet", "--data", dataset, "--out", tmp_path / "v.safetensors", "--init", out)
+    assert raised.value.code == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "weights of pointnext, not of pointnet" in line
 
 
 def test_two_processes_train_together(dataset: Path, tmp_path: Path) -> None:
@@ -50,7 +66,7 @@ def test_two_processes_train_together(dataset: Path, tmp_path: Path) -> None:
     flags = ["dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2]
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", 2, TRAIN, *flags]
     subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
-    assert DgcnnClassifier(out)
+    assert NetworkClassifier(out)
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig, cut
-from pipeline.semantic_map.networks.dgcnn import Dgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
+from pipeline.semantic_map.networks.inference import for_inference
+from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork
 from pipeline.semantic_map.networks.weights import load_weights, save_weights
 from pipeline.semantic_map.planar_vote import planar_vote
 from pipeline.semantic_map.voxels import VoxelCloud
@@ -28,22 +28,25 @@ LIMITS = {"voxel_size": (0.005, 1), "size": (0.1, 100), "points": (64, 2**16), "
 _CLASS_NAMES = ",".join(label.name.lower() for label in CLASSES)
 
 
-class DgcnnClassifier:
-    """Classifies the points of a frame by DGCNN, every one of them."""
+class NetworkClassifier:
+    """Classifies the points of a frame by a network, every one of them."""
 
-    def __init__(self, weights: Path, vote: bool = True, threads: int | None = None) -> None:
+    def __init__(
+        self, weights: Path, vote: bool = True, threads: int | None = None, network: str | None = None
+    ) -> None:
         """Load weights that ``train.py`` wrote.
 
         Args:
             weights: file.
             vote: whether the points of a plane vote on what they are; without it every voxel is on its own.
             threads: that compute; one a processor if not given.
+            network: name of the only one that the weights may be of; any if not given.
 
         Raises:
             InputError: as of :func:`load_classifier`.
         """
-        network, self._blocks = load_classifier(weights)
-        self._network, self._vote = FastDgcnn(network, threads), vote
+        written, self._blocks = load_classifier(weights, network)
+        self._network, self._vote = for_inference(written, threads), vote
 
     def classify(
         self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
@@ -63,7 +66,7 @@ class DgcnnClassifier:
 
 
 def segment(
-    network: FastDgcnn,
+    network: BlockClassifier,
     points: NDArray[np.float32],
     camera: NDArray[np.floating],
     config: BlockConfig,
@@ -79,22 +82,22 @@ def segment(
     start = rng.uniform()
     for grid in range(grids):
         shift = (start + grid / grids) * config.size
-        for block in cut(points, camera, config, shift, network.k, rng):
+        for block in cut(points, camera, config, shift, network.fewest, rng):
             logits = network(block.points)
             if not np.isfinite(logits).all():
-                raise InputError("DGCNN: it answers with numbers that are not finite: its weights are broken")
+                raise InputError("the network answers with numbers that are not finite: its weights are broken")
             result[block.index] += softmax(logits, axis=1) / grids
     return result
 
 
-def load_classifier(path: Path) -> tuple[Dgcnn, BlockConfig]:
-    """The network of a file that :func:`save_classifier` wrote, and how it wants clouds cut.
+def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, BlockConfig]:
+    """The network of a file that :func:`save_classifier` wrote, and how it wants clouds cut; ``only`` if it is that.
 
     Raises:
         InputError: as of :func:`load_weights`, or the network tells other classes apart, has other channels, or wants
             blocks as none makes sense.
     """
-    network, metadata = load_weights(path)
+    network, metadata = load_weights(path, only)
     if metadata.get("labels") != _CLASS_NAMES or network.classes != len(CLASSES):
         told = metadata.get("labels", f"{network.classes} unnamed classes")
         raise InputError(f"{path}: a network that tells apart {told}, not {_CLASS_NAMES}; use train.py's")
@@ -112,8 +115,8 @@ def load_classifier(path: Path) -> tuple[Dgcnn, BlockConfig]:
         raise InputError(f"{path}: weights of another version: it does not say how to cut blocks") from error
 
 
-def save_classifier(path: Path, network: Dgcnn, blocks: BlockConfig, training: dict[str, object]) -> None:
-    """Write weights, what :class:`DgcnnClassifier` must know of them, and how they were trained.
+def save_classifier(path: Path, network: PointNetwork, blocks: BlockConfig, training: dict[str, object]) -> None:
+    """Write weights, what :class:`NetworkClassifier` must know of them, and how they were trained.
 
     Raises:
         InputError: the file cannot be written.

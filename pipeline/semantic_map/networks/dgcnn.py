@@ -6,13 +6,14 @@ from typing import Self, cast
 import torch
 from torch import Tensor, nn
 
+from pipeline.semantic_map.networks.network import MOST_CHANNELS, MOST_CLASSES, PointNetwork
+
 SLOPE = 0.2
 """Of LeakyReLU below 0."""
 GRAPH_CHANNELS = 3
 """The first neighbour graph is built on that many channels, the last ones: the normalized x, y, z."""
-
-MOST_CHANNELS, MOST_CLASSES = 64, 1000
-"""Of weights from files; published ones have 9 channels and 13 classes."""
+MOST_NEIGHBOURS = 64
+"""That ``dgcnn_cpu`` selects."""
 
 
 class EdgeConv(nn.Module):
@@ -32,17 +33,20 @@ class EdgeConv(nn.Module):
         return edges.amax(dim=-1)
 
 
-class Dgcnn(nn.Module):
+class Dgcnn(PointNetwork):
     """The segmentation network: three EdgeConvs, a global feature, and three layers on what each point now knows.
 
     Attributes:
         k: neighbours of a point; itself is one of them.
     """
 
+    NAME = "dgcnn"
+    STORED = torch.float32
+
     def __init__(self, channels: int = 6, classes: int = 6, k: int = 20) -> None:
         """Random weights; ``channels`` of a point are x, y, z and more, the last three normalized x, y, z."""
-        super().__init__()
-        self.channels, self.classes, self.k = channels, classes, k
+        super().__init__(channels, classes)
+        self.k = k
         self.edge_conv1 = EdgeConv(channels, 64, 64)
         self.edge_conv2 = EdgeConv(64, 64, 64)
         self.edge_conv3 = EdgeConv(64, 64)
@@ -52,16 +56,32 @@ class Dgcnn(nn.Module):
         self.dropout = nn.Dropout(0.5)
         self.classifier = nn.Conv1d(256, classes, kernel_size=1, bias=False)
 
+    @property
+    def fewest(self) -> int:
+        """As many points of a block as a point has neighbours."""
+        return self.k
+
     @classmethod
-    def for_weights(cls, tensors: Mapping[str, Tensor], k: int) -> Self:
-        """A network of the size of published weights; KeyError or ValueError if these are of another network."""
-        first, last = tensors["conv1.0.weight"].shape, tensors["conv9.weight"].shape
+    def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
+        """A network of the size of published weights, and with k of the metadata; ValueError if there is none."""
+        k = metadata.get("k", "20")
+        if not (k.isdecimal() and len(k) < 5 and 1 <= int(k) <= MOST_NEIGHBOURS):
+            raise ValueError(f"k = {k:.20}: a point has 1 to {MOST_NEIGHBOURS} neighbours")
+        first, last = (tuple(tensors[n].shape) if n in tensors else () for n in ("conv1.0.weight", "conv9.weight"))
         # Shapes may lie: one with a 0 in it takes no bytes of a file.
         if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != 64:
-            raise ValueError(f"conv1.0.weight is {tuple(first)}")
+            raise ValueError(f"not a DGCNN for segmentation: conv1.0.weight is {first}")
         if len(last) != 3 or not 1 <= last[0] <= MOST_CLASSES:
-            raise ValueError(f"conv9.weight is {tuple(last)}")
-        return cls(first[1] // 2, last[0], k)
+            raise ValueError(f"not a DGCNN for segmentation: conv9.weight is {last}")
+        return cls(first[1] // 2, last[0], int(k))
+
+    def about(self) -> dict[str, str]:
+        """The number of neighbours, which no tensor tells."""
+        return {"k": str(self.k)}
+
+    def file_names(self, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+        """Without the batch norms that the published code registers twice, as bn1 and as conv1.1."""
+        return {name: t for name, t in tensors.items() if not (name[:4] == "conv" and name[5:8] == ".1.")}
 
     def published(self) -> dict[str, Tensor]:
         """All parameters and running statistics by their names in published files (antao97/dgcnn.pytorch)."""

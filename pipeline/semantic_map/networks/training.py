@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.functional import log_softmax
 
 from pipeline.errors import InputError
@@ -17,14 +17,15 @@ from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig
 from pipeline.semantic_map.networks.classifier import save_classifier, segment
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
+from pipeline.semantic_map.networks.inference import for_inference, for_training
+from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.parallel import Worker
 from pipeline.semantic_map.networks.sampling import Batch, BlockSampler
 from pipeline.semantic_map.networks.scores import confusion_of, iou, mean_iou
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.semantic_map.networks.training_loop import TrainingLoop
+from pipeline.semantic_map.networks.weights import NETWORKS
 
 WEIGHT_DECAY = 1e-3
 """Of AdamW."""
@@ -33,9 +34,12 @@ DROPOUT = 0.0
 BALANCE = 0.5
 """A class weighs its share of the points to the power of minus this; 0 is none, 1 full balance."""
 
+FEWEST_BLOCKS = 2
+"""Of a batch: the norm of features of blocks, as PointNet has them, is over these."""
+
 
 class Trainer(TrainingLoop[Batch]):
-    """The training of DGCNN; its score is the mean IoU over the thesis's four classes."""
+    """The training of a network on points; its score is the mean IoU over the thesis's four classes."""
 
     SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
 
@@ -47,7 +51,7 @@ class Trainer(TrainingLoop[Batch]):
         out: Path,
         worker: Worker,
         about: dict[str, Any],
-        initial: Dgcnn | None = None,
+        initial: PointNetwork | str = Dgcnn.NAME,
     ) -> None:
         """Begin or go on as any training.
 
@@ -55,7 +59,8 @@ class Trainer(TrainingLoop[Batch]):
             training: clouds to learn from.
             validation: clouds by which the best weights are chosen.
             config, out, worker, about: as of :class:`TrainingLoop`; a batch has blocks.
-            initial: a network to begin with, of six channels and :data:`CLASSES`; random weights if not given.
+            initial: a network to begin with, of six channels and :data:`CLASSES`, or the name of one, whose weights
+                are random.
 
         Raises:
             InputError: there is nothing to learn from or to validate with, or the checkpoint is of another training.
@@ -66,10 +71,15 @@ class Trainer(TrainingLoop[Batch]):
                 raise InputError(f"no labelled points to {purpose} with")
         torch.manual_seed(config.seed)
         self._validation, self._blocks = validation, BlockConfig()
-        self.network = (initial or Dgcnn(CHANNELS, len(CLASSES))).to(worker.device).train()
-        self.network.dropout.p = DROPOUT
-        self._parallel = worker.share(RaggedDgcnn(self.network))
-        sampler = BlockSampler(training, self._blocks, config.batch, self.network.k, config.seed)
+        network = NETWORKS[initial](CHANNELS, len(CLASSES)) if isinstance(initial, str) else initial
+        if config.batch < FEWEST_BLOCKS:
+            raise InputError(f"--batch {config.batch}: at least {FEWEST_BLOCKS}, for batch norm over blocks")
+        self.network = network.to(worker.device).train()
+        for layer in network.modules():
+            if isinstance(layer, nn.Dropout):
+                layer.p = DROPOUT
+        self._parallel = worker.share(for_training(network))
+        sampler = BlockSampler(training, self._blocks, config.batch, network.fewest, config.seed)
         self._weights = class_weights(training, BALANCE).to(worker.device)
         optimizer = torch.optim.AdamW(self.network.parameters(), config.learning_rate, weight_decay=WEIGHT_DECAY)
 
@@ -85,7 +95,7 @@ class Trainer(TrainingLoop[Batch]):
 
     def _loss(self, batch: Batch) -> Tensor:
         logits = self._parallel(batch.points.to(self.worker.device), batch.sizes)
-        return cross_entropy(logits, batch.shares.to(self.worker.device), self._weights)
+        return cross_entropy(logits, batch.shares.to(self.worker.device), self._weights) + self.network.penalty
 
     def _validate(self) -> list[float]:
         confusion = validate(self.network, self._validation, self._blocks, self.config.seed)
@@ -95,12 +105,12 @@ class Trainer(TrainingLoop[Batch]):
         save_classifier(self.out, self.network, self._blocks, about)
 
 
-def validate(network: Dgcnn, clouds: Sequence[LabelledCloud], blocks: BlockConfig, seed: int) -> NDArray:
+def validate(network: PointNetwork, clouds: Sequence[LabelledCloud], blocks: BlockConfig, seed: int) -> NDArray:
     """(6, 6) int64 returns of the clouds by true class and class that the network gives, as the robot would use it.
 
     The clouds are cut as ``blocks`` says by a ``seed``.
     """
-    fast = FastDgcnn(network)
+    fast = for_inference(network)
     confusion = np.zeros((len(CLASSES), len(CLASSES)), np.int64)
     for number, cloud in enumerate(clouds):
         rng = np.random.default_rng([seed, number])

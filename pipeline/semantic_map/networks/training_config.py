@@ -14,6 +14,8 @@ class TrainingConfig:
         batch: samples in a batch, for each worker; larger ones take more memory and make steadier steps.
         learning_rate: highest step width of AdamW; lower it if the loss jumps, raise it if it hardly falls.
         seed: of the first weights, the batches and their augmentation; another one tells how much is chance.
+        minutes: of processor time after which it ends, validations apart, if the steps take longer; the learning rate
+            then falls with the time. So networks are compared that take unlike times for a step.
         validate_every: steps between validations; each takes time, and the best weights are kept only then.
     """
 
@@ -21,9 +23,12 @@ class TrainingConfig:
     batch: int = 8
     learning_rate: float = 2e-3
     seed: int = 0
+    minutes: float | None = None
     validate_every: int = 250
 
     def __post_init__(self) -> None:
         """Raise InputError for settings that cannot work."""
+        if self.minutes is not None and not 0 < self.minutes < float("inf"):
+            raise InputError(f"--minutes {self.minutes:g}: more than 0")
         if min(self.steps, self.batch, self.validate_every) < 1:
             raise InputError("--steps, --batch, --validate-every: at least 1")

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from math import cos, pi
 from pathlib import Path
+from time import process_time
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
@@ -21,7 +22,9 @@ from pipeline.semantic_map.networks.parallel import Worker
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 
 WARM_UP = 0.05
-"""Share of the steps in which the learning rate rises."""
+"""Share of the training in which the learning rate rises."""
+SAVE_EVERY = 50
+"""Steps between checkpoints, beside those of validations: a process that is killed loses no more."""
 
 Batch = TypeVar("Batch")
 
@@ -35,6 +38,7 @@ class TrainingLoop(ABC, Generic[Batch]):
         out: file for the weights; a checkpoint and a table (.csv) get its name with other endings.
         worker: this process.
         step: batches so far.
+        spent: s of processor time that they took, validations apart.
         best: highest score so far.
         rows: of the table, one for each validation: step, mean loss since the row before, scores.
     """
@@ -72,7 +76,8 @@ class TrainingLoop(ABC, Generic[Batch]):
         self._parts: dict[str, Any] = networks | {"optimizer": optimizer}
         self._settings = json.dumps(asdict(config)) + data
         self._checkpoint = out.with_suffix(".checkpoint")
-        self.step, self.best, self.rows, self._losses = 0, float("-inf"), list[list[float]](), list[float]()
+        self.step, self.spent, self.best = 0, 0.0, float("-inf")
+        self.rows, self._losses = list[list[float]](), list[float]()
         if self._checkpoint.exists():
             self._resume()
 
@@ -92,6 +97,13 @@ class TrainingLoop(ABC, Generic[Batch]):
         """Change the network's weights by their gradients."""
         self._optimizer.step()
 
+    @property
+    def progress(self) -> float:
+        """How much is done, 1 at the end: by steps, or by processor time where that is limited."""
+        if self.config.minutes is None:
+            return self.step / self.config.steps
+        return max(self.step / self.config.steps, self.spent / 60 / self.config.minutes)
+
     def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
         """Train to the end, or until a step. ``report`` is called after every step.
 
@@ -101,20 +113,24 @@ class TrainingLoop(ABC, Generic[Batch]):
         with ThreadPoolExecutor(1) as pool:
             coming = pool.submit(self._draw, self.step)
             try:
-                while self.step < last:
+                while self.step < last and self.progress < 1:
+                    start = process_time()
                     batch = coming.result()
                     coming = pool.submit(self._draw, self.step + 1)  # while this one is learned from
                     self._losses.append(self._learn(batch))
                     self.step += 1
-                    if self.step % self.config.validate_every == 0 or self.step == self.config.steps:
+                    self.spent += process_time() - start
+                    if self.step % self.config.validate_every == 0 or self.progress >= 1:
                         self._keep_best()
+                    elif self.step % SAVE_EVERY == 0:
+                        self._save()
                     report(self)
             finally:
-                if self.step < self.config.steps:
+                if self.progress < 1:
                     self._save()
 
     def _learn(self, batch: Batch) -> float:
-        rate = self.config.learning_rate * schedule((self.step + 1) / self.config.steps)
+        rate = self.config.learning_rate * schedule(min(self.progress + 1 / self.config.steps, 1))
         for group in self._optimizer.param_groups:
             group["lr"] = rate
         loss = self._loss(batch)
@@ -130,7 +146,12 @@ class TrainingLoop(ABC, Generic[Batch]):
             self._losses = []
             if scores[0] > self.best:
                 self.best = scores[0]
-                of_best = {"step": self.step, self.SCORES[0]: self.best, "config": asdict(self.config)}
+                of_best = {
+                    "step": self.step,
+                    "processor_s": round(self.spent, 1),
+                    self.SCORES[0]: self.best,
+                    "config": asdict(self.config),
+                }
                 self._write(self._about | of_best)
             with whole_file(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
                 csv.writer(stream).writerows([("step", "loss", *self.SCORES), *self.rows])
@@ -139,7 +160,13 @@ class TrainingLoop(ABC, Generic[Batch]):
 
     def _save(self) -> None:
         if self.worker.leads:
-            state = {"step": self.step, "best": self.best, "rows": self.rows, "losses": self._losses}
+            state = {
+                "step": self.step,
+                "spent": self.spent,
+                "best": self.best,
+                "rows": self.rows,
+                "losses": self._losses,
+            }
             state |= {name: part.state_dict() for name, part in self._parts.items()}
             with whole_file(self._checkpoint) as file:
                 torch.save({"settings": self._settings} | state, file)
@@ -152,7 +179,7 @@ class TrainingLoop(ABC, Generic[Batch]):
                 raise InputError(f"{self._checkpoint} is of a training with other settings or data: {remedy}")
             for name, part in self._parts.items():
                 part.load_state_dict(state[name])
-            self.step, self.best = state["step"], state["best"]
+            self.step, self.spent, self.best = state["step"], state["spent"], state["best"]
             self.rows, self._losses = state["rows"], state["losses"]
         except (OSError, RuntimeError, KeyError, TypeError, EOFError, pickle.UnpicklingError) as error:
             raise InputError(f"{self._checkpoint}: not a checkpoint of this program: {remedy}") from error

@@ -9,49 +9,49 @@ from torch import Tensor
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.inference_kernels import BOUNDS
+from pipeline.semantic_map.networks.network import PointNetwork
+from pipeline.semantic_map.networks.pointcnn import PointCnn
+from pipeline.semantic_map.networks.pointnet import PointNet
+from pipeline.semantic_map.networks.pointnet2 import PointNet2
+from pipeline.semantic_map.networks.pointnext import PointNeXt
 
-_NETWORKS = {"dgcnn": Dgcnn}
-"""By their names in files, which are :data:`DEFAULT` where others wrote them."""
-DEFAULT = "dgcnn"
+NETWORKS: dict[str, type[PointNetwork]] = {n.NAME: n for n in (PointNet, PointNet2, PointCnn, Dgcnn, PointNeXt)}
+"""By their names in files, which are DGCNN's where others wrote them."""
 
 
-def load_weights(path: Path) -> tuple[Dgcnn, dict[str, str]]:
+def load_weights(path: Path, network: str | None = None) -> tuple[PointNetwork, dict[str, str]]:
     """A network in evaluation mode, and what the file says about it (nothing, where others wrote it).
 
-    Number of channels and classes follow from the weights. k stands in the file's metadata, 20 if not.
+    Args:
+        path: of the file.
+        network: name of the only one that will do; any if not given.
 
     Raises:
         InputError: no such file, not safetensors, weights of another network, or numbers that are not finite.
     """
     tensors, metadata = _read(path)
-    name = metadata.get("network", DEFAULT)
-    if name not in _NETWORKS:
-        raise InputError(f"{path}: weights of {name}, not of {' or '.join(_NETWORKS)}")
-    k = metadata.get("k", "20")
-    if not (k.isdecimal() and len(k) < 5 and 1 <= int(k) <= BOUNDS):
-        raise InputError(f"{path}: k = {k:.20}: a point has 1 to {BOUNDS} neighbours")
+    name = metadata.get("network", Dgcnn.NAME)
+    if name not in ((network,) if network else NETWORKS):
+        raise InputError(f"{path}: weights of {name:.40}, not of {network or ' or '.join(NETWORKS)}")
     try:
-        network = _NETWORKS[name].for_weights(tensors, int(k))
-    except (KeyError, ValueError) as error:
-        raise InputError(f"{path}: not a DGCNN for segmentation: conv1.0.weight or conv9.weight is amiss") from error
-    _fill(network, tensors, path)
-    return network.eval(), metadata
+        result = NETWORKS[name].for_weights(tensors, metadata)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+    _fill(result, tensors, path)
+    return result.eval(), metadata
 
 
-def save_weights(path: Path, network: Dgcnn, metadata: dict[str, str] | None = None) -> None:
+def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | None = None) -> None:
     """Write the weights, with ``metadata`` about them. InputError if that is impossible."""
-    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in network.published().items()}
-    content = save(tensors, {"network": DEFAULT, "k": str(network.k)} | (metadata or {}))
+    tensors = {name: t.detach().cpu().to(network.STORED).contiguous() for name, t in network.published().items()}
+    content = save(tensors, {"network": network.NAME} | network.about() | (metadata or {}))
     with whole_file(path) as file:
         file.write_bytes(content)  # safetensors' own files are for their owner's eyes alone
 
 
-def _fill(network: Dgcnn, tensors: dict[str, Tensor], path: Path) -> None:
+def _fill(network: PointNetwork, tensors: dict[str, Tensor], path: Path) -> None:
     """Copy the tensors into the network; no more and no fewer than it needs."""
-    wanted = network.published()
-    # The published code registers its batch norms twice, as bn1 and as conv1.1.
-    tensors = {name: t for name, t in tensors.items() if not (name[:4] == "conv" and name[5:8] == ".1.")}
+    wanted, tensors = network.published(), network.file_names(tensors)
     _refuse(sorted(wanted.keys() - tensors.keys()), "missing", path)
     _refuse(sorted(tensors.keys() - wanted.keys()), "unknown", path)
     for name, tensor in tensors.items():

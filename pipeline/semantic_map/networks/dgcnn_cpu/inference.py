@@ -15,6 +15,7 @@ from pipeline.errors import InputError
 from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, SLOPE, Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels as kernels
 from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
+from pipeline.semantic_map.networks.network import check_block
 
 TILE = 64
 """Points at a time: what belongs to them, above all 1 MB of distances from 4,096 points, stays in the cache."""
@@ -44,7 +45,8 @@ class FastDgcnn:
         """
         if network.k > kernels.BOUNDS:
             raise InputError(f"DGCNN with k = {network.k}: at most {kernels.BOUNDS} neighbours are selected")
-        self.channels, self.classes, self.k = network.channels, network.classes, network.k
+        self._network, self.k = network, network.k
+        self.classes, self.fewest = network.classes, network.fewest
         self._threads = RowThreads(threads or os.cpu_count() or 1)
         self._conv1, self._conv2, self._conv3 = (
             [_Layer.of(cast(nn.Sequential, layer)) for layer in conv.layers] for conv in network.edge_convs
@@ -59,7 +61,7 @@ class FastDgcnn:
         Raises:
             InputError: another number of channels, fewer than k points, or points that are not finite.
         """
-        self._check(points)
+        check_block(self._network, points)
         return self._threads.run(lambda: self._logits(torch.from_numpy(np.ascontiguousarray(points))).numpy())
 
     def _logits(self, x: Tensor) -> Tensor:
@@ -67,13 +69,6 @@ class FastDgcnn:
         x2 = self._edge_conv(x1, self._second(x1), len(self._conv2[1].weight))
         x3 = self._edge_conv(x2, self._third(x2), len(self._conv3[0].weight))
         return self._segment(torch.cat((x1, x2, x3), dim=1))
-
-    def _check(self, points: Features) -> None:
-        if points.ndim != 2 or points.shape[1] != self.channels or len(points) < self.k:
-            wanted = f"(at least {self.k}, {self.channels})"
-            raise InputError(f"DGCNN: a block of points {points.shape} is not {wanted}")
-        if not np.isfinite(points).all():
-            raise InputError("DGCNN: a block holds points that are not finite")
 
     def _edge_conv(self, graph: Tensor, responses: Responses, channels: int) -> Tensor:
         """(N, channels) features, from the (N, C) features that tell which points are neighbours."""
@@ -87,7 +82,7 @@ class FastDgcnn:
         points, scale, shift = x.numpy(), first.scale.numpy(), first.shift.numpy()
 
         def responses(rows: slice, neighbours: Neighbours, features: Features) -> None:
-            differences = np.empty((neighbours.size, 2 * self.channels), np.float32)
+            differences = np.empty((neighbours.size, 2 * points.shape[1]), np.float32)
             kernels.difference_edges(points, rows.start, neighbours, differences)
             edges = linear(torch.from_numpy(differences), first.weight).numpy()
             kernels.normalize_edges(edges, scale, shift, SLOPE32)

@@ -10,7 +10,12 @@ from pipeline.semantic_map.networks.dgcnn import Dgcnn
 def network(channels=6, classes=6, seed=0):
     """Random weights; batch norms with all kinds of means, variances, shifts and scales, also negative ones."""
     torch.manual_seed(seed)
-    result = Dgcnn(channels, classes).eval()
+    return with_random_norms(Dgcnn(channels, classes))
+
+
+def with_random_norms(result):
+    """A network in evaluation mode whose batch norms a training might leave."""
+    result.eval()
     for module in result.modules():
         if isinstance(module, nn.BatchNorm1d | nn.BatchNorm2d):
             nn.init.uniform_(module.weight, -1.5, 1.5)

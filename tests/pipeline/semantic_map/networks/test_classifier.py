@@ -12,7 +12,7 @@ from pipeline.frame import Intrinsics
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import BlockConfig, cut
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier, save_classifier, segment
+from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier, segment
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.weights import save_weights
 from pipeline.semantic_map.planar_vote import planar_vote
@@ -33,7 +33,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def classifier(weights, vote=True):
-    return DgcnnClassifier(weights, vote, threads=2)
+    return NetworkClassifier(weights, vote, threads=2)
 
 
 def test_every_point_gets_probabilities_of_the_networks_classes(weights: Path) -> None:
@@ -151,7 +151,7 @@ def test_weights_for_something_else_are_refused(tmp_path: Path, changes: dict, c
     metadata = {"labels": labels, "blocks": "{}"} | changes
     save_weights(tmp_path / "w.safetensors", network(), {k: v for k, v in metadata.items() if v is not None})
     with pytest.raises(InputError, match=complaint):
-        DgcnnClassifier(tmp_path / "w.safetensors")
+        NetworkClassifier(tmp_path / "w.safetensors")
 
 
 def test_weights_that_answer_with_no_numbers_are_refused(tmp_path: Path) -> None:
@@ -166,4 +166,4 @@ def test_weights_that_answer_with_no_numbers_are_refused(tmp_path: Path) -> None
 def test_nine_channels_are_refused(tmp_path: Path) -> None:
     save_classifier(tmp_path / "w.safetensors", network(channels=9), BLOCKS, {})
     with pytest.raises(InputError, match="9 channels"):
-        DgcnnClassifier(tmp_path / "w.safetensors")
+        NetworkClassifier(tmp_path / "w.safetensors")

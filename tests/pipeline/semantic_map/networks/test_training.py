@@ -1,16 +1,19 @@
 """Training: it learns, is left and taken up again, and refuses what it cannot learn from."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import load_file
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from pipeline.semantic_map.networks.classifier import DgcnnClassifier, load_classifier
+from pipeline.semantic_map.networks import training_loop
+from pipeline.semantic_map.networks.classifier import NetworkClassifier, load_classifier
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.parallel import Worker
 from pipeline.semantic_map.networks.training import Trainer, class_weights, cross_entropy
@@ -38,7 +41,7 @@ def test_floor_and_walls_are_learned(clouds, tmp_path: Path) -> None:
     training = trainer(clouds, out, replace(CONFIG, steps=60, validate_every=30))
     training.run()
     assert training.best > 0.85
-    assert DgcnnClassifier(out)
+    assert NetworkClassifier(out)
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".checkpoint", ".csv", ".safetensors"]
     header, *rows = (tmp_path / "w.csv").read_text().splitlines()
     assert header.startswith("step,loss,miou_four,iou.wall")
@@ -77,12 +80,59 @@ def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> 
     first = tmp_path / "first.safetensors"
     trainer(clouds, first, replace(CONFIG, steps=60, validate_every=30)).run()
     losses = {}
-    for name, initial in (("random", None), ("trained", load_classifier(first)[0])):
+    for name, initial in (("random", "dgcnn"), ("trained", load_classifier(first)[0])):
         out = tmp_path / f"{name}.safetensors"
         training = Trainer(clouds[:3], clouds[3:], CONFIG, out, ALONE, {}, initial)
         training.run(until=6)
         losses[name] = training.rows[0][1]
     assert losses["trained"] < losses["random"] / 2
+
+
+@pytest.mark.parametrize("name", ["pointnet", "pointnext"])
+def test_another_network_learns_and_goes_on_where_it_was_left(name: str, clouds, tmp_path: Path) -> None:
+    config = replace(CONFIG, steps=16, validate_every=8)
+    whole = Trainer(clouds[:3], clouds[3:], config, tmp_path / "whole.safetensors", ALONE, {}, name)
+    whole.run()
+    assert whole.rows[1][1] < whole.rows[0][1]  # the loss
+    Trainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name).run(until=5)
+    again = Trainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name)
+    assert again.step == 5
+    again.run()
+    assert (tmp_path / "whole.csv").read_text() == (tmp_path / "left.csv").read_text()
+    assert NetworkClassifier(tmp_path / "left.safetensors", network=name)
+
+
+def test_processor_time_ends_a_training(clouds, tmp_path: Path) -> None:
+    out = tmp_path / "w.safetensors"
+    training = trainer(clouds, out, replace(CONFIG, steps=1000, minutes=1e-6))
+    training.run()
+    assert training.step == 1
+    assert training.progress >= 1
+    assert training.spent > 6e-5
+    with safe_open(out, "np") as file:
+        assert json.loads(file.metadata()["training"])["processor_s"] == pytest.approx(training.spent, abs=0.1)
+    again = trainer(clouds, out, replace(CONFIG, steps=1000, minutes=1e-6))
+    again.run()
+    assert again.step == 1
+
+
+def test_a_training_that_is_killed_keeps_its_checkpoints(clouds, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(training_loop, "SAVE_EVERY", 3)
+    kept = []
+    path = tmp_path / "w.checkpoint"
+    trainer(clouds, tmp_path / "w.safetensors").run(lambda now: kept.append(path.exists()), until=4)
+    assert kept == [False, False, True, True]
+
+
+def test_a_batch_of_one_block_is_refused(clouds, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--batch 1: at least 2"):
+        trainer(clouds, tmp_path / "w.safetensors", replace(CONFIG, batch=1))
+
+
+@pytest.mark.parametrize("minutes", [0, -1, float("nan"), float("inf")])
+def test_no_time_to_train_in_is_refused(minutes: float) -> None:
+    with pytest.raises(InputError, match="--minutes"):
+        TrainingConfig(minutes=minutes)
 
 
 def test_a_checkpoint_of_other_settings_is_refused(clouds, tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_duplicates_get_one_answer() -> None:
     "points", [block(19), block(30, channels=5), block(30)[:, 0], np.full((30, 6), np.nan, np.float32)]
 )
 def test_points_that_cannot_be_classified_are_refused(points: np.ndarray) -> None:
-    with pytest.raises(InputError, match="DGCNN"):
+    with pytest.raises(InputError, match="dgcnn"):
         FastDgcnn(network(), threads=1)(points)
 
 

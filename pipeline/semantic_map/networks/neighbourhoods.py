@@ -1,0 +1,90 @@
+"""Which points a layer looks at: samples of a cloud, and neighbours within a radius or by their number."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from pipeline.semantic_map.networks.neighbourhood_kernels import farthest_points
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points of blocks, one block after the other, and what a network knows of them.
+
+    Attributes:
+        positions: (P, 3) float32, m.
+        features: (P, C) float32.
+        sizes: points of every block.
+    """
+
+    positions: Tensor
+    features: Tensor
+    sizes: Sequence[int]
+
+
+def farthest(cloud: Cloud, share: float) -> tuple[Tensor, list[int]]:
+    """(Q,) int64 a ``share`` of each block's points, none near another, and how many of each block they are."""
+    counts = [max(1, int(np.ceil(size * share - 1e-9))) for size in cloud.sizes]
+
+    def choose(points: NDArray[np.float32], block: int) -> NDArray[np.int64]:
+        chosen = np.empty(counts[block], np.int64)
+        farthest_points(points, chosen)
+        return chosen
+
+    return _by_block(cloud, choose), counts
+
+
+def in_ball(cloud: Cloud, centres: Cloud, radius: float, k: int) -> Tensor:
+    """(Q, k) int64 the points of the same block within ``radius``, m, of every centre, at most the k nearest.
+
+    Where there are fewer, the nearest stands there again, as in the code of PointNet++'s authors: a maximum over
+    them is that of the ball. A centre is a point of the cloud.
+    """
+    return _query(cloud, centres, lambda tree, points: _nearest(tree, points, k, radius))
+
+
+def nearest(cloud: Cloud, centres: Cloud, k: int) -> Tensor:
+    """(Q, k) int64 the points of the same block that are nearest to every centre, the nearest first.
+
+    Where a block has fewer than k, they come again in the same order.
+    """
+    return _query(cloud, centres, lambda tree, points: _nearest(tree, points, k))
+
+
+def interpolated(cloud: Cloud, places: Cloud) -> Tensor:
+    """(Q, C) features at other places: the mean of the three nearest, weighted by inverse square distance.
+
+    PointNet++, equation 2, with p = 2 and k = 3.
+    """
+    near = nearest(cloud, places, 3)
+    weight = 1 / ((cloud.positions[near] - places.positions[:, None]).square().sum(dim=-1) + 1e-8)
+    # A block of one or two points has them several times, which changes no mean.
+    weight = weight / weight.sum(dim=1, keepdim=True)
+    return (cloud.features[near] * weight[..., None]).sum(dim=1)
+
+
+def _nearest(tree: cKDTree, points: NDArray[np.float32], k: int, radius: float = np.inf) -> NDArray[np.int64]:
+    found = min(k, tree.n)
+    index = np.asarray(tree.query(points, k=range(1, found + 1), distance_upper_bound=radius)[1])
+    index = np.where(index < tree.n, index, index[:, :1])
+    return index[:, np.arange(k) % found]
+
+
+def _query(cloud: Cloud, centres: Cloud, find: Callable[[cKDTree, NDArray[np.float32]], NDArray[np.int64]]) -> Tensor:
+    of_block = [points.cpu().numpy() for points in centres.positions.detach().split(list(centres.sizes))]
+    return _by_block(cloud, lambda points, block: find(cKDTree(points), of_block[block]))
+
+
+def _by_block(cloud: Cloud, choose: Callable[[NDArray[np.float32], int], NDArray[np.int64]]) -> Tensor:
+    """Rows of the cloud that are chosen block by block, by their index in it."""
+    rows, start = [], 0
+    for block, size in enumerate(cloud.sizes):
+        points = cloud.positions.detach()[start : start + size].cpu().numpy()
+        rows.append(choose(points, block) + start)
+        start += size
+    return torch.from_numpy(np.concatenate(rows)).to(cloud.positions.device)

@@ -1,0 +1,133 @@
+"""PointCNN for semantic segmentation (Li et al., NeurIPS 2018): convolutions on neighbours put into an order learned.
+
+Levels, neighbours and dilations are those of the authors' setting for segmenting parts of ShapeNet; that for S3DIS
+looks the neighbours of one level up in another. The width is that of their setting for Semantic3D, half as much. Here
+a block's number of points varies, so a level has a share of them where theirs has a number: 768, 384, 128 of 2,048.
+"""
+
+from collections.abc import Sequence
+from math import ceil
+
+import torch
+from torch import Tensor, nn
+
+from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, nearest
+from pipeline.semantic_map.networks.network import RowNetwork
+
+WIDTH = 4
+"""Of the paper's settings, "x": levels have 32, 32, 64 and 128 times as many features."""
+LEVELS = ((8, 1, 1.0, 32), (12, 2, 768 / 2048, 32), (16, 2, 384 / 768, 64), (16, 6, 128 / 384, 128))
+"""K neighbours, every D-th of the nearest, share of the points of the level before, features over WIDTH."""
+BACK = ((16, 6, 3, 2), (12, 6, 2, 1), (8, 6, 1, 0), (8, 4, 0, 0))
+"""K, D, level from which, level to which."""
+
+
+def dense(inputs: int, outputs: int) -> nn.Sequential:
+    """Linear map, ELU and batch norm, in this order, as the authors have it."""
+    return nn.Sequential(nn.Linear(inputs, outputs, bias=False), nn.ELU(), nn.BatchNorm1d(outputs))
+
+
+class Depthwise(nn.Module):
+    """A map of its own for each channel, over the K neighbours: (P, K, C) to (P, C · depth)."""
+
+    def __init__(self, k: int, channels: int, depth: int) -> None:
+        """Each channel gives ``depth`` numbers."""
+        super().__init__()
+        self.weight = nn.Parameter(torch.empty(channels, k, depth))
+        nn.init.normal_(self.weight, std=(k * 1.0) ** -0.5)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(P, K, C) to (P, C · depth)."""
+        if self.weight.shape[2] == 1:
+            return (x * self.weight[..., 0].T).sum(dim=1)
+        return torch.einsum("pkc,ckd->pcd", x, self.weight).flatten(start_dim=1)
+
+
+class XConv(nn.Module):
+    """X-Conv, algorithm 1 of the paper."""
+
+    def __init__(self, k: int, dilation: int, channels: int, lifted: int, outputs: int, depth: int) -> None:
+        """A convolution.
+
+        Args:
+            k, dilation: neighbours, every ``dilation``-th of the nearest.
+            channels: features of a neighbour, 0 if it has none.
+            lifted: features made of its coordinates.
+            outputs: features of the result.
+            depth: numbers that each feature gives before they are mixed.
+        """
+        super().__init__()
+        self.k, self.dilation, self.has_features = k, dilation, channels > 0
+        self.lift = nn.Sequential(dense(3, lifted), dense(lifted, lifted))
+        self.x0 = dense(3 * k, k * k)
+        self.x1 = nn.Sequential(Depthwise(k, k, k), nn.ELU(), nn.BatchNorm1d(k * k))
+        self.x2 = nn.Sequential(Depthwise(k, k, k), nn.BatchNorm1d(k * k))
+        self.depthwise, self.pointwise = (
+            Depthwise(k, lifted + channels, depth),
+            dense((lifted + channels) * depth, outputs),
+        )
+
+    def forward(self, cloud: Cloud, centres: Cloud) -> Tensor:
+        """(Q, outputs) features of the centres."""
+        near = nearest(cloud, centres, self.k * self.dilation)[:, :: self.dilation]
+        offsets = cloud.positions[near] - centres.positions[:, None]
+        count = len(near)
+        features = self.lift(offsets.flatten(end_dim=1)).view(count, self.k, -1)
+        if self.has_features:
+            features = torch.cat((features, cloud.features[near]), dim=-1)
+        matrix = self.x0(offsets.flatten(start_dim=1)).view(count, self.k, self.k)
+        matrix = self.x1(matrix).view(count, self.k, self.k)
+        matrix = self.x2(matrix).view(count, self.k, self.k)
+        return self.pointwise(self.depthwise(matrix @ features))
+
+
+class PointCnn(RowNetwork):
+    """Four X-Convs to coarser points, the last with a feature of where a point is, and four back."""
+
+    NAME = "pointcnn"
+
+    def __init__(self, channels: int = 6, classes: int = 6, width: int = WIDTH) -> None:
+        """Random weights; the first three channels are x, y, z in m, the others features."""
+        super().__init__(channels, classes)
+        widths = [width * level[3] for level in LEVELS]
+        inputs = [widths[0] // 2, *widths]
+        self.features = dense(channels - 3, inputs[0])
+        self.down = nn.ModuleList(
+            XConv(k, d, c, (widths[0] if level == 0 else c) // 4, out, 4 if level == 0 else ceil(out / c))
+            for level, ((k, d, _, _), c, out) in enumerate(zip(LEVELS, inputs, widths, strict=False))
+        )
+        self.where = nn.Sequential(dense(3, widths[-1] // 4), dense(widths[-1] // 4, widths[-1] // 4))
+        own = [*widths[:-1], widths[-1] + widths[-1] // 4]
+        known = [own[-1], *(widths[to] for _, _, _, to in BACK)]
+        self.up = nn.ModuleList(
+            XConv(k, d, c, widths[level] // 4, widths[to], 1)
+            for (k, d, level, to), c in zip(BACK, known, strict=False)
+        )
+        self.fuse = nn.ModuleList(dense(widths[to] + own[to], widths[to]) for _, _, _, to in BACK)
+        self.head = nn.Sequential(dense(widths[0], 32 * width), dense(32 * width, 32 * width))
+        self.dropout = nn.Dropout(0.5)
+        self.classifier = nn.Linear(32 * width, classes)
+
+    def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
+        """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
+        levels = self._levels(Cloud(points[:, :3], self.features(points[:, 3:]), sizes))
+        x = levels[-1]
+        for (_, _, _, to), convolution, fuse in zip(BACK, self.up, self.fuse, strict=True):
+            fine = levels[to]
+            features = fuse(torch.cat((convolution(x, fine), fine.features), dim=1))
+            x = Cloud(fine.positions, features, fine.sizes)
+        return self.classifier(self.dropout(self.head(x.features)))
+
+    def _levels(self, cloud: Cloud) -> list[Cloud]:
+        levels: list[Cloud] = []
+        for (_, _, share, _), convolution in zip(LEVELS, self.down, strict=True):
+            positions, sizes = cloud.positions, cloud.sizes
+            if share < 1:
+                index, sizes = farthest(cloud, share)
+                positions = positions[index]
+            features = convolution(cloud, Cloud(positions, positions[:, :0], sizes))
+            if len(levels) == len(LEVELS) - 1:
+                features = torch.cat((self.where(positions), features), dim=1)
+            cloud = Cloud(positions, features, sizes)
+            levels.append(cloud)
+        return levels

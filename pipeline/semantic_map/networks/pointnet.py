@@ -1,0 +1,71 @@
+"""PointNet for segmentation (Qi et al., CVPR 2017, figure 2): every point on its own, and one global feature."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from pipeline.semantic_map.networks.layers import largest_of_blocks, mlp, to_points
+from pipeline.semantic_map.networks.network import RowNetwork
+
+PENALTY = 1e-3
+"""Weight of how far the feature transform is from orthogonal (the paper's section 3.3)."""
+
+
+class TransformNet(nn.Module):
+    """T-Net: a matrix for all points of a block, the identity before training."""
+
+    def __init__(self, channels: int, size: int) -> None:
+        """From so many channels to a size × size matrix."""
+        super().__init__()
+        self.size = size
+        self.points = mlp(channels, 64, 128, 1024)
+        self.block = mlp(1024, 512, 256)
+        self.matrix = nn.Linear(256, size * size)
+        nn.init.zeros_(self.matrix.weight)
+        nn.init.eye_(self.matrix.bias.data.view(size, size))
+
+    def forward(self, features: Tensor, sizes: Sequence[int]) -> Tensor:
+        """(P, C) features to (B, size, size)."""
+        x = self.block(largest_of_blocks(self.points(features), sizes))
+        return self.matrix(x).view(-1, self.size, self.size)
+
+
+class PointNet(RowNetwork):
+    """The segmentation network, with both transforms."""
+
+    NAME = "pointnet"
+
+    def __init__(self, channels: int = 6, classes: int = 6) -> None:
+        """Random weights; the first three channels are x, y, z, which the first transform turns."""
+        super().__init__(channels, classes)
+        self.turn = TransformNet(channels, 3)
+        self.points1 = mlp(channels, 64, 64)
+        self.transform = TransformNet(64, 64)
+        self.points2 = mlp(64, 64, 128, 1024)
+        self.head = mlp(1024 + 64, 512, 256, 128, 128)
+        self.dropout = nn.Dropout(0.5)
+        self.classifier = nn.Linear(128, classes)
+
+    def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
+        """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
+        turned = _times(points[:, :3], self.turn(points, sizes), sizes)
+        local = self.points1(torch.cat((turned, points[:, 3:]), dim=1))
+        matrix = self.transform(local, sizes)
+        self.penalty = PENALTY * _distance_from_orthogonal(matrix)
+        local = _times(local, matrix, sizes)
+        everything = largest_of_blocks(self.points2(local), sizes)
+        x = self.head(torch.cat((local, to_points(everything, sizes)), dim=1))
+        return self.classifier(self.dropout(x))
+
+
+def _times(features: Tensor, matrices: Tensor, sizes: Sequence[int]) -> Tensor:
+    """(P, C) features, each block's times its own of the (B, C, C) matrices."""
+    blocks = zip(features.split(list(sizes)), matrices, strict=True)
+    return torch.cat([block @ matrix for block, matrix in blocks])
+
+
+def _distance_from_orthogonal(matrices: Tensor) -> Tensor:
+    """Mean over (B, C, C) matrices A of ‖I − A Aᵀ‖², equation 2."""
+    identity = torch.eye(matrices.shape[1], device=matrices.device)
+    return (identity - matrices @ matrices.transpose(1, 2)).square().sum(dim=(1, 2)).mean()

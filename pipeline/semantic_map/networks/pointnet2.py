@@ -1,0 +1,85 @@
+"""PointNet++ for semantic segmentation, single scale (Qi et al., NeurIPS 2017): PointNets on ever larger balls."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from pipeline.semantic_map.networks.layers import largest, mlp
+from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, in_ball, interpolated
+from pipeline.semantic_map.networks.network import RowNetwork
+
+SHARE = 0.25
+"""Of a cloud's points that are centres of the next one's balls: 4,096, 1,024, 256, 64, 16."""
+RADII = (0.1, 0.2, 0.4, 0.8)
+"""m."""
+NEIGHBOURS = 32
+"""At most, of a ball."""
+
+
+class SetAbstraction(nn.Module):
+    """A PointNet on the ball around each of a few centres."""
+
+    def __init__(self, channels: int, widths: Sequence[int], radius: float) -> None:
+        """Its layers are ``widths`` wide; ``radius`` in m."""
+        super().__init__()
+        self.radius = radius
+        self.layers = mlp(3 + channels, *widths)
+
+    def forward(self, cloud: Cloud) -> Cloud:
+        """The centres, and what their balls look like."""
+        index, sizes = farthest(cloud, SHARE)
+        centres = Cloud(cloud.positions[index], cloud.features[index], sizes)
+        near = in_ball(cloud, centres, self.radius, NEIGHBOURS)
+        offsets = cloud.positions[near] - centres.positions[:, None]
+        edges = torch.cat((offsets, cloud.features[near]), dim=-1)
+        return Cloud(centres.positions, largest(edges, self.layers), sizes)
+
+
+class FeaturePropagation(nn.Module):
+    """Features of a coarse cloud brought to a finer one, beside those that it has."""
+
+    def __init__(self, channels: int, widths: Sequence[int]) -> None:
+        """``channels`` of both clouds together."""
+        super().__init__()
+        self.layers = mlp(channels, *widths)
+
+    def forward(self, coarse: Cloud, fine: Cloud) -> Cloud:
+        """The fine cloud with new features."""
+        features = torch.cat((interpolated(coarse, fine), fine.features), dim=1)
+        return Cloud(fine.positions, self.layers(features), fine.sizes)
+
+
+class PointNet2(RowNetwork):
+    """Four set abstractions, and four feature propagations back to all points."""
+
+    NAME = "pointnet2"
+
+    def __init__(self, channels: int = 6, classes: int = 6) -> None:
+        """Random weights; the first three channels are x, y, z in m."""
+        super().__init__(channels, classes)
+        widths = ((32, 32, 64), (64, 64, 128), (128, 128, 256), (256, 256, 512))
+        inputs = (channels, *(w[-1] for w in widths))
+        self.down = nn.ModuleList(map(SetAbstraction, inputs, widths, RADII))
+        # As the published code has it, the last one uses no features of the points themselves.
+        self.up = nn.ModuleList(
+            map(
+                FeaturePropagation,
+                (512 + 256, 256 + 128, 256 + 64, 128),
+                ((256,) * 2, (256,) * 2, (256, 128), (128,) * 3),
+            )
+        )
+        self.head = mlp(128, 128)
+        self.dropout = nn.Dropout(0.5)
+        self.classifier = nn.Linear(128, classes)
+
+    def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
+        """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
+        clouds = [Cloud(points[:, :3], points, sizes)]
+        for down in self.down:
+            clouds.append(down(clouds[-1]))
+        clouds[0] = Cloud(points[:, :3], points[:, :0], sizes)
+        x = clouds.pop()
+        for up in self.up:
+            x = up(x, clouds.pop())
+        return self.classifier(self.dropout(self.head(x.features)))

@@ -1,0 +1,74 @@
+"""PointNeXt-S for semantic segmentation (Qian et al., NeurIPS 2022): PointNet++ as one would train it today.
+
+Against PointNet++: features are lifted before the first ball, offsets are shares of the radius, so that they count as
+much as features, each level adds what its centres knew before, and the decoder is symmetric. S has no inverted
+residual blocks.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import relu
+
+from pipeline.semantic_map.networks.layers import largest, mlp
+from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, in_ball
+from pipeline.semantic_map.networks.network import RowNetwork
+from pipeline.semantic_map.networks.pointnet2 import NEIGHBOURS, RADII, SHARE, FeaturePropagation
+
+WIDTHS = (32, 64, 128, 256, 512)
+"""Features of a point at each level."""
+
+
+class SetAbstraction(nn.Module):
+    """Two layers on the balls around a few centres, added to the centres' own features."""
+
+    def __init__(self, channels: int, outputs: int, radius: float) -> None:
+        """Features of a point before and after; ``radius`` in m."""
+        super().__init__()
+        self.radius = radius
+        last = nn.Linear(outputs // 2, outputs, bias=False), nn.BatchNorm1d(outputs)
+        self.layers = nn.Sequential(*mlp(3 + channels, outputs // 2), *last)
+        self.own = nn.Linear(channels, outputs)
+
+    def forward(self, cloud: Cloud) -> Cloud:
+        """The centres, and what is around them."""
+        index, sizes = farthest(cloud, SHARE)
+        centres = Cloud(cloud.positions[index], cloud.features[index], sizes)
+        near = in_ball(cloud, centres, self.radius, NEIGHBOURS)
+        offsets = (cloud.positions[near] - centres.positions[:, None]) / self.radius
+        edges = torch.cat((offsets, cloud.features[near]), dim=-1)
+        features = relu(largest(edges, self.layers) + self.own(centres.features))
+        return Cloud(centres.positions, features, sizes)
+
+
+class PointNeXt(RowNetwork):
+    """The S of the family: a linear stem, four set abstractions, four feature propagations."""
+
+    NAME = "pointnext"
+
+    def __init__(self, channels: int = 6, classes: int = 6) -> None:
+        """Random weights; the first three channels are x, y, z in m."""
+        super().__init__(channels, classes)
+        self.stem = nn.Linear(channels, WIDTHS[0])
+        self.down = nn.ModuleList(
+            SetAbstraction(fine, coarse, radius)
+            for (fine, coarse), radius in zip(pairwise(WIDTHS), RADII, strict=True)
+        )
+        self.up = nn.ModuleList(
+            FeaturePropagation(fine + coarse, (fine, fine)) for coarse, fine in pairwise(reversed(WIDTHS))
+        )
+        self.head = mlp(WIDTHS[0], WIDTHS[0])
+        self.dropout = nn.Dropout(0.5)
+        self.classifier = nn.Linear(WIDTHS[0], classes)
+
+    def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
+        """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
+        clouds = [Cloud(points[:, :3], self.stem(points), sizes)]
+        for down in self.down:
+            clouds.append(down(clouds[-1]))
+        x = clouds.pop()
+        for up in self.up:
+            x = up(x, clouds.pop())
+        return self.classifier(self.dropout(self.head(x.features)))

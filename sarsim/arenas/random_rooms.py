@@ -1,0 +1,174 @@
+"""Draws furniture of all sizes and colours, in rows along walls: what is easily taken for walls, ramps and decks.
+
+A piece consists of boxes in the frame of a tile, in whole cm; its back is at +y. What could be driven under has less
+air than the robot is high, and no level top is as low as a deck.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.layout import YAW, Layout, Side, Tile, opposite
+from sarsim.arenas.random_draws import RandomDraws
+from sarsim.arenas.random_paint import Colour, random_colour
+
+Box = tuple[int, int, int, int, int, int]
+"""x, y and z, each from and to, cm."""
+BACK = 59
+"""cm, y of the back of a piece: the wall's face is at 59.5."""
+HALF = 59
+"""cm, half of the width of a piece that meets those on the tiles beside it but for a slit."""
+LONGEST_ROW = 4
+"""tiles that pieces of one kind take side by side."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Furniture on a tile.
+
+    Attributes:
+        tile: on which it stands.
+        yaw: degrees that it is turned to the left.
+        boxes: that it consists of.
+        colours: of the boxes, in turn.
+    """
+
+    tile: Tile
+    yaw: int
+    boxes: tuple[Box, ...]
+    colours: tuple[Colour, ...]
+
+    def add_to(self, builder: ArenaBuilder, x: float, y: float) -> None:
+        """Set it down on the floor, the middle of its tile at ``x``, ``y``, m."""
+        for number, (x0, x1, y0, y1, z0, z1) in enumerate(self.boxes):
+            middle = ((x0 + x1) / 200, (y0 + y1) / 200, (z0 + z1) / 200)
+            half = ((x1 - x0) / 200, (y1 - y0) / 200, (z1 - z0) / 200)
+            colour = self.colours[number % len(self.colours)]
+            builder.add_box("furniture", "clutter", (x, y, 0.0), self.yaw, middle, half, colour)
+
+
+def furnish(layout: Layout, draws: RandomDraws, share: float) -> list[Piece]:
+    """Pieces that take a whole tile each, until they have their share or no more tile can be spared."""
+    wanted = round(share * len(layout.tiles()))
+    pieces: list[Piece] = []
+    for tile in draws.shuffled(layout.tiles()):
+        fronts = [side for _, side in layout.views([tile])]
+        against_wall = [side for side in fronts if layout.has_wall(tile, opposite(side))]
+        if len(pieces) >= wanted or not layout.is_free(tile) or not fronts:
+            continue
+        back = opposite(draws.pick(against_wall or fronts))
+        boxes = tuple(draws.pick(KINDS if against_wall else FREESTANDING)(draws))
+        colours = tuple(random_colour(draws) for _ in range(draws.number(1, 3)))
+        for place in _row(layout, draws, tile, back)[: wanted - len(pieces)]:
+            if layout.block([place]):
+                pieces.append(Piece(place, YAW[back], boxes, colours))
+    return pieces
+
+
+def _row(layout: Layout, draws: RandomDraws, tile: Tile, back: Side) -> list[Tile]:
+    """Neighbouring tiles along a wall, with no wall between them."""
+    row, along = [tile], draws.pick(((back + 1) % 4, (back + 3) % 4))
+    for _ in range(draws.number(0, LONGEST_ROW - 1)):
+        if layout.has_wall(row[-1], along) or not layout.is_free(layout.next(row[-1], along)):
+            break
+        row.append(layout.next(row[-1], along))
+    return row
+
+
+def _cupboard(draws: RandomDraws) -> list[Box]:
+    """Lockers, cupboards, counters: upright boxes with one to four doors, which stand out a little or are level."""
+    half, height = draws.pick((HALF, HALF, draws.number(25, HALF))), draws.number(70, 200)
+    front, doors = BACK - draws.number(25, 65), draws.number(1, 4)
+    width, slit, relief = 2 * half // doors, draws.number(1, 3), draws.number(1, 3)
+    boxes = [(-half, half, front, BACK, draws.pick((0, 0, 10)), height)]
+    for door in range(doors if draws.chance(0.8) else 0):
+        left = -half + door * width
+        boxes.append((left + slit, left + width - slit, front - relief, front, draws.number(4, 12), height - slit))
+    return boxes
+
+
+def _shelf(draws: RandomDraws) -> list[Box]:
+    """An open shelf with boxes on its boards, some with a back."""
+    half, height, depth, board = (
+        draws.number(35, HALF),
+        draws.number(90, 200),
+        draws.number(25, 50),
+        draws.number(2, 4),
+    )
+    front, between = BACK - depth, draws.number(25, 50)
+    boxes = [(side * half - 1, side * half + 1, front, BACK, 0, height) for side in (-1, 1)]
+    boxes += [(-half, half, BACK - 1, BACK, 0, height)] * draws.number(0, 1)
+    for z in range(draws.number(4, 15), height, between):
+        boxes.append((-half, half, front, BACK, z, z + board))
+        if draws.chance(0.6):
+            left, set_back = draws.number(-half, half - 16), draws.number(0, depth // 2)
+            right = draws.number(left + 15, half)
+            boxes.append((left, right, front + set_back, BACK, z + board, z + board + draws.number(8, between - 6)))
+    return boxes
+
+
+def _wall_shelf(draws: RandomDraws) -> list[Box]:
+    """Boards or cupboards that hang on the wall, at any height."""
+    half, front, low = draws.number(30, HALF), BACK - draws.number(18, 42), draws.number(35, 110)
+    if draws.chance(0.4):
+        return [(-half, half, front, BACK, low, low + draws.number(30, 80))]
+    spacing = draws.number(25, 40)
+    return [(-half, half, front, BACK, z, z + 3) for z in range(low, low + spacing * draws.number(1, 3), spacing)]
+
+
+def _table(draws: RandomDraws) -> list[Box]:
+    """Tables, desks, benches: a top between coffee tables and counters, on legs or panels, with an apron below it."""
+    half, depth, height = draws.number(35, HALF), draws.number(40, 110), draws.number(40, 95)
+    front, leg, top = BACK - depth, draws.number(3, 8), draws.number(2, 5)
+    below = min(height - top - draws.number(0, 10), 60)
+    boxes = [(-half, half, front, BACK, height - top, height)]
+    boxes += [(3 - half, half - 3, front + 3, BACK - 3, below, height - top)] * (below < height - top)
+    ends = ((front, front + leg), (BACK - leg, BACK)) if draws.chance(0.6) else ((front, BACK),)
+    boxes += [(x, x + leg, y0, y1, 0, below) for x in (-half, half - leg) for y0, y1 in ends]
+    if draws.chance(0.3):  # drawers
+        boxes.append((half - 42, half - leg, front + 5, BACK - 3, draws.number(0, 8), below))
+    if draws.chance(0.4):  # a screen, books
+        left = draws.number(-half, half - 26)
+        back = draws.number(front + 15, BACK)
+        boxes.append((left, left + 25, back - draws.number(4, 14), back, height, height + draws.number(5, 40)))
+    return boxes
+
+
+def _sofa(draws: RandomDraws) -> list[Box]:
+    """Sofas and armchairs; without arms they are benches with a back."""
+    half, seat, arm = draws.number(30, HALF), draws.number(38, 50), draws.number(8, 20)
+    front, thick = BACK - draws.number(55, 100), draws.number(8, 25)
+    boxes = [(-half, half, front, BACK, draws.pick((0, 8)), seat)]
+    boxes.append((-half, half, BACK - thick, BACK, seat, seat + draws.number(20, 55)))
+    if draws.chance(0.7):
+        rest = seat + draws.number(10, 25)
+        boxes += [(-half, arm - half, front, BACK, 8, rest), (half - arm, half, front, BACK, 8, rest)]
+    return boxes
+
+
+def _bed(draws: RandomDraws) -> list[Box]:
+    """Beds and stretchers, with a headboard or none."""
+    front, top, legs = BACK - draws.number(70, 110), draws.number(40, 65), draws.number(0, 25)
+    boxes = [(-HALF, HALF, front, BACK, legs, top)]
+    if legs:
+        boxes += [(x, x + 6, y, y + 6, 0, legs) for x in (-HALF, HALF - 6) for y in (front, BACK - 6)]
+    boxes += [(-HALF, 4 - HALF, front, BACK, top, top + draws.number(15, 50))] * draws.number(0, 1)
+    return [*boxes, (HALF - 40, HALF - 8, front + 10, BACK - 10, top, top + draws.number(6, 14))]
+
+
+def _stairs(draws: RandomDraws) -> list[Box]:
+    """Steps that rise to the back, solid or open; the second is higher than any that the robot climbs."""
+    half, steps, rise = draws.number(35, HALF), draws.number(3, 5), draws.number(14, 22)
+    tread, solid = 110 // steps, draws.chance(0.6)
+    fronts = [BACK - (steps - step) * tread for step in range(steps)]
+    return [
+        (-half, half, front, BACK if solid else front + tread, 0 if solid else (n + 1) * rise - 4, (n + 1) * rise)
+        for n, front in enumerate(fronts)
+    ]
+
+
+KINDS: tuple[Callable[[RandomDraws], list[Box]], ...] = (
+    *(_cupboard,) * 5, _shelf, _shelf, _wall_shelf, *(_table,) * 4, _sofa, _bed, _stairs,
+)  # fmt: skip
+FREESTANDING = (_table, _table, _sofa, _bed, _shelf, _cupboard)
+"""What stands where there is no wall behind it."""

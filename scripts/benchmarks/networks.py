@@ -1,0 +1,169 @@
+"""The thesis's comparison of networks: accuracy, size and time, on the same frames with the same vote and map."""
+
+import json
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from statistics import mean
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from rich.progress import track
+from rich.table import Table
+
+from pipeline.errors import InputError
+from pipeline.semantic_map.classifier import CLASSES, PointClassifier
+from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig
+from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier
+from pipeline.semantic_map.networks.inference import for_inference
+from pipeline.semantic_map.networks.network import PointNetwork
+from pipeline.semantic_map.networks.weights import NETWORKS, load_weights
+from pipeline.semantic_map.planar_vote import planar_vote
+from sarsim.scripts.benchmarks.common import Result, at_least, seconds
+from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
+from sarsim.scripts.benchmarks.semantic import KEYFRAMES, LIGHTINGS, SHARED
+from sarsim.scripts.benchmarks.semantic_accuracy import Tally
+from sarsim.scripts.benchmarks.semantic_speed import THREADS, thesis_blocks
+from sarsim.settings import WEIGHTS, LightingName
+
+FIRST_RANDOM = 90_000
+"""Seed of the first random arena: those of datasets have seeds drawn from two thousand million."""
+VOTES = {"": True, ".alone": False}
+"""By what is appended to the names of figures, whether the points of a plane vote."""
+Scores = dict[str, dict[str, dict[str, float]]]
+"""``miou_four`` and the IoU by label, by network and what is appended, then frame or fused."""
+
+
+def measure(
+    rounds: int = 7,
+    timed_frames: int = 5,
+    frames: int = 24,
+    raf_frames: int = 8,
+    random: int = 20,
+    seed: int = 0,
+    arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"),
+    raf: Path = SHARED / "arenas" / "raf",
+    lighting: LightingName | None = None,
+    weights: Path = WEIGHTS.parent,
+) -> Result:
+    """Every network's size, time, and accuracy in arenas that none was trained on.
+
+    Args:
+        rounds: blocks of 4,096 points for which the networks take turns.
+        timed_frames: frames of nist_6x4 that are timed.
+        frames: of each of ``arenas`` whose labels are compared; 0 for none.
+        raf_frames: frames of each .raf and each random arena, likewise.
+        random: random arenas.
+        seed: of the drives and the sensor's errors.
+        arenas: names or paths of arenas with figures of their own.
+        raf: folder with .raf files, for the mean over them; left out if there is none.
+        lighting: normal or dark alone; both if not given.
+        weights: folder with NETWORK.safetensors; of a network without, there are size and time alone.
+
+    Raises:
+        InputError: there is nothing to measure, or an arena or weights are broken.
+    """
+    at_least(1, rounds=rounds, timed_frames=timed_frames)
+    at_least(0, frames=frames, raf_frames=raf_frames, random=random)
+    if not weights.is_dir():
+        raise InputError(f"--weights {weights}: no folder with weights named after their networks")
+    files = {
+        name: weights / f"{name}.safetensors" for name in NETWORKS if (weights / f"{name}.safetensors").is_file()
+    }
+    figures = _sizes(files) | _times(list(drive_through("nist_6x4", timed_frames, seed)), rounds)
+    groups = {Path(arena).stem: [arena] * bool(frames) for arena in arenas}
+    groups["raf_mean"] = [str(path) for path in sorted(raf.glob("*.raf"))] * bool(raf_frames)
+    groups["random_mean"] = [f"random:{FIRST_RANDOM + n}" for n in range(random if raf_frames else 0)]
+    lit = {suffix: value for suffix, value in LIGHTINGS.items() if lighting in (None, value.name)}
+    jobs = [(group, arena, suffix) for suffix in lit for group in groups for arena in groups[group]]
+    networks = {name: NetworkClassifier(path, False, THREADS, name) for name, path in files.items()}
+    details: dict[str, dict[str, Scores]] = {}
+    for group, arena, suffix in track(jobs if networks else [], "arenas", transient=True):
+        count = raf_frames if group.endswith("_mean") else frames
+        seen = drive_through(arena, count, seed, lit[suffix], KEYFRAMES)
+        details.setdefault(group + suffix, {})[arena] = scores(seen, networks)
+    for group, of_arenas in details.items():
+        figures |= group_figures(group, list(of_arenas.values()))
+    return Result(figures, {"iou": details}, table(figures, list(groups)))
+
+
+def scores(seen: Iterable[TrueFrame], networks: Mapping[str, PointClassifier]) -> Scores:
+    """What every network reaches in one arena, with and without the vote."""
+    tallies = {name + vote: Tally() for name in networks for vote in VOTES}
+    for frame in seen:
+        for name, network in networks.items():
+            given = network.classify(frame.frame, frame.points, frame.T_map_camera)
+            for vote, voted in VOTES.items():
+                tallies[name + vote].add(frame, _voted(frame, given) if voted else given)
+    return {name: {"frame": tally.frames(), "fused": tally.fused()} for name, tally in tallies.items()}
+
+
+def _voted(frame: TrueFrame, given: NDArray[np.float32]) -> NDArray[np.float32]:
+    result = given.copy()
+    result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES])
+    return result
+
+
+def group_figures(group: str, of_arenas: Sequence[Scores]) -> dict[str, float]:
+    """Means over the arenas of a group, whose name may end with ".dark"."""
+    figures = {}
+    place, dark, _ = group.partition(".dark")
+    for contender in of_arenas[0]:
+        name, alone, _ = contender.partition(".alone")
+        for kind in ("frame", "fused"):
+            found = [of_arena[contender][kind] for of_arena in of_arenas]
+            for score in sorted(set().union(*found)):
+                what = score if score == "miou_four" else f"iou.{score}"
+                values = [values[score] for values in found if score in values]
+                figures[f"{name}.{what}.{place}.{kind}{alone}{dark}"] = mean(values)
+    return figures
+
+
+def _sizes(files: dict[str, Path]) -> dict[str, float]:
+    """Parameters, and processor time of the training where the file tells it."""
+    figures: dict[str, float] = {}
+    for name, kind in NETWORKS.items():
+        figures[f"{name}.parameters"] = sum(p.numel() for p in kind(CHANNELS, len(CLASSES)).parameters())
+        if name in files:
+            training = json.loads(load_weights(files[name], name)[1].get("training", "{}"))
+            figures |= {f"{name}.train_s": s for s in [training.get("processor_s")] if s is not None}
+    return figures
+
+
+def _times(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
+    """A block's ms and a frame's s, planes included, the networks in turn; random weights cost the same."""
+    torch.manual_seed(0)
+    written = {name: kind(CHANNELS, len(CLASSES)).eval() for name, kind in NETWORKS.items()}
+    ready = {name: for_inference(network, THREADS) for name, network in written.items()}
+    blocks = [block.points for frame in frames for block in thesis_blocks(frame)]
+    times: dict[str, list[float]] = {}
+    for turn in track(range(-1, rounds), "blocks", transient=True):
+        for name, network in ready.items():
+            took = seconds(network, blocks[turn % len(blocks)])
+            times.setdefault(f"{name}.block_ms", []).extend([1000 * took] * (turn >= 0))
+    classifiers = {name: _classifier(network) for name, network in written.items()}
+    for frame in frames:
+        for name, classifier in classifiers.items():
+            took = seconds(classifier.classify, frame.frame, frame.points, frame.T_map_camera)
+            times.setdefault(f"{name}.frame_s", []).append(took)
+    return {name: float(np.median(values)) for name, values in times.items()}
+
+
+def _classifier(network: PointNetwork) -> NetworkClassifier:
+    with tempfile.TemporaryDirectory() as folder:
+        weights = Path(folder) / "random.safetensors"
+        save_classifier(weights, network, BlockConfig(), {})
+        return NetworkClassifier(weights, threads=THREADS)
+
+
+def table(figures: dict[str, float], groups: Sequence[str]) -> Table:
+    """A column for each network: what it costs, and mean IoU over the four of frames and of the fused map."""
+    rows = {"parameters": "{:,.0f}", "train_s": "{:,.0f}", "block_ms": "{:.1f}", "frame_s": "{:.2f}"}
+    rows |= {f"miou_four.{group}.{kind}": "{:.3f}" for group in groups for kind in ("frame", "fused")}
+    result = Table("", *NETWORKS)
+    for row, form in rows.items():
+        values = [figures.get(f"{name}.{row}") for name in NETWORKS]
+        if any(value is not None for value in values):
+            result.add_row(row, *("–" if value is None else form.format(value) for value in values))
+    return result

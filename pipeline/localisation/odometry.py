@@ -96,6 +96,9 @@ class OdometryLocalisation:
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
         """Take it that the robot was carried to a pose (4×4); here the odometry is taken at its word all the same."""
 
+    def trust(self) -> None:
+        """The robot has looked around, and goes on by its odometry where there was nothing to register."""
+
     def points(self) -> NDArray[np.float32]:
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``; here none are kept."""
         return np.zeros((0, 3), np.float32)

@@ -46,7 +46,7 @@ POOR, BETTER = 0.6, 0.1
 """Overlap below which wheels may have slipped, and by how much more shows it."""
 STOPPED = 0.05
 """m that the robot drives by its odometry while a camera shows the very same, which one with noise never does."""
-BLIND = 1.0
+BLIND = 3.0
 """m by the odometry without a registration; wheels may spin as well, before a wall too near to be measured."""
 JUMP = 1.0
 """m between keyframes; an odometry that says more has jumped, and tells nothing."""
@@ -200,6 +200,10 @@ class Slam(Localisation):
         """The robot was carried and found again at a pose (4×4), whatever the odometry says."""
         self._anchor, self._unseen_way = T_map_base, 0.0
         self._match = None
+
+    def trust(self) -> None:
+        """The robot has looked around, and goes on by its odometry where there was nothing to register."""
+        self._unseen_way = 0.0
 
     def points(self) -> NDArray[np.float32]:
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""

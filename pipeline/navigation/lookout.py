@@ -150,6 +150,7 @@ class Lookout:
         """Trust a pose again; a robot that did not believe to have it was carried or set down there."""
         move = inverse(self._mapper.localise(frame)) @ T_map_base
         self.T_odom_expected = frame.T_odom_base
+        self._mapper.localisation.trust()
         if self._is_lost or np.linalg.norm(move[:3, 3]) > KIDNAPPED or abs(yaw_of(move)) > KEYFRAME_TURN:
             self._mapper.localisation.set_down(T_map_base)
             self.relocalised += 1

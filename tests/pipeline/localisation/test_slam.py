@@ -217,3 +217,41 @@ def test_where_loops_are_not_closed_there_are_none() -> None:
     slam = driven(6, Slam(closes_loops=False))
     assert slam.loops == []
     assert all(distance(a, b) > 0.1 for a, b in pairwise(slam.poses))
+
+
+def test_a_bare_floor_does_not_shorten_a_drive() -> None:
+    """Along a floor the nearest points always say that the robot has not moved."""
+    poses, odometry = drive(*[(0.3, 0.0)] * 8), [floor(-3, 9, -9, 9)]
+    slam = Slam()
+    for k, T in enumerate(poses):
+        frame = seen(T, T, time=k, faces=odometry)
+        slam.add(frame, slam.localise(frame))
+    assert slam.slips == 0
+    assert distance(slam.poses[-1], poses[-1]) < 0.01
+
+
+def test_a_robot_that_has_seen_nothing_for_long_is_blind_until_it_has_looked_around() -> None:
+    slam, first = Slam(), frames()[0]
+    step = slam_module.BLIND / 4
+    for k in range(6):
+        assert not slam.is_blind
+        moved = from_yaw(k * step, 0.0, 0.0, 0.0) @ first.T_odom_base
+        frame = replace(first, depth=np.zeros_like(first.depth), T_odom_base=moved, time=float(k))
+        slam.add(frame, slam.localise(frame))
+    assert slam.is_blind
+    slam.trust()
+    assert not slam.is_blind
+
+
+def test_a_turn_made_blind_is_corrected_when_it_ends_where_it_began() -> None:
+    """A gyro that is 0.5 % off, and walls too near to be seen but at the start."""
+    turns = drive(*[(0.0, np.pi / 12)] * 24)
+    slam = Slam()
+    for k, T in enumerate(turns):
+        odometry = turns[0] @ from_yaw(0.0, 0.0, 0.0, k * np.pi / 12 * 1.005)
+        frame = seen(T, odometry, time=k)
+        is_blind = 2 < k < 22
+        frame = replace(frame, depth=np.zeros_like(frame.depth)) if is_blind else frame
+        slam.add(frame, slam.localise(frame))
+    slam.optimise()
+    assert np.degrees(np.linalg.norm(logarithm(inverse(turns[-1]) @ slam.poses[-1])[:3])) < 0.2

@@ -154,7 +154,7 @@ def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):
 
 
 def go_on(earlier: Path, folder: Path, **config) -> Episode:
-    episode = Episode(EpisodeConfig(labels="truth", detector=None, map=earlier, out=folder, steps=4, **config))
+    episode = Episode(EpisodeConfig(labels="truth", detector=None, map=earlier, out=folder, steps=6, **config))
     assert episode.run()
     return episode
 

@@ -21,6 +21,8 @@ from tests.sarsim.dataset.small import InProcess
 FILES = {
     "config.yaml", "episode.rrd", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",
     "topology.json", "trajectory_estimated.tum", "trajectory_true.tum",
+    "victims.csv",
+    "victims.json",
 }  # fmt: skip
 
 

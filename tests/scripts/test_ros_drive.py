@@ -19,6 +19,8 @@ from tests.pipeline.recording.live.loopback import End, Wire
 FILES = {
     "episode.rrd", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",
     "topology.json", "trajectory_estimated.tum",
+    "victims.csv",
+    "victims.json",
 }  # fmt: skip
 
 

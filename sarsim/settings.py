@@ -164,7 +164,7 @@ class RosExploration:
         map: folder of an earlier episode in the same place, in whose map the robot finds its place and goes on.
         goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
         home: drive back to the start in the end.
-        weights: of the network that labels the points, as train.py writes them.
+        weights: of the network that labels the points, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
         speed: at most, on seen level ground with room, m/s.
         view: show the drive while it goes on: in a new window (spawn), in the browser (web), or not at all.

@@ -103,17 +103,17 @@ class ViewpointGains:
         row = np.full(changed.shape, -1)
         row[tuple(self._cells.T)] = np.arange(len(self._cells))
         row = row[tuple(cells.T)]
-        rays, gains = np.zeros((len(cells), RAYS)), np.zeros((len(cells), len(ANGLES)))
-        rays[row >= 0], gains[row >= 0] = self._rays[row[row >= 0]], self._gains[row[row >= 0]]
+        rays, sums = np.zeros((len(cells), RAYS)), np.zeros((len(cells), len(ANGLES)))
+        rays[row >= 0], sums[row >= 0] = self._rays[row[row >= 0]], self._gains[row[row >= 0]]
         renewed = _towards(changed, cells, camera, terrain)
         renewed[row < 0] = True
         rays[renewed] = 0.0
         some = renewed.any(axis=1)
         wanted = renewed[some] & _towards(terrain.target, cells[some], camera, terrain)
         rays[some] = kernels.ray_gains(_places(cells[some], terrain), camera, terrain, wanted, rays[some])
-        gains[some] = _by_heading(rays[some], camera)
-        self._cells, self._rays, self._gains = cells, rays, gains
-        return gains
+        sums[some] = _by_heading(rays[some], camera)
+        self._cells, self._rays, self._gains = cells, rays, sums
+        return sums
 
 
 def _towards(

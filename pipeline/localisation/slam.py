@@ -188,10 +188,11 @@ class Slam(Localisation):
 
     def optimise(self) -> None:
         """Close a loop if one was found, and correct the poses of all keyframes."""
-        is_closed = self._loop is not None
-        self._close_loop()
+        loop, self._loop = self._loop, None
+        if loop is not None:
+            self._close_loop(*loop)
         self.graph.optimise()
-        if is_closed:
+        if loop is not None:
             self.motion.fit(self._motions, self.poses)
         self.T_map_odom = self.poses[-1] @ inverse(self._odometry[-1][1])
         self._renew()
@@ -317,11 +318,8 @@ class Slam(Localisation):
         if found.overlap >= LOOP_OVERLAP and found.chi2 <= SLIPPED and tells and is_safe:
             self._loop = number, found, shares_of(target, match.cloud, found.T)[0][:MOST_SHARES]
 
-    def _close_loop(self) -> None:
+    def _close_loop(self, number: int, found: Registration, shares: Sequence[Share]) -> None:
         """Connect the keyframe that met a place again with those that saw it before."""
-        if self._loop is None:
-            return
-        number, found, shares = self._loop
         for share in shares:
             self.graph.connect(share.owner, number, share.T, share.information, is_loop=True)
             self.graph.link(share.owner, number, found.covariance)
@@ -329,7 +327,6 @@ class Slam(Localisation):
             self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
         # From elsewhere, the robust loss takes a loop for an outlier and leaves the poses where they are.
         self.poses[number:] = found.T @ inverse(self.poses[number]) @ self.poses[number:]
-        self._loop = None
 
 
 def cloud_of_frame(frame: Frame) -> small_gicp.PointCloud | None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sarsim.dataset.arena_range import check
 from sarsim.dataset.exports.clouds import Cloud
 from sarsim.dataset.exports.export import Export, label_names, room
 from sarsim.dataset.exports.s3dis import AREAS
@@ -15,6 +14,7 @@ from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hdf5 import NewFile
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
+from sarsim.dataset.settings import check
 
 LIST = "room_filelist.txt"
 FILES = "all_files.txt"

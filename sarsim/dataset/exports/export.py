@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import COLOURS, Label
-from sarsim.dataset.arena_range import check
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
+from sarsim.dataset.settings import check
 
 LICENSE = """SPDX-License-Identifier: Apache-2.0
 

@@ -69,11 +69,7 @@ class Worker:
             self.connection.send(index)
 
     def event(self) -> Event:
-        """What it has to tell.
-
-        Raises:
-            InputError: the scene cannot be made or written.
-        """
+        """What it has to tell; InputError where the scene cannot be made or written."""
         try:
             message = self.connection.recv()
         except (EOFError, OSError):

@@ -189,11 +189,7 @@ class Scene(ExitStack):
     """
 
     def __init__(self, path: Path):
-        """Open a file.
-
-        Raises:
-            InputError: it is missing, broken, or no scene of this version.
-        """
+        """Open a file; InputError where it is missing, broken, or no scene of this version."""
         super().__init__()
         self.path = path
         self._file = self.enter_context(open_file(path))

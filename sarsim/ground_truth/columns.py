@@ -17,8 +17,7 @@ ENDLESS = 25.0
 """m from its middle that an endless plane counts."""
 SEGMENTS = 32
 """Sides of the polygon that stands for a circle."""
-_GAP = 1e-3
-"""m; bodies that lie nearer to each other stand on each other."""
+_GAP = 1e-3  # m; bodies that lie nearer to each other stand on each other
 _GEOM = mujoco.mjtGeom
 
 

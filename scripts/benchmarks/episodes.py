@@ -33,10 +33,8 @@ from sarsim.scripts.benchmarks.top_view import top_view
 from sarsim.scripts.cli import progress
 from sarsim.settings import EpisodeConfig
 
-GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")
-"""Arenas whose episodes are summed up together."""
-STEPS = 1000
-"""At most; an episode ends before when no viewpoint is left."""
+GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")  # Arenas whose episodes are summed up together
+STEPS = 1000  # At most; an episode ends before when no viewpoint is left
 
 Strategy = Literal["ours", "nearest_frontier", "random_walk"]
 
@@ -68,11 +66,7 @@ class Job:
         return json.loads(json.dumps(told | {"version": version("sarsim")}, default=str))
 
     def result(self, folder: Path) -> dict[str, Any] | None:
-        """What an earlier run left; None if there is nothing.
-
-        Raises:
-            InputError: it left something else.
-        """
+        """What an earlier run left, None if there is nothing; InputError where it is something else."""
         file = folder / f"{self.name}.json"
         if not file.exists():
             return None
@@ -158,7 +152,7 @@ class BenchmarkEpisode(Episode):
 
     def step(self) -> bool:
         """As every episode's, but that a random walk ends when ``MOST`` of the arena was seen."""
-        return super().step() and not (self._is_random and self.score.explored_fraction >= MOST)
+        return super().step() and not (self._is_random and self.score.coverage.fraction >= MOST)
 
     def _watch(self, pose: Pose) -> None:
         self._log_motion(pose)
@@ -173,10 +167,10 @@ class BenchmarkEpisode(Episode):
         end = self.score.progress[-1][0]
         text = (
             f"{Path(self.config.arena).name}, seed {self.config.seed}:"
-            f" {self.score.explored_fraction:.1%} seen in {end:.0f} s,"
+            f" {self.score.coverage.fraction:.1%} seen in {end:.0f} s,"
             f" {self.explorer.steps} steps, {len(self.contacts)} contacts, {len(failed)} legs not reached"
         )
-        return top_view(self.score.surface, self.score.seen, track, self.contacts, failed, text)
+        return top_view(self.score.surface, self.score.coverage.seen, track, self.contacts, failed, text)
 
 
 def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> None:

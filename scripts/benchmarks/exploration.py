@@ -11,19 +11,25 @@ import numpy as np
 from pipeline.errors import InputError
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Strategy, configs, run_jobs
-from sarsim.scripts.benchmarks.exploration_figures import group_figures, pairs, reports, seen90_ratio
-from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, rich_table, sections
+from sarsim.scripts.benchmarks.exploration_table import (
+    BASELINES,
+    RATIO,
+    group_figures,
+    pairs,
+    reports,
+    rich_table,
+    sections,
+    seen90_ratio,
+)
 from sarsim.settings import EpisodeConfig, Labels, LightingName, Odometry
 
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
 """The parts of a baseline's report that are summed up."""
-PICTURES = 2
-"""Runs of each group, the worst ones, whose pictures go beside the file of the figures."""
+PICTURES = 2  # Runs of each group, the worst ones, whose pictures go beside the file of the figures
 _DEFAULT = EpisodeConfig()
 
 Results = Sequence[dict[str, Any] | None]
-Runs = Mapping[tuple[str, Strategy], Results]
-"""Results by group and strategy, None where a process failed."""
+Runs = Mapping[tuple[str, Strategy], Results]  # Results by group and strategy, None where a process failed
 
 
 def measure(

@@ -15,8 +15,7 @@ from rich.table import Table
 from pipeline.errors import InputError
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
-from sarsim.scripts.benchmarks.exploration_figures import group_figures, reports
-from sarsim.scripts.benchmarks.exploration_table import Rows, groups_in, rich_table, rows_of
+from sarsim.scripts.benchmarks.exploration_table import Rows, group_figures, groups_in, reports, rich_table, rows_of
 from sarsim.scripts.benchmarks.localisation_drives import DriveJob, record_job
 from sarsim.scripts.benchmarks.localisation_kidnappings import OUTCOMES, kidnap
 from sarsim.scripts.benchmarks.localisation_replay import replay_job
@@ -24,8 +23,7 @@ from sarsim.settings import EpisodeConfig, LightingName
 
 OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
 REGISTERING = PEERS[1:]
-NEEDED = ("evo", "kiss_icp")
-"""Packages that come with ``pip install -e '.[dev]'``."""
+NEEDED = ("evo", "kiss_icp")  # Packages that come with ``pip install -e '.[dev]'``
 KIDNAPPED_IN = {"nist_6x4": "nist_6x4", "random": "random:1"}
 """By group the arena in which robots are carried elsewhere."""
 ROWS: Mapping[str, str] = {

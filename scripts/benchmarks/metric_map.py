@@ -21,10 +21,8 @@ from sarsim.scripts.benchmarks.recorded_frames import Recording, record
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
 """m; environments whose frame times are compared."""
-TILE = 8
-"""Frames that fill each 6 m × 4 m of an environment before anything is timed."""
-WARM_UP = 5
-"""Frames that are not counted."""
+TILE = 8  # Frames that fill each 6 m × 4 m of an environment before anything is timed
+WARM_UP = 5  # Frames that are not counted
 
 
 def measure(

@@ -11,8 +11,15 @@ from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scripts.benchmarks import episodes, exploration
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, run_job
-from sarsim.scripts.benchmarks.exploration_figures import flat, group_figures, seen90_ratio
-from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, rich_table, sections
+from sarsim.scripts.benchmarks.exploration_table import (
+    BASELINES,
+    RATIO,
+    flat,
+    group_figures,
+    rich_table,
+    sections,
+    seen90_ratio,
+)
 from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
 from sarsim.settings import EpisodeConfig
 

@@ -108,11 +108,7 @@ class DarknetCfg:
 
     @classmethod
     def parse(cls, text: str, name: str = "cfg") -> "DarknetCfg":
-        """Read a text.
-
-        Raises:
-            InputError: a section or setting that is unknown, missing or impossible, by its line.
-        """
+        """Read a text; InputError, by its line, where a section or setting is unknown, missing or impossible."""
         sections = _read_sections(text, name)
         if not sections or sections[0].kind not in ("net", "network"):
             raise InputError(f"{name}: a Darknet .cfg begins with [net]")

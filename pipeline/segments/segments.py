@@ -90,14 +90,12 @@ class Segments:
     """
 
     def __init__(self) -> None:
-        """No segments yet."""
         self._segments: dict[int, Segment] = {}
         self.members: list[Member] = []
         self._motions = np.zeros((0, 4, 4))
         self._next_id = 0
 
     def __len__(self) -> int:
-        """Number of segments."""
         return len(self._segments)
 
     def __iter__(self) -> Iterator[Segment]:

@@ -27,7 +27,6 @@ class SemanticMap:
     """
 
     def __init__(self) -> None:
-        """An empty map."""
         self._blocks, self._size = 0, 0
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
@@ -36,7 +35,6 @@ class SemanticMap:
         self._reserve(1)
 
     def __len__(self) -> int:
-        """Number of points in the map."""
         return self._size
 
     def update(

@@ -150,7 +150,6 @@ class Victims:
     """
 
     def __init__(self) -> None:
-        """Without victims yet."""
         self.all: list[Victim] = []
         self.refusals: list[Refusal] = []
 

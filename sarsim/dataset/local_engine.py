@@ -58,7 +58,6 @@ class Worker:
     """
 
     def __init__(self, recipe: Recipe, folder: Path, lock: FolderLock):
-        """Start it."""
         self.index = -1
         self.process, self.connection = processes.connected(_serve, lock, recipe, folder)
 

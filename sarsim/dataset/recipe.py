@@ -67,7 +67,6 @@ class Recipe(DatasetConfig):
     ideal: Annotated[float, tyro.conf.Suppress] = 0.1
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be made."""
         super().__post_init__()
         for name in ("clear", "ideal"):
             check(name, getattr(self, name), 0, 1)

@@ -101,7 +101,6 @@ class DatasetConfig:
     frames_per_second: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be made."""
         for name, low in (("seed", 0), ("frames", 1), ("width", MIN_SIZE), ("height", MIN_SIZE)):
             check(name, getattr(self, name), low)
         if not self.arenas:

@@ -16,7 +16,6 @@ class AveragePrecision:
     """Average precision at an overlap of OVERLAP, of detections that are added image by image."""
 
     def __init__(self) -> None:
-        """Of no images yet."""
         self._scores: list[float] = []
         self._right: list[bool] = []
         self._present = 0

@@ -35,7 +35,6 @@ class YoloLoss:
     """The loss of a network with one class: a detector of people."""
 
     def __init__(self, cfg: DarknetCfg) -> None:
-        """Of a network with this ``.cfg``."""
         self.cfg = cfg
 
     def __call__(self, heads: Sequence[Tensor], batch: Sequence[LabelledImage]) -> Tensor:

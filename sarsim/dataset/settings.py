@@ -7,7 +7,7 @@ import numpy as np
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
-from sarsim.arenas.settings import RandomArenaConfig
+from sarsim.arenas.settings import SHARES, RandomArenaConfig
 
 KEYFRAMES = (0.3, 0.6)
 """m driven and rad turned from one keyframe to the next."""
@@ -47,8 +47,7 @@ class ArenaRange:
     painted: float = 0.0
 
     def __post_init__(self) -> None:
-        shares = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
-        for name in ("tiles", *shares, "victims", "difficulty"):
+        for name in ("tiles", *SHARES, "victims", "difficulty"):
             check_order(f"random.{name}", getattr(self, name))
         check("random.ceilings", self.ceilings, 0, 1)
         check("random.painted", self.painted, 0, 1)

@@ -18,6 +18,8 @@ from sarsim.dataset.settings import check
 
 LIST = "room_filelist.txt"
 FILES = "all_files.txt"
+SEED = 0
+"""of the draw of points."""
 
 
 @dataclass(frozen=True)
@@ -33,18 +35,15 @@ class Blocks(Export):
     """of a block; drawn without repetition where there are so many."""
     min_points: int = 100
     """blocks with fewer are left out."""
-    seed: int = 0
-    """of the draw."""
 
     def __post_init__(self) -> None:
         check("size", self.size, 0.01)
         check("points", self.points, 1)
         check("min-points", self.min_points, 1)
-        check("seed", self.seed, 0)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """One file a scene; each frame is a room of its own."""
-        rng = np.random.default_rng([self.seed, entry.index])
+        rng = np.random.default_rng([SEED, entry.index])
         blocks, rooms = [], []
         for index in range(len(scene)):
             new = list(self.of_cloud(Cloud.of_frame(scene, index), rng))

@@ -16,12 +16,9 @@ from pipeline.segments.members import Member, MovedMembers
 from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.planes import PlanePatch
 
-MAX_ANGLE = np.deg2rad(12)
-"""rad, between the normals of two pieces of one plane."""
-MAX_OFFSET = 0.05
-"""m, of the smaller piece's corners from the larger one's plane."""
-MIN_THICKNESS = 0.02
-"""m, of a box."""
+MAX_ANGLE = np.deg2rad(12)  # rad, between the normals of two pieces of one plane
+MAX_OFFSET = 0.05  # m, of the smaller piece's corners from the larger one's plane
+MIN_THICKNESS = 0.02  # m, of a box
 
 
 @dataclass(frozen=True, eq=False)

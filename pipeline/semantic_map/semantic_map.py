@@ -13,10 +13,8 @@ from pipeline.segments.cells_kernels import EMPTY, insert_all
 from pipeline.semantic_map.ply import write_ply
 from pipeline.semantic_map.semantic_map_kernels import accumulate
 
-VOXEL = 0.02
-"""m, the edge of the voxels; each keeps one point whatever the number of frames."""
-SKIN = 0.03
-"""m from what was seen of a person within which a point is of that person."""
+VOXEL = 0.02  # m, the edge of the voxels; each keeps one point whatever the number of frames
+SKIN = 0.03  # m from what was seen of a person within which a point is of that person
 
 
 class SemanticMap:

@@ -20,10 +20,8 @@ from sarsim.arenas.random_rooms import Piece, furnish
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
 
-CEILING = 2.4
-"""m, its height; all walls reach up to it."""
-FLOOR_MARGIN = 0.1
-"""m of floor beyond the outer walls."""
+CEILING = 2.4  # m, its height; all walls reach up to it
+FLOOR_MARGIN = 0.1  # m of floor beyond the outer walls
 ATTEMPTS = 30
 _BOUNDS = {"columns": (3, 20), "rows": (3, 20), "victims": (0, 100), "difficulty": (0, 3)}
 _BOUNDS |= dict.fromkeys(SHARES, (0, 1))  # lowest and highest value of each setting

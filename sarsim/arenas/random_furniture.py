@@ -18,18 +18,14 @@ BULKY = (
     "cabinet_tall",
 )  # fmt: skip
 """What hides much behind it. The first leaves room to drive under it, and its neighbours may be such, too."""
-SPREAD = 0.5
-"""Share of the neighbours of a raised floor that are."""
-CHAIRS = ("chair", "office_chair", "lab_chair")
-"""What stands at desks."""
+SPREAD = 0.5  # Share of the neighbours of a raised floor that are
+CHAIRS = ("chair", "office_chair", "lab_chair")  # What stands at desks
 SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
 """What may stand before something else, at any angle."""
-ACCOMPANIED = 0.4
-"""Share of the tiles where one does."""
+ACCOMPANIED = 0.4  # Share of the tiles where one does
 ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
 """What hangs on walls."""
-OTHER_WALLS = ("partition", "partition", "veil_wall")
-"""Inner walls that are no panels."""
+OTHER_WALLS = ("partition", "partition", "veil_wall")  # Inner walls that are no panels
 
 
 def place_furniture(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:

@@ -10,10 +10,8 @@ from sarsim.arenas.layout import SIDES, STEP, Layout, Side, Tile, opposite
 from sarsim.arenas.random_draws import RandomDraws
 from sarsim.victims.victims import Placement, Posture, VictimModel, make_victim
 
-ROOM = 0.04
-"""m between a victim and the edges of its tiles."""
-DRAWS = 10
-"""people drawn until one fits."""
+ROOM = 0.04  # m between a victim and the edges of its tiles
+DRAWS = 10  # people drawn until one fits
 POSTURES: dict[Placement, tuple[Posture, ...]] = {
     "open": ("lying", "prone", "side", "sitting", "sitting", "slumped", "seated"),
     "rubble": ("lying", "prone", "side"),

@@ -15,14 +15,11 @@ from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.xtion import Xtion
 
 RANDOM = "random"
-PREFIX = "random:"
-"""of the names of random arenas; the seed follows."""
+PREFIX = "random:"  # of the names of random arenas; the seed follows
 LATERAL_SIGMA = (0.5, 1.0)
 """pixels, of the Xtion's frayed edges, drawn evenly between these values for each scene."""
-DROPOUT = (0.0, 0.02)
-"""Share of the pixels that return nothing for no reason, likewise."""
-Purpose = Literal["conditions", "arena", "drive", "noise"]
-"""Of random numbers."""
+DROPOUT = (0.0, 0.02)  # Share of the pixels that return nothing for no reason, likewise
+Purpose = Literal["conditions", "arena", "drive", "noise"]  # Of random numbers
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,8 @@ from tyro.conf import Fixed
 from pipeline.errors import InputError
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
 
-KEYFRAMES = (0.3, 0.6)
-"""m driven and rad turned from one keyframe to the next."""
-MIN_SIZE = 16
-"""pixels of an image."""
+KEYFRAMES = (0.3, 0.6)  # m driven and rad turned from one keyframe to the next
+MIN_SIZE = 16  # pixels of an image
 
 
 @dataclass(frozen=True)

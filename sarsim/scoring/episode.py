@@ -21,8 +21,7 @@ from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot
 
-MOST = 0.9
-"""Share of the drivable area whose time to be seen is told."""
+MOST = 0.9  # Share of the drivable area whose time to be seen is told
 
 
 class EpisodeScore:

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.recording.ros.messages import Message
 
-MILLIMETRES = ("16UC1", "mono16")
-"""Encodings of depth in mm (REP 118)."""
+MILLIMETRES = ("16UC1", "mono16")  # Encodings of depth in mm (REP 118)
 COLOURS = {
     "rgb8": (3, None),
     "bgr8": (3, cv2.COLOR_BGR2RGB),

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.victims.detection.boxes import overlaps
 
-OVERLAP = 0.5
-"""Least intersection over union of a detection with what it has found."""
+OVERLAP = 0.5  # Least intersection over union of a detection with what it has found
 
 
 class AveragePrecision:

@@ -12,10 +12,8 @@ from typing import TypeVar
 from pipeline.errors import InputError
 
 N = TypeVar("N", int, float)
-MOST_BYTES, MOST_LAYERS = 1_000_000, 1000
-"""Of a network's text; YOLOv3 has 107 layers."""
-WIDEST = 64
-"""Most of a window's size, stride and padding."""
+MOST_BYTES, MOST_LAYERS = 1_000_000, 1000  # Of a network's text; YOLOv3 has 107 layers
+WIDEST = 64  # Most of a window's size, stride and padding
 
 
 @dataclass(frozen=True)

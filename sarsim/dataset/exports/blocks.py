@@ -18,8 +18,7 @@ from sarsim.dataset.settings import check
 
 LIST = "room_filelist.txt"
 FILES = "all_files.txt"
-SEED = 0
-"""of the draw of points."""
+SEED = 0  # of the draw of points
 
 
 @dataclass(frozen=True)

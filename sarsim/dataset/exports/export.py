@@ -22,8 +22,7 @@ from sarsim.dataset.scene_file import Scene
 from sarsim.dataset.settings import check
 
 TEMPLATES = files("sarsim.dataset") / "templates"
-JPEG_QUALITY = 95
-"""of the images, up to 100."""
+JPEG_QUALITY = 95  # of the images, up to 100
 
 
 @dataclass(frozen=True)

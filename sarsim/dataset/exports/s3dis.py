@@ -15,8 +15,7 @@ from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 from sarsim.dataset.settings import check
 
-AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_5"}
-"""Published loaders hold out area 5."""
+AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_5"}  # Published loaders hold out area 5
 
 
 @dataclass(frozen=True)

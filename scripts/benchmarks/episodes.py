@@ -37,6 +37,7 @@ GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")  # Arenas whose episodes a
 STEPS = 1000  # At most; an episode ends before when no viewpoint is left
 
 Strategy = Literal["ours", "nearest_frontier", "random_walk"]
+Results = Sequence[dict[str, Any] | None]  # of jobs, None where a process failed
 
 
 @dataclass(frozen=True)
@@ -80,17 +81,20 @@ class Job:
 
 
 def configs(
-    base: EpisodeConfig, nist: int, esogu: int, random: int, rafs: Sequence[Path] = ()
+    base: EpisodeConfig, nist: int, esogu: int, random: int, raf: Path | None = None
 ) -> Iterator[tuple[str, EpisodeConfig]]:
     """Group and settings of each episode, the longest first.
 
     ``base`` has what is common to all; ``nist`` and ``esogu`` are numbers of seeds, ``random`` that of the arenas of
-    difficulties 0, 1 and 2, ``rafs`` files.
+    difficulties 0, 1 and 2, ``raf`` a folder of files.
 
     Raises:
-        InputError: the weights cannot be used.
+        InputError: the weights cannot be used, or the folder holds no file.
     """
     make_classifier(base.labels, base.weights)
+    rafs = sorted(raf.glob("*.raf")) if raf else []
+    if raf and not rafs:
+        raise InputError(f"--raf {raf}: no .raf file is there")
     # A random arena's difficulty is the remainder of its seed on division by 4.
     seeds = islice((seed for seed in count() if seed % 4 != 3), random)
     arenas = [("esogu_52x15", "esogu_52x15", seed) for seed in range(esogu)]

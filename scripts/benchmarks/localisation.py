@@ -37,8 +37,6 @@ ROWS: Mapping[str, str] = {
 }
 """Of the table, for each method, and the figures in them."""
 
-Results = Sequence[Mapping[str, Any] | None]
-
 
 def measure(
     nist: int = 10,
@@ -63,11 +61,8 @@ def measure(
     at_least(1, frames=frames, workers=workers)
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         raise InputError(f"{' and '.join(missing)} is missing: pip install -e '.[dev]'")
-    rafs = sorted(raf.glob("*.raf")) if raf else []
-    if raf and not rafs:
-        raise InputError(f"--raf {raf}: no .raf file is there")
     base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=lighting)
-    jobs = [DriveJob(group, "ours", config, frames) for group, config in configs(base, nist, esogu, random, rafs)]
+    jobs = [DriveJob(group, "ours", config, frames) for group, config in configs(base, nist, esogu, random, raf)]
     if not jobs and not kidnappings:
         raise InputError("no arena is to be driven in")
     drives = dict(zip(jobs, run_jobs(jobs, runs, workers, record_job), strict=True))

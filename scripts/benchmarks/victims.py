@@ -19,13 +19,11 @@ from pipeline.victims.detection.inference import FusedNetwork, to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import load_network
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
-from sarsim.scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
+from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Results, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_table import group_figures, groups_in, pairs, rich_table, rows_of
 from sarsim.scripts.benchmarks.victims_frames import DISTANCES, HIDDEN, People, ap50, ap50_by, recipe, scene_frames
 from sarsim.sensors.lighting import Lighting
 from sarsim.settings import DETECTOR, EpisodeConfig, Labels, LightingName, Odometry
-
-Results = Sequence[dict[str, Any] | None]
 
 THREADS = 2
 WIDTH, HEIGHT = 640, 480  # pixels of the image whose time is taken

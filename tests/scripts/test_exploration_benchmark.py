@@ -77,8 +77,10 @@ def test_a_run_that_never_saw_enough_counts_against_us(ours, theirs, ratio):
     assert seen90_ratio(ours, theirs) == (None if ratio is None else pytest.approx(ratio))
 
 
-def test_each_strategy_explores_the_agreed_arenas():
-    everything = exploration.jobs_of(EpisodeConfig(), 10, 2, 30, [Path("a.raf"), Path("b.raf")], BASELINES)
+def test_each_strategy_explores_the_agreed_arenas(tmp_path):
+    for name in ("b.raf", "a.raf", "readme.txt"):
+        (tmp_path / name).touch()
+    everything = exploration.jobs_of(EpisodeConfig(), 10, 2, 30, tmp_path, BASELINES)
     ours = [job for job in everything if job.strategy == "ours"]
     count = {group: sum(job.group == group for job in ours) for group in GROUPS}
     assert count == {"nist_6x4": 10, "esogu_52x15": 2, "raf": 2, "random": 30}

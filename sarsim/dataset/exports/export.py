@@ -94,7 +94,7 @@ def describe(folder: Path, title: str, layout: str, dataset: Dataset, cameras: M
     (folder / "labels.csv").write_text("".join(["id,name,red,green,blue\n", *rows]))
     known = {name: asdict(camera) for name, camera in cameras.items()}
     (folder / "intrinsics.json").write_text(json.dumps(known, indent=1) + "\n")
-    (folder / "LICENSE").write_text((TEMPLATES / "LICENSE").read_text())
+    (folder / "LICENSE").write_text((TEMPLATES / "license.txt").read_text())
     size, seed = "n<1K" if len(dataset) < 1000 else "1K<n<10K", dataset.recipe.get("seed")
     about = {"title": title, "name": json.dumps(title), "layout": layout, "size": size, "scenes": len(dataset)}
     card = (TEMPLATES / "README.md").read_text()

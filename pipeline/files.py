@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
-MOST_BYTES = 4_000_000_000
-"""of the arrays in a file, unpacked."""
+MOST_BYTES = 4_000_000_000  # of the arrays in a file, unpacked
 
 
 @contextmanager

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy import ndimage
 
-Box = tuple[slice, slice]
-"""A rectangle of cells of a grid."""
+Box = tuple[slice, slice]  # A rectangle of cells of a grid
 
 BLOCK = 128
 """Cells along each side of the blocks in which a grid map grows where points fall: 6.4 m of cells of 5 cm."""

@@ -19,11 +19,9 @@ class Label(IntEnum):
 
 
 THESIS_FOUR = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)
-PLANAR = (*THESIS_FOUR, Label.CEILING)
-"""Classes made of planes."""
+PLANAR = (*THESIS_FOUR, Label.CEILING)  # Classes made of planes
 
-RAMP_TILT = np.deg2rad(8)
-"""rad; ground that leans more is a ramp."""
+RAMP_TILT = np.deg2rad(8)  # rad; ground that leans more is a ramp
 
 COLOURS = np.array(
     [

@@ -236,7 +236,7 @@ class Episode(Expedition):
     @property
     def explored(self) -> str:
         """How much is, in words."""
-        return f"{self.score.explored_fraction:.0%} explored"
+        return f"{self.score.coverage.fraction:.0%} explored"
 
     def _add_keyframe(self, keyframe: Keyframe) -> None:
         self.score.add_keyframe(keyframe)
@@ -313,11 +313,7 @@ def percentiles(seconds: list[float]) -> dict[str, float]:
 
 
 def make_folder(path: Path) -> None:
-    """Make sure that files can be written into a folder.
-
-    Raises:
-        InputError: they cannot.
-    """
+    """Make sure that files can be written into a folder; InputError where they cannot."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         with whole_file(path / ".probe") as probe:

@@ -94,7 +94,9 @@ class EpisodeRecorder(Recorder):
         meshes = {}
         for label in map(Label, np.unique(labels[geoms])):
             chosen = geoms[labels[geoms] == label]
-            poses = [_pose(self._data.geom_xmat[geom], self._data.geom_xpos[geom]) for geom in chosen]
+            poses = [
+                from_rotation(self._data.geom_xmat[geom].reshape(3, 3), self._data.geom_xpos[geom]) for geom in chosen
+            ]
             meshes[label] = joined_mesh(self._model, chosen, poses)
         return meshes
 
@@ -121,11 +123,7 @@ class EpisodeRecorder(Recorder):
 
     def _T_base_body(self, body: int) -> NDArray[np.float64]:
         T_world_base = self._robot.robot.T_world_base(self._robot.physics)
-        return inverse(T_world_base) @ _pose(self._data.xmat[body], self._data.xpos[body])
-
-
-def _pose(matrix: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    return from_rotation(matrix.reshape(3, 3), position)
+        return inverse(T_world_base) @ from_rotation(self._data.xmat[body].reshape(3, 3), self._data.xpos[body])
 
 
 def _mesh3d(mesh: Mesh) -> rr.Mesh3D:

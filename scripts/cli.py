@@ -31,10 +31,8 @@ ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl-C, what a service manager or a container sends, and a terminal that is closed: all end a command alike."""
 SIGNALLED = 128  # and the number of the signal, as shells have it
 UNREAD = 141  # 128 + SIGPIPE
-HELP_INDENT = 8 * " "
-"""before the help of a flag in tyro's messages about wrong ones."""
-LINE_EVERY = 10.0
-"""s between lines of progress where there is no terminal."""
+HELP_INDENT = 8 * " "  # before the help of a flag in tyro's messages about wrong ones
+LINE_EVERY = 10.0  # s between lines of progress where there is no terminal
 COMMON = (
     "Every command also takes --version, --quiet (errors alone) and --log-level LEVEL (debug, info, warning, error)."
 )

@@ -8,8 +8,7 @@ import tyro
 from pipeline.errors import InputError
 from sarsim.scripts.cli import run
 
-GROUND = (".pgm", ".tif", ".png", ".svg")
-"""Endings of 2D maps."""
+GROUND = (".pgm", ".tif", ".png", ".svg")  # Endings of 2D maps
 
 if TYPE_CHECKING:
     import numpy as np

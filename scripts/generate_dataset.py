@@ -1,14 +1,14 @@
 """Generate a labelled RGB-D dataset in random rescue arenas."""
 
 import os
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from rich.console import Console
 
 from pipeline.errors import InputError
-from sarsim.dataset.arena_range import ArenaRange
+from sarsim.dataset.settings import DatasetConfig
 from sarsim.scripts.cli import progress
 from sarsim.scripts.settings import run_with_settings, save_settings
 
@@ -16,23 +16,13 @@ if TYPE_CHECKING:
     from sarsim.dataset.engine import Engine
 
 
-@dataclass(frozen=True)
-class GenerateDataset:
+@dataclass(frozen=True, kw_only=True)
+class GenerateDataset(DatasetConfig):
     """What is generated, and how.
 
     Attributes:
         out: folder for the dataset; one that holds a part of it is completed.
         scenes: how many arenas; more make a network better on arenas that it has not seen.
-        frames: frames of each scene.
-        seed: of everything random; another one makes other scenes.
-        width: of the images, pixels.
-        height: of the images, pixels; half of each is four times as fast, and shows less of what is far away.
-        arenas: names or paths, taken in turn; "random" is another random arena each time.
-        random: ranges from which each random arena is drawn.
-        lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
-        dust: concentration in the scenes with dust in the air, from 0 to 1, drawn evenly between these values.
-        keyframes: m driven and rad turned from one frame to the next; larger ones show more of the arena.
-        frames_per_second: take so many frames of each second of the drive instead, as SLAM needs them.
         workers: processes at a time, one a core if not given; the dataset does not depend on it.
         engine: processes on this machine, or tasks on the Ray cluster that RAY_ADDRESS names (without it, on this
             machine).
@@ -40,16 +30,6 @@ class GenerateDataset:
 
     out: Path
     scenes: int = 10
-    frames: int = 100
-    seed: int = 0
-    width: int = 640
-    height: int = 480
-    arenas: tuple[str, ...] = ("random",)
-    random: ArenaRange = field(default_factory=ArenaRange)
-    lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
-    dust: tuple[float, float] = (0.02, 0.4)
-    keyframes: tuple[float, float] = (0.3, 0.6)
-    frames_per_second: float | None = None
     workers: int | None = None
     engine: Literal["local", "ray"] = "local"
 
@@ -61,8 +41,7 @@ def generate_dataset(settings: GenerateDataset) -> None:
     from sarsim.dataset.generate import generate
     from sarsim.dataset.recipe import Recipe
 
-    names = {f.name for f in fields(Recipe)} & {f.name for f in fields(settings)}
-    recipe = Recipe(**{name: getattr(settings, name) for name in names})
+    recipe = Recipe(**{f.name: getattr(settings, f.name) for f in fields(DatasetConfig)})
     with progress() as bars:
         bar = bars.add_task("frames", total=settings.scenes * settings.frames)
         engine = make_engine(settings.engine, settings.workers)

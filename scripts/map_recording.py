@@ -13,8 +13,7 @@ from sarsim.settings import MapRecording
 if TYPE_CHECKING:
     from pipeline.recording.sources.recording import Recording
 
-BAGS = (".mcap", ".db3", ".yaml", ".bag")
-"""Endings of a bag's files."""
+BAGS = (".mcap", ".db3", ".yaml", ".bag")  # Endings of a bag's files
 
 
 def map_recording(config: MapRecording) -> None:
@@ -44,11 +43,7 @@ def map_recording(config: MapRecording) -> None:
 
 
 def open_recording(config: MapRecording) -> "Recording":
-    """The recording that a path names.
-
-    Raises:
-        InputError: it is none, or broken.
-    """
+    """The recording that a path names; InputError where it is none, or broken."""
     from pipeline.recording.sources.recording import Calibration
     from pipeline.recording.sources.ros_bag import read_ros_bag
     from pipeline.recording.sources.tum_folder import read_tum_folder

@@ -24,8 +24,7 @@ from sarsim.robots.pose import Pose
 from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import MapRecording
 
-RECORDING = "episode.rrd"
-"""What a viewer opens."""
+RECORDING = "episode.rrd"  # What a viewer opens
 
 
 class RecordedDrive:

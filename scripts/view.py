@@ -11,8 +11,7 @@ from pipeline.errors import InputError
 from sarsim.scripts.cli import ENDINGS, run
 
 RECORDING = "episode.rrd"
-MAGIC = b"RRF2"
-"""The first bytes of every recording."""
+MAGIC = b"RRF2"  # The first bytes of every recording
 
 
 def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None:
@@ -35,11 +34,7 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
 
 
 def find_recording(path: Path) -> Path:
-    """The recording that ``path`` names.
-
-    Raises:
-        InputError: there is none, or the file is not one.
-    """
+    """The recording that ``path`` names; InputError where there is none, or the file is not one."""
     recording = path / RECORDING if path.is_dir() else path
     try:
         with recording.open("rb") as file:

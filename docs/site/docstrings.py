@@ -2,22 +2,32 @@
 
 import ast
 import re
+import tokenize
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import griffe
 
 ROLE = re.compile(r":(?:class|func|meth|mod|attr|data):`~?([\w.]+)`")
+NO_TEXT = re.compile(r"# *(fmt|noqa|type):")
+"""Comments for tools."""
 
 
 class Docstrings(griffe.Extension):
-    """Turns roles into links, adds constants assigned in pairs, and lists an attribute of a class once."""
+    """Turns roles into links, adds constants assigned in pairs and what is said behind constants.
+
+    It lists an attribute of a class once.
+    """
 
     def on_module_members(self, *, node: ast.Module, mod: griffe.Module, **kwargs: Any) -> None:
-        """Add the names of ``A, B = 1, 2``, which griffe passes over."""
+        """Add the names of ``A, B = 1, 2``, which griffe passes over, and comments behind constants."""
         for name, attribute in paired_constants(node):
             mod.set_member(name, attribute)
+        for name, text in told_behind(node, Path(mod.filepath)):
+            if name in mod.members and not mod.members[name].docstring:
+                mod.members[name].docstring = griffe.Docstring(text, parser="google")
 
     def on_package(self, *, pkg: griffe.Module, **kwargs: Any) -> None:
         """Rewrite the docstrings of a package and of all that it holds."""
@@ -37,6 +47,18 @@ def paired_constants(module: ast.Module) -> Iterator[tuple[str, griffe.Attribute
                 attribute.docstring = docstring_of(after)
                 attribute.labels.add("module-attribute")
                 yield name.id, attribute
+
+
+def told_behind(module: ast.Module, path: Path) -> Iterator[tuple[str, str]]:
+    """The names of a module's constants and the comments that stand behind them on the same line."""
+    with tokenize.open(path) as file:
+        tokens = [t for t in tokenize.generate_tokens(file.readline) if t.type == tokenize.COMMENT]
+    comments = {t.start[0]: t.string.removeprefix("#").strip() for t in tokens if not NO_TEXT.match(t.string)}
+    for statement in module.body:
+        if isinstance(statement, ast.Assign | ast.AnnAssign) and statement.end_lineno in comments:
+            targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+            for name in (n for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)):
+                yield name.id, f"{comments[statement.end_lineno]}."
 
 
 def docstring_of(statement: ast.stmt) -> griffe.Docstring | None:

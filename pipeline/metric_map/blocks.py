@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
-SIDE = 64
-"""Voxels along a side of a block."""
+SIDE = 64  # Voxels along a side of a block
 
 Key = tuple[int, int, int]
 Box = tuple[slice, slice, slice]

@@ -10,11 +10,9 @@ from pipeline.metric_map.blocks import BlockArray, parts
 from pipeline.metric_map.grid_kernels import WORD, any_mark, fold, is_rigid
 from pipeline.metric_map.updates import Scan, Updater
 
-OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0
-"""The thesis's three values of a voxel."""
+OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel
 
-LOG_ODDS = 0.1
-"""Log-odds per unit of the map's int8 values."""
+LOG_ODDS = 0.1  # Log-odds per unit of the map's int8 values
 
 HIT, MISS = 10, 1
 """What an end point adds to a voxel's value and what a crossing takes. One return proves a surface, while rays cross
@@ -28,8 +26,7 @@ OFFSET = (-0.25, -0.25, -0.4)
 that lies on a face between two voxel layers fill both. So z = 0 is put inside a layer, and so are the multiples of
 half a voxel along every axis."""
 
-FARTHEST = 1e5
-"""m; a pose farther from the map's origin than this is taken for an error."""
+FARTHEST = 1e5  # m; a pose farther from the map's origin than this is taken for an error
 
 
 class MetricMap:

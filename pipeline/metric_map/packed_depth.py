@@ -3,10 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-STEP = 1e-4
-"""m; a tenth of what the best depth camera tells."""
-FAR = 65535 * STEP
-"""m; what is farther away is taken for this far: it is beyond the reach of the metric map."""
+STEP = 1e-4  # m; a tenth of what the best depth camera tells
+FAR = 65535 * STEP  # m; what is farther away is taken for this far: it is beyond the reach of the metric map
 
 
 def pack_depth(depth: NDArray[np.float32]) -> NDArray[np.uint16]:

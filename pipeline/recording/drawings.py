@@ -30,8 +30,7 @@ ABOVE_GROUND = np.array([0, 0, 0.06])
 """m; what lies on the ground is drawn above it, where points and voxels do not hide it."""
 POINT_SPACING = 0.04
 """m between the points of the semantic map that are drawn: all of them would make a large file."""
-JPEG_QUALITY = 80
-"""Of the colour images, up to 100."""
+JPEG_QUALITY = 80  # Of the colour images, up to 100
 
 
 def annotations() -> rr.AnnotationContext:

@@ -8,8 +8,7 @@ from pipeline.labels import COLOURS, Label
 from pipeline.recording import drawings
 from pipeline.recording.victim_drawings import CONFIRMED, REFUSED, UNCONFIRMED
 
-ROW, PATCH, WIDTH = 26, 34, 330
-"""Pixels: a line's height, a colour's width, a column's width."""
+ROW, PATCH, WIDTH = 26, 34, 330  # Pixels: a line's height, a colour's width, a column's width
 PAPER, INK = 245, (20, 20, 20)
 MEANINGS = {
     **{f"{label.name.lower().replace('_', ' ')} (class)": tuple(COLOURS[label].tolist()) for label in Label},

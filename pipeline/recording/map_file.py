@@ -29,8 +29,7 @@ from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvide
 from pipeline.victims.victim_map import Sighting, Victim
 
 FORMAT, VERSION = "sarsim keyframes", 1
-UNIT = 2.5e-4
-"""m, to which points are rounded."""
+UNIT = 2.5e-4  # m, to which points are rounded
 SEEN, ASSUMED, DRIVEN = range(3)
 LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "depth": ("u2", "K", "H", "W"),

@@ -25,12 +25,9 @@ from pipeline.victims.victim_map import Victims
 
 Level = Literal["INFO", "WARN", "ERROR"]
 
-GROWTH = 0.05
-"""Share by which a cloud has to grow to be logged again; all are logged at the end."""
-MOTION_PERIOD = 0.2
-"""s between two logged poses of the moving robot."""
-FLUSH_TIME = 30.0
-"""s that a sink may take at the end for what it has not got yet."""
+GROWTH = 0.05  # Share by which a cloud has to grow to be logged again; all are logged at the end
+MOTION_PERIOD = 0.2  # s between two logged poses of the moving robot
+FLUSH_TIME = 30.0  # s that a sink may take at the end for what it has not got yet
 
 
 class Recorder:

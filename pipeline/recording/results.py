@@ -6,8 +6,7 @@ from pipeline.mapper import Mapper
 from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.recording.map_file import save_keyframes
 
-KEYFRAMES = "keyframes.npz"
-"""In a folder of results, what ``--map`` reads."""
+KEYFRAMES = "keyframes.npz"  # In a folder of results, what ``--map`` reads
 
 
 def save_maps(mapper: Mapper, folder: Path) -> None:

@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 from pipeline.localisation.odometry import Localisation
 from pipeline.transforms import inverse
 
-SPACING = 0.05
-"""m between two points of a track."""
+SPACING = 0.05  # m between two points of a track
 
 
 class Track:

@@ -14,16 +14,13 @@ from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.observation import Refusal
 from pipeline.victims.victim_map import Victim, Victims
 
-CONFIRMED, UNCONFIRMED, REFUSED = (40, 220, 90), (255, 170, 40), (160, 160, 160)
-"""RGB."""
+CONFIRMED, UNCONFIRMED, REFUSED = (40, 220, 90), (255, 170, 40), (160, 160, 160)  # RGB
 CERTAIN = np.sqrt(7.815)
 """Standard deviations along each axis of the ellipsoid that holds 95 %: χ² of three degrees of freedom."""
 PHOTO, COLUMNS = (220, 240), 3
 """Width and height in pixels of a photo on the sheet, and how many stand beside each other."""
-CAPTION_HEIGHT = 28
-"""Pixels below a photo."""
-BACKGROUND = 38
-"""Grey level behind the photos."""
+CAPTION_HEIGHT = 28  # Pixels below a photo
+BACKGROUND = 38  # Grey level behind the photos
 
 
 def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Boxes2D:

@@ -20,16 +20,14 @@ import rerun as rr
 
 from pipeline.errors import InputError
 
-ViewerKind = Literal["spawn", "web"]
-"""A window of its own, or a page for the browser."""
+ViewerKind = Literal["spawn", "web"]  # A window of its own, or a page for the browser
 
 HOST = "127.0.0.1"  # Rerun's own default is every interface of the machine
 LOCAL = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval'"
 """Content security policy: what the page loads it loads from where it came from."""
 HOP_BY_HOP = ("connection", "content-length", "date", "server", "transfer-encoding", "content-security-policy")
 """Headers that are not passed on."""
-STARTING_TIME = 30.0
-"""s, that a viewer may take until it listens."""
+STARTING_TIME = 30.0  # s, that a viewer may take until it listens
 
 
 class Viewer:

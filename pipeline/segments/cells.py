@@ -12,8 +12,7 @@ from scipy.spatial import KDTree
 
 from pipeline.segments import cells_kernels as kernels
 
-CELL = 0.05
-"""m, the edge of a cell."""
+CELL = 0.05  # m, the edge of a cell
 SHIFT = 0.02
 """m, of the grid against the map's axes: floors and walls tend to stand at round numbers, on the cells' faces."""
 REACH = 2
@@ -24,8 +23,7 @@ CONTACT = 12
 """Cells in reach of another set, or three quarters of all, for both to be one surface; corners meet in 9 at most."""
 FRAYED = 0.25
 """A cell with less than this share of the points of another one in reach is noise at the surface's edge."""
-NONE = -1
-"""No piece."""
+NONE = -1  # No piece
 
 Cells = NDArray[np.int32]
 

@@ -11,11 +11,9 @@ from pipeline.segments.segments import Segment
 
 Floats = NDArray[np.float64]
 
-_SPACING = CELL / 2
-"""m, at most, between the places on a line where it is held against a surface."""
+_SPACING = CELL / 2  # m, at most, between the places on a line where it is held against a surface
 _HALF_DIAGONAL = CELL * np.sqrt(3) / 2
-_TOUCH = 1e-9
-"""m by which boxes are larger, so that rounding does not decide what touches one."""
+_TOUCH = 1e-9  # m by which boxes are larger, so that rounding does not decide what touches one
 
 
 def crossings(

@@ -17,22 +17,15 @@ from pipeline.segments.plane import Moments
 from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals
 from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
 
-BLOCK = 8
-"""pixels, the edge of the image blocks that are averaged to one surfel each."""
-MIN_PIXELS = 16
-"""Of a surfel."""
+BLOCK = 8  # pixels, the edge of the image blocks that are averaged to one surfel each
+MIN_PIXELS = 16  # Of a surfel
 MIN_DEPTH_STEP = 0.01
 """1/m of inverse depth, between surfaces one before the other; a step of a structured-light camera is 0.003."""
-REACH = 2
-"""blocks, how far apart neighbouring surfels are."""
-MAX_GAP = 0.12
-"""m per m of depth, between neighbouring surfels one block apart."""
-MAX_DISTANCE = 0.025
-"""m, of a surfel from its plane."""
-MIN_SURFELS = 10
-"""Of a plane."""
-SAMPLES = 50
-"""Of RANSAC per plane."""
+REACH = 2  # blocks, how far apart neighbouring surfels are
+MAX_GAP = 0.12  # m per m of depth, between neighbouring surfels one block apart
+MAX_DISTANCE = 0.025  # m, of a surfel from its plane
+MIN_SURFELS = 10  # Of a plane
+SAMPLES = 50  # Of RANSAC per plane
 
 
 @dataclass(frozen=True, eq=False)

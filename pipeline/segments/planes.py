@@ -18,16 +18,12 @@ from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.surfels_kernels import project_pixels
 from pipeline.transforms import transform_points
 
-MAX_ANGLE = np.deg2rad(20)
-"""rad, between a surfel's normal and its region's."""
-MAX_SHIFT = 0.01
-"""m along the optical axis from a pixel of the plane to where its ray meets the plane."""
+MAX_ANGLE = np.deg2rad(20)  # rad, between a surfel's normal and its region's
+MAX_SHIFT = 0.01  # m along the optical axis from a pixel of the plane to where its ray meets the plane
 NOISE = 0.006
 """m per m² of depth that ``MAX_SHIFT`` grows: 3σ of a structured-light camera (Nguyen et al. 2012)."""
-STRIDE = 2
-"""Every how many pixels the plane's extent is looked up."""
-MIN_CELLS = 8
-"""Of 5 cm, of a piece of plane."""
+STRIDE = 2  # Every how many pixels the plane's extent is looked up
+MIN_CELLS = 8  # Of 5 cm, of a piece of plane
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,12 +16,9 @@ from pipeline.segments.members import Member, MovedMembers
 from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.planes import PlanePatch
 
-MAX_ANGLE = np.deg2rad(12)
-"""rad, between the normals of two pieces of one plane."""
-MAX_OFFSET = 0.05
-"""m, of the smaller piece's corners from the larger one's plane."""
-MIN_THICKNESS = 0.02
-"""m, of a box."""
+MAX_ANGLE = np.deg2rad(12)  # rad, between the normals of two pieces of one plane
+MAX_OFFSET = 0.05  # m, of the smaller piece's corners from the larger one's plane
+MIN_THICKNESS = 0.02  # m, of a box
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,14 +87,12 @@ class Segments:
     """
 
     def __init__(self) -> None:
-        """No segments yet."""
         self._segments: dict[int, Segment] = {}
         self.members: list[Member] = []
         self._motions = np.zeros((0, 4, 4))
         self._next_id = 0
 
     def __len__(self) -> int:
-        """Number of segments."""
         return len(self._segments)
 
     def __iter__(self) -> Iterator[Segment]:

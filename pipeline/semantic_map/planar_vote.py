@@ -20,18 +20,12 @@ MAX_ANGLE = np.deg2rad(6)
 """rad, between a surfel's normal and its region's: small, as no labels tell planes apart."""
 MAX_SHIFT, NOISE = 0.02, 0.008
 """m, and m per m² of depth that is added: how far along the optical axis a pixel may be from its plane."""
-WINDOW = 2
-"""pixels, how far around it where a pixel that could be on several planes is decided on."""
-WEIGHT = 2.0
-"""Of the plane's mean opinion, as evidence; a point's own is 1."""
-FLOOR = 1e-3
-"""Least probability of a class: how little a network is believed that rules one out."""
-LEVEL = np.deg2rad(15)
-"""rad; the floor, a deck and a ceiling lean by less."""
-UPRIGHT = np.deg2rad(75)
-"""rad; a wall and the sides of a deck lean by more."""
-SLOPE = np.deg2rad(4)
-"""rad; a ramp leans by more."""
+WINDOW = 2  # pixels, how far around it where a pixel that could be on several planes is decided on
+WEIGHT = 2.0  # Of the plane's mean opinion, as evidence; a point's own is 1
+FLOOR = 1e-3  # Least probability of a class: how little a network is believed that rules one out
+LEVEL = np.deg2rad(15)  # rad; the floor, a deck and a ceiling lean by less
+UPRIGHT = np.deg2rad(75)  # rad; a wall and the sides of a deck lean by more
+SLOPE = np.deg2rad(4)  # rad; a ramp leans by more
 
 
 def planar_vote(

@@ -8,18 +8,12 @@ from pipeline.frame import Frame
 from pipeline.labels import RAMP_TILT, Label
 from pipeline.semantic_map.voxels import VoxelCloud
 
-VOXEL = 0.03
-"""m; the cloud is thinned to one point a voxel."""
-NEIGHBOURS = 30
-"""Points that a normal is fitted to."""
-WALL_TILT = np.radians(60)
-"""rad; a surface at least as steep is a wall."""
-ROUGHNESS = 0.03
-"""m, standard deviation from the fitted plane; a surface that is rougher is clutter."""
-DECK_HEIGHT = 0.08
-"""m; what is level and higher is no terrain but a straight ramp."""
-CEILING_HEIGHT = 2.0
-"""m; what is level and higher is a ceiling."""
+VOXEL = 0.03  # m; the cloud is thinned to one point a voxel
+NEIGHBOURS = 30  # Points that a normal is fitted to
+WALL_TILT = np.radians(60)  # rad; a surface at least as steep is a wall
+ROUGHNESS = 0.03  # m, standard deviation from the fitted plane; a surface that is rougher is clutter
+DECK_HEIGHT = 0.08  # m; what is level and higher is no terrain but a straight ramp
+CEILING_HEIGHT = 2.0  # m; what is level and higher is a ceiling
 
 
 class RuleClassifier:

@@ -13,10 +13,8 @@ from pipeline.segments.cells_kernels import EMPTY, insert_all
 from pipeline.semantic_map.ply import write_ply
 from pipeline.semantic_map.semantic_map_kernels import accumulate
 
-VOXEL = 0.02
-"""m, the edge of the voxels; each keeps one point whatever the number of frames."""
-SKIN = 0.03
-"""m from what was seen of a person within which a point is of that person."""
+VOXEL = 0.02  # m, the edge of the voxels; each keeps one point whatever the number of frames
+SKIN = 0.03  # m from what was seen of a person within which a point is of that person
 
 
 class SemanticMap:
@@ -27,7 +25,6 @@ class SemanticMap:
     """
 
     def __init__(self) -> None:
-        """An empty map."""
         self._blocks, self._size = 0, 0
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
@@ -36,7 +33,6 @@ class SemanticMap:
         self._reserve(1)
 
     def __len__(self) -> int:
-        """Number of points in the map."""
         return self._size
 
     def update(

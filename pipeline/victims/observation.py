@@ -10,22 +10,14 @@ from pipeline.transforms import transform_points
 from pipeline.victims.detection.background import background_planes, near_plane
 from pipeline.victims.detection.detection import Detection
 
-MIN_RETURNS = 0.1
-"""Share of a box's pixels that must have a depth."""
-MIN_RELIEF = 0.05
-"""Share of a box's returns that must stand out of the background."""
-GAP = 0.3
-"""m of depth between a person and what is before or behind the person."""
-MIN_PART = 0.25
-"""The person is the nearest part that has this share of the points that stand out."""
-REACH = 1.1
-"""m around the middle of that part within which all of a person lies."""
-MIN_SIZE, MAX_SIZE = 0.15, 2.3
-"""m across a person, or across the head of one."""
-SKIN_TO_MIDDLE = 0.08
-"""m from what is seen to the middle of the body, and its standard deviation."""
-SEED = 0
-"""Of the random draws that find the background's planes."""
+MIN_RETURNS = 0.1  # Share of a box's pixels that must have a depth
+MIN_RELIEF = 0.05  # Share of a box's returns that must stand out of the background
+GAP = 0.3  # m of depth between a person and what is before or behind the person
+MIN_PART = 0.25  # The person is the nearest part that has this share of the points that stand out
+REACH = 1.1  # m around the middle of that part within which all of a person lies
+MIN_SIZE, MAX_SIZE = 0.15, 2.3  # m across a person, or across the head of one
+SKIN_TO_MIDDLE = 0.08  # m from what is seen to the middle of the body, and its standard deviation
+SEED = 0  # Of the random draws that find the background's planes
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,26 +10,18 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import wrap_angles
 from pipeline.victims.victim_map import APART, Victim, Victims
 
-REWARD = 1.0
-"""m² of unseen ground that a viewpoint towards an unconfirmed victim counts for."""
+REWARD = 1.0  # m² of unseen ground that a viewpoint towards an unconfirmed victim counts for
 ANGLE = np.deg2rad(30)
 """rad between two viewpoints, seen from the victim, from which on the second one counts in full."""
-LEAST = 0.3
-"""Share of the reward that counts however small the angle is."""
+LEAST = 0.3  # Share of the reward that counts however small the angle is
 IN_VAIN = np.deg2rad(50)
 """rad at least from viewpoints that showed nothing: a person in a box is seen from its open side alone."""
-NEAR, FAR = 1.3, 3.2
-"""m from the victim."""
-HALF_VIEW = np.deg2rad(18)
-"""rad from the middle of the image within which the victim must be."""
-MARGIN = 0.35
-"""m around what was seen of the victim; within that nothing hides it, but the victim itself."""
-MAX_TRIES = 4
-"""Re-observations at most of each victim."""
-BESIDE_CAMERA = 0.3
-"""m of a line of sight that are free because the robot itself will stand there."""
-STEP = 0.08
-"""m between the points of a line of sight that must be free."""
+NEAR, FAR = 1.3, 3.2  # m from the victim
+HALF_VIEW = np.deg2rad(18)  # rad from the middle of the image within which the victim must be
+MARGIN = 0.35  # m around what was seen of the victim; within that nothing hides it, but the victim itself
+MAX_TRIES = 4  # Re-observations at most of each victim
+BESIDE_CAMERA = 0.3  # m of a line of sight that are free because the robot itself will stand there
+STEP = 0.08  # m between the points of a line of sight that must be free
 
 
 class Reobservation:

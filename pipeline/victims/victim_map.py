@@ -28,16 +28,13 @@ REOBSERVED = 0.5
 """Sum of the confidences of a victim's detections from which on re-observation is worth the drive."""
 ENOUGH, ENOUGH_OF_PART = 0.75, 1.2
 """The same, from which on a victim is confirmed, and one of which less than WHOLE is seen."""
-WHOLE = 0.85
-"""m across what is seen of most people, at least; less may be a part of anything."""
+WHOLE = 0.85  # m across what is seen of most people, at least; less may be a part of anything
 MIN_FRAMES, APART = 2, 0.3
 """Detections of a victim before it is confirmed, and m between the farthest two cameras of these, at least."""
-IN_VIEW = 3.0
-"""m within which a victim that is not hidden ought to be detected again."""
+IN_VIEW = 3.0  # m within which a victim that is not hidden ought to be detected again
 OPEN_SHARE, CLEARANCE = 0.7, 0.1
 """A victim counts as seen if for this share of its points no return is nearer by CLEARANCE, m, and the noise."""
-VOXEL = 0.03
-"""m; one of a victim's points is kept in each voxel."""
+VOXEL = 0.03  # m; one of a victim's points is kept in each voxel
 PHOTO_MARGIN = 0.2
 """Margin of a photo around its box, as a share of the longer side: surroundings help to recognise a person."""
 
@@ -150,7 +147,6 @@ class Victims:
     """
 
     def __init__(self) -> None:
-        """Without victims yet."""
         self.all: list[Victim] = []
         self.refusals: list[Refusal] = []
 

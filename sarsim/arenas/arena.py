@@ -13,11 +13,7 @@ class RescueArena(composer.Arena):
     """An arena whose site ``start`` says where the robot is set down."""
 
     def _build(self, root: mjcf.RootElement) -> None:
-        """``root``: its MJCF.
-
-        Raises:
-            InputError: the site is missing.
-        """
+        """``root``: its MJCF; InputError where the site is missing."""
         self._mjcf_root = root
         self._start = root.find("site", "start")
         if self._start is None:

@@ -11,19 +11,13 @@ from pipeline.labels import Label
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 from sarsim.victims.victims import Victim, victims_of
 
-CAMERA_HEIGHT = 0.6
-"""m above the ground."""
-NEAR, FAR = 0.8, 3.5
-"""m that the camera sees."""
-DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)
-"""Lower and upper edge of its picture."""
-VISIBLE_SHARE = 0.2
-"""of a victim's parts that the camera must see from one place."""
+CAMERA_HEIGHT = 0.6  # m above the ground
+NEAR, FAR = 0.8, 3.5  # m that the camera sees
+DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # Lower and upper edge of its picture
+VISIBLE_SHARE = 0.2  # of a victim's parts that the camera must see from one place
 GROUND_LABELS = (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
-SPECK = 0.1
-"""m²; a smaller piece of ground does not count."""
-VIEW_SPACING = 4
-"""cells between the places from which the camera may see victims."""
+SPECK = 0.1  # m²; a smaller piece of ground does not count
+VIEW_SPACING = 4  # cells between the places from which the camera may see victims
 
 
 def failed_checks(mjcf: str) -> Iterator[str]:

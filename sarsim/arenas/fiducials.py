@@ -16,25 +16,17 @@ from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.sensors.camera import geom_labels
 
 FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-SIDE = 0.16
-"""m of the black square, 8 modules."""
+SIDE = 0.16  # m of the black square, 8 modules
 MODULES = 8
-MOST = 50
-"""Tags in an arena."""
-THICK = 0.001
-"""m; a camera does not see the step."""
-HEIGHT = 0.5
-"""m of a tag's middle above the ground before it; the camera is at 0.6 m."""
-STAND = 0.8
-"""m before a tag, from where it is seen: in a lane of 1.2 m the robot can drive there."""
-MAX_STEP = 0.05
-"""m by which the ground there may lie higher or lower than where the wall was found from."""
-SPACING = 0.5
-"""m between tags at least."""
+MOST = 50  # Tags in an arena
+THICK = 0.001  # m; a camera does not see the step
+HEIGHT = 0.5  # m of a tag's middle above the ground before it; the camera is at 0.6 m
+STAND = 0.8  # m before a tag, from where it is seen: in a lane of 1.2 m the robot can drive there
+MAX_STEP = 0.05  # m by which the ground there may lie higher or lower than where the wall was found from
+SPACING = 0.5  # m between tags at least
 PLACES, DIRECTIONS = 2000, 8
 """Drivable places at most from which walls are looked for, and directions from each."""
-REACH = 2.5
-"""m that they may be away."""
+REACH = 2.5  # m that they may be away
 _SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # groups of geoms
 
 

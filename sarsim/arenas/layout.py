@@ -5,17 +5,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-Tile = tuple[int, int]
-"""Column and row."""
-Side = int
-"""0 to 3: east, north, west, south, the directions +x, +y, -x, -y."""
+Tile = tuple[int, int]  # Column and row
+Side = int  # 0 to 3: east, north, west, south, the directions +x, +y, -x, -y
 Edge = tuple[Tile, Side]
 """Between a tile and its neighbour; of the two names of an edge the one with side east or north."""
 
 STEP: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 SIDES: tuple[Side, ...] = (0, 1, 2, 3)
-YAW = (270, 0, 90, 180)
-"""Degrees that turn an element's +y, where its wall stands, to each side."""
+YAW = (270, 0, 90, 180)  # Degrees that turn an element's +y, where its wall stands, to each side
 
 
 def opposite(side: Side) -> Side:

@@ -21,8 +21,7 @@ from sarsim.assets import asset
 
 BUILT_IN = ("nist_6x4", "esogu_52x15")
 RANDOM = "random:"
-MAX_DIGITS = 18
-"""of a seed."""
+MAX_DIGITS = 18  # of a seed
 
 
 def load_arena(name: str, start: StartPose | None = None, random: RandomArenaConfig | None = None) -> RescueArena:

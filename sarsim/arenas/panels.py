@@ -7,8 +7,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-SLACK = 1e-4
-"""m that a panel may reach out of the one that it is counted to lie in."""
+SLACK = 1e-4  # m that a panel may reach out of the one that it is counted to lie in
 
 
 def covered_panels(geoms: list[Element]) -> list[Element]:

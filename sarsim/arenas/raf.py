@@ -24,13 +24,10 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 2_000_000
 MAX_ELEMENTS = 1500
-MAX_TILES = 60
-"""along x or y; 72 m."""
+MAX_TILES = 60  # along x or y; 72 m
 MAX_GEOMS = 15_000
-MAX_NAMED = 20
-"""unknown types in a message."""
-FLOOR_MARGIN = 0.5
-"""m that the floor reaches past the outermost tiles."""
+MAX_NAMED = 20  # unknown types in a message
+FLOOR_MARGIN = 0.5  # m that the floor reaches past the outermost tiles
 
 TYPES = frozenset(
     (

@@ -18,26 +18,13 @@ from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, m
 from sarsim.arenas.random_paint import paint
 from sarsim.arenas.random_rooms import Piece, furnish
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
-from sarsim.arenas.settings import RandomArenaConfig
+from sarsim.arenas.settings import SHARES, RandomArenaConfig
 
-CEILING = 2.4
-"""m, its height; all walls reach up to it."""
-FLOOR_MARGIN = 0.1
-"""m of floor beyond the outer walls."""
+CEILING = 2.4  # m, its height; all walls reach up to it
+FLOOR_MARGIN = 0.1  # m of floor beyond the outer walls
 ATTEMPTS = 30
-_BOUNDS = {
-    "columns": (3, 20),
-    "rows": (3, 20),
-    "wall_density": (0, 1),
-    "ramps": (0, 1),
-    "clutter": (0, 1),
-    "furniture": (0, 1),
-    "bulky": (0, 1),
-    "furnished": (0, 1),
-    "victims": (0, 100),
-    "difficulty": (0, 3),
-}
-"""Lowest and highest value of each setting."""
+_BOUNDS = {"columns": (3, 20), "rows": (3, 20), "victims": (0, 100), "difficulty": (0, 3)}
+_BOUNDS |= dict.fromkeys(SHARES, (0, 1))  # lowest and highest value of each setting
 
 _Plan = tuple[list[Item], list[Piece], list[PlacedVictim], Tile, Side]
 """What stands where, and the tile where the robot starts and the side that it faces."""

@@ -4,51 +4,28 @@ from sarsim.arenas.layout import YAW, Item, Layout, Side, Tile, opposite, shift
 from sarsim.arenas.random_draws import RandomDraws
 
 AGAINST_WALL = (
-    ("cabinet_low", 14),
-    ("cabinet_tall", 14),
-    ("cabinet_narrow", 34),
-    ("bookshelf", 9),
-    ("desk", 4),
-    ("seat", 19),
-    ("crate", 29),
-    ("column", 39),
-    ("motor", 8),
-    ("gas_bottles", 34),
-    ("pipes", 4),
-    ("sacks", 2),
-    ("sacks", 2),
-    ("simple_elev_ramp", 0),
-    ("simple_elev_ramp", 0),
-    ("stairs_120", 0),
-    ("manip_storage", 0),
-)
+    ("cabinet_low", 14), ("cabinet_tall", 14), ("cabinet_narrow", 34), ("bookshelf", 9), ("desk", 4), ("seat", 19),
+    ("crate", 29), ("column", 39), ("motor", 8), ("gas_bottles", 34), ("pipes", 4), ("sacks", 2), ("sacks", 2),
+    ("simple_elev_ramp", 0), ("simple_elev_ramp", 0), ("stairs_120", 0), ("manip_storage", 0),
+)  # fmt: skip
 """What stands with its back to a side of its tile, and how far along it it may stand, cm."""
 FREESTANDING = ("raised_floor", "raised_floor", "raised_floor", "elevated_ramps", "crate_stack", "work_table")
 """What fills the middle of its tile."""
 RAMPS = (("half_ramp", 0), ("half_ramp", 0), ("half_ramp_shifted", 2), ("full_ramp", 2), ("full_ramp", 2))
 """Ramps that lead nowhere, and by how many quarters they are turned so that they rise away from the robot."""
 BULKY = (
-    *("raised_floor_120",) * 4,
-    *("simple_elev_ramp",) * 3,
-    "wardrobe",
-    "wardrobe",
-    "cupboards",
-    "machine",
+    *("raised_floor_120",) * 4, *("simple_elev_ramp",) * 3, "wardrobe", "wardrobe", "cupboards", "machine",
     "cabinet_tall",
-)
+)  # fmt: skip
 """What hides much behind it. The first leaves room to drive under it, and its neighbours may be such, too."""
-SPREAD = 0.5
-"""Share of the neighbours of a raised floor that are."""
-CHAIRS = ("chair", "office_chair", "lab_chair")
-"""What stands at desks."""
+SPREAD = 0.5  # Share of the neighbours of a raised floor that are
+CHAIRS = ("chair", "office_chair", "lab_chair")  # What stands at desks
 SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
 """What may stand before something else, at any angle."""
-ACCOMPANIED = 0.4
-"""Share of the tiles where one does."""
+ACCOMPANIED = 0.4  # Share of the tiles where one does
 ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
 """What hangs on walls."""
-OTHER_WALLS = ("partition", "partition", "veil_wall")
-"""Inner walls that are no panels."""
+OTHER_WALLS = ("partition", "partition", "veil_wall")  # Inner walls that are no panels
 
 
 def place_furniture(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:

@@ -5,19 +5,13 @@ from collections.abc import Sequence
 from sarsim.arenas.layout import FLOOR, SIDES, YAW, Ground, Item, Layout, Side, Tile, opposite, shift
 from sarsim.arenas.random_draws import RandomDraws
 
-LEVELS = (17, 25, 34)
-"""cm, heights of decks and of the ramps up to them; 25 stands for 25.5."""
+LEVELS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 stands for 25.5
 RIDGE = 17
-FENCED = 0.5
-"""Share of the sides over which the robot would fall to the floor that get a wall."""
-HOLED = 0.15
-"""Share of the inner walls with holes, where there are any."""
-TALL = 0.25
-"""Share of the other walls that are twice as high."""
-OTHER = 0.25
-"""Share of the inner walls that are no panels, where there are any."""
-MAX_WAY = 4
-"""tiles; a longer open way before the start makes it no better."""
+FENCED = 0.5  # Share of the sides over which the robot would fall to the floor that get a wall
+HOLED = 0.15  # Share of the inner walls with holes, where there are any
+TALL = 0.25  # Share of the other walls that are twice as high
+OTHER = 0.25  # Share of the inner walls that are no panels, where there are any
+MAX_WAY = 4  # tiles; a longer open way before the start makes it no better
 
 
 def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:

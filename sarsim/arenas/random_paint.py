@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.random_draws import RandomDraws
 
-Colour = tuple[float, float, float]
-"""Red, green, blue, from 0 to 1."""
-_TEXTURES = {"terrain": "concrete", "wall": "osb", "straight_ramp": "plywood"}
-"""Of the materials that have one."""
+Colour = tuple[float, float, float]  # Red, green, blue, from 0 to 1
+_TEXTURES = {"terrain": "concrete", "wall": "osb", "straight_ramp": "plywood"}  # Of the materials that have one
 _PLAIN = ("inclined_ramp", "hole_rim", "ceiling", "board", "timber", "cardboard", "plaster", "grey")
 _PATTERNS = ("none", "random", "edge", "cross")
 """MuJoCo's marks; edges and crosses make tiles of a wall or a floor."""

@@ -12,14 +12,10 @@ from sarsim.arenas.layout import YAW, Layout, Side, Tile, opposite
 from sarsim.arenas.random_draws import RandomDraws
 from sarsim.arenas.random_paint import Colour, random_colour
 
-Box = tuple[int, int, int, int, int, int]
-"""x, y and z, each from and to, cm."""
-BACK = 59
-"""cm, y of the back of a piece: the wall's face is at 59.5."""
-HALF = 59
-"""cm, half of the width of a piece that meets those on the tiles beside it but for a slit."""
-LONGEST_ROW = 4
-"""tiles that pieces of one kind take side by side."""
+Box = tuple[int, int, int, int, int, int]  # x, y and z, each from and to, cm
+BACK = 59  # cm, y of the back of a piece: the wall's face is at 59.5
+HALF = 59  # cm, half of the width of a piece that meets those on the tiles beside it but for a slit
+LONGEST_ROW = 4  # tiles that pieces of one kind take side by side
 
 
 @dataclass(frozen=True)

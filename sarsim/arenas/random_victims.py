@@ -8,20 +8,12 @@ from numpy.typing import NDArray
 from sarsim.arenas.elements import TILE
 from sarsim.arenas.layout import SIDES, STEP, Layout, Side, Tile, opposite
 from sarsim.arenas.random_draws import RandomDraws
-from sarsim.victims.victims import Placement, Posture, VictimModel, make_victim
+from sarsim.victims.victims import PLACEMENTS, SUITABLE, Placement, Posture, VictimModel, make_victim
 
-ROOM = 0.04
-"""m between a victim and the edges of its tiles."""
-DRAWS = 10
-"""people drawn until one fits."""
-POSTURES: dict[Placement, tuple[Posture, ...]] = {
-    "open": ("lying", "prone", "side", "sitting", "sitting", "slumped", "seated"),
-    "rubble": ("lying", "prone", "side"),
-    "box": ("bust", "sitting"),
-    "hole": ("side", "sitting", "seated"),
-}
-PLACEMENTS: dict[bool, tuple[Placement, ...]] = {False: ("open",), True: ("open", "rubble", "box", "hole")}
-"""By whether victims may be half hidden."""
+ROOM = 0.04  # m between a victim and the edges of its tiles
+DRAWS = 10  # people drawn until one fits
+OPEN: tuple[Posture, ...] = ("lying", "prone", "side", "sitting", "sitting", "slumped", "seated")
+"""Postures in plain view; elsewhere all that suit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +51,9 @@ def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) ->
     """
     spots = _spots(layout)
     for _ in range(DRAWS if spots else 0):
-        placement = draws.pick(PLACEMENTS[hidden])
-        model = make_victim(name, draws.rng, draws.pick(POSTURES[placement]), placement)
+        placement: Placement = draws.pick(PLACEMENTS) if hidden else draws.pick(("open",))
+        posture = draws.pick(OPEN if placement == "open" else SUITABLE[placement])
+        model = make_victim(name, draws.rng, posture, placement)
         for spot in draws.shuffled(spots):
             if _fits(layout, model, spot) and layout.block(spot.tiles):
                 layout.reserved.update(layout.next(*view) for view in layout.views(spot.tiles))

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 from tyro.conf import Fixed
 
-StartPose = tuple[float, float, float]
-"""x and y in m, yaw in degrees."""
+StartPose = tuple[float, float, float]  # x and y in m, yaw in degrees
+SHARES = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
+"""Settings of random arenas that are shares of walls or tiles."""
 
 
 @dataclass(frozen=True)

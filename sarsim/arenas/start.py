@@ -14,24 +14,15 @@ from pipeline.grid_map import Grid
 from pipeline.labels import Label
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
-HEADINGS = np.arange(16) * 2 * np.pi / 16
-"""rad, of the robot at the start."""
-FAR = 3.0
-"""m; more open ground ahead makes no start better."""
-CLEAR = 0.6
-"""m; nor does more room around it."""
-HALF_WIDTH = 0.35
-"""m of free floor on both sides of the way ahead."""
-LEVEL = 0.02
-"""m that the floor around the start may rise or fall."""
-OUTSIDE_SHARE = 0.02
-"""What a cell counts in the choice of the piece to start in if it lies beside the arena."""
-MOST_PLACES = 2000
-"""Places that are compared."""
-MOST_GROUNDS = 10
-"""Pieces of ground that are compared, those with the largest patches of floor."""
-MIN_AREA = 0.25
-"""m² in which the robot's middle may be; a tile between four walls has 0.35."""
+HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, of the robot at the start
+FAR = 3.0  # m; more open ground ahead makes no start better
+CLEAR = 0.6  # m; nor does more room around it
+HALF_WIDTH = 0.35  # m of free floor on both sides of the way ahead
+LEVEL = 0.02  # m that the floor around the start may rise or fall
+OUTSIDE_SHARE = 0.02  # What a cell counts in the choice of the piece to start in if it lies beside the arena
+MOST_PLACES = 2000  # Places that are compared
+MOST_GROUNDS = 10  # Pieces of ground that are compared, those with the largest patches of floor
+MIN_AREA = 0.25  # m² in which the robot's middle may be; a tile between four walls has 0.35
 
 
 class Start(NamedTuple):

@@ -13,20 +13,13 @@ from dm_control import mjcf
 
 from pipeline.errors import InputError
 
-MEMORY = 4_000_000_000
-"""bytes beyond what this process has."""
-SECONDS = 20
-"""of processor time; a process that takes none waits for something, ten times as long."""
-GOOD, MOST_SAID = "good", 4096
-"""Answer of the process, and its longest, in bytes, that a pipe takes at once."""
-TIMESTEP = 1e-4, 0.02
-"""s, from and to; the drive's period is the longest."""
-MOST_ITERATIONS = 1000
-"""of a solver; MuJoCo's own default is 100."""
-MOST_USER = 100
-"""``user`` numbers of an element."""
-ZNEAR, ZFAR = (1e-6, 1.0), (1e-3, 1e6)
-"""of ``<visual><map>``, in extents of the model."""
+MEMORY = 4_000_000_000  # bytes beyond what this process has
+SECONDS = 20  # of processor time; a process that takes none waits for something, ten times as long
+GOOD, MOST_SAID = "good", 4096  # Answer of the process, and its longest, in bytes, that a pipe takes at once
+TIMESTEP = 1e-4, 0.02  # s, from and to; the drive's period is the longest
+MOST_ITERATIONS = 1000  # of a solver; MuJoCo's own default is 100
+MOST_USER = 100  # ``user`` numbers of an element
+ZNEAR, ZFAR = (1e-6, 1.0), (1e-3, 1e6)  # of ``<visual><map>``, in extents of the model
 
 
 def try_mjcf(path: Path) -> None:

@@ -11,8 +11,7 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 MAX_MJCF_BYTES = 50_000_000
-MAX_MJCF_GEOMS = 50_000
-"""of one file, copies by ``<replicate>`` counted."""
+MAX_MJCF_GEOMS = 50_000  # of one file, copies by ``<replicate>`` counted
 
 
 def parse_xml(path: Path, max_bytes: int) -> "Element":

@@ -11,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from pipeline.traversability.pose_paths import PosePaths, simplify
 from pipeline.traversability.traversability import Traversability, assess
+from sarsim.dataset.settings import KEYFRAMES
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.robots.pioneer3at import PIONEER_3AT
@@ -23,8 +24,6 @@ SPEED, TURN_RATE = 0.2, 0.6
 """m/s and rad/s of the drive."""
 PERIOD = 0.3
 """s between two poses of the drive."""
-KEYFRAMES = (0.3, 0.6)
-"""m driven and rad turned from one keyframe to the next."""
 TILT_VIBRATION, HEIGHT_VIBRATION = 0.003, 0.001
 """rad and m, standard deviations of roll, pitch and height at a keyframe."""
 CANDIDATES = 12

@@ -9,8 +9,7 @@ from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.recipe import Recipe
 
-ATTEMPTS = 3
-"""How often a scene is begun whose workers die."""
+ATTEMPTS = 3  # How often a scene is begun whose workers die
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from typing import Any, Self
 
 from pipeline.errors import InputError
 
-PATIENCE = 10.0
-"""s to wait for the workers of a generator that was killed; they end by themselves."""
+PATIENCE = 10.0  # s to wait for the workers of a generator that was killed; they end by themselves
 
 
 class FolderLock(ExitStack):

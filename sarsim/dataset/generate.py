@@ -62,11 +62,7 @@ def _folder(folder: Path) -> Iterator[FolderLock]:
 
 
 def _begun(recipe: Recipe, folder: Path) -> Manifest:
-    """The dataset as far as it is whole.
-
-    Raises:
-        InputError: the folder holds another dataset, or something else.
-    """
+    """The dataset as far as it is whole; InputError where the folder holds another dataset, or something else."""
     new = Manifest.new(recipe)
     if not (folder / FILE).exists():
         if others := sorted(p.name for p in folder.iterdir() if p.name != SCENES):

@@ -87,11 +87,7 @@ class FileSink(io.FileIO):
 
 
 def open_file(path: Path) -> h5py.File:
-    """A file to read.
-
-    Raises:
-        InputError: it is missing or no HDF5 file.
-    """
+    """A file to read; InputError where it is missing or no HDF5 file."""
     try:
         return h5py.File(path, "r")
     except FileNotFoundError as error:

@@ -58,7 +58,6 @@ class Worker:
     """
 
     def __init__(self, recipe: Recipe, folder: Path, lock: FolderLock):
-        """Start it."""
         self.index = -1
         self.process, self.connection = processes.connected(_serve, lock, recipe, folder)
 
@@ -69,11 +68,7 @@ class Worker:
             self.connection.send(index)
 
     def event(self) -> Event:
-        """What it has to tell.
-
-        Raises:
-            InputError: the scene cannot be made or written.
-        """
+        """What it has to tell; InputError where the scene cannot be made or written."""
         try:
             message = self.connection.recv()
         except (EOFError, OSError):

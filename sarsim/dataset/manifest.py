@@ -68,11 +68,7 @@ class Manifest:
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Of a dataset's folder.
-
-        Raises:
-            InputError: it holds no dataset of this version.
-        """
+        """Of a dataset's folder; InputError where it holds no dataset of this version."""
         path = folder / FILE
         try:
             content = json.loads(path.read_text())
@@ -94,11 +90,7 @@ class Manifest:
             raise InputError(f"{path}: broken: {error}") from error
 
     def write(self, folder: Path) -> None:
-        """Replace the file.
-
-        Raises:
-            InputError: it cannot be written.
-        """
+        """Replace the file; InputError where it cannot be written."""
         content = {
             "format": FORMAT,
             "version": VERSION,

@@ -106,11 +106,7 @@ def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, ArenaText]:
 
 
 def arena_of(scene: SceneRecipe) -> ArenaText:
-    """The arena of a scene.
-
-    Raises:
-        InputError: it cannot be had.
-    """
+    """The arena of a scene; InputError where it cannot be had."""
     if scene.random is not None:
         # What load_arena would make, without the tenths of a second that PyMJCF takes to read and write it.
         return ArenaText(build_random(int(scene.arena.removeprefix(PREFIX)), scene.random).to_xml(), {})

@@ -27,14 +27,9 @@ _IMAGES = {"rgb": ((3,), np.uint8), "depth": ((), np.uint16), "label": ((), np.u
 """By name: what a pixel is, and its type. Noise makes colour all but incompressible, so it is kept as it is."""
 
 _CONTENT = {
-    "geoms/name": "geom_name",
-    "geoms/label": "geom_label",
-    "geoms/victim": "geom_victim",
-    "victims/id": "victim_id",
-    "victims/pose": "victim_pose",
-    "victims/box": "victim_box",
-}
-"""By name in the file: what :class:`SceneContent` calls it."""
+    name: name.replace("s/", "_")
+    for name in ("geoms/name", "geoms/label", "geoms/victim", "victims/id", "victims/pose", "victims/box")
+}  # by name in the file: what :class:`SceneContent` calls it
 
 _LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "rgb": ("u1", "M", "H", "W", 3),
@@ -189,11 +184,7 @@ class Scene(ExitStack):
     """
 
     def __init__(self, path: Path):
-        """Open a file.
-
-        Raises:
-            InputError: it is missing, broken, or no scene of this version.
-        """
+        """Open a file; InputError where it is missing, broken, or no scene of this version."""
         super().__init__()
         self.path = path
         self._file = self.enter_context(open_file(path))

@@ -17,12 +17,9 @@ from sarsim.dataset.manifest import SPLITS
 from sarsim.dataset.scene_file import Scene
 
 FILE = "index.html"
-MAX_PICTURED = 12
-"""Scenes of which the page shows a frame."""
-SIZE = (320, 240)
-"""Width and height of the pictures in pixels."""
-FAR = 3.5
-"""m, the end of the depth pictures' colours."""
+MAX_PICTURED = 12  # Scenes of which the page shows a frame
+SIZE = (320, 240)  # Width and height of the pictures in pixels
+FAR = 3.5  # m, the end of the depth pictures' colours
 
 
 def write_summary(folder: Path) -> None:

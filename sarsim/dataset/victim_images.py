@@ -12,8 +12,7 @@ from pipeline.victims.detection.labelled_image import LabelledImage
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.scene_file import Scene
 
-MIN_AREA = 100
-"""pixels that must show of a person who is to be found; one who shows fewer is ignored."""
+MIN_AREA = 100  # pixels that must show of a person who is to be found; one who shows fewer is ignored
 
 
 class VictimImages(ExitStack):

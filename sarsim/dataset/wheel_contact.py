@@ -10,14 +10,11 @@ from sarsim.ground_truth.columns import ConvexBodies
 
 AXLES = np.array([(0.135, 0.199, 0.111), (0.135, -0.199, 0.111), (-0.135, 0.199, 0.111), (-0.135, -0.199, 0.111)])
 """(4, 3) m in ``base_link``: front left, front right, rear left, rear right."""
-RADIUS = 0.110
-"""m; a tyre of 0.111 m sinks in by 1 mm under the robot's weight."""
-CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])
-"""(3,) m in ``base_link``."""
+RADIUS = 0.110  # m; a tyre of 0.111 m sinks in by 1 mm under the robot's weight
+CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])  # (3,) m in ``base_link``
 UNDERSIDE = np.array([(x, y, 0.08) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.1, 0.0, 0.1)])
 """(N, 3) m in ``base_link``: the lowest points of the chassis."""
-REACH = 0.2
-"""m; a surface that much higher than the middle of the robot does not count as its ground."""
+REACH = 0.2  # m; a surface that much higher than the middle of the robot does not count as its ground
 
 
 class WheelContact:

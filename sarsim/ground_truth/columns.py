@@ -13,12 +13,9 @@ from sarsim.ground_truth import columns_kernels as kernels
 from sarsim.ground_truth.shapes import CUBE, SQUARE, hull_planes, mesh_vertices, swept
 from sarsim.sensors.camera import geom_labels
 
-ENDLESS = 25.0
-"""m from its middle that an endless plane counts."""
-SEGMENTS = 32
-"""Sides of the polygon that stands for a circle."""
-_GAP = 1e-3
-"""m; bodies that lie nearer to each other stand on each other."""
+ENDLESS = 25.0  # m from its middle that an endless plane counts
+SEGMENTS = 32  # Sides of the polygon that stands for a circle
+_GAP = 1e-3  # m; bodies that lie nearer to each other stand on each other
 _GEOM = mujoco.mjtGeom
 
 

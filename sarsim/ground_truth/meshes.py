@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from pipeline.transforms import from_rotation
 from sarsim.ground_truth.shapes import SQUARE, rotation, swept
 
-SEGMENTS = 24
-"""Sides of a drawn circle."""
+SEGMENTS = 24  # Sides of a drawn circle
 
-CREASE = np.cos(np.deg2rad(30))
-"""Where a face and the smoothed surface differ by more, there is an edge."""
+CREASE = np.cos(np.deg2rad(30))  # Where a face and the smoothed surface differ by more, there is an edge
 
 DRAWN_GROUPS = (0, 1, 2)
 """Geoms of these groups are seen; collision shapes stand in others (MuJoCo's own viewer agrees)."""

@@ -20,12 +20,9 @@ MAX_STEP = 0.08
 MAX_TILT = np.deg2rad(20)
 CLEARANCE = 0.30
 HEADROOM = 0.65
-MARGIN = 0.5
-"""m of grid around the arena."""
-MOST_AREA = 6000.0
-"""m² of an arena; a .raf file's may be 72 m long and wide."""
-START_REACH = 0.3
-"""m; a start so far above or below the ground is taken to stand on it."""
+MARGIN = 0.5  # m of grid around the arena
+MOST_AREA = 6000.0  # m² of an arena; a .raf file's may be 72 m long and wide
+START_REACH = 0.3  # m; a start so far above or below the ground is taken to stand on it
 
 
 @dataclass(frozen=True, eq=False)

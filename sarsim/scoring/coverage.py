@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.simulated_robot import SimulatedRobot
 
-SEEN_HEIGHT = 0.15
-"""m; a return this near to a cell's ground has seen the cell."""
+SEEN_HEIGHT = 0.15  # m; a return this near to a cell's ground has seen the cell
 
 
 class Coverage:

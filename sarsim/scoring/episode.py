@@ -13,7 +13,7 @@ from sarsim.ground_truth.faces import true_faces
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.segments import score_segments
-from sarsim.scoring.semantics import KeyframeTruth
+from sarsim.scoring.semantics import KeyframeTruth, compared
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import way_lengths
 from sarsim.scoring.trajectory import TrajectoryScore, motion_figures
@@ -21,8 +21,7 @@ from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot
 
-MOST = 0.9
-"""Share of the drivable area whose time to be seen is told."""
+MOST = 0.9  # Share of the drivable area whose time to be seen is told
 
 
 class EpisodeScore:
@@ -76,28 +75,18 @@ class EpisodeScore:
         assert truth is not None
         self._kidnaps += step.was_kidnapped
         self._frontiers_left = len(step.frontiers)
-        self.progress.append((self._robot.time - self._start_time, self.explored_fraction))
+        self.progress.append((self._robot.time - self._start_time, self.coverage.fraction))
         if step.plan is not None and step.plan.length > 0.1:
             self._cost_ratios.append(
                 step.plan.length / self._optimum(truth.T_world_base[:2, 3], step.plan.way_points[-1, :2])
             )
-
-    @property
-    def seen(self) -> NDArray[np.bool_]:
-        """(nx, ny) on the grid of the true ground."""
-        return self.coverage.seen
-
-    @property
-    def explored_fraction(self) -> float:
-        """Share of the drivable area that was seen."""
-        return self.coverage.fraction
 
     def report(self) -> dict[str, Any]:
         """All stages of which there is something to say; the commands add what ran and how long it took."""
         explorer = self._explorer
         stages = {
             "metric_map": self._voxels.report(),
-            "semantic_map": self._semantics.score(explorer.mapper.poses).report(explorer.mapper.semantic_map),
+            "semantic_map": compared(self._semantics.map_at(explorer.mapper.poses), explorer.mapper.semantic_map),
             "segments": score_segments(explorer.mapper.segments, self._faces),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),
@@ -134,7 +123,7 @@ class EpisodeScore:
         """``seen90_s`` is missing where less was seen."""
         times = [time for time, share in self.progress if share >= MOST]
         return {
-            "explored_fraction": self.explored_fraction,
+            "explored_fraction": self.coverage.fraction,
             "frontiers_left": self._frontiers_left,
             **({"seen90_s": times[0]} if times else {}),
         }

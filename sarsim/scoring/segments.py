@@ -10,8 +10,7 @@ from pipeline.segments.segments import Segment, Segments
 from sarsim.ground_truth.faces import Face, plane_axes
 
 MAX_ANGLE = np.deg2rad(20)
-MAX_DISTANCE = 0.15
-"""m; a segment is compared with faces whose plane is no further from its middle."""
+MAX_DISTANCE = 0.15  # m; a segment is compared with faces whose plane is no further from its middle
 
 
 def score_segments(segments: Segments, faces: list[Face]) -> dict[str, Any]:

@@ -15,27 +15,6 @@ from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
 from pipeline.semantic_map.voxels import VoxelCloud
 
 
-class SemanticScore:
-    """Keeps the true label of every point in a second map of the same voxels, and compares."""
-
-    def __init__(self) -> None:
-        """A score of no points."""
-        self._truth = SemanticMap()
-
-    def add(
-        self, points: NDArray[np.float32], truth: NDArray[np.float32], hits: NDArray[np.uint32] | None = None
-    ) -> None:
-        """Add the (N, 3) points, m, that the robot added to its map, with the (N, 8) share of each true label.
-
-        ``hits`` (N,) is how many returns each is the mean of; 1 if not given.
-        """
-        self._truth.update(points, truth, hits)
-
-    def report(self, semantic_map: SemanticMap) -> dict[str, Any]:
-        """Intersection over union by label, its means, and the share of right points; nothing without points."""
-        return label_figures(confusion_matrix(self._truth.labels(), semantic_map.labels()))
-
-
 class KeyframeTruth:
     """The true labels of keyframes, which follow their poses."""
 
@@ -57,16 +36,21 @@ class KeyframeTruth:
             shares = cloud.means(np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]])
             self._added.append((keyframe.index, replace(cloud, voxel_of_point=np.zeros(0, np.int64)), shares))
 
-    def score(self, poses: NDArray[np.float64]) -> SemanticScore:
-        """The score of a map of keyframes at these (N, 4, 4) poses, ``T_map_base``."""
-        score = SemanticScore()
+    def map_at(self, poses: NDArray[np.float64]) -> SemanticMap:
+        """The robot's map with the true labels, of keyframes at these (N, 4, 4) poses, ``T_map_base``."""
+        truth = SemanticMap()
         for index, cloud, shares in self._added:
-            score.add(moved(poses[index], cloud.points), shares, cloud.hits)
-        return score
+            truth.update(moved(poses[index], cloud.points), shares, cloud.hits)
+        return truth
+
+
+def compared(truth: SemanticMap, semantic_map: SemanticMap) -> dict[str, Any]:
+    """The figures of a map against one of the same voxels that has the true labels; nothing without points."""
+    return label_figures(confusion_matrix(truth.labels(), semantic_map.labels()))
 
 
 def label_figures(confusion: NDArray[np.int64]) -> dict[str, Any]:
-    """The figures of a confusion (8, 8), rows by true label, as :meth:`SemanticScore.report` gives them."""
+    """Intersection over union by label, its means, and the share of right points, by a confusion (8, 8)."""
     if not confusion.any():
         return {}
     iou = iou_by_label(confusion)

@@ -12,10 +12,8 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
 from sarsim.scoring.topology_kernels import cells_in_sight, line_is_free
 
-SIGHT = 2.0
-"""m from which a node covers a cell that it sees."""
-MIN_GAIN = 0.01
-"""m²; less is not worth a node of the greedy cover."""
+SIGHT = 2.0  # m from which a node covers a cell that it sees
+MIN_GAIN = 0.01  # m²; less is not worth a node of the greedy cover
 
 
 def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, Any]:

@@ -14,12 +14,10 @@ from pipeline.transforms import inverse, tilt_of, wrap_angle, yaw_of
 from sarsim.robots.pose import Pose
 
 TIPPED = np.deg2rad(45)
-LIFT = 0.15
-"""m from one pose to the next."""
+LIFT = 0.15  # m from one pose to the next
 
 
-FALSE_LOOP = 0.2, np.deg2rad(5)
-"""m and rad by which the relative pose of a false loop is off."""
+FALSE_LOOP = 0.2, np.deg2rad(5)  # m and rad by which the relative pose of a false loop is off
 
 
 class TrajectoryScore:

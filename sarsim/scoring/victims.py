@@ -15,8 +15,7 @@ from scipy.optimize import linear_sum_assignment
 from sarsim.sensors.camera import LabelledImage
 from sarsim.victims.victims import victims_of
 
-NEAR = 0.5
-"""m from the true position within which a victim counts as found."""
+NEAR = 0.5  # m from the true position within which a victim counts as found
 VISIBLE = 400
 """Pixels, with a depth within the sensor's range of 3.5 m, that make a person visible in a frame."""
 

@@ -13,12 +13,9 @@ from sarsim.sensors.xtion_kernels import random_bits
 
 MAX_EXTINCTION = 0.5
 """1/m in the densest dust: contrast falls to 2 % over 3.9 / 0.5 = 8 m (Koschmieder), like thick fog."""
-GREY = np.array((0.62, 0.60, 0.56), np.float32)
-"""Colour of dust in white light."""
-LAMP_VEIL = 0.5
-"""Radiance of endless dust in the lamp's beam, of a white surface's at 1 m."""
-SPECK_RATE = 0.05
-"""Chance, in the densest dust, that a ray without end returns from a speck."""
+GREY = np.array((0.62, 0.60, 0.56), np.float32)  # Colour of dust in white light
+LAMP_VEIL = 0.5  # Radiance of endless dust in the lamp's beam, of a white surface's at 1 m
+SPECK_RATE = 0.05  # Chance, in the densest dust, that a ray without end returns from a speck
 
 
 @dataclass(frozen=True)

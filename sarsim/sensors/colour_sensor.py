@@ -10,14 +10,10 @@ from numpy.typing import NDArray
 from sarsim.sensors import colour_kernels
 from sarsim.sensors.xtion_kernels import random_bits
 
-FULL_WELL = 4000.0
-"""electrons of white in normal light."""
-READ_NOISE = 6.0
-"""electrons, standard deviation."""
-MAX_GAIN = 8.0
-"""How much the signal is amplified at most."""
-TARGET = 0.3
-"""Mean value, of 1, that the gain aims at."""
+FULL_WELL = 4000.0  # electrons of white in normal light
+READ_NOISE = 6.0  # electrons, standard deviation
+MAX_GAIN = 8.0  # How much the signal is amplified at most
+TARGET = 0.3  # Mean value, of 1, that the gain aims at
 
 
 def expose(radiance: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.uint8]:

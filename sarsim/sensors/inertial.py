@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-GRAVITY = 9.81
-"""m/s²."""
+GRAVITY = 9.81  # m/s²
 DRIFT_TIME = 100.0
 """s in which a bias forgets; chosen where the Allan deviation of MEMS sensors is flat, for data sheets do not say."""
 CALIBRATION_TIME = 10.0

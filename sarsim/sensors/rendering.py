@@ -126,11 +126,7 @@ class Renderer(ExitStack):
 
 
 def fixed_camera(model: mujoco.MjModel, camera: int | str) -> mujoco.MjvCamera:
-    """A camera of the model, by id or name.
-
-    Raises:
-        InputError: the model has no such camera.
-    """
+    """A camera of the model, by id or name; InputError where the model has no such camera."""
     index = model.camera(camera).id if isinstance(camera, int) and 0 <= camera < model.ncam else -1
     if isinstance(camera, str):
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)

@@ -10,12 +10,9 @@ from pipeline.frame import Intrinsics
 from sarsim.sensors import xtion_kernels as kernels
 from sarsim.sensors.camera import LabelledImage
 
-EDGE = 0.25
-"""pixels of disparity, two of the sensor's steps: what breaks less is no edge to it."""
-DISPARITY_STEP = np.float32(1 / 8)
-"""pixels."""
-BASELINE = 0.075
-"""m from the camera to the projector, which stands to its right."""
+EDGE = 0.25  # pixels of disparity, two of the sensor's steps: what breaks less is no edge to it
+DISPARITY_STEP = np.float32(1 / 8)  # pixels
+BASELINE = 0.075  # m from the camera to the projector, which stands to its right
 MAX_INCIDENCE = 82.0
 """degrees between the line of sight and the surface's normal beyond which nothing returns."""
 

@@ -20,8 +20,7 @@ HAIR = (
     (0.55, 0.55, 0.56),
 )  # fmt: skip
 DARK_HAIR = (*HAIR[:2], HAIR[-1])
-MEDIUM_SKIN = 1.7
-"""Sum of a skin's colours below which hair is dark or grey."""
+MEDIUM_SKIN = 1.7  # Sum of a skin's colours below which hair is dark or grey
 TOPS = (
     (0.75, 0.12, 0.12), (0.14, 0.28, 0.60), (0.10, 0.42, 0.22), (0.90, 0.74, 0.15), (0.90, 0.90, 0.88),
     (0.12, 0.12, 0.14), (0.50, 0.20, 0.50), (0.90, 0.45, 0.12), (0.35, 0.65, 0.80), (0.92, 0.60, 0.68),
@@ -32,23 +31,19 @@ BOTTOMS = (
     (0.22, 0.27, 0.18), (0.70, 0.64, 0.52), (0.35, 0.13, 0.15),
 )  # fmt: skip
 SHOES = ((0.08, 0.07, 0.07), (0.30, 0.19, 0.11), (0.85, 0.85, 0.85), (0.60, 0.12, 0.12), (0.18, 0.24, 0.42))
-SPACING = {"stripes": 0.11, "bands": 0.24}
-"""m from one stripe or band to the next of its colour."""
-CHECK, CLOTH = 0.11, 0.4
-"""m that a texture of checks, or of plain cloth, covers."""
+SPACING = {"stripes": 0.11, "bands": 0.24}  # m from one stripe or band to the next of its colour
+CHECK, CLOTH = 0.11, 0.4  # m that a texture of checks, or of plain cloth, covers
 PATTERNS, PATTERN_SHARES = ("plain", "stripes", "checks"), (0.6, 0.25, 0.15)
 """Of the tops that are no overalls, and how often each is worn."""
 REFLECTIVE = (0.92, 0.95, 0.35)
 EYE, IRIS = (0.93, 0.92, 0.90), (0.12, 0.09, 0.07)
-LIPS = np.array((0.85, 0.55, 0.52))
-"""What lips take from the skin's colour."""
+LIPS = np.array((0.85, 0.55, 0.52))  # What lips take from the skin's colour
 SHORT_SLEEVE = ("left_sleeve", "right_sleeve", "chest", "belly")
 LONG_SLEEVE = (*SHORT_SLEEVE, "left_upper_arm", "right_upper_arm", "left_forearm", "right_forearm")
 SHORTS = ("hips", "left_thigh", "right_thigh")
 TROUSERS = (*SHORTS, "left_knee", "right_knee", "left_shin", "right_shin")
 FEET = ("left_foot", "right_foot")
-UPPER_BODY = ("head", "chest", "left_sleeve", "right_sleeve")
-"""The parts of a bust."""
+UPPER_BODY = ("head", "chest", "left_sleeve", "right_sleeve")  # The parts of a bust
 
 
 @dataclass(frozen=True)

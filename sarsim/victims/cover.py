@@ -9,16 +9,11 @@ from numpy.typing import NDArray
 from pipeline.labels import Label
 from sarsim.victims.mjcf import about_z, geom, quaternion
 
-PANEL = 0.02
-"""m thickness of boards and panels."""
-MAX_SLOPE = np.radians(28)
-"""How steeply a board of the rubble leans."""
-WALL, HOLE = 1.2, (0.28, 0.24)
-"""m: the least size of a wall panel, and half sizes of its hole."""
-GAP, RIM = 0.03, 0.05
-"""m between a person and what surrounds it, and between a hole and the panel's edge."""
-MAX_DEPTH = 0.6
-"""m; what of a person is further out sticks out of the box."""
+PANEL = 0.02  # m thickness of boards and panels
+MAX_SLOPE = np.radians(28)  # How steeply a board of the rubble leans
+WALL, HOLE = 1.2, (0.28, 0.24)  # m: the least size of a wall panel, and half sizes of its hole
+GAP, RIM = 0.03, 0.05  # m between a person and what surrounds it, and between a hole and the panel's edge
+MAX_DEPTH = 0.6  # m; what of a person is further out sticks out of the box
 BOARDS = (("back", 0, -1), ("left", 1, 1), ("right", 1, -1), ("top", 2, 1), ("bottom", 2, -1))
 """Of a box: name, axis, and on which side of the middle."""
 WOOD = (0.62, 0.48, 0.33)

@@ -16,16 +16,11 @@ from scipy.spatial.transform import Rotation
 from sarsim.assets import asset
 from sarsim.victims.mjcf import about_z
 
-UNIT = 1e-4
-"""m; vertices are kept as whole numbers of it."""
-HEIGHT = 2.01
-"""m that the library's people measure when they stand."""
-NECK = np.array([0, 0.63, 0.01])
-"""m at rest; what a child's larger head grows from."""
-CHIN = np.array([[0, 0.6, 0.03]])
-"""m at rest; between head and chest."""
-AGAINST_WALL = ("sitting", "slumped", "seated")
-"""The postures in which a wall at x = 0 holds the person up."""
+UNIT = 1e-4  # m; vertices are kept as whole numbers of it
+HEIGHT = 2.01  # m that the library's people measure when they stand
+NECK = np.array([0, 0.63, 0.01])  # m at rest; what a child's larger head grows from
+CHIN = np.array([[0, 0.6, 0.03]])  # m at rest; between head and chest
+AGAINST_WALL = ("sitting", "slumped", "seated")  # The postures in which a wall at x = 0 holds the person up
 
 
 @dataclass(frozen=True, eq=False)

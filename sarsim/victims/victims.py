@@ -39,8 +39,7 @@ Placement = Literal["open", "rubble", "box", "hole"]
 
 POSTURES: tuple[Posture, ...] = get_args(Posture)
 PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
-PREFIX, COVER = "victim_", "cover_"
-"""What the names of the two bodies begin with."""
+PREFIX, COVER = "victim_", "cover_"  # What the names of the two bodies begin with
 SUITABLE: dict[Placement, tuple[Posture, ...]] = {
     "open": POSTURES,
     "rubble": ("lying", "prone", "side"),

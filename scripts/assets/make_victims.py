@@ -36,12 +36,10 @@ COUNTS = {
     "seated": {"man": 1, "woman": 1, "child": 1},
 }
 """Poses of each recipe and build."""
-HAIR = {"short": 300, "long": 400}
-"""Triangles of each style."""
+HAIR = {"short": 300, "long": 400}  # Triangles of each style
 TRIANGLES = 3600
 TRIES = 150
-SUNK = 0.004
-"""m that the lowest point lies below the floor, as flesh does."""
+SUNK = 0.004  # m that the lowest point lies below the floor, as flesh does
 
 
 LIBRARY = asset("victims", "people.npz")

@@ -5,7 +5,6 @@ processes take turns frame by frame, so other load on the machine slows all alik
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import ClassVar
 
@@ -35,14 +34,7 @@ class WithoutMultisampling(ThreePasses):
 
 
 CONTENDERS: dict[str, type[Renderer]] = {**RENDERERS, "renderer_without_multisampling": WithoutMultisampling}
-
-
-@dataclass
-class Times:
-    """Milliseconds of one frame, and of each of its parts alone."""
-
-    frame: float
-    parts: dict[str, float]
+Times = dict[str, float]  # ms of one "frame", and of each of its parts alone
 
 
 def measure(frames: int = 60, width: int = 640, height: int = 480) -> Result:
@@ -65,14 +57,12 @@ def measure(frames: int = 60, width: int = 640, height: int = 480) -> Result:
 
 def summary(times: dict[str, list[Times]]) -> dict[str, float]:
     """Medians: of the ratio between two frames of a round, and of frames and parts in milliseconds."""
-    frame = {name: np.array([row.frame for row in rows]) for name, rows in times.items()}
+    frame = {name: np.array([row["frame"] for row in rows]) for name, rows in times.items()}
     figures = {
         f"frame_vs_{name}": float(np.median(frame[name] / frame["ours"])) for name in CONTENDERS if name != "ours"
     }
     for name, rows in times.items():
-        figures[f"{name}.frame_ms"] = float(np.median(frame[name]))
-        for part in rows[0].parts:
-            figures[f"{name}.{part}_ms"] = float(np.median([row.parts[part] for row in rows]))
+        figures |= {f"{name}.{part}_ms": float(np.median([row[part] for row in rows])) for part in rows[0]}
     return figures
 
 
@@ -115,7 +105,7 @@ def _ours(renderer: Renderer, data: mujoco.MjData) -> Callable[[], Times]:
 
     def frame() -> Times:
         whole = 1e3 * seconds(lambda: Xtion.ideal().apply(camera.capture(data), rng))
-        return Times(whole, {name: 1e3 * seconds(part) for name, part in parts.items()})
+        return {"frame": whole} | {name: 1e3 * seconds(part) for name, part in parts.items()}
 
     return frame
 
@@ -126,6 +116,6 @@ def _theirs(renderer: ThreePasses, data: mujoco.MjData) -> Callable[[], Times]:
 
     def frame() -> Times:
         parts = {name: 1e3 * seconds(draw, data, "camera") for name, draw in passes.items()}
-        return Times(sum(parts.values()), parts)
+        return {"frame": sum(parts.values())} | parts
 
     return frame

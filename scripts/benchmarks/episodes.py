@@ -33,12 +33,11 @@ from sarsim.scripts.benchmarks.top_view import top_view
 from sarsim.scripts.cli import progress
 from sarsim.settings import EpisodeConfig
 
-GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")
-"""Arenas whose episodes are summed up together."""
-STEPS = 1000
-"""At most; an episode ends before when no viewpoint is left."""
+GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")  # Arenas whose episodes are summed up together
+STEPS = 1000  # At most; an episode ends before when no viewpoint is left
 
 Strategy = Literal["ours", "nearest_frontier", "random_walk"]
+Results = Sequence[dict[str, Any] | None]  # of jobs, None where a process failed
 
 
 @dataclass(frozen=True)
@@ -68,11 +67,7 @@ class Job:
         return json.loads(json.dumps(told | {"version": version("sarsim")}, default=str))
 
     def result(self, folder: Path) -> dict[str, Any] | None:
-        """What an earlier run left; None if there is nothing.
-
-        Raises:
-            InputError: it left something else.
-        """
+        """What an earlier run left, None if there is nothing; InputError where it is something else."""
         file = folder / f"{self.name}.json"
         if not file.exists():
             return None
@@ -86,17 +81,20 @@ class Job:
 
 
 def configs(
-    base: EpisodeConfig, nist: int, esogu: int, random: int, rafs: Sequence[Path] = ()
+    base: EpisodeConfig, nist: int, esogu: int, random: int, raf: Path | None = None
 ) -> Iterator[tuple[str, EpisodeConfig]]:
     """Group and settings of each episode, the longest first.
 
     ``base`` has what is common to all; ``nist`` and ``esogu`` are numbers of seeds, ``random`` that of the arenas of
-    difficulties 0, 1 and 2, ``rafs`` files.
+    difficulties 0, 1 and 2, ``raf`` a folder of files.
 
     Raises:
-        InputError: the weights cannot be used.
+        InputError: the weights cannot be used, or the folder holds no file.
     """
     make_classifier(base.labels, base.weights)
+    rafs = sorted(raf.glob("*.raf")) if raf else []
+    if raf and not rafs:
+        raise InputError(f"--raf {raf}: no .raf file is there")
     # A random arena's difficulty is the remainder of its seed on division by 4.
     seeds = islice((seed for seed in count() if seed % 4 != 3), random)
     arenas = [("esogu_52x15", "esogu_52x15", seed) for seed in range(esogu)]
@@ -158,7 +156,7 @@ class BenchmarkEpisode(Episode):
 
     def step(self) -> bool:
         """As every episode's, but that a random walk ends when ``MOST`` of the arena was seen."""
-        return super().step() and not (self._is_random and self.score.explored_fraction >= MOST)
+        return super().step() and not (self._is_random and self.score.coverage.fraction >= MOST)
 
     def _watch(self, pose: Pose) -> None:
         self._log_motion(pose)
@@ -173,10 +171,10 @@ class BenchmarkEpisode(Episode):
         end = self.score.progress[-1][0]
         text = (
             f"{Path(self.config.arena).name}, seed {self.config.seed}:"
-            f" {self.score.explored_fraction:.1%} seen in {end:.0f} s,"
+            f" {self.score.coverage.fraction:.1%} seen in {end:.0f} s,"
             f" {self.explorer.steps} steps, {len(self.contacts)} contacts, {len(failed)} legs not reached"
         )
-        return top_view(self.score.surface, self.score.seen, track, self.contacts, failed, text)
+        return top_view(self.score.surface, self.score.coverage.seen, track, self.contacts, failed, text)
 
 
 def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> None:

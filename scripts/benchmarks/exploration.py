@@ -10,20 +10,25 @@ import numpy as np
 
 from pipeline.errors import InputError
 from sarsim.scripts.benchmarks.common import Result, at_least
-from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Strategy, configs, run_jobs
-from sarsim.scripts.benchmarks.exploration_figures import group_figures, pairs, reports, seen90_ratio
-from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, rich_table, sections
+from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Results, Strategy, configs, run_jobs
+from sarsim.scripts.benchmarks.exploration_table import (
+    BASELINES,
+    RATIO,
+    group_figures,
+    pairs,
+    reports,
+    rich_table,
+    sections,
+    seen90_ratio,
+)
 from sarsim.settings import EpisodeConfig, Labels, LightingName, Odometry
 
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
 """The parts of a baseline's report that are summed up."""
-PICTURES = 2
-"""Runs of each group, the worst ones, whose pictures go beside the file of the figures."""
+PICTURES = 2  # Runs of each group, the worst ones, whose pictures go beside the file of the figures
 _DEFAULT = EpisodeConfig()
 
-Results = Sequence[dict[str, Any] | None]
-Runs = Mapping[tuple[str, Strategy], Results]
-"""Results by group and strategy, None where a process failed."""
+Runs = Mapping[tuple[str, Strategy], Results]  # Results by group and strategy, None where a process failed
 
 
 def measure(
@@ -50,11 +55,8 @@ def measure(
     at_least(0, nist=nist, esogu=esogu, random=random)
     at_least(1, workers=workers)
     base = EpisodeConfig(odometry=odometry, lighting=lighting, labels=labels, weights=weights, detector=detector)
-    rafs = sorted(raf.glob("*.raf")) if raf else []
-    if raf and not rafs:
-        raise InputError(f"--raf {raf}: no .raf file is there")
     peers = BASELINES if baselines else ()
-    jobs = jobs_of(base, nist, esogu, random, rafs, peers)
+    jobs = jobs_of(base, nist, esogu, random, raf, peers)
     if not jobs:
         raise InputError("no arena is to be explored")
     results = run_jobs(jobs, runs, workers)
@@ -69,13 +71,13 @@ def measure(
 
 
 def jobs_of(
-    base: EpisodeConfig, nist: int, esogu: int, random: int, rafs: Sequence[Path], baselines: Sequence[Strategy]
+    base: EpisodeConfig, nist: int, esogu: int, random: int, raf: Path | None, baselines: Sequence[Strategy]
 ) -> list[Job]:
     """The episodes of ours and of each baseline."""
     strategies: tuple[Strategy, ...] = ("ours", *baselines)
     return [
         Job(group, strategy, config if strategy == "ours" else replace(config, detector=None))
-        for group, config in configs(base, nist, esogu, random, rafs)
+        for group, config in configs(base, nist, esogu, random, raf)
         for strategy in strategies
     ]
 

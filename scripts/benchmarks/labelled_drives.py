@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from sarsim.dataset.drive import KEYFRAMES
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.render import World, arena_of
+from sarsim.dataset.settings import KEYFRAMES
 from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer

@@ -15,8 +15,7 @@ from rich.table import Table
 from pipeline.errors import InputError
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
-from sarsim.scripts.benchmarks.exploration_figures import group_figures, reports
-from sarsim.scripts.benchmarks.exploration_table import Rows, groups_in, rich_table, rows_of
+from sarsim.scripts.benchmarks.exploration_table import Rows, group_figures, groups_in, reports, rich_table, rows_of
 from sarsim.scripts.benchmarks.localisation_drives import DriveJob, record_job
 from sarsim.scripts.benchmarks.localisation_kidnappings import OUTCOMES, kidnap
 from sarsim.scripts.benchmarks.localisation_replay import replay_job
@@ -24,8 +23,7 @@ from sarsim.settings import EpisodeConfig, LightingName
 
 OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
 REGISTERING = PEERS[1:]
-NEEDED = ("evo", "kiss_icp")
-"""Packages that come with ``pip install -e '.[dev]'``."""
+NEEDED = ("evo", "kiss_icp")  # Packages that come with ``pip install -e '.[dev]'``
 KIDNAPPED_IN = {"nist_6x4": "nist_6x4", "random": "random:1"}
 """By group the arena in which robots are carried elsewhere."""
 ROWS: Mapping[str, str] = {
@@ -38,8 +36,6 @@ ROWS: Mapping[str, str] = {
     "time of a frame, ms": "frame_ms.median",
 }
 """Of the table, for each method, and the figures in them."""
-
-Results = Sequence[Mapping[str, Any] | None]
 
 
 def measure(
@@ -65,11 +61,8 @@ def measure(
     at_least(1, frames=frames, workers=workers)
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         raise InputError(f"{' and '.join(missing)} is missing: pip install -e '.[dev]'")
-    rafs = sorted(raf.glob("*.raf")) if raf else []
-    if raf and not rafs:
-        raise InputError(f"--raf {raf}: no .raf file is there")
     base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=lighting)
-    jobs = [DriveJob(group, "ours", config, frames) for group, config in configs(base, nist, esogu, random, rafs)]
+    jobs = [DriveJob(group, "ours", config, frames) for group, config in configs(base, nist, esogu, random, raf)]
     if not jobs and not kidnappings:
         raise InputError("no arena is to be driven in")
     drives = dict(zip(jobs, run_jobs(jobs, runs, workers, record_job), strict=True))

@@ -31,12 +31,9 @@ from sarsim.robots.pose import Pose
 from sarsim.scripts.benchmarks.episodes import Job, leave
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-SPACING, TURN = 0.1, np.deg2rad(5)
-"""m and rad from one frame to the next."""
-JPEG_QUALITY = 95
-"""Of colour, which noise makes all but incompressible otherwise."""
-_GROUND = ("height", "drivable", "walls")
-"""What a file keeps of the true ground."""
+SPACING, TURN = 0.1, np.deg2rad(5)  # m and rad from one frame to the next
+JPEG_QUALITY = 95  # Of colour, which noise makes all but incompressible otherwise
+_GROUND = ("height", "drivable", "walls")  # What a file keeps of the true ground
 
 
 @dataclass(frozen=True)
@@ -113,11 +110,7 @@ class Drive(ExitStack):
     """
 
     def __init__(self, path: Path):
-        """Open a file.
-
-        Raises:
-            InputError: it is missing or broken.
-        """
+        """Open a file; InputError where it is missing or broken."""
         super().__init__()
         file = self._file = self.enter_context(open_file(path))
         try:

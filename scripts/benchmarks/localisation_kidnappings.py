@@ -18,12 +18,9 @@ from pipeline.transforms import inverse
 from sarsim.episode import KEYFRAMES, Episode
 from sarsim.settings import EpisodeConfig
 
-ROOM = 0.4
-"""m around the robot's middle that is free where it is set down."""
-CARRIED = 0.5
-"""m at least from where it was."""
-STANDS = 10.0
-"""s after it was set down, in which its level settles."""
+ROOM = 0.4  # m around the robot's middle that is free where it is set down
+CARRIED = 0.5  # m at least from where it was
+STANDS = 10.0  # s after it was set down, in which its level settles
 GOOD, WRONG = 0.05, 0.3
 """m from the true position up to which a place is found, and beyond which it is a wrong one."""
 OUTCOMES = "found", "found_worse", "wrong", "in_doubt", "not_noticed"
@@ -67,7 +64,7 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
     """Set the robot down elsewhere and let it stand; InputError if there is nowhere."""
     robot, surface = episode.robot, episode.score.surface
     free = ndimage.binary_erosion(surface.drivable, iterations=round(ROOM / surface.grid.cell))
-    cells = np.argwhere(free & episode.score.seen)
+    cells = np.argwhere(free & episode.score.coverage.seen)
     places = surface.grid.centre_of(cells)
     far = np.linalg.norm(places - robot.trajectory[-1].T_world_base[:2, 3], axis=1) > CARRIED
     if not far.any():

@@ -28,8 +28,7 @@ LEAST_RETURNS = 0.1
 STRAYED = 0.1, np.deg2rad(5)
 """m and rad; where they find themselves farther off the odometry after one frame, they are lost, and it counts."""
 
-CORRECTED = 3
-"""Keyframes from one of our corrections to the next; as many lie between the steps of an episode."""
+CORRECTED = 3  # Keyframes from one of our corrections to the next; as many lie between the steps of an episode
 
 RgbdImage = o3d.t.geometry.RGBDImage
 

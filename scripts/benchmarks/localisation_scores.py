@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.transforms import wrap_angles
 
-SECTION = 1.0
-"""m driven over which relative pose errors are taken."""
+SECTION = 1.0  # m driven over which relative pose errors are taken
 
 
 def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> dict[str, float]:

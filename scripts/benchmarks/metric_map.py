@@ -21,10 +21,8 @@ from sarsim.scripts.benchmarks.recorded_frames import Recording, record
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
 """m; environments whose frame times are compared."""
-TILE = 8
-"""Frames that fill each 6 m × 4 m of an environment before anything is timed."""
-WARM_UP = 5
-"""Frames that are not counted."""
+TILE = 8  # Frames that fill each 6 m × 4 m of an environment before anything is timed
+WARM_UP = 5  # Frames that are not counted
 
 
 def measure(
@@ -65,7 +63,7 @@ def _speed(recording: Recording, slow: bool) -> dict[str, float]:
     times, figures = {}, {}
     for name, make in contenders.items():
         contender = make()
-        times[name] = _frame_times(contender, recording, recording.xtion, name)
+        times[name] = _frame_times(contender, recording, name)
         figures[f"{name}.frame_ms"] = 1e3 * float(np.median(times[name]))
         figures[f"{name}.bytes"] = float(contender.nbytes)
     for name in times:
@@ -76,10 +74,9 @@ def _speed(recording: Recording, slow: bool) -> dict[str, float]:
     return figures
 
 
-def _frame_times(
-    contender: "Contender", recording: Recording, depth: NDArray[np.float32], name: str
-) -> NDArray[np.float64]:
+def _frame_times(contender: "Contender", recording: Recording, name: str) -> NDArray[np.float64]:
     """Seconds of each frame; the first ones, shown twice, let numba compile or load its kernels."""
+    depth = recording.xtion
     for n in range(WARM_UP):
         contender.prepare(recording, depth, n)()
     return np.array(

@@ -1,8 +1,7 @@
 """The thesis's comparison of networks: accuracy, size and time, on the same frames with the same vote and map."""
 
 import json
-import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import mean
 
@@ -13,26 +12,21 @@ from rich.progress import track
 from rich.table import Table
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.classifier import CLASSES, PointClassifier
-from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig
-from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier
+from pipeline.semantic_map.classifier import CLASSES
+from pipeline.semantic_map.networks.blocks import CHANNELS
+from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.networks.inference import for_inference
-from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.weights import NETWORKS, load_weights
 from pipeline.semantic_map.planar_vote import planar_vote
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
 from sarsim.scripts.benchmarks.semantic import KEYFRAMES, LIGHTINGS, SHARED
-from sarsim.scripts.benchmarks.semantic_accuracy import Tally
-from sarsim.scripts.benchmarks.semantic_speed import THREADS, thesis_blocks
+from sarsim.scripts.benchmarks.semantic_accuracy import Change, Scores, scores
+from sarsim.scripts.benchmarks.semantic_speed import THREADS, classifier_of, thesis_blocks
 from sarsim.settings import WEIGHTS, LightingName
 
 FIRST_RANDOM = 90_000
 """Seed of the first random arena: those of datasets have seeds drawn from two thousand million."""
-VOTES = {"": True, ".alone": False}
-"""By what is appended to the names of figures, whether the points of a plane vote."""
-Scores = dict[str, dict[str, dict[str, float]]]
-"""``miou_four`` and the IoU by label, by network and what is appended, then frame or fused."""
 
 
 def measure(
@@ -49,17 +43,8 @@ def measure(
 ) -> Result:
     """Every network's size, time, and accuracy in arenas that none was trained on.
 
-    Args:
-        rounds: blocks of 4,096 points for which the networks take turns.
-        timed_frames: frames of nist_6x4 that are timed.
-        frames: of each of ``arenas`` whose labels are compared; 0 for none.
-        raf_frames: frames of each .raf and each random arena, likewise.
-        random: random arenas.
-        seed: of the drives and the sensor's errors.
-        arenas: names or paths of arenas with figures of their own.
-        raf: folder with .raf files, for the mean over them; left out if there is none.
-        lighting: normal or dark alone; both if not given.
-        weights: folder with NETWORK.safetensors; of a network without, there are size and time alone.
+    The parameters are explained by ``benchmark.py --help``; so many ``timed_frames`` of nist_6x4 are timed, and
+    ``arenas`` have figures of their own. No frames, no .raf files or no weights are no figures of them.
 
     Raises:
         InputError: there is nothing to measure, or an arena or weights are broken.
@@ -82,27 +67,21 @@ def measure(
     for group, arena, suffix in track(jobs if networks else [], "arenas", transient=True):
         count = raf_frames if group.endswith("_mean") else frames
         seen = drive_through(arena, count, seed, lit[suffix], KEYFRAMES)
-        details.setdefault(group + suffix, {})[arena] = scores(seen, networks)
+        details.setdefault(group + suffix, {})[arena] = scores(seen, networks, VOTES)
     for group, of_arenas in details.items():
         figures |= group_figures(group, list(of_arenas.values()))
     return Result(figures, {"iou": details}, table(figures, list(groups)))
 
 
-def scores(seen: Iterable[TrueFrame], networks: Mapping[str, PointClassifier]) -> Scores:
-    """What every network reaches in one arena, with and without the vote."""
-    tallies = {name + vote: Tally() for name in networks for vote in VOTES}
-    for frame in seen:
-        for name, network in networks.items():
-            given = network.classify(frame.frame, frame.points, frame.T_map_camera)
-            for vote, voted in VOTES.items():
-                tallies[name + vote].add(frame, _voted(frame, given) if voted else given)
-    return {name: {"frame": tally.frames(), "fused": tally.fused()} for name, tally in tallies.items()}
-
-
-def _voted(frame: TrueFrame, given: NDArray[np.float32]) -> NDArray[np.float32]:
+def voted(frame: TrueFrame, given: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N, 8) what the points of a frame are after those of a plane have voted, given (N, 8) probabilities."""
     result = given.copy()
     result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES])
     return result
+
+
+VOTES: Mapping[str, Change] = {"": voted, ".alone": lambda frame, given: given}
+"""By what is appended to the names of figures, whether the points of a plane vote."""
 
 
 def group_figures(group: str, of_arenas: Sequence[Scores]) -> dict[str, float]:
@@ -142,19 +121,12 @@ def _times(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
         for name, network in ready.items():
             took = seconds(network, blocks[turn % len(blocks)])
             times.setdefault(f"{name}.block_ms", []).extend([1000 * took] * (turn >= 0))
-    classifiers = {name: _classifier(network) for name, network in written.items()}
+    classifiers = {name: classifier_of(network) for name, network in written.items()}
     for frame in frames:
         for name, classifier in classifiers.items():
             took = seconds(classifier.classify, frame.frame, frame.points, frame.T_map_camera)
             times.setdefault(f"{name}.frame_s", []).append(took)
     return {name: float(np.median(values)) for name, values in times.items()}
-
-
-def _classifier(network: PointNetwork) -> NetworkClassifier:
-    with tempfile.TemporaryDirectory() as folder:
-        weights = Path(folder) / "random.safetensors"
-        save_classifier(weights, network, BlockConfig(), {})
-        return NetworkClassifier(weights, threads=THREADS)
 
 
 def table(figures: dict[str, float], groups: Sequence[str]) -> Table:

@@ -13,8 +13,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.robots.pose import Pose
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-STEPS = 160
-"""Of an episode, at most."""
+STEPS = 160  # Of an episode, at most
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,10 +14,8 @@ from sarsim.scripts.benchmarks.semantic_speed import THREADS, agreement, speed
 from sarsim.sensors.lighting import Lighting
 from sarsim.settings import WEIGHTS
 
-SHARED = Path(__file__).resolve().parents[2].parent / "shared"
-"""Test data beside the checkout."""
-LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}
-"""By what is appended to the names of the figures."""
+SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data beside the checkout
+LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By what is appended to the names of the figures
 KEYFRAMES = (2.0, 0.8)
 """m and rad between the frames whose labels are compared: far apart, to show more than where an arena begins."""
 
@@ -35,16 +33,9 @@ def measure(
 ) -> Result:
     """DGCNN's speed, its agreement with a published checkpoint, and its accuracy in arenas it was not trained on.
 
-    Args:
-        rounds: blocks of 4,096 points for which both formulations take turns.
-        timed_frames: frames of nist_6x4 that are timed.
-        frames: of each arena whose labels are compared; 0 for none.
-        raf_frames: frames of each .raf arena, likewise.
-        seed: of the drives and the sensor's errors.
-        arenas: names or paths of arenas with figures of their own.
-        raf: folder with .raf files, for the mean over them; left out if there is none.
-        checkpoint: folder with a published checkpoint and its answers; left out if there is none.
-        weights: of the network; where the file is missing, there are no figures of it.
+    The parameters are explained by ``benchmark.py --help``; so many ``timed_frames`` of nist_6x4 are timed,
+    ``arenas`` have figures of their own, and ``checkpoint`` is the folder of a published one and its answers. What is
+    missing has no figures.
 
     Raises:
         InputError: there is nothing to measure, or an arena or the weights are broken.

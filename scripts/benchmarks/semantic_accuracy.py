@@ -1,6 +1,6 @@
 """How right labels are: the network's and the baseline's frame by frame, and those of the map fused from them."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,24 +10,29 @@ from pipeline.labels import Label
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
-from sarsim.scoring.semantics import SemanticScore, confusion_matrix, label_figures
+from sarsim.scoring.semantics import compared, confusion_matrix, label_figures
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame
+
+Change = Callable[[TrueFrame, NDArray[np.float32]], NDArray[np.float32]]
+"""Of the (N, 8) probabilities that the returns of a frame were given."""
+AS_GIVEN: Mapping[str, Change] = {"": lambda frame, given: given}
+Scores = dict[str, dict[str, dict[str, float]]]
+"""``miou_four`` and the IoU by label, by classifier and what a change appends to it, then frame or fused."""
 
 
 class Tally:
     """The labels of some frames against the true ones, and those of the map fused from them."""
 
     def __init__(self) -> None:
-        """No frames yet."""
         self._confusion = np.zeros((len(Label), len(Label)), np.int64)
-        self._map, self._score = SemanticMap(), SemanticScore()
+        self._map, self._truth = SemanticMap(), SemanticMap()
 
     def add(self, frame: TrueFrame, given: NDArray[np.float32]) -> None:
         """Count the (N, 8) probabilities that the returns of a frame were given."""
         points, truth = frame.points, frame.labels
         self._confusion += confusion_matrix(truth, given.argmax(axis=1).astype(np.uint8))
         self._map.update(points, given)
-        self._score.add(points, np.eye(len(Label), dtype=np.float32)[truth])
+        self._truth.update(points, np.eye(len(Label), dtype=np.float32)[truth])
 
     def frames(self) -> dict[str, float]:
         """IoU by label, and ``miou_four``, of every return of every frame."""
@@ -35,7 +40,20 @@ class Tally:
 
     def fused(self) -> dict[str, float]:
         """The same of the points of the map."""
-        return _flat(self._score.report(self._map))
+        return _flat(compared(self._truth, self._map))
+
+
+def scores(
+    frames: Iterable[TrueFrame], classifiers: Mapping[str, PointClassifier], changes: Mapping[str, Change] = AS_GIVEN
+) -> Scores:
+    """What every classifier reaches in one arena, with each of the ``changes`` to its probabilities."""
+    tallies = {name + change: Tally() for name in classifiers for change in changes}
+    for frame in frames:
+        for name, classifier in classifiers.items():
+            given = classifier.classify(frame.frame, frame.points, frame.T_map_camera)
+            for change, changed in changes.items():
+                tallies[name + change].add(frame, changed(frame, given))
+    return {name: {"frame": tally.frames(), "fused": tally.fused()} for name, tally in tallies.items()}
 
 
 def accuracy(frames: Iterable[TrueFrame], network: PointClassifier | None) -> dict[str, dict[str, float]]:
@@ -44,14 +62,10 @@ def accuracy(frames: Iterable[TrueFrame], network: PointClassifier | None) -> di
     Without a network the baseline's alone.
     """
     contenders: dict[str, PointClassifier] = {"baseline": RuleClassifier()}
-    contenders |= {} if network is None else {"network": network}
-    tallies = {name: Tally() for name in contenders}
-    for frame in frames:
-        for name, contender in contenders.items():
-            tallies[name].add(frame, contender.classify(frame.frame, frame.points, frame.T_map_camera))
-    scores = {name: tally.frames() for name, tally in tallies.items()}
-    scores |= {} if network is None else {"fused": tallies["network"].fused()}
-    return {name: score for name, score in scores.items() if score}
+    reached = scores(frames, contenders | ({} if network is None else {"network": network}))
+    told = {name: of["frame"] for name, of in reached.items()}
+    told |= {} if network is None else {"fused": reached["network"]["fused"]}
+    return {name: score for name, score in told.items() if score}
 
 
 def _flat(report: dict[str, Any]) -> dict[str, float]:

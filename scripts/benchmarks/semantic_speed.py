@@ -17,6 +17,7 @@ from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
 from pipeline.semantic_map.networks.inference import for_inference
+from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
 from sarsim.scripts.benchmarks.common import seconds
@@ -110,11 +111,7 @@ def _frame_times(network: Dgcnn, frames: list[TrueFrame]) -> dict[str, float]:
 
     The latter once with the same blocks, once with those of the thesis.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        weights = Path(folder) / "random.safetensors"
-        save_classifier(weights, network, BlockConfig(), {})
-        classifier = NetworkClassifier(weights, threads=THREADS)
-    clouds = [frame.points for frame in frames]
+    classifier, clouds = classifier_of(network), [frame.points for frame in frames]
     classifier.classify(frames[0].frame, clouds[0], frames[0].T_map_camera)
     times = [
         seconds(classifier.classify, frame.frame, cloud, frame.T_map_camera)
@@ -127,6 +124,14 @@ def _frame_times(network: Dgcnn, frames: list[TrueFrame]) -> dict[str, float]:
         "plain_frame_s": _plain_frame(network, robot_blocks(slow)),
         "plain_thesis_frame_s": _plain_frame(network, thesis_blocks(slow)),
     }
+
+
+def classifier_of(network: PointNetwork) -> NetworkClassifier:
+    """What a network with random weights makes of frames on the robot."""
+    with tempfile.TemporaryDirectory() as folder:
+        weights = Path(folder) / "random.safetensors"
+        save_classifier(weights, network, BlockConfig(), {})
+        return NetworkClassifier(weights, threads=THREADS)
 
 
 def robot_blocks(frame: TrueFrame) -> list[Block]:

@@ -9,12 +9,9 @@ from numpy.typing import NDArray
 from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
 
-WIDTH = 900
-"""Pixels that the arena takes at most, along its longer side."""
-MOST_PIXELS = 8
-"""along a cell."""
-BAND = 26
-"""Pixels of the line of text below."""
+WIDTH = 900  # Pixels that the arena takes at most, along its longer side
+MOST_PIXELS = 8  # along a cell
+BAND = 26  # Pixels of the line of text below
 
 # Colours are RGB.
 NOWHERE, GROUND, WALL = (226, 226, 226), (250, 250, 250), (40, 40, 40)

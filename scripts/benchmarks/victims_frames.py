@@ -9,18 +9,17 @@ from numpy.typing import NDArray
 
 from pipeline.victims.detection.average_precision import AveragePrecision
 from pipeline.victims.detection.detection import Detector
-from sarsim.dataset.recipe import ArenaRange, Recipe
+from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import World, find_scene
+from sarsim.dataset.settings import ArenaRange
 from sarsim.scoring.victims import VISIBLE
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 
-MOST_HIDDEN = 0.6
-"""Share of a person behind other things up to which the person is to be found."""
+MOST_HIDDEN = 0.6  # Share of a person behind other things up to which the person is to be found
 DISTANCES = (0.0, 1.5, 2.5, 3.5, 5.0, np.inf)
 """m from the camera to the middle of a person, between which average precision is told apart."""
-HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Shares of a person, likewise."""
+HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # Shares of a person, likewise
 
 
 @dataclass(frozen=True, eq=False)

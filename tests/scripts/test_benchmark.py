@@ -11,7 +11,6 @@ from pipeline.errors import InputError
 from sarsim.scripts import benchmark
 from sarsim.scripts.benchmark import Benchmark
 from sarsim.scripts.benchmarks import camera
-from sarsim.scripts.benchmarks.camera import Times
 from sarsim.scripts.benchmarks.common import Result
 
 
@@ -96,8 +95,8 @@ def test_what_cannot_be_measured_is_status_2(
 
 def test_ratios_are_medians_over_rounds() -> None:
     ours, theirs = [10.0, 20.0, 40.0], [30.0, 80.0, 100.0]
-    times = {name: [Times(t, {"part": t / 2}) for t in theirs] for name in camera.CONTENDERS}
-    times["ours"] = [Times(t, {"part": t / 5}) for t in ours]
+    times = {name: [{"frame": t, "part": t / 2} for t in theirs] for name in camera.CONTENDERS}
+    times["ours"] = [{"frame": t, "part": t / 5} for t in ours]
     figures = camera.summary(times)
     assert figures["frame_vs_renderer"] == 3.0  # of 3, 4 and 2.5
     assert figures["ours.frame_ms"] == 20.0

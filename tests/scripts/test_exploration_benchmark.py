@@ -11,8 +11,15 @@ from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scripts.benchmarks import episodes, exploration
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, run_job
-from sarsim.scripts.benchmarks.exploration_figures import flat, group_figures, seen90_ratio
-from sarsim.scripts.benchmarks.exploration_table import BASELINES, RATIO, rich_table, sections
+from sarsim.scripts.benchmarks.exploration_table import (
+    BASELINES,
+    RATIO,
+    flat,
+    group_figures,
+    rich_table,
+    sections,
+    seen90_ratio,
+)
 from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
 from sarsim.settings import EpisodeConfig
 
@@ -70,8 +77,10 @@ def test_a_run_that_never_saw_enough_counts_against_us(ours, theirs, ratio):
     assert seen90_ratio(ours, theirs) == (None if ratio is None else pytest.approx(ratio))
 
 
-def test_each_strategy_explores_the_agreed_arenas():
-    everything = exploration.jobs_of(EpisodeConfig(), 10, 2, 30, [Path("a.raf"), Path("b.raf")], BASELINES)
+def test_each_strategy_explores_the_agreed_arenas(tmp_path):
+    for name in ("b.raf", "a.raf", "readme.txt"):
+        (tmp_path / name).touch()
+    everything = exploration.jobs_of(EpisodeConfig(), 10, 2, 30, tmp_path, BASELINES)
     ours = [job for job in everything if job.strategy == "ours"]
     count = {group: sum(job.group == group for job in ours) for group in GROUPS}
     assert count == {"nist_6x4": 10, "esogu_52x15": 2, "raf": 2, "random": 30}

@@ -14,11 +14,12 @@ from pipeline.semantic_map.networks.weights import NETWORKS
 from pipeline.semantic_map.rules import RuleClassifier
 from sarsim.scripts.benchmarks import networks
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
+from sarsim.scripts.benchmarks.semantic_accuracy import scores
 
 
 def test_the_truth_is_right_and_the_vote_changes_what_is_not() -> None:
     seen = list(drive_through("nist_6x4", 2, seed=0))
-    given = networks.scores(seen, {"truth": TruthClassifier(), "rules": RuleClassifier()})
+    given = scores(seen, {"truth": TruthClassifier(), "rules": RuleClassifier()}, networks.VOTES)
     assert list(given) == ["truth", "truth.alone", "rules", "rules.alone"]
     assert given["truth.alone"]["frame"]["miou_four"] == given["truth.alone"]["fused"]["miou_four"] == 1
     assert min(given["truth"]["frame"][label] for label in ("wall", "terrain", "inclined_ramp")) > 0.98

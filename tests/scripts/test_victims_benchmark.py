@@ -10,8 +10,8 @@ from pipeline.errors import InputError
 from pipeline.victims.detection.architectures import yolov3_small
 from pipeline.victims.detection.weights import load_network, write_weights
 from sarsim.scripts.benchmarks import victims
+from sarsim.scripts.benchmarks.victims import speed, tiny
 from sarsim.scripts.benchmarks.victims_frames import People, ap50, ap50_by, recipe, scene_frames
-from sarsim.scripts.benchmarks.victims_speed import speed, tiny
 from sarsim.sensors.lighting import Lighting
 from tests.pipeline.victims.detection.networks import random_network
 

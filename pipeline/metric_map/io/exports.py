@@ -11,8 +11,7 @@ from pipeline.labels import COLOURS
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.semantic_map.ply import write_ply
 
-PGM_OCCUPIED, PGM_UNKNOWN, PGM_FREE = 0, 205, 254
-"""The grey values that ROS map_saver writes."""
+PGM_OCCUPIED, PGM_UNKNOWN, PGM_FREE = 0, 205, 254  # The grey values that ROS map_saver writes
 
 
 def save_ply(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None = None) -> None:

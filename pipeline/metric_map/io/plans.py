@@ -14,8 +14,7 @@ from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
 Cells = NDArray[np.uint8]
 GEO_KEYS = (1, 1, 0, 2, 1024, 0, 1, 32767, 1025, 0, 1, 1)
 """Of GeoTIFF 1.1: version 1.1.0, two keys: an own model (m in ``map``), and pixels that are areas."""
-DOUBLES, SHORTS = 12, 3
-"""TIFF's types."""
+DOUBLES, SHORTS = 12, 3  # TIFF's types
 LOOKS = {"unknown": (PGM_UNKNOWN, "#cdcdcd"), "free": (PGM_FREE, "#ffffff"), "occupied": (PGM_OCCUPIED, "#1a1a1a")}
 """Grey value and colour of each kind of ground."""
 

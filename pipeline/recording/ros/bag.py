@@ -11,12 +11,10 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from pipeline.errors import InputError
 from pipeline.recording.ros.messages import STORE, Message, type_of
 
-VERSION: Literal[9] = 9
-"""Of the format: that of Jazzy."""
+VERSION: Literal[9] = 9  # Of the format: that of Jazzy
 LATCHED = ("/tf_static", "/map", "/camera/color/camera_info", "/camera/depth/camera_info", "/camera/transform")
 """Topics whose last message a late listener gets as well."""
-FOREVER = QosTime(2147483647, 4294967295)
-"""What ROS writes where there is no limit."""
+FOREVER = QosTime(2147483647, 4294967295)  # What ROS writes where there is no limit
 
 
 class Bag(ExitStack):

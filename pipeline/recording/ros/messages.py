@@ -18,17 +18,13 @@ from pipeline.grid_map import Grid
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_rotation
 
-Message = Any
-"""A message of rosbags: a dataclass of the type that :data:`TYPES` has by its name."""
+Message = Any  # A message of rosbags: a dataclass of the type that :data:`TYPES` has by its name
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPES = STORE.types
-CAMERA, BASE, ODOM, MAP = "camera_optical", "base_link", "odom", "map"
-"""Names of the frames."""
-UNKNOWN = np.zeros(36)
-"""A covariance that is not known."""
+CAMERA, BASE, ODOM, MAP = "camera_optical", "base_link", "odom", "map"  # Names of the frames
+UNKNOWN = np.zeros(36)  # A covariance that is not known
 NOTHING = np.zeros(0, np.uint8)
-FIELD_TYPES = {np.dtype(np.float32): 7, np.dtype(np.uint8): 2}
-"""Of sensor_msgs/PointField."""
+FIELD_TYPES = {np.dtype(np.float32): 7, np.dtype(np.uint8): 2}  # Of sensor_msgs/PointField
 
 
 def make(name: str, *values: Any, **named: Any) -> Message:

@@ -15,8 +15,7 @@ from pipeline.recording.ros.bag import Bag
 from pipeline.recording.ros.topics import ImageFormat, MapTopics, RobotTopics
 from pipeline.robot import Motion, Robot, Velocity
 
-TICK = 1e-6
-"""s between frames that were taken at one moment: bags tell them apart by their times."""
+TICK = 1e-6  # s between frames that were taken at one moment: bags tell them apart by their times
 
 
 class Joints(NamedTuple):

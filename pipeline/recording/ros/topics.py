@@ -18,13 +18,10 @@ from pipeline.semantic_map.voxels import VoxelCloud
 
 ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
 """Depth in whole mm or in m (REP 118), and whether colours are compressed."""
-Send = Callable[[str, float, Message], None]
-"""Takes a topic, the time in s and a message."""
+Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and a message
 JPEG_QUALITY = 95
-STILL = 1e-6
-"""m, within which a camera is where it was; a simulator's rounding moves it as well."""
-NODES, EDGES, PEOPLE = (0.1, 0.4, 1.0), (0.7, 0.7, 0.7), (0.1, 0.9, 0.2)
-"""Colours of markers."""
+STILL = 1e-6  # m, within which a camera is where it was; a simulator's rounding moves it as well
+NODES, EDGES, PEOPLE = (0.1, 0.4, 1.0), (0.7, 0.7, 0.7), (0.1, 0.9, 0.2)  # Colours of markers
 
 
 class RobotTopics:

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.recording.ros.messages import Message
 
-MILLIMETRES = ("16UC1", "mono16")
-"""Encodings of depth in mm (REP 118)."""
+MILLIMETRES = ("16UC1", "mono16")  # Encodings of depth in mm (REP 118)
 COLOURS = {
     "rgb8": (3, None),
     "bgr8": (3, cv2.COLOR_BGR2RGB),
@@ -28,11 +27,7 @@ CONFIG = struct.Struct("<iff")
 
 
 def depth_of(message: Message) -> NDArray[np.float32]:
-    """(H, W) m of a depth image, 0 = no return.
-
-    Raises:
-        InputError: it is of an encoding that is no depth, or broken.
-    """
+    """(H, W) m of a depth image, 0 = no return; InputError where it is of an encoding that is no depth, or broken."""
     if hasattr(message, "format"):
         return _compressed_depth(message)
     if message.encoding in MILLIMETRES:
@@ -43,11 +38,7 @@ def depth_of(message: Message) -> NDArray[np.float32]:
 
 
 def colour_of(message: Message) -> NDArray[np.uint8]:
-    """(H, W, 3) RGB of a colour image.
-
-    Raises:
-        InputError: it is of an unknown encoding, or broken.
-    """
+    """(H, W, 3) RGB of a colour image; InputError where it is of an unknown encoding, or broken."""
     if hasattr(message, "format"):
         return np.ascontiguousarray(_decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
     if message.encoding not in COLOURS:

@@ -11,8 +11,7 @@ from pipeline.frame import Intrinsics
 from pipeline.recording.ros.messages import Message
 from pipeline.recording.sources.recording import Calibration
 
-MODELS = ("plumb_bob", "rational_polynomial", "")
-"""Of distortion, as ROS and OpenCV have them."""
+MODELS = ("plumb_bob", "rational_polynomial", "")  # Of distortion, as ROS and OpenCV have them
 
 
 class Pinhole:

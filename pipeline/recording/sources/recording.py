@@ -13,10 +13,8 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.transforms import from_rotation, inverse
 
-NEAR = 0.02
-"""s from a pose at which it still holds."""
-LONGEST_GAP = 0.5
-"""s between two poses over which is interpolated."""
+NEAR = 0.02  # s from a pose at which it still holds
+LONGEST_GAP = 0.5  # s between two poses over which is interpolated
 
 
 class Calibration(NamedTuple):

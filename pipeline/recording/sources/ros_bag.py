@@ -19,17 +19,12 @@ from pipeline.recording.sources.images import colour_of, depth_of, label_of
 from pipeline.recording.sources.pinhole import Pinhole
 from pipeline.recording.sources.recording import Calibration, Recording, Trajectory
 
-APART = 0.02
-"""s, farthest that a colour image may be from the depth image that it belongs to."""
-WINDOW = 15
-"""Depth images within which their order may be mixed up, and colour may lag."""
-AT_REST = 0.5
-"""s at the beginning of which the accelerometer tells the vertical."""
+APART = 0.02  # s, farthest that a colour image may be from the depth image that it belongs to
+WINDOW = 15  # Depth images within which their order may be mixed up, and colour may lag
+AT_REST = 0.5  # s at the beginning of which the accelerometer tells the vertical
 KEYFRAME, LABELLED, STEP = "/keyframe", "/semantic_cloud", "/map"
-TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"
-"""Topics of sarsim's own bags."""
-INFRARED = re.compile("/(infra|ir/)")
-"""In names of topics whose images have no colours."""
+TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
+INFRARED = re.compile("/(infra|ir/)")  # In names of topics whose images have no colours
 IMAGES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 
 

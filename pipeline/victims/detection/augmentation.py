@@ -15,25 +15,18 @@ from pipeline.victims.detection.boxes import areas
 from pipeline.victims.detection.input_image import GREY, evenly_exposed, scaled
 from pipeline.victims.detection.labelled_image import LabelledImage, LabelledImages
 
-EMPTY = 0.3
-"""Share of the images drawn that show no people."""
-MOSAIC = 0.5
-"""Share of canvases that four images share (Bochkovskiy et al., YOLOv4, arXiv:2004.10934)."""
-PASTE = 0.4
-"""Share of canvases onto which people of one more image are pasted."""
+EMPTY = 0.3  # Share of the images drawn that show no people
+MOSAIC = 0.5  # Share of canvases that four images share (Bochkovskiy et al., YOLOv4, arXiv:2004.10934)
+PASTE = 0.4  # Share of canvases onto which people of one more image are pasted
 SCALE, MOSAIC_SCALE, PASTE_SCALE = (0.7, 1.5), (0.4, 1.0), (0.4, 1.2)
 """Smallest and largest size of an image against the one that just fits the canvas: alone, in a mosaic, and of the
 image whose people are pasted."""
-HUE = 0.05
-"""Largest turn of the colours, as a share of the circle, as Darknet's ``hue``."""
+HUE = 0.05  # Largest turn of the colours, as a share of the circle, as Darknet's ``hue``
 SATURATION, EXPOSURE = 1.5, 1.5
 """Largest factors of saturation and brightness, and 1 over them the smallest, as Darknet's."""
-KEPT = 0.3
-"""Least share of a box that must be left at an edge for its person to count."""
-HIDDEN = 0.6
-"""Share of a box that is pasted over, above which its person is ignored."""
-Region = tuple[int, int, int, int]
-"""x0, y0, x1, y1 of the canvas, pixels."""
+KEPT = 0.3  # Least share of a box that must be left at an edge for its person to count
+HIDDEN = 0.6  # Share of a box that is pasted over, above which its person is ignored
+Region = tuple[int, int, int, int]  # x0, y0, x1, y1 of the canvas, pixels
 
 
 class CanvasSampler:

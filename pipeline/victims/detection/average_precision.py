@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 
 from pipeline.victims.detection.boxes import overlaps
 
-OVERLAP = 0.5
-"""Least intersection over union of a detection with what it has found."""
+OVERLAP = 0.5  # Least intersection over union of a detection with what it has found
 
 
 class AveragePrecision:
     """Average precision at an overlap of OVERLAP, of detections that are added image by image."""
 
     def __init__(self) -> None:
-        """Of no images yet."""
         self._scores: list[float] = []
         self._right: list[bool] = []
         self._present = 0

@@ -10,16 +10,11 @@ from pipeline.segments.plane import facing_camera
 
 MARGIN, MIN_MARGIN = 1.0, 60.0
 """Around a box in which planes are looked for: a share of its size, and pixels at least."""
-SAMPLES = 3000
-"""Pixels of the box and its margin that are drawn, about."""
-MAX_PLANES, TRIALS = 6, 200
-"""Planes at most, and random draws to find each of them."""
-MIN_SHARE = 0.02
-"""Share of the samples that a plane must have."""
-BEYOND = 0.25
-"""Samples outside the box, for each inside it, that make a plane more than a part of the person."""
-TOLERANCE = 0.012
-"""m from a plane within which a point belongs to it, over twice the sensor's noise."""
+SAMPLES = 3000  # Pixels of the box and its margin that are drawn, about
+MAX_PLANES, TRIALS = 6, 200  # Planes at most, and random draws to find each of them
+MIN_SHARE = 0.02  # Share of the samples that a plane must have
+BEYOND = 0.25  # Samples outside the box, for each inside it, that make a plane more than a part of the person
+TOLERANCE = 0.012  # m from a plane within which a point belongs to it, over twice the sensor's noise
 FLAT, FLAT_AREA, SURFACE_NOISE = 0.6, 0.04, 0.002
 """A plane is flatter than any person if the share FLAT of its samples lies nearer than the sensor's noise and
 SURFACE_NOISE, m, over at least FLAT_AREA, m² across the line of sight."""

@@ -11,8 +11,7 @@ LARGEST_EXPONENT = 20.0
 """Bound of what scales an anchor: no box in an image is so large, and its square is still a float32."""
 MOST_BOXES = 3000
 """That are compared with each other; a network that sees a person in every cell would take minutes an image."""
-ROUNDS = 300
-"""Rounds of fitting anchors, at most."""
+ROUNDS = 300  # Rounds of fitting anchors, at most
 
 
 def decode(

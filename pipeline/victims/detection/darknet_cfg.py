@@ -12,10 +12,8 @@ from typing import TypeVar
 from pipeline.errors import InputError
 
 N = TypeVar("N", int, float)
-MOST_BYTES, MOST_LAYERS = 1_000_000, 1000
-"""Of a network's text; YOLOv3 has 107 layers."""
-WIDEST = 64
-"""Most of a window's size, stride and padding."""
+MOST_BYTES, MOST_LAYERS = 1_000_000, 1000  # Of a network's text; YOLOv3 has 107 layers
+WIDEST = 64  # Most of a window's size, stride and padding
 
 
 @dataclass(frozen=True)
@@ -108,11 +106,7 @@ class DarknetCfg:
 
     @classmethod
     def parse(cls, text: str, name: str = "cfg") -> "DarknetCfg":
-        """Read a text.
-
-        Raises:
-            InputError: a section or setting that is unknown, missing or impossible, by its line.
-        """
+        """Read a text; InputError, by its line, where a section or setting is unknown, missing or impossible."""
         sections = _read_sections(text, name)
         if not sections or sections[0].kind not in ("net", "network"):
             raise InputError(f"{name}: a Darknet .cfg begins with [net]")

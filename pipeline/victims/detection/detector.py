@@ -17,10 +17,8 @@ from pipeline.victims.detection.weights import load_network
 
 PERSON = {1: 0, 20: 14, 80: 0}
 """Number of the class ``person`` by the number of classes: victims alone, Pascal VOC, COCO."""
-CONFIDENCE = 0.25
-"""Least of a detection; so low, it tells only where a victim was found before."""
-OVERLAP = 0.45
-"""Intersection over union above which the less confident of two boxes is dropped."""
+CONFIDENCE = 0.25  # Least of a detection; so low, it tells only where a victim was found before
+OVERLAP = 0.45  # Intersection over union above which the less confident of two boxes is dropped
 SMALLER, NEAR = 0.6, 0.15
 """Size of a second input over the network's own, in which people are found who are too near and too large for the
 network; and the longer side of a box there that counts, over the image's, at least."""

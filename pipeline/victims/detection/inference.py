@@ -37,7 +37,6 @@ class _FusedConvolution(nn.Module):
     """Convolution, batch normalization and leaky ReLU as one operator."""
 
     def __init__(self, layer: DarknetConvolution, shape: tuple[int, int, int]) -> None:
-        """For an input of that shape."""
         super().__init__()
         kernel, self._bias = _folded(layer)
         kernel = kernel.cpu().contiguous(memory_format=torch.channels_last)

@@ -12,16 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-CELLS = (16, 12)
-"""Cells of the grid along x and y."""
+CELLS = (16, 12)  # Cells of the grid along x and y
 BLUR = 2.0
 """cells, standard deviation of the Gaussian over the grid: dark things stay dark, dark places do not."""
-BRIGHTNESS = 130.0
-"""Brightness, of 255, to which the brightest channel is brought where it is less."""
-DARKEST = 12.0
-"""Brightness, of 255, below which there is nothing but noise to make brighter."""
-GREY = 128
-"""Brightness of the bars beside a fitted image, as in Darknet's letterbox_image."""
+BRIGHTNESS = 130.0  # Brightness, of 255, to which the brightest channel is brought where it is less
+DARKEST = 12.0  # Brightness, of 255, below which there is nothing but noise to make brighter
+GREY = 128  # Brightness of the bars beside a fitted image, as in Darknet's letterbox_image
 
 
 def evenly_exposed(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -18,13 +18,11 @@ from pipeline.victims.detection.boxes import LARGEST_EXPONENT, size_overlaps
 from pipeline.victims.detection.darknet_cfg import DarknetCfg, Yolo
 from pipeline.victims.detection.labelled_image import LabelledImage
 
-ALIKE = 0.3
-"""Least overlap of an anchor's size with a person's for the anchor to be asked for that person."""
+ALIKE = 0.3  # Least overlap of an anchor's size with a person's for the anchor to be asked for that person
 NEAR = 0.7
 """Overlap of a predicted box with a person's from which on its objectness is not held against it, as Darknet's
 ``ignore_thresh``."""
-BOX_WEIGHT, OBJECTNESS_WEIGHT = 2.0, 1.0
-"""Weights of boxes and objectness against 1 of the class."""
+BOX_WEIGHT, OBJECTNESS_WEIGHT = 2.0, 1.0  # Weights of boxes and objectness against 1 of the class
 
 
 Index = tuple[Tensor, ...]
@@ -35,7 +33,6 @@ class YoloLoss:
     """The loss of a network with one class: a detector of people."""
 
     def __init__(self, cfg: DarknetCfg) -> None:
-        """Of a network with this ``.cfg``."""
         self.cfg = cfg
 
     def __call__(self, heads: Sequence[Tensor], batch: Sequence[LabelledImage]) -> Tensor:

@@ -94,7 +94,6 @@ class DarknetConvolution(nn.Module):
     """Convolution, with batch normalization and leaky ReLU if the layer has them."""
 
     def __init__(self, layer: Convolutional, channels: int) -> None:
-        """For an input of this number of channels."""
         super().__init__()
         normalize = layer.batch_normalize
         self.conv = nn.Conv2d(channels, layer.filters, layer.size, layer.stride, layer.padding, bias=not normalize)
@@ -113,7 +112,6 @@ class DarknetMaxpool(nn.Module):
     """Darknet's maximum: a window over the edge sees only what lies inside."""
 
     def __init__(self, layer: Maxpool, height: int, width: int) -> None:
-        """For an input of that size."""
         super().__init__()
         self.size, self.stride = layer.size, layer.stride
         left = layer.padding // 2

@@ -29,16 +29,12 @@ from pipeline.victims.detection.weights import load_network, write_weights
 
 BUILDERS = {"yolov3-small": (yolov3_small, 9), "yolov3-tiny": (yolov3_tiny, 6), "yolov3": (yolov3, 9)}
 """Function that writes each network's ``.cfg``, and its number of anchors."""
-LOWEST_CONFIDENCE = 0.01
-"""Least confidence of the detections that average precision counts."""
-PRIOR = 0.01
-"""Objectness before training (Lin et al., RetinaNet, arXiv:1708.02002, section 3.3)."""
-WEIGHT_DECAY = 1e-2
-"""Of kernels, for AdamW."""
+LOWEST_CONFIDENCE = 0.01  # Least confidence of the detections that average precision counts
+PRIOR = 0.01  # Objectness before training (Lin et al., RetinaNet, arXiv:1708.02002, section 3.3)
+WEIGHT_DECAY = 1e-2  # Of kernels, for AdamW
 AVERAGE = 0.998
 """Share that the average of the weights keeps of itself in a step; the average is what is written."""
-MAX_GRADIENT = 10.0
-"""Norm to which gradients are clipped."""
+MAX_GRADIENT = 10.0  # Norm to which gradients are clipped
 
 
 class Trainer(TrainingLoop[list[LabelledImage]]):

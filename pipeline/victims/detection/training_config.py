@@ -25,7 +25,6 @@ class YoloTrainingConfig(TrainingConfig):
     validate_every: int = 500
 
     def __post_init__(self) -> None:
-        """Raise InputError for settings that cannot work."""
         if min(self.width, self.height) < 32 or self.width % 32 or self.height % 32:
             raise InputError(f"--width {self.width} --height {self.height}: multiples of 32")
         super().__post_init__()

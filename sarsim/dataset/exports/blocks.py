@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sarsim.dataset.arena_range import check
 from sarsim.dataset.exports.clouds import Cloud
 from sarsim.dataset.exports.export import Export, label_names, room
 from sarsim.dataset.exports.s3dis import AREAS
@@ -15,9 +14,11 @@ from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hdf5 import NewFile
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
+from sarsim.dataset.settings import check
 
 LIST = "room_filelist.txt"
 FILES = "all_files.txt"
+SEED = 0  # of the draw of points
 
 
 @dataclass(frozen=True)
@@ -33,18 +34,15 @@ class Blocks(Export):
     """of a block; drawn without repetition where there are so many."""
     min_points: int = 100
     """blocks with fewer are left out."""
-    seed: int = 0
-    """of the draw."""
 
     def __post_init__(self) -> None:
         check("size", self.size, 0.01)
         check("points", self.points, 1)
         check("min-points", self.min_points, 1)
-        check("seed", self.seed, 0)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """One file a scene; each frame is a room of its own."""
-        rng = np.random.default_rng([self.seed, entry.index])
+        rng = np.random.default_rng([SEED, entry.index])
         blocks, rooms = [], []
         for index in range(len(scene)):
             new = list(self.of_cloud(Cloud.of_frame(scene, index), rng))

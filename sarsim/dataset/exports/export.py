@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from importlib.resources import files
 from inspect import cleandoc
 from pathlib import Path
 
@@ -15,34 +16,13 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import COLOURS, Label
-from sarsim.dataset.arena_range import check
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
+from sarsim.dataset.settings import check
 
-LICENSE = """SPDX-License-Identifier: Apache-2.0
-
-The arenas, the robot and the people in these data are sarsim's, under the Apache License, Version 2.0:
-https://www.apache.org/licenses/LICENSE-2.0. Files of arenas that were brought along keep their own licences.
-"""
-README = """---
-license: apache-2.0
-pretty_name: {name}
-task_categories: [image-segmentation, depth-estimation, object-detection]
-tags: [robotics, simulation, search-and-rescue, rgb-d, semantic-mapping]
-size_categories: [{size}]
----
-
-# {title}
-
-{layout}
-
-- {scenes} scenes of simulated rescue arenas, made by {generator} with seed {seed}
-- `labels.csv`: number, name and colour of every label
-- `intrinsics.json`: of the camera, in pixels, by scene; pixel centres are at integer + 0.5
-- frames: `camera_optical` looks along z, x is right, y down; the world's z is up; m
-- `LICENSE`: Apache-2.0
-"""
+TEMPLATES = files("sarsim.dataset") / "templates"
+JPEG_QUALITY = 95  # of the images, up to 100
 
 
 @dataclass(frozen=True)
@@ -84,12 +64,9 @@ class ImageExport(Export):
 
     min_area: int = 100
     """pixels; of an object that shows fewer there is no box."""
-    quality: int = 95
-    """of the JPEG files, up to 100."""
 
     def __post_init__(self) -> None:
         check("min-area", self.min_area, 1)
-        check("quality", self.quality, 0, 100)
 
     def images(self, folder: Path, entry: SceneEntry, scene: Scene) -> Iterator[tuple[str, Frame]]:
         """Write every frame's image; yields its name without the ending, and the frame."""
@@ -97,7 +74,7 @@ class ImageExport(Export):
         images.mkdir(parents=True, exist_ok=True)
         for index, frame in enumerate(scene):
             name = f"{entry.index:05d}_{index:05d}"
-            write_image(images / f"{name}.jpg", frame.rgb, cv2.IMWRITE_JPEG_QUALITY, self.quality)
+            write_image(images / f"{name}.jpg", frame.rgb, cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY)
             yield name, frame
 
 
@@ -117,10 +94,11 @@ def describe(folder: Path, title: str, layout: str, dataset: Dataset, cameras: M
     (folder / "labels.csv").write_text("".join(["id,name,red,green,blue\n", *rows]))
     known = {name: asdict(camera) for name, camera in cameras.items()}
     (folder / "intrinsics.json").write_text(json.dumps(known, indent=1) + "\n")
-    (folder / "LICENSE").write_text(LICENSE)
+    (folder / "LICENSE").write_text((TEMPLATES / "license.txt").read_text())
     size, seed = "n<1K" if len(dataset) < 1000 else "1K<n<10K", dataset.recipe.get("seed")
     about = {"title": title, "name": json.dumps(title), "layout": layout, "size": size, "scenes": len(dataset)}
-    (folder / "README.md").write_text(README.format(**about, generator=dataset.generator, seed=seed))
+    card = (TEMPLATES / "README.md").read_text()
+    (folder / "README.md").write_text(card.format(**about, generator=dataset.generator, seed=seed))
 
 
 def write_image(path: Path, image: NDArray, *options: int) -> None:

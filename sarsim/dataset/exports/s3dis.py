@@ -8,15 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
-from sarsim.dataset.arena_range import check
 from sarsim.dataset.exports.clouds import Cloud
 from sarsim.dataset.exports.export import Export, label_names, room
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
+from sarsim.dataset.settings import check
 
-AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_5"}
-"""Published loaders hold out area 5."""
+AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_5"}  # Published loaders hold out area 5
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from sarsim.dataset.exports.export import Export, room, write_image
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 
-UNITS = 5000
-"""of the depth images a metre."""
+UNITS = 5000  # of the depth images a metre
 
 
 @dataclass(frozen=True)

@@ -10,23 +10,16 @@ from sarsim.scripts.assets.esogu.parts import Part, moved
 
 Pair = tuple[float, float]
 
-LENGTH, WIDTH, HEIGHT = 52.0, 15.0, 2.7
-"""m from outside to outside along x and y, and from floor to ceiling."""
-OUTER, INNER = 0.2, 0.12
-"""m, thickness of the outer walls and of those between rooms."""
-SOUTH_WALL, NORTH_WALL = -0.66, 2.06
-"""y in m, the middles of the corridor's walls."""
-DOOR, DOOR_HEIGHT = 1.0, 2.05
-"""m, clear opening."""
-FRAME = 0.03
-"""m, thickness of a door's frame."""
+LENGTH, WIDTH, HEIGHT = 52.0, 15.0, 2.7  # m from outside to outside along x and y, and from floor to ceiling
+OUTER, INNER = 0.2, 0.12  # m, thickness of the outer walls and of those between rooms
+SOUTH_WALL, NORTH_WALL = -0.66, 2.06  # y in m, the middles of the corridor's walls
+DOOR, DOOR_HEIGHT = 1.0, 2.05  # m, clear opening
+FRAME = 0.03  # m, thickness of a door's frame
 PANEL = 2.4
 """m, no piece of wall is longer, so that a camera's picture leaves out what it does not show, and a lamp on the
 robot, whose light is computed at corners, has corners to shine on."""
-SILL, LINTEL = 0.95, 2.3
-"""m, lower and upper edge of the windows."""
-COLUMN = 0.4
-"""m, its sides."""
+SILL, LINTEL = 0.95, 2.3  # m, lower and upper edge of the windows
+COLUMN = 0.4  # m, its sides
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ import numpy as np
 from sarsim.victims.mjcf import numbers
 
 Point = tuple[float, float, float]
-MARGIN = 1e-9
-"""deg; a yaw so near to 0 turns nothing."""
+MARGIN = 1e-9  # deg; a yaw so near to 0 turns nothing
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from sarsim.scripts.assets.esogu.building import Room
 from sarsim.victims.victims import Placement, Posture
 
-Place = tuple[str, float, float, float]
-"""Kind, x, y (m) and yaw (deg) of something."""
+Place = tuple[str, float, float, float]  # Kind, x, y (m) and yaw (deg) of something
 
-EAST, NORTH, WEST, SOUTH = 0.0, 90.0, 180.0, -90.0
-"""deg, where something faces."""
+EAST, NORTH, WEST, SOUTH = 0.0, 90.0, 180.0, -90.0  # deg, where something faces
 
 SOUTH_ROOMS = (
     Room("electronics laboratory", -25.9, -16.04, (-24.2, -17.6), (1, -1), (-24.0, -21.5, -19.0)),
@@ -186,5 +184,4 @@ VICTIMS = (
 )
 """Victim ``n`` is number ``n``, from 1."""
 
-START = (-25.0, 0.7)
-"""x, y in m at the corridor's west end; the robot faces along it."""
+START = (-25.0, 0.7)  # x, y in m at the corridor's west end; the robot faces along it

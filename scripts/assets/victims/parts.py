@@ -9,10 +9,8 @@ from sarsim.scripts.assets.victims.surface import ANKLE, HIP, KNEE, Points, Surf
 
 SLEEVE, WRIST, COLLAR, WAIST = 0.40, 0.845, 0.515, 0.0
 """m at rest: how far out a short sleeve and a hand begin, how high neck and trousers end."""
-BELLY = 0.13
-"""m at rest; how far up the belly reaches."""
-HEM, CUFF = 0.62, 0.95
-"""Shares of the thigh that short trousers cover, and of the shin above the shoe."""
+BELLY = 0.13  # m at rest; how far up the belly reaches
+HEM, CUFF = 0.62, 0.95  # Shares of the thigh that short trousers cover, and of the shin above the shoe
 
 
 def cut_into_parts(body: Surface) -> tuple[Surface, NDArray[np.int64], tuple[str, ...]]:

@@ -16,10 +16,8 @@ UPRIGHT = Rotation.from_matrix([(0, 0, 1), (1, 0, 0), (0, 1, 0)])
 TIMESTEP = 0.003
 FALL, REST = 1.5, 2.0
 """s with muscles that hold the posture, and s without, at the end of which it must be at rest."""
-DENSITY = 500.0
-"""kg/m³; the primitives overlap, so that half of a body's makes 75 kg."""
-BLOCK = (0.26, 0.3, 0.25)
-"""m; half sizes of the block to sit on."""
+DENSITY = 500.0  # kg/m³; the primitives overlap, so that half of a body's makes 75 kg
+BLOCK = (0.26, 0.3, 0.25)  # m; half sizes of the block to sit on
 
 
 @dataclass(frozen=True)

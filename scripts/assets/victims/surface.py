@@ -15,10 +15,8 @@ from sarsim.victims.people import NECK
 
 Points = NDArray[np.float64]
 
-SOFTNESS = 0.011
-"""m; how far primitives melt into each other, and how far a joint's bending reaches."""
-GRID = 0.009
-"""m between the samples of the level set."""
+SOFTNESS = 0.011  # m; how far primitives melt into each other, and how far a joint's bending reaches
+GRID = 0.009  # m between the samples of the level set
 HEAD_SCALE = {"man": 1.0, "woman": 0.98, "stout": 1.0, "child": 1.3}
 HIP, KNEE, ANKLE = np.array([(0.122, -0.11, 0.05), (0.289, -0.567, 0.059), (0.452, -1.015, 0.05)])
 

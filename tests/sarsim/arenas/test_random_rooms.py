@@ -13,7 +13,7 @@ from sarsim.arenas.layout import BLOCKED, Layout
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
 from sarsim.arenas.random_draws import RandomDraws
 from sarsim.arenas.random_rooms import BACK, KINDS, furnish
-from sarsim.dataset.arena_range import ArenaRange
+from sarsim.dataset.settings import ArenaRange
 from sarsim.sensors.camera import geom_labels
 
 ROOM = RandomArenaConfig(columns=6, rows=5, wall_density=0.1, ramps=0.1, clutter=0, victims=0, furnished=0.4)

@@ -285,9 +285,7 @@ def test_an_export_is_whole_or_not_there(data: Path, tmp_path: Path, monkeypatch
         (Blocks, "size", -1, "at least 0.01"),
         (Blocks, "points", 0, "at least 1"),
         (Blocks, "min_points", 0, "at least 1"),
-        (Blocks, "seed", -1, "at least 0"),
         (Yolo, "min_area", -5, "at least 1"),
-        (Yolo, "quality", 101, "from 0 to 100"),
     ],
 )
 def test_settings_that_make_no_export(export: type[Export], flag: str, value: float, limits: str) -> None:

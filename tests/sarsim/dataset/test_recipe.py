@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.dataset.recipe import ArenaRange, Recipe, SceneRecipe
+from sarsim.dataset.recipe import Recipe, SceneRecipe
+from sarsim.dataset.settings import ArenaRange
 from sarsim.sensors.lighting import Lighting
 
 

@@ -9,9 +9,10 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from sarsim.dataset.recipe import ArenaRange, Recipe
+from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import render_scene
 from sarsim.dataset.scene_file import Scene
+from sarsim.dataset.settings import ArenaRange
 
 CLEAR = Recipe(seed=1, frames=16, width=160, height=120, arenas=("nist_6x4",), ideal=1, clear=1)
 

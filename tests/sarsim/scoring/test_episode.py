@@ -32,15 +32,15 @@ def test_progress_has_an_entry_for_each_look(score):
     assert times[0] == 0  # before anything was driven
     assert all(a < b for a, b in itertools.pairwise(times))
     assert all(a <= b for a, b in itertools.pairwise(shares))
-    assert shares[-1] == score.explored_fraction
+    assert shares[-1] == score.coverage.fraction
     assert 0 < shares[0] < 0.9
 
 
 def test_what_was_seen_is_counted_on_drivable_ground_alone(score):
     surface = score.surface
-    assert (score.seen & ~surface.drivable).any()
-    assert score.explored_fraction == (score.seen & surface.drivable).sum() / surface.drivable.sum()
-    assert not score.seen[np.isnan(surface.height)].any()
+    assert (score.coverage.seen & ~surface.drivable).any()
+    assert score.coverage.fraction == (score.coverage.seen & surface.drivable).sum() / surface.drivable.sum()
+    assert not score.coverage.seen[np.isnan(surface.height)].any()
 
 
 def test_the_time_to_see_90_percent_is_that_of_the_first_look_with_so_much(score, monkeypatch):

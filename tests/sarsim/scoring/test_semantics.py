@@ -3,7 +3,7 @@ import pytest
 
 from pipeline.labels import Label
 from pipeline.semantic_map.semantic_map import SemanticMap
-from sarsim.scoring.semantics import SemanticScore, confusion_matrix, iou_by_label
+from sarsim.scoring.semantics import compared, confusion_matrix, iou_by_label
 
 WALL, FLOOR, RAMP = Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP
 
@@ -18,13 +18,13 @@ def test_confusion_and_iou_by_hand():
 
 
 def test_the_map_is_compared_voxel_by_voxel_with_the_true_labels():
-    semantic_map, score = SemanticMap(), SemanticScore()
+    semantic_map, true_map = SemanticMap(), SemanticMap()
     points = np.array([(0.01, 0.01, 0.01), (0.5, 0, 0), (1, 0, 0), (1.5, 0, 0)], np.float32)
     truth = np.array([WALL, WALL, FLOOR, FLOOR], np.uint8)
     guess = np.array([WALL, FLOOR, FLOOR, FLOOR], np.uint8)
-    score.add(points, np.eye(8, dtype=np.float32)[truth])
+    true_map.update(points, np.eye(8, dtype=np.float32)[truth])
     semantic_map.update(points, np.eye(8, dtype=np.float32)[guess])
-    report = score.report(semantic_map)
+    report = compared(true_map, semantic_map)
     assert report["accuracy"] == 0.75
     assert report["iou"] == pytest.approx({"wall": 1 / 2, "terrain": 2 / 3})
     assert report["miou_four"] == pytest.approx(7 / 12)
@@ -32,4 +32,4 @@ def test_the_map_is_compared_voxel_by_voxel_with_the_true_labels():
 
 
 def test_a_robot_that_saw_nothing_has_no_figures():
-    assert SemanticScore().report(SemanticMap()) == {}
+    assert compared(SemanticMap(), SemanticMap()) == {}

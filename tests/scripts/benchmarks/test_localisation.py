@@ -13,8 +13,7 @@ from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scripts.benchmarks import localisation
 from sarsim.scripts.benchmarks.localisation_drives import DriveJob, DriveWriter, drive_file
 from sarsim.scripts.benchmarks.localisation_methods import METHODS
-from sarsim.scripts.benchmarks.localisation_picture import COLOURS, picture_of
-from sarsim.scripts.benchmarks.localisation_replay import replay_job
+from sarsim.scripts.benchmarks.localisation_replay import COLOURS, picture_of, replay_job
 from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, WALL
 from sarsim.settings import EpisodeConfig
 

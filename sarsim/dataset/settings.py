@@ -1,13 +1,16 @@
-"""What the random arenas of a dataset are like; apart from the recipe, for ``--help`` needs no more than this."""
+"""What a user may ask of a dataset; apart from what makes it, for ``--help`` needs no more than this."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
-from sarsim.arenas.settings import RandomArenaConfig
+from sarsim.arenas.settings import SHARES, RandomArenaConfig
+
+KEYFRAMES = (0.3, 0.6)  # m driven and rad turned from one keyframe to the next
+MIN_SIZE = 16  # pixels of an image
 
 
 @dataclass(frozen=True)
@@ -42,8 +45,7 @@ class ArenaRange:
     painted: float = 0.0
 
     def __post_init__(self) -> None:
-        shares = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
-        for name in ("tiles", *shares, "victims", "difficulty"):
+        for name in ("tiles", *SHARES, "victims", "difficulty"):
             check_order(f"random.{name}", getattr(self, name))
         check("random.ceilings", self.ceilings, 0, 1)
         check("random.painted", self.painted, 0, 1)
@@ -65,6 +67,48 @@ class ArenaRange:
             furnished=round(rng.uniform(*self.furnished), 3) if self.furnished[1] else 0.0,
             painted=bool(self.painted and rng.random() < self.painted),
         )
+
+
+@dataclass(frozen=True)
+class DatasetConfig:
+    """What the scenes of a dataset are made of.
+
+    Attributes:
+        seed: of everything random; another one makes other scenes.
+        frames: frames of each scene.
+        width: of the images, pixels.
+        height: of the images, pixels; half of each is four times as fast, and shows less of what is far away.
+        arenas: names or paths, taken in turn; "random" is another random arena each time.
+        random: ranges from which each random arena is drawn.
+        lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
+        dust: concentration in the scenes with dust in the air, from 0 to 1, drawn evenly between these values.
+        keyframes: m driven and rad turned from one frame to the next; larger ones show more of the arena.
+        frames_per_second: take so many frames of each second of the drive instead, as SLAM needs them.
+    """
+
+    seed: int = 0
+    frames: int = 100
+    width: int = 640
+    height: int = 480
+    arenas: tuple[str, ...] = ("random",)
+    random: ArenaRange = field(default_factory=ArenaRange)
+    lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
+    dust: tuple[float, float] = (0.02, 0.4)
+    keyframes: tuple[float, float] = KEYFRAMES
+    frames_per_second: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, low in (("seed", 0), ("frames", 1), ("width", MIN_SIZE), ("height", MIN_SIZE)):
+            check(name, getattr(self, name), low)
+        if not self.arenas:
+            raise InputError("--arenas: name at least one")
+        if not (min(self.lighting) >= 0 and 0 < sum(self.lighting) < float("inf")):
+            raise InputError(f"--lighting: {self.lighting} are no shares")
+        if not all(0.01 <= value <= 10 for value in self.keyframes):
+            raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: from 0.01 to 10 each")
+        if self.frames_per_second is not None:
+            check("frames-per-second", self.frames_per_second, 0.5, 60)
+        check_order("dust", self.dust)
 
 
 def check_order(flag: str, bounds: tuple[float, float]) -> None:

@@ -18,8 +18,10 @@ Odometry = Literal["truth", "wheel"]
 """The true pose, or dead reckoning by wheels and gyro."""
 LightingName = Literal["normal", "dim", "dark"]
 """See :class:`sarsim.sensors.lighting.Lighting`."""
-WEIGHTS = asset("weights", "dgcnn.safetensors")
-"""Of the default network."""
+NETWORK: NetworkName = "pointnext"
+"""The default one."""
+WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
+"""Of it."""
 DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
 
 
@@ -36,8 +38,8 @@ class EpisodeConfig:
         map: folder of an earlier episode in the same arena, in whose map the robot finds its place and goes on.
         goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
         home: drive back to the start in the end.
-        labels: what labels the points: a network (dgcnn), height and slope alone (rules), the simulator (truth), to
-            see what perfect labels would bring, or a class of yours, module:Class.
+        labels: what labels the points: a network (pointnext), height and slope alone (rules), the simulator (truth),
+            to see what perfect labels would bring, or a class of yours, module:Class.
         weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
         odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
@@ -66,7 +68,7 @@ class EpisodeConfig:
     map: Path | None = None
     goals: tuple[tuple[float, float], ...] = ()
     home: bool = False
-    labels: Labels = "dgcnn"
+    labels: Labels = NETWORK
     weights: Path | None = None
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     odometry: Odometry = "wheel"
@@ -99,7 +101,7 @@ class MapRecording:
         out: folder for the results, the same files as an episode's.
         poses: where they come from: recorded odometry, corrected by registration (slam), registration alone,
             recorded odometry or true poses taken at their word; by default slam if there is odometry.
-        labels: what labels the points: a network (dgcnn), height and slope alone (rules), true labels that a
+        labels: what labels the points: a network (pointnext), height and slope alone (rules), true labels that a
             simulator recorded (truth), or a class of yours, module:Class.
         weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
@@ -114,7 +116,7 @@ class MapRecording:
     path: Annotated[Path, tyro.conf.Positional]
     out: Path
     poses: Literal["slam", "registration", "odometry", "truth"] | None = None
-    labels: Labels = "dgcnn"
+    labels: Labels = NETWORK
     weights: Path | None = None
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     camera: tuple[float, float, float, float, float, float] | None = None

@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
@@ -20,9 +21,10 @@ from pipeline.planning.path_plan import place_name
 from pipeline.recording.map_file import load_keyframes
 from pipeline.recording.recorder import Recorder
 from pipeline.recording.results import KEYFRAMES, save_maps
-from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints
+from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints, RecordedRobot
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.rescue_report.situation import Situation
+from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
@@ -31,6 +33,7 @@ from pipeline.victims.detection.detector import VictimDetector
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.assets import asset
+from sarsim.dataset.exports.tum import TumDrive
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.pioneer3at import WHEELS
 from sarsim.scoring.episode import EpisodeScore
@@ -211,10 +214,19 @@ class Episode(Expedition):
         make_folder(config.folder)
         simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust, config.speed)
         self.robot = SimulatedRobot(arena, simulation, config.seed)
-        self.bag = ExplorerBag(config.bag, config.bag_images, self.robot) if config.bag else None
+        robot: Robot = self.robot
+        self.bag = ExplorerBag(config.bag, config.bag_images, robot) if config.bag else None
+        if self.bag:
+            self.bag.robot.T_world_base = self._T_world_base
+            self.bag.robot.joints = lambda: Joints(WHEELS, *self.robot.wheels)
+            robot = self.bag.robot
+        self.tum = TumDrive(config.tum, config.seed) if config.tum else None
+        if self.tum:
+            robot = RecordedRobot(robot, self.tum)
+            robot.T_world_base = self._T_world_base
         is_told = config.odometry == "truth" or config.localisation == "odometry"
         explorer = Explorer(
-            self.bag.robot if self.bag else self.robot,
+            robot,
             classifier,
             detector,
             voxel_size=config.voxel_size,
@@ -229,8 +241,6 @@ class Episode(Expedition):
         self.robot.on_motion = self.recorder.log_motion
         if self.bag:
             self.bag.watch(self.explorer)
-            self.bag.robot.T_world_base = lambda: self.robot.trajectory[-1].T_world_base
-            self.bag.robot.joints = lambda: Joints(WHEELS, *self.robot.wheels)
         self.explorer.on_correction = self.recorder.log_correction
 
     @property
@@ -248,6 +258,10 @@ class Episode(Expedition):
         if self.bag:
             self.bag.add(step)
 
+    def _T_world_base(self) -> NDArray[np.float64]:
+        """4×4, where the robot truly is."""
+        return self.robot.trajectory[-1].T_world_base
+
     def _time(self) -> float:
         return self.robot.time
 
@@ -259,8 +273,9 @@ class Episode(Expedition):
             super()._finish()
         finally:
             self.robot.close()
-            if self.bag:
-                self.bag.close()
+            for recording in (self.bag, self.tum):
+                if recording:
+                    recording.close()
 
 
 def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:

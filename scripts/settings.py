@@ -15,7 +15,7 @@ from pipeline.files import whole_file
 from sarsim.scripts.cli import COMMON, common, guarded, parse
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
-RESULTS = ("out", "bag", "json")
+RESULTS = ("out", "resume", "bag", "tum", "json")
 """Where results go: flags alone say that, for a file of settings may be a stranger's."""
 OUTPUTS = (*RESULTS, "workers")
 """Left out of a run's own file: where results go, so that repeating a run overwrites nothing, and how fast."""
@@ -82,10 +82,18 @@ def settings_from(
 
 
 def config_file(args: Sequence[str]) -> Path | None:
-    """The file that ``--config`` names among the words of a command line."""
+    """The file that ``--config`` names among the words of a command line, or the one in ``--resume``'s folder.
+
+    Raises:
+        InputError: there are both.
+    """
     finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    finder.add_argument("--config", nargs="?", type=Path)
-    return finder.parse_known_args(args)[0].config
+    for flag in ("--config", "--resume"):
+        finder.add_argument(flag, nargs="?", type=Path)
+    found = finder.parse_known_args(args)[0]
+    if found.config and found.resume:
+        raise InputError(f"--config {found.config}: --resume brings the settings of its folder")
+    return found.config or (found.resume and found.resume / "config.yaml")
 
 
 def load_settings(kind: type[Settings], path: Path) -> Settings:

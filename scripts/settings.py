@@ -68,7 +68,7 @@ def settings_from(
         InputError: a flag or the file is wrong.
     """
     file = config_file(args)
-    default: dict[str, Any] = {"default": load_settings(kind, file)} if file else {}
+    default: dict[str, Any] = {"default": load_settings(kind, file, args)} if file else {}
     flags = make_dataclass(
         "Flags",
         [
@@ -96,8 +96,10 @@ def config_file(args: Sequence[str]) -> Path | None:
     return found.config or (found.resume and found.resume / "config.yaml")
 
 
-def load_settings(kind: type[Settings], path: Path) -> Settings:
+def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = ()) -> Settings:
     """Settings from a YAML file; ``tyro.MISSING`` where neither the file nor ``kind`` gives a value.
+
+    A class that labels counts only where ``args`` name it: a file runs no code.
 
     Raises:
         InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
@@ -114,7 +116,9 @@ def load_settings(kind: type[Settings], path: Path) -> Settings:
     if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
         raise InputError(f"--config {path}: no file says where results go: give --{places[0]} as a flag")
     if isinstance(content, dict) and ":" in str(content.get("labels")):
-        raise InputError(f"--config {path}: no file says what code runs: give --labels as a flag")
+        if not any(word.split("=")[0] == "--labels" for word in args):
+            raise InputError(f"--config {path}: no file says what code runs: give --labels as a flag")
+        del content["labels"]
     return _settings(kind, content, f"--config {path}")
 
 

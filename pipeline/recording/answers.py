@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from pipeline.errors import InputError
 from pipeline.files import whole_file
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.victims.detection.detection import Detection, Detector
 
-MOST_PEOPLE = 10_000
-"""Detections in an answer."""
+MOST_ROWS = 10_000
+"""Of an answer whose length is not known."""
 
 
 class Answers:
@@ -28,28 +29,33 @@ class Answers:
     """
 
     def __init__(self, folder: Path):
+        """Raises InputError where the folder cannot be made."""
         self.folder, self.recalled = folder, 0
-        folder.mkdir(exist_ok=True)
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder}: {error.strerror or error}") from error
 
     def recall(
-        self, question: Sequence[ArrayLike], kind: DTypeLike, most: int, ask: Callable[[], NDArray]
+        self, question: Sequence[ArrayLike], kind: DTypeLike, shape: tuple[int, int], ask: Callable[[], NDArray]
     ) -> NDArray:
-        """The kept numbers of a type, at most so many, or those that ``ask`` gives, which are kept; 1D.
+        """The kept numbers of a type and shape, or those that ``ask`` gives, which are kept.
 
         Raises:
             InputError: they cannot be written.
         """
         digest = blake2b(digest_size=16)
         for part in question:
-            digest.update(np.ascontiguousarray(part).data.cast("B"))
-        path, size = self.folder / digest.hexdigest(), most * np.dtype(kind).itemsize
+            digest.update(np.asarray(part).tobytes())
+        path = self.folder / digest.hexdigest()
         with suppress(OSError, zlib.error, ValueError):
-            stream = zlib.decompressobj()
-            kept = np.frombuffer(stream.decompress(path.read_bytes(), size + 1), kind).copy()
-            if stream.eof and len(kept) <= most and np.isfinite(kept).all():
+            stream, rows = zlib.decompressobj(), MOST_ROWS if shape[0] < 0 else shape[0]
+            content = stream.decompress(path.read_bytes(), rows * shape[1] * np.dtype(kind).itemsize + 1)
+            kept = np.frombuffer(content, kind).reshape(shape).copy()
+            if stream.eof and np.isfinite(kept).all():
                 self.recalled += 1
                 return kept
-        answer = np.ascontiguousarray(ask(), kind).ravel()
+        answer = np.asarray(ask(), kind).reshape(shape)
         with whole_file(path) as partial:
             partial.write_bytes(zlib.compress(answer.tobytes(), 1))
         return answer
@@ -67,10 +73,9 @@ class RecallingClassifier:
         """As :meth:`PointClassifier.classify`."""
         question = self._weights, frame.time, frame.depth, points, T_map_camera
         shape = len(points), len(Label)
-        numbers = self._answers.recall(
-            question, np.float32, shape[0] * shape[1], lambda: self._classifier.classify(frame, points, T_map_camera)
+        return self._answers.recall(
+            question, np.float32, shape, lambda: self._classifier.classify(frame, points, T_map_camera)
         )
-        return numbers.reshape(shape)
 
 
 class RecallingDetector:
@@ -85,10 +90,10 @@ class RecallingDetector:
         numbers = self._answers.recall(
             (self._files, rgb),
             np.float64,
-            5 * MOST_PEOPLE,
+            (-1, 5),
             lambda: np.array([(*person.box, person.confidence) for person in self._detector.detect(rgb)]),
         )
-        return [Detection((x0, y0, x1, y1), sure) for x0, y0, x1, y1, sure in numbers.reshape(-1, 5).tolist()]
+        return [Detection((x0, y0, x1, y1), sure) for x0, y0, x1, y1, sure in numbers.tolist()]
 
 
 def _content(*files: Path) -> NDArray[np.uint8]:

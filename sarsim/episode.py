@@ -6,7 +6,7 @@ from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +33,15 @@ from pipeline.victims.detection.detector import VictimDetector
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.assets import asset
-from sarsim.dataset.exports.tum import TumDrive
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.pioneer3at import WHEELS
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig, Labels, MapRecording, RosExploration
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+if TYPE_CHECKING:
+    from sarsim.dataset.exports.tum import TumDrive
 
 
 class Expedition:
@@ -213,20 +215,12 @@ class Episode(Expedition):
         fiducials = hang_fiducials(arena, config.fiducials, config.seed)
         make_folder(config.folder)
         simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust, config.speed)
-        self.robot = SimulatedRobot(arena, simulation, config.seed)
-        robot: Robot = self.robot
-        self.bag = ExplorerBag(config.bag, config.bag_images, robot) if config.bag else None
-        if self.bag:
-            self.bag.robot.T_world_base = self._T_world_base
-            self.bag.robot.joints = lambda: Joints(WHEELS, *self.robot.wheels)
-            robot = self.bag.robot
-        self.tum = TumDrive(config.tum, config.seed) if config.tum else None
-        if self.tum:
-            robot = RecordedRobot(robot, self.tum)
-            robot.T_world_base = self._T_world_base
+        self.config, self.robot = config, SimulatedRobot(arena, simulation, config.seed)
+        self.bag = ExplorerBag(config.bag, config.bag_images, self.robot) if config.bag else None
+        self.tum: TumDrive | None = None
         is_told = config.odometry == "truth" or config.localisation == "odometry"
         explorer = Explorer(
-            robot,
+            self._recorded(),
             classifier,
             detector,
             voxel_size=config.voxel_size,
@@ -242,6 +236,21 @@ class Episode(Expedition):
         if self.bag:
             self.bag.watch(self.explorer)
         self.explorer.on_correction = self.recorder.log_correction
+
+    def _recorded(self) -> Robot:
+        """The robot, or one that tells a bag and a sequence of it where they are wanted."""
+        robot: Robot = self.robot
+        if self.bag:
+            robot = self.bag.robot
+            robot.T_world_base = self._T_world_base
+            robot.joints = lambda: Joints(WHEELS, *self.robot.wheels)
+        if self.config.tum:
+            from sarsim.dataset.exports.tum import TumDrive  # with HDF5, which an episode has no other use for
+
+            self.tum = TumDrive(self.config.tum, self.config.seed)
+            robot = RecordedRobot(robot, self.tum)
+            robot.T_world_base = self._T_world_base
+        return robot
 
     @property
     def explored(self) -> str:

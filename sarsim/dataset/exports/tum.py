@@ -86,14 +86,18 @@ class TumSequence:
 
 
 class TumDrive(ExitStack):
-    """A sequence of the benchmark of a drive: takes what :class:`RecordedRobot` tells, until it is closed.
+    """A robot's drive as one sequence of the TUM RGB-D benchmark.
 
     rgb/, depth/ (16 bits, 5000 a metre), label/ and a list of each; accelerometer.txt, as the benchmark has it, and
     gyroscope.txt, both of base_link; poses of the camera every control period: groundtruth.txt and odometry.txt.
     """
 
     def __init__(self, path: Path, seed: int):
-        """Begin a new folder, which appears when this is closed; InputError where there is one."""
+        """Take what :class:`pipeline.recording.ros.recorded_robot.RecordedRobot` tells, until this is closed.
+
+        Raises:
+            InputError: ``path``, a new folder that then appears, is there already, or cannot be made.
+        """
         super().__init__()
         folder = self.enter_context(whole_folder(path))
         self._sequence = TumSequence(folder)

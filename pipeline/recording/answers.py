@@ -39,7 +39,7 @@ class Answers:
     def recall(
         self, question: Sequence[ArrayLike], kind: DTypeLike, shape: tuple[int, int], ask: Callable[[], NDArray]
     ) -> NDArray:
-        """The kept numbers of a type and shape, or those that ``ask`` gives, which are kept.
+        """The kept numbers (rows, columns) of a type and ``shape``, or those that ``ask`` gives, which are kept.
 
         Raises:
             InputError: they cannot be written.
@@ -86,7 +86,7 @@ class RecallingDetector:
         self._detector, self._answers, self._files = detector, answers, _content(*files)
 
     def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
-        """As :meth:`Detector.detect`."""
+        """As :meth:`Detector.detect`, of an (H, W, 3) image."""
         numbers = self._answers.recall(
             (self._files, rgb),
             np.float64,

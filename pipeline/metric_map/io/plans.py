@@ -64,7 +64,7 @@ def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64])
 
 
 def save_dxf(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
-    """Write such cells as outlines, closed polylines in m, a layer for each kind of ground; as :func:`save_geotiff`.
+    """Write such cells (nx, ny) as closed polylines in m, a layer for each kind of ground; as :func:`save_geotiff`.
 
     It is a DXF of release 12 (AC1009), which needs no section but that of the entities: pairs of code and value.
     """

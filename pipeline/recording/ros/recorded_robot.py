@@ -45,7 +45,7 @@ class Listener(Protocol):
     def joints(
         self, time: float, names: tuple[str, ...], position: NDArray[np.float64], speed: NDArray[np.float64]
     ) -> None:
-        """How the wheels turned."""
+        """How the wheels turned: (N,) rad and (N,) rad/s at a time in s."""
 
     def odometry(
         self,

@@ -6,9 +6,10 @@ from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
@@ -20,9 +21,10 @@ from pipeline.planning.path_plan import place_name
 from pipeline.recording.map_file import load_keyframes
 from pipeline.recording.recorder import Recorder
 from pipeline.recording.results import KEYFRAMES, save_maps
-from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints
+from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints, RecordedRobot
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.rescue_report.situation import Situation
+from pipeline.robot import Robot
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
@@ -37,6 +39,9 @@ from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig, Labels, MapRecording, RosExploration
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+if TYPE_CHECKING:
+    from sarsim.dataset.exports.tum import TumDrive
 
 
 class Expedition:
@@ -210,11 +215,12 @@ class Episode(Expedition):
         fiducials = hang_fiducials(arena, config.fiducials, config.seed)
         make_folder(config.folder)
         simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust, config.speed)
-        self.robot = SimulatedRobot(arena, simulation, config.seed)
+        self.config, self.robot = config, SimulatedRobot(arena, simulation, config.seed)
         self.bag = ExplorerBag(config.bag, config.bag_images, self.robot) if config.bag else None
+        self.tum: TumDrive | None = None
         is_told = config.odometry == "truth" or config.localisation == "odometry"
         explorer = Explorer(
-            self.bag.robot if self.bag else self.robot,
+            self._recorded(),
             classifier,
             detector,
             voxel_size=config.voxel_size,
@@ -229,9 +235,22 @@ class Episode(Expedition):
         self.robot.on_motion = self.recorder.log_motion
         if self.bag:
             self.bag.watch(self.explorer)
-            self.bag.robot.T_world_base = lambda: self.robot.trajectory[-1].T_world_base
-            self.bag.robot.joints = lambda: Joints(WHEELS, *self.robot.wheels)
         self.explorer.on_correction = self.recorder.log_correction
+
+    def _recorded(self) -> Robot:
+        """The robot, or one that tells a bag and a sequence of it where they are wanted."""
+        robot: Robot = self.robot
+        if self.bag:
+            robot = self.bag.robot
+            robot.T_world_base = self._T_world_base
+            robot.joints = lambda: Joints(WHEELS, *self.robot.wheels)
+        if self.config.tum:
+            from sarsim.dataset.exports.tum import TumDrive  # with HDF5, which an episode has no other use for
+
+            self.tum = TumDrive(self.config.tum, self.config.seed)
+            robot = RecordedRobot(robot, self.tum)
+            robot.T_world_base = self._T_world_base
+        return robot
 
     @property
     def explored(self) -> str:
@@ -248,6 +267,10 @@ class Episode(Expedition):
         if self.bag:
             self.bag.add(step)
 
+    def _T_world_base(self) -> NDArray[np.float64]:
+        """4×4, where the robot truly is."""
+        return self.robot.trajectory[-1].T_world_base
+
     def _time(self) -> float:
         return self.robot.time
 
@@ -259,8 +282,9 @@ class Episode(Expedition):
             super()._finish()
         finally:
             self.robot.close()
-            if self.bag:
-                self.bag.close()
+            for recording in (self.bag, self.tum):
+                if recording:
+                    recording.close()
 
 
 def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:

@@ -36,6 +36,8 @@ class EpisodeConfig:
         steps: most steps (sense, map, plan, drive) of exploring, which ends before when no viewpoint is left; fewer
             make a short episode.
         map: folder of an earlier episode in the same arena, in whose map the robot finds its place and goes on.
+        resume: folder of an episode that was stopped: with its settings it is driven again from its start, and goes
+            on; its seed makes it the same, bit for bit, and what its networks answered is not computed again.
         goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
         home: drive back to the start in the end.
         labels: what labels the points: a network (pointnext), height and slope alone (rules), the simulator (truth),
@@ -56,6 +58,7 @@ class EpisodeConfig:
         view: show the episode while it runs: in a new window (spawn), in the browser (web), or not at all.
         bag: new folder for a ROS 2 bag of all that the robot senses and does, and of its maps.
         bag_images: depth in it in whole mm (16UC1) or exactly, in m (32FC1); colours as they are or as JPEG.
+        tum: new folder for its images, IMU, odometry and true poses in the layout of the TUM RGB-D benchmark.
         out: folder for the results; by default runs/<arena>-<seed>, or with --config, which overwrites no run, the
             same with the first number behind it that is free.
         random: what a random arena is like.
@@ -66,6 +69,7 @@ class EpisodeConfig:
     seed: int = 0
     steps: int = 160
     map: Path | None = None
+    resume: Path | None = None
     goals: tuple[tuple[float, float], ...] = ()
     home: bool = False
     labels: Labels = NETWORK
@@ -83,13 +87,14 @@ class EpisodeConfig:
     view: Literal["none", "spawn", "web"] = "none"
     bag: Path | None = None
     bag_images: Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"] = "16UC1"
+    tum: Path | None = None
     out: Path | None = None
     random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
 
     @property
     def folder(self) -> Path:
         """For the results."""
-        return self.out or Path("runs") / f"{Path(self.arena).stem}-{self.seed}"
+        return self.out or self.resume or Path("runs") / f"{Path(self.arena).stem}-{self.seed}"
 
 
 @dataclass(frozen=True)

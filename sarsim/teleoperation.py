@@ -1,5 +1,8 @@
-"""Driving by keyboard in MuJoCo's viewer."""
+"""Driving by keyboard or gamepad in MuJoCo's viewer."""
 
+import os
+import stat
+import struct
 import threading
 import time
 from collections.abc import Callable
@@ -10,6 +13,7 @@ import mujoco
 import mujoco.viewer
 import numpy as np
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
@@ -30,6 +34,13 @@ ENDING = 10.0
 """s that the viewer may take to close its window."""
 V_STEP, OMEGA_STEP = 0.1, 0.25
 """m/s and rad/s that a press adds."""
+
+JS_EVENT, AXIS, FULL = struct.Struct("=IhBB"), 0x02, 32767.0
+"""Linux's ``js_event`` (joystick-api.rst): ms, value, type, number; the type of an axis, and its largest value."""
+SIDEWAYS, LENGTHWAYS = 0, 1
+"""Axes of the left stick: positive to the right, and towards the person."""
+SLACK = 0.1
+"""Share of a stick's way about its middle where it is taken for let go."""
 
 KEYS = """\
 up, down      faster forwards, faster backwards
@@ -60,6 +71,45 @@ class Throttle:
         self.omega = _limited(held * self.omega + leftwards * OMEGA_STEP, self.max_omega)
 
 
+class Gamepad:
+    """A joystick of Linux, whose left stick drives: the further, the faster; let go, the robot stops."""
+
+    def __init__(self, path: Path):
+        """Open a device such as /dev/input/js0.
+
+        Raises:
+            InputError: it is missing, no device, or not to be read.
+        """
+        try:
+            self._file = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        except OSError as error:
+            raise InputError(f"--gamepad {path}: {error.strerror}") from error
+        if not stat.S_ISCHR(os.fstat(self._file).st_mode):
+            os.close(self._file)
+            raise InputError(f"--gamepad {path}: not a device; Linux calls gamepads /dev/input/js0, js1 …")
+        self._rest = b""
+
+    def steer(self, throttle: Throttle) -> None:
+        """Take what happened since the last call into account; a gamepad that was pulled out stops the robot."""
+        try:
+            news = os.read(self._file, 64 * JS_EVENT.size)
+        except BlockingIOError:  # nothing happened
+            return
+        except OSError:
+            news = b""
+        if not news:
+            throttle.v = throttle.omega = 0.0
+        self._rest += news
+        whole = len(self._rest) // JS_EVENT.size * JS_EVENT.size
+        for _, value, kind, number in JS_EVENT.iter_unpack(self._rest[:whole]):
+            share = -value / FULL if abs(value) > SLACK * FULL else 0.0
+            if kind == AXIS and number == LENGTHWAYS:
+                throttle.v = _limited(share * throttle.max_v, throttle.max_v)
+            elif kind == AXIS and number == SIDEWAYS:
+                throttle.omega = _limited(share * throttle.max_omega, throttle.max_omega)
+        self._rest = self._rest[whole:]
+
+
 class FreeDrive:
     """A robot that is driven, and senses nothing.
 
@@ -82,8 +132,10 @@ class FreeDrive:
         self._environment.step(np.array([command.v, command.omega]))
 
 
-def drive_by_keyboard(driven: "FreeDrive | MappedDrive", interrupted: Callable[[], bool] = lambda: False) -> None:
-    """Open a window and follow the keys in real time until it is closed, or ``interrupted`` says so.
+def drive_by_keyboard(
+    driven: "FreeDrive | MappedDrive", interrupted: Callable[[], bool] = lambda: False, gamepad: Gamepad | None = None
+) -> None:
+    """Open a window and follow keys and gamepad in real time until it is closed, or ``interrupted`` says so.
 
     An exception between two steps would leave the viewer's thread waiting for a lock that nobody gives back.
     """
@@ -95,6 +147,8 @@ def drive_by_keyboard(driven: "FreeDrive | MappedDrive", interrupted: Callable[[
         _follow(window.cam, driven.base_body)
         while window.is_running() and not interrupted():
             due = time.monotonic() + driven.control_period
+            if gamepad:
+                gamepad.steer(throttle)
             with window.lock():
                 driven.drive(Velocity(throttle.v, throttle.omega))
             window.sync()

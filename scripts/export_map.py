@@ -8,7 +8,7 @@ import tyro
 from pipeline.errors import InputError
 from sarsim.scripts.cli import run
 
-GROUND = (".pgm", ".tif", ".png", ".svg")  # Endings of 2D maps
+GROUND = (".pgm", ".tif", ".png", ".svg", ".dxf")  # Endings of 2D maps
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,7 +28,7 @@ def export_map(
         out: the file to write. By its ending: .bt is OctoMap's free and occupied space; .ot the same with log-odds,
             coloured by class; .ply the centres of the occupied voxels, coloured by class; .pgm the ground as the
             robot judges it, free, lethal or unknown, with a .yaml beside it and slopes as costs in ..._cost.png;
-            .tif, .png and .svg the same ground as GeoTIFF, as PNG with a world file, and as outlines.
+            .tif, .png, .svg and .dxf the same ground as GeoTIFF, as PNG with a world file, and as outlines.
         heights: of a .pgm: m, lowest and highest; a slice of the occupancy grid between them instead, which knows no
             ramps: 0.25 0.65 shows what stands in the robot's way on level ground.
     """

@@ -1,6 +1,7 @@
 """Run an episode: the robot explores an arena, builds its maps and leaves a recording and a report."""
 
 import os
+import shutil
 import sys
 from dataclasses import replace
 from itertools import count
@@ -9,12 +10,15 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from pipeline.errors import InputError
+from sarsim.assets import asset
 from sarsim.scripts.cli import SIGNALLED, Interruptible, announce_compilation, progress
 from sarsim.scripts.settings import run_with_settings, save_settings
 from sarsim.scripts.tables import report_table
-from sarsim.settings import EpisodeConfig
+from sarsim.settings import POINT_NETWORKS, EpisodeConfig
 
 if TYPE_CHECKING:
+    from pipeline.recording.answers import Answers
     from sarsim.episode import Episode
 
 
@@ -22,11 +26,18 @@ def run_episode(config: EpisodeConfig) -> None:
     """Explore an arena, and leave a recording, a report, the maps and config.yaml, with which --config repeats it."""
     from sarsim.episode import Episode
 
+    if config.resume and (config.out or (config.map and config.map.resolve() == config.resume.resolve())):
+        raise InputError(f"--resume {config.resume}: neither into another folder (--out) nor on its own map (--map)")
     announce_compilation()
     episode = Episode(config)
     save_settings(config, episode.out / "config.yaml")
+    answers = recall_answers(episode)
     ended_by = run_with_progress(episode)
+    if not ended_by:
+        shutil.rmtree(answers.folder)
     console = Console()
+    if config.resume:
+        console.print(f"Driven again from its start, with {answers.recalled} answers that its networks had given")
     if episode.explorer.steps or episode.lost:
         console.print(report_table(episode.report))
     viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
@@ -38,6 +49,19 @@ def run_episode(config: EpisodeConfig) -> None:
     if episode.recorder.viewer and episode.recorder.viewer.page:
         console.print("Ctrl-C ends the page")
         episode.recorder.viewer.wait()
+
+
+def recall_answers(episode: "Episode") -> "Answers":
+    """Let the networks of an episode answer nothing twice; as long as it has not come to its end they are kept."""
+    from pipeline.recording.answers import Answers, RecallingClassifier, RecallingDetector
+
+    config, mapper, answers = episode.config, episode.explorer.mapper, Answers(episode.out / "answers")
+    if config.labels in POINT_NETWORKS:
+        weights = config.weights or asset("weights", f"{config.labels}.safetensors")
+        mapper.classifier = RecallingClassifier(mapper.classifier, answers, weights)
+    if mapper.detector and config.detector:
+        mapper.detector = RecallingDetector(mapper.detector, answers, *config.detector)
+    return answers
 
 
 def run_with_progress(episode: "Episode") -> int | None:
@@ -52,9 +76,11 @@ def run_with_progress(episode: "Episode") -> int | None:
 
 
 def elsewhere(config: EpisodeConfig) -> EpisodeConfig:
-    """The same in a new folder, unless one is named: repeating an episode overwrites none."""
+    """The same in a new folder, unless one is named: repeating an episode overwrites none, but going on does."""
+    if config.out or config.resume:
+        return config
     folders = (Path(f"{config.folder}-{number}") for number in count(2))
-    return config if config.out else replace(config, out=next(path for path in folders if not path.exists()))
+    return replace(config, out=next(path for path in folders if not path.exists()))
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ from pipeline.files import whole_file
 from sarsim.scripts.cli import COMMON, common, guarded, parse
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
-RESULTS = ("out", "bag", "json")
+RESULTS = ("out", "resume", "bag", "tum", "json")
 """Where results go: flags alone say that, for a file of settings may be a stranger's."""
 OUTPUTS = (*RESULTS, "workers")
 """Left out of a run's own file: where results go, so that repeating a run overwrites nothing, and how fast."""
@@ -68,7 +68,7 @@ def settings_from(
         InputError: a flag or the file is wrong.
     """
     file = config_file(args)
-    default: dict[str, Any] = {"default": load_settings(kind, file)} if file else {}
+    default: dict[str, Any] = {"default": load_settings(kind, file, args)} if file else {}
     flags = make_dataclass(
         "Flags",
         [
@@ -82,14 +82,24 @@ def settings_from(
 
 
 def config_file(args: Sequence[str]) -> Path | None:
-    """The file that ``--config`` names among the words of a command line."""
+    """The file that ``--config`` names among the words of a command line, or the one in ``--resume``'s folder.
+
+    Raises:
+        InputError: there are both.
+    """
     finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    finder.add_argument("--config", nargs="?", type=Path)
-    return finder.parse_known_args(args)[0].config
+    for flag in ("--config", "--resume"):
+        finder.add_argument(flag, nargs="?", type=Path)
+    found = finder.parse_known_args(args)[0]
+    if found.config and found.resume:
+        raise InputError(f"--config {found.config}: --resume brings the settings of its folder")
+    return found.config or (found.resume and found.resume / "config.yaml")
 
 
-def load_settings(kind: type[Settings], path: Path) -> Settings:
+def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = ()) -> Settings:
     """Settings from a YAML file; ``tyro.MISSING`` where neither the file nor ``kind`` gives a value.
+
+    A class that labels counts only where ``args`` name it: a file runs no code.
 
     Raises:
         InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
@@ -106,7 +116,9 @@ def load_settings(kind: type[Settings], path: Path) -> Settings:
     if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
         raise InputError(f"--config {path}: no file says where results go: give --{places[0]} as a flag")
     if isinstance(content, dict) and ":" in str(content.get("labels")):
-        raise InputError(f"--config {path}: no file says what code runs: give --labels as a flag")
+        if not any(word.split("=")[0] == "--labels" for word in args):
+            raise InputError(f"--config {path}: no file says what code runs: give --labels as a flag")
+        del content["labels"]
     return _settings(kind, content, f"--config {path}")
 
 

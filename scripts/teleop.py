@@ -1,4 +1,4 @@
-"""Drive the robot through an arena by keyboard, in MuJoCo's viewer: ``teleop.py --arena A``."""
+"""Drive the robot through an arena by keyboard or gamepad, in MuJoCo's viewer: ``teleop.py --arena A``."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,9 +14,13 @@ if TYPE_CHECKING:
 
 
 def teleop(
-    arena: str = "nist_6x4", start: StartPose | None = None, out: Path | None = None, labels: Labels = "truth"
+    arena: str = "nist_6x4",
+    start: StartPose | None = None,
+    out: Path | None = None,
+    labels: Labels = "truth",
+    gamepad: Path | None = None,
 ) -> None:
-    """Drive the robot by keyboard, to get to know an arena or the robot, or to map an arena by hand.
+    """Drive the robot by keyboard or gamepad, to get to know an arena or the robot, or to map an arena by hand.
 
     Args:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
@@ -24,19 +28,20 @@ def teleop(
         out: folder for the recording and the maps of the drive, the same files as an episode's, which Rerun shows
             meanwhile; without it nothing is mapped.
         labels: with --out, what labels the points, as in run_episode.py.
+        gamepad: a joystick of Linux, such as /dev/input/js0, whose left stick drives beside the keys.
     """
     from pipeline.recording.viewer import has_display
     from sarsim.arenas.load import load_arena
-    from sarsim.teleoperation import KEYS, FreeDrive, drive_by_keyboard
+    from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, drive_by_keyboard
 
-    scene = load_arena(arena, start)
+    scene, pad = load_arena(arena, start), Gamepad(gamepad) if gamepad else None
     if not has_display():
         raise InputError("there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)")
     mapped = map_drive(scene, out, labels) if out else None
     driven = mapped or FreeDrive(scene)
     print(KEYS, flush=True)
     with Interruptible() as hold:
-        drive_by_keyboard(driven, lambda: hold.signal is not None)
+        drive_by_keyboard(driven, lambda: hold.signal is not None, pad)
         if mapped and out:
             mapped.save(out)
             print(f"{mapped.mapper.keyframes} keyframes in {out}", flush=True)

@@ -30,6 +30,7 @@ from sarsim.dataset.exports.export import Export
 from sarsim.dataset.exports.s3dis import S3dis
 from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.exports.yolo import Yolo
+from sarsim.dataset.manifest import sha256_of
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.scripts.settings import load_settings, settings_from
 from sarsim.settings import EpisodeConfig
@@ -258,8 +259,10 @@ def test_datasets(kind: type[Export], tmp_path: Path) -> None:
     before = {path.relative_to(tmp_path) for path in tmp_path.rglob("*")}
     for number, rng in enumerate(draws()):
         is_scene = rng.random() < 0.5
-        manifest.write_text(json.dumps(about if is_scene else mutated(about, rng)))
         scene.write_bytes(with_flips(content, rng) if is_scene else content)
+        entry = about["scenes"][1]
+        told = about | {"scenes": [about["scenes"][0], entry | {"sha256": sha256_of(scene)}]}  # forged, not damaged
+        manifest.write_text(json.dumps(told if is_scene else mutated(about, rng)))
         export = kind(tmp_path / "in" / "data", tmp_path / f"out{number}")
         results.append(refused(lambda: list(export.run())))  # noqa: B023
     others = {

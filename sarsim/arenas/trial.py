@@ -1,10 +1,5 @@
 """A stranger's MJCF, tried in a process of its own, which may take only so much memory and time."""
 
-import os
-import resource
-import select
-import signal
-from contextlib import suppress
 from pathlib import Path
 
 import mujoco
@@ -12,10 +7,11 @@ import numpy as np
 from dm_control import mjcf
 
 from pipeline.errors import InputError
+from pipeline.files import answer_apart
 
 MEMORY = 4_000_000_000  # bytes beyond what this process has
-SECONDS = 20  # of processor time; a process that takes none waits for something, ten times as long
-GOOD, MOST_SAID = "good", 4096  # Answer of the process, and its longest, in bytes, that a pipe takes at once
+SECONDS = 20  # of processor time
+GOOD = "good"  # Answer of the process
 TIMESTEP = 1e-4, 0.02  # s, from and to; the drive's period is the longest
 MOST_ITERATIONS = 1000  # of a solver; MuJoCo's own default is 100
 MOST_USER = 100  # ``user`` numbers of an element
@@ -28,32 +24,13 @@ def try_mjcf(path: Path) -> None:
     Raises:
         InputError: it is no good, holds a number that makes no sense, or takes absurdly much memory or time.
     """
-    reading, writing = os.pipe()
-    child = os.fork()  # another way to start a process takes a second, and workers may have none of multiprocessing's
-    if not child:
-        try:
-            os.write(writing, _tried(path).encode()[:MOST_SAID])
-        finally:
-            os._exit(0)
-    os.close(writing)
-    try:
-        answered, _, _ = select.select([reading], [], [], 10 * SECONDS)
-        said = os.read(reading, MOST_SAID).decode(errors="replace") if answered else ""
-    finally:
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
-        os.close(reading)
+    said = answer_apart(lambda: _tried(path), SECONDS, MEMORY)
     if said != GOOD:
         raise InputError(f"{path}: {said or f'more than {MEMORY / 1e9:g} GB or {SECONDS} s are needed to read it'}")
 
 
 def _tried(path: Path) -> str:
-    """What is wrong with a file, as far as MuJoCo says it; this process is of no other use afterwards."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
-    with suppress(OSError, ValueError):  # elsewhere than on Linux time is limited alone
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
+    """What is wrong with a file, as far as MuJoCo says it."""
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
         check_model(model)

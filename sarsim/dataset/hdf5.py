@@ -3,6 +3,7 @@
 import io
 import zlib
 from contextlib import ExitStack
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.files import answer_apart
 
 FAST = {"compression": "gzip", "compression_opts": 1}
 """HDF5's other fast filter, LZF, makes other bytes of the same data each time."""
+SECONDS, MEMORY = 3, 1_000_000_000
+"""of processor time and bytes, to find out what is in a file: hundredths, and a few MB, for one of ours."""
+GOOD = "good"
 _RAW = -15  # zlib's word for a stream without head and checksum, with the largest window
 _ZLIB_HEAD = b"\x78\x01"  # RFC 1950: deflate, the largest window, fastest
 
@@ -87,10 +92,42 @@ class FileSink(io.FileIO):
 
 
 def open_file(path: Path) -> h5py.File:
-    """A file to read; InputError where it is missing or no HDF5 file."""
+    """A file to read.
+
+    Raises:
+        InputError: it is missing, no HDF5 file, or one that was damaged or forged: of some, HDF5's library never
+            comes back, or they unpack to all memory.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    if (said := answer_apart(lambda: _looked_through(path), SECONDS, MEMORY)) != GOOD:
+        raise InputError(f"{path}: {said or 'damaged: HDF5 cannot read it within reason'}")
     try:
         return h5py.File(path, "r")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
     except OSError as error:
         raise InputError(f"{path}: not a readable HDF5 file") from error
+
+
+def _looked_through(path: Path) -> str:
+    """What is wrong with the parts of a file and their indices, all but the data; :data:`GOOD` if nothing is."""
+    try:
+        with h5py.File(path, "r") as file:
+            dict(file.attrs)
+            file.visititems(_check_chunks)
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
+        return f"not a readable HDF5 file: {' '.join(str(error).split())}"
+    return GOOD
+
+
+def _check_chunks(name: str, part: h5py.Dataset | h5py.Group) -> None:
+    """Raises ValueError where chunks are longer than what does not shrink at all."""
+    if isinstance(part, h5py.Dataset) and part.chunks:
+        most, longest = 1.1 * prod(part.chunks) * part.dtype.itemsize + 1024, 0
+
+        def see(chunk: h5py.h5d.StoreInfo) -> None:
+            nonlocal longest
+            longest = max(longest, chunk.size)
+
+        part.id.chunk_iter(see)
+        if longest > most:
+            raise ValueError(f"{name} has chunks of {longest} bytes for {most:.0f}")

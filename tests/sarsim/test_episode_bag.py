@@ -1,14 +1,19 @@
-"""The bag of an episode."""
+"""The bag of an episode, and its sequence as the TUM RGB-D benchmark has them."""
 
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
+from evo.core.metrics import APE, PoseRelation, StatisticsType
+from evo.core.sync import associate_trajectories
+from evo.tools.file_interface import read_tum_trajectory_file
 from rosbags.highlevel import AnyReader
 
 from pipeline.mapper import Mapper
 from pipeline.recording.replay import Replay, localisation_of
 from pipeline.recording.sources.ros_bag import read_ros_bag
+from pipeline.recording.sources.tum_folder import read_tum_folder
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.episode import Episode
@@ -18,9 +23,8 @@ from sarsim.settings import EpisodeConfig
 @pytest.fixture(scope="module")
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     folder = tmp_path_factory.mktemp("bag")
-    config = EpisodeConfig(
-        labels="truth", detector=None, steps=3, out=folder / "out", bag=folder / "bag", bag_images="32FC1"
-    )
+    places = {name: folder / name for name in ("out", "bag", "tum")}
+    config = EpisodeConfig(labels="truth", detector=None, steps=3, bag_images="32FC1", **places)
     episode = Episode(config)
     assert episode.run()
     return episode
@@ -66,6 +70,40 @@ def test_mapped_again_it_gives_the_maps_of_the_episode(episode: Episode) -> None
     np.testing.assert_array_equal(mapper.metric_map.occupied_centres(), theirs.metric_map.occupied_centres())
     assert recording.left_out == {}
     assert cloud_of(mapper.semantic_map) == cloud_of(theirs.semantic_map)
+
+
+def rows(path: Path) -> list[list[str]]:
+    """As the benchmark's associate.py reads a list: words of each line but those of comments."""
+    return [line.split() for line in path.read_text().splitlines() if not line.startswith("#")]
+
+
+def test_the_sequence_is_what_tools_of_the_benchmark_read(episode: Episode) -> None:
+    folder = episode.config.tum
+    assert folder is not None
+    lists = {name: rows(folder / f"{name}.txt") for name in ("rgb", "depth", "label")}
+    assert len(lists["rgb"]) == len(lists["depth"]) == len(lists["label"]) >= episode.explorer.mapper.keyframes
+    true, dead = (read_tum_trajectory_file(str(folder / f"{name}.txt")) for name in ("groundtruth", "odometry"))
+    # So associate.py does: the nearest pose of at most 0.02 s from an image.
+    for stamp, name in lists["depth"]:
+        assert np.abs(true.timestamps - float(stamp)).min() < 0.02
+        assert (folder / name).is_file()
+    error = APE(PoseRelation.translation_part)
+    error.process_data(associate_trajectories(true, dead))
+    assert len(error.error) == true.num_poses
+    assert 0 < error.get_statistic(StatisticsType.max) < 0.5  # wheels slip
+    felt = np.array(rows(folder / "accelerometer.txt"), float)
+    assert felt.shape == (len(rows(folder / "gyroscope.txt")), 4) and (np.diff(felt[:, 0]) > 0).all()
+    assert abs(np.median(felt[:, 3]) - 9.81) < 0.2  # along z, on the floor
+    assert {"README.md", "LICENSE", "labels.csv", "intrinsics.json"} <= {path.name for path in folder.iterdir()}
+
+
+def test_the_sequence_is_a_recording_to_map(episode: Episode) -> None:
+    assert episode.config.tum is not None
+    recording = read_tum_folder(episode.config.tum)
+    frames = list(recording.frames())
+    assert len(frames) == len(rows(episode.config.tum / "rgb.txt")) and recording.left_out == {}
+    assert recording.truth is not None and recording.odometry is not None
+    assert np.median(frames[0].depth[frames[0].returns]) == pytest.approx(2, abs=1)
 
 
 def cloud_of(semantic_map: SemanticMap) -> set[tuple[int, ...]]:

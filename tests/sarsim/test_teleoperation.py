@@ -1,6 +1,10 @@
 """Driving by keyboard, with a viewer that needs no screen in place of MuJoCo's."""
 
+import os
+import struct
+import tty
 from contextlib import contextmanager, nullcontext
+from pathlib import Path
 
 import mujoco
 import pytest
@@ -13,7 +17,18 @@ from sarsim import teleoperation
 from sarsim.arenas.load import load_arena
 from sarsim.recording import EpisodeRecorder
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from sarsim.teleoperation import DOWN, LEFT, RIGHT, SPACE, UP, FreeDrive, MappedDrive, Throttle, drive_by_keyboard
+from sarsim.teleoperation import (
+    DOWN,
+    LEFT,
+    RIGHT,
+    SPACE,
+    UP,
+    FreeDrive,
+    Gamepad,
+    MappedDrive,
+    Throttle,
+    drive_by_keyboard,
+)
 
 
 def pressed(*keys):
@@ -43,6 +58,54 @@ def test_the_command_stays_within_the_robots_limits(keys):
         throttle.press(key)
         assert abs(throttle.v) <= 0.7
         assert abs(throttle.omega) <= 2.4
+
+
+@pytest.fixture
+def joystick():
+    """A device that tells what is written to it, and the path that a gamepad is opened by."""
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)  # or the terminal would change what looks like control characters
+    yield ours, Path(os.ttyname(theirs))
+    os.close(ours)
+    os.close(theirs)
+
+
+def js_event(value, kind, number):
+    """As ``struct js_event`` of linux/joystick.h lies in memory."""
+    return struct.pack("IhBB", 123456, value, kind, number)
+
+
+def test_the_left_stick_of_a_gamepad_drives(joystick):
+    device, path = joystick
+    throttle, pad = Throttle(max_v=0.7, max_omega=2.4), Gamepad(path)
+    pad.steer(throttle)  # nothing has happened
+    assert (throttle.v, throttle.omega) == (0, 0)
+    os.write(device, js_event(0, 0x81, 3) + js_event(-32767, 0x02, 1))  # how a button is at first; stick ahead
+    pad.steer(throttle)
+    assert (throttle.v, throttle.omega) == (0.7, 0)
+    half = js_event(-16384, 0x02, 0)
+    os.write(device, js_event(32767, 0x02, 4) + half[:5])  # the right stick; an event that comes in two parts
+    pad.steer(throttle)
+    assert (throttle.v, throttle.omega) == (0.7, 0)
+    os.write(device, half[5:] + js_event(-32768, 0x02, 1))
+    pad.steer(throttle)
+    assert (throttle.v, throttle.omega) == (0.7, pytest.approx(1.2, rel=1e-3))
+    os.write(device, js_event(1500, 0x02, 0) + js_event(-2000, 0x02, 1))  # let go
+    pad.steer(throttle)
+    assert (throttle.v, throttle.omega) == (0, 0)
+
+
+def test_a_gamepad_that_is_pulled_out_stops_the_robot():
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    throttle, pad = Throttle(max_v=0.7, max_omega=2.4), Gamepad(Path(os.ttyname(theirs)))
+    os.write(ours, js_event(-32767, 0x02, 1))
+    pad.steer(throttle)
+    assert throttle.v == 0.7
+    os.close(theirs)
+    os.close(ours)
+    pad.steer(throttle)
+    assert throttle.v == 0
 
 
 class Window:
@@ -96,6 +159,15 @@ def test_the_robot_follows_the_keys(windows):
     driven = drive.physics.data.xpos[drive.base_body, 0] - before
     assert 0.08 < driven < 0.2
     assert windows[0].cam.trackbodyid == drive.base_body
+
+
+def test_the_robot_follows_a_gamepad(windows, joystick):
+    device, path = joystick
+    os.write(device, js_event(32767, 0x02, 1))  # back, after the first of three presses of up
+    drive = FreeDrive(load_arena("nist_6x4"))
+    before = drive.physics.data.xpos[drive.base_body, 0]
+    drive_by_keyboard(drive, gamepad=Gamepad(path))
+    assert drive.physics.data.xpos[drive.base_body, 0] < before - 0.05
 
 
 def test_a_drive_is_mapped_and_recorded(windows, robot, tmp_path):

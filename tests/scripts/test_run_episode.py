@@ -184,6 +184,46 @@ def test_whatever_ends_it_leaves_a_whole_recording_and_report(ending, tmp_path, 
     assert "Results in" in capsys.readouterr().out
 
 
+def test_an_episode_that_was_stopped_goes_on_bit_for_bit(tmp_path, monkeypatch, capsys):
+    step, steps = Episode.step, 0
+
+    def interrupted_step(episode):
+        nonlocal steps
+        steps += 1
+        if steps == 2:
+            signal.raise_signal(signal.SIGTERM)
+        return step(episode)
+
+    whole, stopped = tmp_path / "whole", tmp_path / "stopped"
+    run_command(monkeypatch, "--steps", 3, "--out", whole)
+    monkeypatch.setattr(Episode, "step", interrupted_step)
+    with pytest.raises(SystemExit):
+        run_command(monkeypatch, "--steps", 3, "--out", stopped)
+    assert json.loads((stopped / "report.json").read_text())["steps"] == 2
+    kept = len(list((stopped / "answers").iterdir()))
+    assert kept >= 4  # two of each step
+    capsys.readouterr()
+    run_command(monkeypatch, "--resume", stopped)
+    assert f"with {kept} answers" in capsys.readouterr().out
+    assert not (stopped / "answers").exists() and not (whole / "answers").exists()
+    for name in ("keyframes.npz", "metric_map.npz", "topology.json", "trajectory_true.tum"):
+        assert (stopped / name).read_bytes() == (whole / name).read_bytes(), name
+    reports = [json.loads((folder / "report.json").read_text()) for folder in (whole, stopped)]
+    for key in ("sim_time_s", "navigation", "semantic_map", "victims", "localisation"):
+        assert reports[0][key] == reports[1][key]
+
+
+def test_what_cannot_be_resumed_is_told(tmp_path, monkeypatch, capsys):
+    assert_refused(["--resume", str(tmp_path)], "config.yaml: No such file", monkeypatch, capsys)
+    (tmp_path / "config.yaml").write_text("seed: 3\n")
+    resume = ["--resume", str(tmp_path)]
+    assert_refused([*resume, "--out", "x"], "another folder", monkeypatch, capsys)
+    assert_refused([*resume, "--map", str(tmp_path)], "its own map", monkeypatch, capsys)
+    assert_refused([*resume, "--config", "x.yaml"], "brings the settings", monkeypatch, capsys)
+    (tmp_path / "config.yaml").write_text("resume: /tmp/else\n")
+    assert_refused(resume, "--resume as a flag", monkeypatch, capsys)
+
+
 def test_sigterm_ends_the_page_and_leaves_the_report(tmp_path):
     flags = ["--labels", "truth", "--detector", "None", "--view", "web", "--out", str(tmp_path)]
     program = Path(run_episode.__file__)

@@ -113,3 +113,4 @@ def test_a_file_names_no_code_that_runs(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no file says what code runs: give --labels as a flag"):
         load_settings(EpisodeConfig, path)
     assert settings_from(EpisodeConfig, ["--labels", "my:Own"]).labels == "my:Own"
+    assert settings_from(EpisodeConfig, ["--config", str(path), "--labels", "my:Own"]).labels == "my:Own"

@@ -21,6 +21,8 @@ NO_DISPLAY = {key: value for key, value in os.environ.items() if key not in ("DI
         (("--arena", "atlantis"), "unknown arena 'atlantis'"),
         (("--arena", "missing.xml"), "missing.xml"),
         (("--arena", "random:x"), "whole number"),
+        (("--gamepad", "/dev/input/js99"), "No such file"),
+        (("--gamepad", __file__), "not a device"),
     ],
 )
 def test_what_cannot_work_ends_with_one_line_and_status_2(flags, reason):

@@ -1,4 +1,4 @@
-"""A 2D map for geographic information systems and drawing programs: GeoTIFF, PNG with a world file, SVG."""
+"""A 2D map for geographic information systems and drawing programs: GeoTIFF, PNG with a world file, SVG, DXF."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -49,10 +49,11 @@ def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64])
     """Write such cells as outlines, in m, with y up; as :func:`save_geotiff`."""
     width, height = np.array(cells.shape) * cell
     x, y = origin
-    parts = [
-        f'<path id="{name}" fill="{colour}" d="{_outlines(cells == grey, cell, origin)}"/>\n'
-        for name, (grey, colour) in LOOKS.items()
-    ]
+    parts = []
+    for name, (grey, colour) in LOOKS.items():
+        edges = _outlines(cells == grey, cell, origin)
+        drawn = "".join("M" + "L".join(f"{x:.6g} {y:.6g}" for x, y in edge) + "z" for edge in edges)
+        parts.append(f'<path id="{name}" fill="{colour}" d="{drawn}"/>\n')
     with whole_file(path) as partial:
         partial.write_text(
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{100 * width:.6g}" height="{100 * height:.6g}"'
@@ -61,23 +62,39 @@ def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64])
         )
 
 
+def save_dxf(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
+    """Write such cells (nx, ny) as closed polylines in m, a layer for each kind of ground; as :func:`save_geotiff`.
+
+    It is a DXF of release 12 (AC1009), which needs no section but that of the entities: pairs of code and value.
+    """
+    pairs: list[tuple[int, object]] = [(0, "SECTION"), (2, "ENTITIES")]
+    for name, (grey, _) in LOOKS.items():
+        for edge in _outlines(cells == grey, cell, origin):
+            pairs += [(0, "POLYLINE"), (8, name), (66, 1), (70, 1)]
+            for x, y in edge:
+                pairs += [(0, "VERTEX"), (8, name), (10, f"{x:.6g}"), (20, f"{y:.6g}"), (30, 0.0)]
+            pairs += [(0, "SEQEND"), (8, name)]
+    with whole_file(path) as partial:
+        partial.write_text("".join(f"{code}\n{value}\n" for code, value in [*pairs, (0, "ENDSEC"), (0, "EOF")]))
+
+
 def _image(cells: Cells) -> Cells:
     """Rows from the top."""
     return np.ascontiguousarray(cells.T[::-1])
 
 
-def _outlines(mask: NDArray[np.bool_], cell: float, origin: NDArray[np.float64]) -> str:
-    """The edges of the cells (nx, ny) of a mask as an SVG path in m; holes are outlines too."""
+def _outlines(mask: NDArray[np.bool_], cell: float, origin: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """The edges of the cells (nx, ny) of a mask, closed, (N, 2) in m each; holes are outlines too."""
     # OpenCV's outlines run through the middles of pixels: of three a cell, these are nearest to one edge alone.
     fine = np.ascontiguousarray(np.kron(mask.T, np.ones((3, 3), np.uint8)), np.uint8)
     contours, _ = cv2.findContours(fine, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-    edges = [np.rint((contour[:, 0] + 0.5) / 3) * cell + origin for contour in contours]
-    return "".join("M" + "L".join(f"{x:.6g} {y:.6g}" for x, y in edge) + "z" for edge in edges)
+    return [np.rint((contour[:, 0] + 0.5) / 3) * cell + origin for contour in contours]
 
 
 SAVED: dict[str, Callable[[Path, Cells, float, NDArray[np.float64]], None]] = {
     ".tif": save_geotiff,
     ".png": save_world_png,
     ".svg": save_svg,
+    ".dxf": save_dxf,
 }
 """By ending."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,31 @@ class Joints(NamedTuple):
     speed: NDArray[np.float64]
 
 
+class Listener(Protocol):
+    """Takes what a robot senses and does, as :class:`RobotTopics` does, whose parameters these are."""
+
+    def frame(self, frame: Frame) -> None:
+        """What the camera saw."""
+
+    def motion(self, motion: Motion, command: Velocity) -> None:
+        """What the body felt, and was told."""
+
+    def joints(
+        self, time: float, names: tuple[str, ...], position: NDArray[np.float64], speed: NDArray[np.float64]
+    ) -> None:
+        """How the wheels turned: (N,) rad and (N,) rad/s at a time in s."""
+
+    def odometry(
+        self,
+        time: float,
+        T_odom_base: NDArray[np.float64],
+        twist: Velocity,
+        T_map_odom: NDArray[np.float64] | None,
+        T_world_base: NDArray[np.float64] | None,
+    ) -> None:
+        """Where it was."""
+
+
 class RecordedRobot:
     """Implements :class:`pipeline.robot.Robot` by another one, which it tells of.
 
@@ -41,7 +66,7 @@ class RecordedRobot:
         joints: gives the wheels as they are now, if anything knows.
     """
 
-    def __init__(self, robot: Robot, topics: RobotTopics):
+    def __init__(self, robot: Robot, topics: Listener):
         """``topics`` takes what the robot senses and does."""
         self.robot, self.model, self.control_period = robot, robot.model, robot.control_period
         self.T_map_odom: Callable[[], NDArray[np.float64] | None] = lambda: None

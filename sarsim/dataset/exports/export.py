@@ -47,7 +47,8 @@ class Export:
                 cameras[room(entry)] = scene.intrinsics
                 self.add(folder, entry, scene)
                 yield entry
-            describe(folder, self.out.name, cleandoc(str(type(self).__doc__)), dataset, cameras)
+            layout, seed = cleandoc(str(type(self).__doc__)), dataset.recipe.get("seed")
+            describe(folder, self.out.name, layout, cameras, len(dataset), dataset.generator, seed)
             self.finish(folder, dataset)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
@@ -88,17 +89,25 @@ def label_names() -> str:
     return "".join(f"{label.name.lower()}\n" for label in Label)
 
 
-def describe(folder: Path, title: str, layout: str, dataset: Dataset, cameras: Mapping[str, Intrinsics]) -> None:
+def describe(
+    folder: Path,
+    title: str,
+    layout: str,
+    cameras: Mapping[str, Intrinsics],
+    scenes: int,
+    generator: str,
+    seed: object,
+) -> None:
     """Write what every export carries: README.md (a card of Hugging Face's), labels.csv, LICENSE, intrinsics.json."""
     rows = [f"{int(label)},{label.name.lower()},{','.join(map(str, COLOURS[label].tolist()))}\n" for label in Label]
     (folder / "labels.csv").write_text("".join(["id,name,red,green,blue\n", *rows]))
     known = {name: asdict(camera) for name, camera in cameras.items()}
     (folder / "intrinsics.json").write_text(json.dumps(known, indent=1) + "\n")
     (folder / "LICENSE").write_text((TEMPLATES / "license.txt").read_text())
-    size, seed = "n<1K" if len(dataset) < 1000 else "1K<n<10K", dataset.recipe.get("seed")
-    about = {"title": title, "name": json.dumps(title), "layout": layout, "size": size, "scenes": len(dataset)}
+    size = "n<1K" if scenes < 1000 else "1K<n<10K"
+    about = {"title": title, "name": json.dumps(title), "layout": layout, "size": size, "scenes": scenes}
     card = (TEMPLATES / "README.md").read_text()
-    (folder / "README.md").write_text(card.format(**about, generator=dataset.generator, seed=seed))
+    (folder / "README.md").write_text(card.format(**about, generator=generator, seed=seed))
 
 
 def write_image(path: Path, image: NDArray, *options: int) -> None:

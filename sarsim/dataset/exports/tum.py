@@ -1,14 +1,20 @@
 """The layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012)."""
 
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from importlib.metadata import version
+from inspect import cleandoc
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.frame import Intrinsics
-from sarsim.dataset.exports.export import Export, room, write_image
+from pipeline.frame import Frame, Intrinsics
+from pipeline.robot import Motion, Velocity
+from sarsim.dataset.exports.export import Export, describe, room, whole_folder, write_image
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 
@@ -24,23 +30,12 @@ class Tum(Export):
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """A sequence for each scene."""
-        sequence = folder / room(entry)
-        for kind in ("rgb", "depth", "label"):
-            (sequence / kind).mkdir(parents=True)
-        lists: dict[str, list[str]] = {kind: [] for kind in HEADERS}
+        sequence = TumSequence(folder / room(entry))
         for index, frame in enumerate(scene):
-            stamp = f"{frame.time:.6f}"
-            depth = np.rint(frame.depth * UNITS).astype(np.uint16)
-            for kind, image in (("rgb", frame.rgb), ("depth", depth), ("label", scene.label(index))):
-                write_image(sequence / kind / f"{stamp}.png", image, cv2.IMWRITE_PNG_COMPRESSION, 1)
-                lists[kind].append(f"{stamp} {kind}/{stamp}.png")
-            T_odom_camera = frame.T_odom_base @ frame.T_base_camera
-            for kind, T in (("groundtruth", scene.T_world_camera(index)), ("odometry", T_odom_camera)):
-                pose = [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()]
-                lists[kind].append(" ".join([stamp, *(f"{number:.6f}" for number in pose)]))
-        for kind, lines in lists.items():
-            (sequence / f"{kind}.txt").write_text("\n".join([*HEADERS[kind], *lines]) + "\n")
-        (sequence / "calibration.txt").write_text(calibration(scene.intrinsics))
+            sequence.frame(frame)
+            sequence.pose("groundtruth", frame.time, scene.T_world_camera(index))
+            sequence.pose("odometry", frame.time, frame.T_odom_base @ frame.T_base_camera)
+        sequence.save(scene.intrinsics)
 
 
 HEADERS = {
@@ -49,7 +44,100 @@ HEADERS = {
     "label": ["# label maps", "# timestamp filename"],
     "groundtruth": ["# ground truth trajectory", "# timestamp tx ty tz qx qy qz qw"],
     "odometry": ["# dead reckoning", "# timestamp tx ty tz qx qy qz qw"],
+    "accelerometer": ["# accelerometer data, m/s^2, x forward, y left, z up", "# timestamp ax ay az"],
+    "gyroscope": ["# gyroscope data, rad/s, x forward, y left, z up", "# timestamp wx wy wz"],
 }
+IMAGES = ("rgb", "depth", "label")
+
+
+class TumSequence:
+    """A sequence of the benchmark that is written; image by image, and at last the lists of what there is."""
+
+    def __init__(self, folder: Path):
+        """Make the folder; OSError here and later where that is impossible."""
+        self._folder, self._lists = folder, dict[str, list[str]]()
+        for kind in IMAGES:
+            (folder / kind).mkdir(parents=True)
+
+    def frame(self, frame: Frame) -> None:
+        """Write the images of a frame, with its true labels where there are any."""
+        depth = np.rint(np.where(frame.returns, frame.depth, 0) * UNITS).astype(np.uint16)
+        for kind, image in zip(IMAGES, (frame.rgb, depth, frame.label), strict=True):
+            if image is not None:
+                name = f"{kind}/{frame.time:.6f}.png"
+                write_image(self._folder / name, image, cv2.IMWRITE_PNG_COMPRESSION, 1)
+                self._lists.setdefault(kind, []).append(f"{frame.time:.6f} {name}")
+
+    def pose(self, kind: str, time: float, T: NDArray[np.float64]) -> None:
+        """Note a 4×4 pose of the camera at a time in s."""
+        self.numbers(kind, time, [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()])
+
+    def numbers(self, kind: str, time: float, values: Iterable[float]) -> None:
+        """Note a reading."""
+        line = " ".join(f"{number:.6f}" for number in (time, *values))
+        self._lists.setdefault(kind, []).append(line)
+
+    def save(self, intrinsics: Intrinsics) -> None:
+        """Write the lists."""
+        for kind, lines in self._lists.items():
+            (self._folder / f"{kind}.txt").write_text("\n".join([*HEADERS[kind], *lines]) + "\n")
+        (self._folder / "calibration.txt").write_text(calibration(intrinsics))
+
+
+class TumDrive(ExitStack):
+    """A robot's drive as one sequence of the TUM RGB-D benchmark.
+
+    rgb/, depth/ (16 bits, 5000 a metre), label/ and a list of each; accelerometer.txt, as the benchmark has it, and
+    gyroscope.txt, both of base_link; poses of the camera every control period: groundtruth.txt and odometry.txt.
+    """
+
+    def __init__(self, path: Path, seed: int):
+        """Take what :class:`pipeline.recording.ros.recorded_robot.RecordedRobot` tells, until this is closed.
+
+        Raises:
+            InputError: ``path``, a new folder that then appears, is there already, or cannot be made.
+        """
+        super().__init__()
+        folder = self.enter_context(whole_folder(path))
+        self._sequence = TumSequence(folder)
+        self._poses: list[tuple[str, float, NDArray[np.float64]]] = []
+        self._newest: Frame | None = None
+        self.callback(self._finish, folder, path.name, seed)
+
+    def frame(self, frame: Frame) -> None:
+        """Write a frame's images."""
+        self._newest = frame
+        self._sequence.frame(frame)
+
+    def motion(self, motion: Motion, command: Velocity) -> None:
+        """Note the readings of the IMU."""
+        self._sequence.numbers("accelerometer", motion.time, motion.accelerometer)
+        self._sequence.numbers("gyroscope", motion.time, motion.gyro)
+
+    def joints(self, time: float, names: Sequence[str], position: ArrayLike, speed: ArrayLike) -> None:
+        """The benchmark knows no wheels."""
+
+    def odometry(
+        self,
+        time: float,
+        T_odom_base: NDArray[np.float64],
+        twist: Velocity,
+        T_map_odom: NDArray[np.float64] | None,
+        T_world_base: NDArray[np.float64] | None,
+    ) -> None:
+        """Note where the robot is at a time in s: 4×4 by its odometry, and truly."""
+        self._poses.append(("odometry", time, T_odom_base))
+        if T_world_base is not None:
+            self._poses.append(("groundtruth", time, T_world_base))
+
+    def _finish(self, folder: Path, title: str, seed: int) -> None:
+        if self._newest is None:
+            return
+        for kind, time, T in self._poses:
+            self._sequence.pose(kind, time, T @ self._newest.T_base_camera)
+        self._sequence.save(self._newest.intrinsics)
+        layout, generator = cleandoc(str(TumDrive.__doc__)), f"sarsim {version('sarsim')}"
+        describe(folder, title, layout, {title: self._newest.intrinsics}, 1, generator, seed)
 
 
 def calibration(k: Intrinsics) -> str:

@@ -2,9 +2,12 @@
 
 import json
 import re
+import shutil
+import subprocess
 from base64 import b64decode
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -230,3 +233,31 @@ def test_a_robot_that_cannot_leave_the_entrance_says_so() -> None:
     assert "no way out of the entrance" in "".join(texts(root, "span", "warning"))
     assert "The robot cannot drive up to person 1." in "".join(texts(root, "p", "summary"))
     assert list(root.all("ol")) == []
+
+
+def sheets(html: str, folder: Path) -> int:
+    """Of paper that Chromium prints a page on."""
+    (folder / "page.html").write_text(html)
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}"]
+    pdf = folder / "page.pdf"
+    subprocess.run(
+        ["chromium", *flags, f"--print-to-pdf={pdf}", (folder / "page.html").as_uri()],
+        check=True,
+        capture_output=True,
+    )
+    return len(re.findall(rb"/Type\s*/Page\b", pdf.read_bytes()))
+
+
+@pytest.mark.skipif(not shutil.which("chromium"), reason="no Chromium")
+def test_no_sheet_is_printed_for_what_is_folded_away(tmp_path: Path) -> None:
+    report = REPORT | {"config": {f"setting_{k}": k for k in range(300)}}
+    html = page(before_a_wall(victims(ALICE, BOB)), report)
+    html = re.sub("<footer>.*?</footer>", "", html)
+    figures = re.compile(r"<section>\s*(?=<h2>Figures.*?</section>)", re.DOTALL)
+    assert figures.search(html)
+    # On a sheet of their own, of which nothing is left.
+    apart = figures.sub('<div style="break-after: page"></div><section>', html)
+    assert sheets(apart, tmp_path) == sheets(
+        re.sub(r"<section>\s*<h2>Figures.*?</section>", "", html, flags=re.S), tmp_path
+    )
+    assert sheets(apart.replace("<details>", "<details open>"), tmp_path) > sheets(apart, tmp_path)

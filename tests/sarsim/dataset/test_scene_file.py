@@ -2,6 +2,7 @@
 
 import errno
 import io
+import zlib
 from pathlib import Path
 
 import h5py
@@ -15,7 +16,7 @@ from pipeline.files import whole_file
 from sarsim.dataset import hdf5
 from sarsim.dataset.hdf5 import FAST
 from sarsim.dataset.scene_file import Scene, SceneWriter
-from tests.sarsim.dataset.small import content, frame, write_scene
+from tests.sarsim.dataset.small import content, frame, toys, write_scene
 
 
 @pytest.fixture
@@ -206,6 +207,26 @@ def test_a_flipped_bit_in_an_image(file: Path) -> None:
         scene.frame(0)
         with pytest.raises(InputError, match="broken: depth of frame 1 cannot be read"):
             scene.frame(1)
+
+
+def test_a_file_of_which_hdf5_never_comes_back_is_refused_within_seconds(tmp_path: Path) -> None:
+    toys(tmp_path, 1)
+    path = tmp_path / "scenes" / "00000.h5"
+    data, rng = bytearray(path.read_bytes()), np.random.default_rng(11)
+    end = 8192 if rng.random() < 0.7 else len(data)
+    for place in rng.integers(end, size=rng.integers(1, 12)):
+        data[place] = rng.integers(256)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"00000\.h5: .*HDF5"):
+        Scene(path)
+
+
+def test_a_chunk_that_would_unpack_to_much_more_is_refused(file: Path) -> None:
+    bomb = zlib.compress(bytes(10_000_000), 9)
+    with h5py.File(file, "r+") as scene:
+        scene["label"].id.write_direct_chunk((1, 0, 0), bomb)
+    with pytest.raises(InputError, match="label has chunks of"):
+        Scene(file)
 
 
 def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.path import Path as Outline
 from PIL import Image
 
-from pipeline.metric_map.io.plans import save_geotiff, save_svg, save_world_png
+from pipeline.metric_map.io.plans import save_dxf, save_geotiff, save_svg, save_world_png
 
 GREYS = np.array([0, 205, 254], np.uint8)
 CELL, ORIGIN = 0.05, np.array([-1.5, 2.25])
@@ -50,18 +50,55 @@ def test_a_world_file_says_where_the_first_pixel_lies(cells: np.ndarray, tmp_pat
     assert image[0, 0] == cells[0, -1]
 
 
+def within(edges: list, shape: tuple[int, int]) -> np.ndarray:
+    """Which cells lie within outlines, by the rule of even and odd."""
+    i, j = np.indices(shape).reshape(2, -1)
+    middles = np.column_stack([i, j]) * CELL + CELL / 2 + ORIGIN
+    inside = np.zeros(len(middles), np.bool_)
+    for edge in edges:
+        corners = np.array(edge, float)
+        inside ^= Outline(np.vstack([corners, corners[:1]])).contains_points(middles)
+    return inside.reshape(shape)
+
+
 def test_outlines_hold_the_cells_and_no_others(cells: np.ndarray, tmp_path: Path) -> None:
     save_svg(tmp_path / "map.svg", cells, CELL, ORIGIN)
     root = ET.parse(tmp_path / "map.svg").getroot()
-    i, j = np.indices(cells.shape).reshape(2, -1)
-    middles = np.column_stack([i, j]) * CELL + CELL / 2 + ORIGIN
     for part, grey in (("unknown", 205), ("free", 254), ("occupied", 0)):
         (path,) = root.findall(f".//*[@id='{part}']")
-        inside = np.zeros(cells.size, np.bool_)
-        for line in path.attrib["d"].strip("Mz").split("zM"):
-            corners = np.array([point.split() for point in line.split("L")], float)
-            inside ^= Outline(np.vstack([corners, corners[:1]])).contains_points(middles)
-        np.testing.assert_array_equal(inside.reshape(cells.shape), cells == grey)
+        edges = [[point.split() for point in line.split("L")] for line in path.attrib["d"].strip("Mz").split("zM")]
+        np.testing.assert_array_equal(within(edges, cells.shape), cells == grey)
     low, high = ORIGIN, ORIGIN + np.array(cells.shape) * CELL
     x, y, width, height = map(float, root.attrib["viewBox"].split())
     np.testing.assert_allclose((x, -y - height, x + width, -y), (*low, *high), atol=1e-6)
+
+
+def test_a_drawing_of_cad_has_a_layer_of_closed_lines_for_each_kind(cells: np.ndarray, tmp_path: Path) -> None:
+    path = tmp_path / "map.dxf"
+    save_dxf(path, cells, CELL, ORIGIN)
+    lines = path.read_text().split("\n")
+    pairs = list(zip(lines[::2], lines[1::2], strict=False))
+    assert pairs[0] == ("0", "SECTION") and pairs[-1] == ("0", "EOF")
+    edges: dict[str, list] = {"unknown": [], "free": [], "occupied": []}
+    for entity in "\n".join(f"{code}={value}" for code, value in pairs).split("\n0="):
+        kind, *rest = entity.split("\n")
+        values = dict(pair.split("=") for pair in rest)
+        if kind == "POLYLINE":
+            assert values["70"] == "1"
+            edges[values["8"]].append([])
+        elif kind == "VERTEX":
+            edges[values["8"]][-1].append((values["10"], values["20"]))
+    for part, grey in (("unknown", 205), ("free", 254), ("occupied", 0)):
+        np.testing.assert_array_equal(within(edges[part], cells.shape), cells == grey)
+
+
+def test_ezdxf_reads_it_and_finds_nothing_wrong(cells: np.ndarray, tmp_path: Path) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    save_dxf(tmp_path / "map.dxf", cells, CELL, ORIGIN)
+    drawing = ezdxf.readfile(tmp_path / "map.dxf")
+    assert not drawing.audit().has_issues
+    for part, grey in (("unknown", 205), ("free", 254), ("occupied", 0)):
+        lines = drawing.modelspace().query(f"POLYLINE[layer=='{part}']")
+        assert all(line.is_closed for line in lines)
+        edges = [[(point.x, point.y) for point in line.points()] for line in lines]
+        np.testing.assert_array_equal(within(edges, cells.shape), cells == grey)

@@ -75,7 +75,6 @@ def main() -> None:
         tinted = np.where(labels[..., None] > 0, 0.45 * colour + 0.55 * COLOURS[labels][..., ::-1], colour / 3)
         picture = np.hstack([colour, tinted.astype(np.uint8)])[::2, ::2]
         cv2.imwrite(str(images / f"real-{read.__name__}.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 85])
-        np.savez(f"/tmp/w/body_real_{read.__name__}.npz", labels=labels, depth=depth)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from dm_control import composer, mjcf
@@ -56,7 +56,8 @@ class SkidSteered(composer.Robot):
         if missing := [" ".join(part) for part in PARTS if find(*part) is None]:
             raise InputError(f"--robot {robot}: has no {', '.join(missing)}")
         numbers = {number.name: np.atleast_1d(np.array(number.data, np.float64)) for number in numeric}
-        self.model, self.drive = (_filled(kind, numbers, robot) for kind in (RobotModel, DriveModel))
+        self.model: RobotModel = _filled(RobotModel, numbers, robot)
+        self.drive: DriveModel = _filled(DriveModel, numbers, robot)
 
     def _build_observables(self) -> "SkidSteeredObservables":
         return SkidSteeredObservables(self)
@@ -167,6 +168,5 @@ def _filled(kind: type[Model], numbers: Mapping[str, NDArray[np.float64]], robot
     for name, value in values.items():
         if len(value) != 1 + name.endswith("_range") or not ((value > 0) & np.isfinite(value)).all():
             raise InputError(f'--robot {robot}: <custom> has no proper <numeric name="{name}">: {value.tolist()}')
-    return kind(
-        **{name: value.item() if len(value) == 1 else tuple(value.tolist()) for name, value in values.items()}
-    )
+    told: dict[str, Any] = {k: v.item() if len(v) == 1 else tuple(v.tolist()) for k, v in values.items()}
+    return kind(**told)

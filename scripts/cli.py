@@ -290,15 +290,9 @@ def run_watched(
     description: str,
     total: float | None = None,
 ) -> int | None:
-    """Call ``run`` under a progress bar, with what tells whether it is to end, and what takes how far it is.
+    """Call ``run`` under a progress bar; the number of the signal that ended it, as Ctrl-C does, if one did.
 
-    Args:
-        run: is to end where its first argument says so; gives its second how much is done, and a line on it.
-        description: the line at the beginning.
-        total: how much is to be done, if that is known.
-
-    Returns:
-        The number of the signal that ended it, as Ctrl-C does, if one did.
+    ``run`` is to end where its first argument says so; it tells its second how much of ``total`` is done, and what.
     """
     with progress() as bars, Interruptible() as control:
         bar = bars.add_task(description, total=total)

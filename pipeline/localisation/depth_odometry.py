@@ -99,11 +99,7 @@ class DepthOdometry:
         return best[1].T, best[0]
 
     def _best(
-        self,
-        frame: Frame,
-        cloud: small_gicp.PointCloud,
-        guesses: Sequence[NDArray[np.float64]],
-        sigma: NDArray[np.float64],
+        self, frame: Frame, cloud: small_gicp.PointCloud, guesses: Sequence[NDArray], sigma: NDArray[np.float64]
     ) -> tuple[Target, Registration] | None:
         """The registration with most overlap of those that begin at 4×4 guesses; None where none has a target."""
         points, everyone = cloud.points()[:, :3], np.ones(len(self._kept), np.bool_)

@@ -18,8 +18,6 @@ VOXEL = 0.02
 RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
 SKIN = 0.03
 """m from what was seen of a person within which a point is of that person."""
-
-
 HeightAboveWays = Callable[[NDArray[np.float32]], NDArray[np.float64]]
 """(N,) m that points (N, 3) in ``map`` are above the nearest ground that the robot can drive to."""
 

@@ -34,7 +34,7 @@ from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.assets import asset
 from sarsim.recording import EpisodeRecorder
-from sarsim.robots.pioneer3at import WHEELS
+from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig, Labels, MapRecording, RosExploration
@@ -214,7 +214,9 @@ class Episode(Expedition):
         arena = load_arena(config.arena, config.start, config.random)
         fiducials = hang_fiducials(arena, config.fiducials, config.seed)
         make_folder(config.folder)
-        simulation = SimulationConfig(config.odometry, config.sensor, config.lighting, config.dust, config.speed)
+        simulation = SimulationConfig(
+            config.odometry, config.sensor, config.lighting, config.dust, config.speed, config.robot
+        )
         self.config, self.robot = config, SimulatedRobot(arena, simulation, config.seed)
         self.bag = ExplorerBag(config.bag, config.bag_images, self.robot) if config.bag else None
         self.tum: TumDrive | None = None

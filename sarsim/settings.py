@@ -14,6 +14,8 @@ NetworkName = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext"]
 POINT_NETWORKS: tuple[NetworkName, ...] = get_args(NetworkName)
 Labels = NetworkName | Literal["rules", "truth"] | str
 """What labels the points: a network, height and slope alone, the simulator, or a class, module:Class."""
+Robot = Literal["pioneer3at", "jackal"] | str
+"""One that comes along, or the path of an MJCF file like theirs."""
 Odometry = Literal["truth", "wheel"]
 """The true pose, or dead reckoning by wheels and gyro."""
 LightingName = Literal["normal", "dim", "dark"]
@@ -31,6 +33,7 @@ class EpisodeConfig:
 
     Attributes:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
+        robot: pioneer3at, jackal, or the path of an MJCF file like theirs.
         start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
         seed: of everything random; another one shows how much of a result is chance.
         steps: most steps (sense, map, plan, drive) of exploring, which ends before when no viewpoint is left; fewer
@@ -65,6 +68,7 @@ class EpisodeConfig:
     """
 
     arena: str = "nist_6x4"
+    robot: Robot = "pioneer3at"
     start: StartPose | None = None
     seed: int = 0
     steps: int = 160
@@ -110,6 +114,7 @@ class MapRecording:
             simulator recorded (truth), or a class of yours, module:Class.
         weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
+        robot: pioneer3at, jackal, or the path of an MJCF file like theirs, for which ground is judged.
         camera: of the camera on the robot: x y z in m, roll pitch yaw in degrees, pitch positive where it looks down;
             by default as the recording has it, else level over the floor of the first frame.
         intrinsics: of the camera, fx fy cx cy in pixels, pixel centres at whole numbers, as calibrations have them.
@@ -124,6 +129,7 @@ class MapRecording:
     labels: Labels = NETWORK
     weights: Path | None = None
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
+    robot: Robot = "pioneer3at"
     camera: tuple[float, float, float, float, float, float] | None = None
     intrinsics: tuple[float, float, float, float] | None = None
     depth_scale: float | None = None
@@ -137,6 +143,7 @@ class RosRobotConfig:
 
     Attributes:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
+        robot: pioneer3at, jackal, or the path of an MJCF file like theirs.
         start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
         seed: of everything random; another one shows how much of a result is chance.
         lighting: of the arena; in the dark the robot's lamp is on.
@@ -150,6 +157,7 @@ class RosRobotConfig:
     """
 
     arena: str = "nist_6x4"
+    robot: Robot = "pioneer3at"
     start: StartPose | None = None
     seed: int = 0
     lighting: LightingName = "normal"
@@ -171,10 +179,13 @@ class RosExploration:
         map: folder of an earlier episode in the same place, in whose map the robot finds its place and goes on.
         goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
         home: drive back to the start in the end.
-        weights: of the network that labels the points, as train.py writes them; the shipped ones by default.
+        labels: what labels the points: a network (dgcnn), height and slope alone (rules), or a class of yours,
+            module:Class.
+        weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
         speed: at most, on seen level ground with room, m/s.
         view: show the drive while it goes on: in a new window (spawn), in the browser (web), or not at all.
+        robot: pioneer3at, jackal, or the path of an MJCF file like theirs, for which ground is judged.
         camera: of the camera on the robot: x y z in m, roll pitch yaw in degrees, pitch positive where it looks down;
             by default as the robot's transforms have it.
         topics: what the robot's topics are called.
@@ -188,10 +199,12 @@ class RosExploration:
     map: Path | None = None
     goals: tuple[tuple[float, float], ...] = ()
     home: bool = False
+    labels: Labels = "dgcnn"
     weights: Path | None = None
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     speed: float = 0.5
     view: Literal["none", "spawn", "web"] = "none"
+    robot: Robot = "pioneer3at"
     camera: tuple[float, float, float, float, float, float] | None = None
     topics: TopicNames = field(default_factory=TopicNames)
     patience: float = 5.0

@@ -14,9 +14,8 @@ from pipeline.robot import Motion, Velocity
 from pipeline.transforms import transform_points
 from sarsim.arenas.arena import RescueArena
 from sarsim.ground_truth.contacts import CollisionCounter
-from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
-from sarsim.robots.skid_steer import WHEEL_RADIUS
+from sarsim.robots.skid_steered import ROBOTS, SkidSteered
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera
 from sarsim.sensors.conditions import Conditions
@@ -40,14 +39,16 @@ class SimulationConfig:
         sensor: the Xtion with its noise, or its range alone.
         lighting: of the arena; in the dark the robot's lamp is on.
         dust: in the air, from 0 to 1; it swallows depth returns, makes false ones and veils colours.
-        speed: at which the robot is driven on level ground, m/s.
+        speed: at which the robot is driven on level ground, m/s; by default its model's.
+        robot: see :class:`sarsim.robots.skid_steered.SkidSteered`.
     """
 
     odometry: Literal["truth", "wheel"] = "wheel"
     sensor: Literal["xtion", "ideal"] = "xtion"
     lighting: Literal["normal", "dim", "dark"] = "normal"
     dust: float = 0.0
-    speed: float = PIONEER_3AT.speed
+    speed: float | None = None
+    robot: str = ROBOTS[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,7 @@ class TrueFrame:
 
 
 class SimulatedRobot:
-    """A Pioneer 3-AT in an arena that implements :class:`pipeline.robot.Robot`; ``odom`` is the world's frame.
+    """A robot in an arena that implements :class:`pipeline.robot.Robot`; ``odom`` is the world's frame.
 
     Attributes:
         model: its size and abilities.
@@ -87,18 +88,18 @@ class SimulatedRobot:
         """Set the robot down at the arena's start; InputError where it cannot stand there."""
         sensor_seed, odometry_seed = np.random.SeedSequence(seed).spawn(2)
         self.config = config
-        self.model = replace(PIONEER_3AT, speed=config.speed)
         lighting = Lighting[config.lighting]
         self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
         self._sensor_rng = np.random.default_rng(sensor_seed)
-        self._environment = rescue_environment(arena, seed)
+        self._environment = rescue_environment(arena, seed, config.robot)
         self._environment.reset()
-        self.robot = self._environment.task.robot
+        self.robot: SkidSteered = self._environment.task.robot
+        self.model = replace(self.robot.model, speed=config.speed or self.robot.model.speed)
         self.physics = self._environment.physics
         set_lighting(self.physics, self.robot, lighting)
         self.renderer = Renderer(self.physics.model.ptr)
         self._camera = RgbdCamera(self.renderer, self.robot.camera.full_identifier)
-        self._odometry = WheelOdometry(np.random.default_rng(odometry_seed))
+        self._odometry = WheelOdometry(np.random.default_rng(odometry_seed), self.robot.drive.wheel_radius)
         self._T_world_start = arena.T_world_start
         self.collisions = CollisionCounter(self.physics.model.ptr, self._camera.base_body)
         self.true_frame: TrueFrame | None = None
@@ -155,7 +156,7 @@ class SimulatedRobot:
         T_odom_base = T_world_base if self.config.odometry == "truth" else self.T_wheel_base
         self.trajectory.append(Pose(self.time, T_world_base, T_odom_base))
         self.on_motion(self.trajectory[-1])
-        wheel_speed = robot.wheel_speed(physics) * WHEEL_RADIUS
+        wheel_speed = robot.wheel_speed(physics) * robot.drive.wheel_radius
         return Motion(self.time, T_odom_base, gyro, accelerometer, wheel_speed)
 
     def close(self) -> None:

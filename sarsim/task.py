@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from pipeline.robot import Velocity
 from sarsim.arenas.arena import RescueArena
-from sarsim.robots.pioneer3at import Pioneer3AT
-from sarsim.robots.skid_steer import MAX_SPEED, MAX_TURN_RATE, SkidSteer
+from sarsim.robots.skid_steer import SkidSteer
+from sarsim.robots.skid_steered import ROBOTS, SkidSteered
 
 CONTROL_TIMESTEP = 0.02
 """s, the period of the drive's firmware."""
@@ -21,11 +21,11 @@ class RescueTask(composer.Task):
     There is no reward: what a robot makes of an episode is told by its report.
     """
 
-    def __init__(self, arena: RescueArena, robot: Pioneer3AT):
+    def __init__(self, arena: RescueArena, robot: SkidSteered):
         self._arena = arena
         self.robot = robot
         self._frame = arena.add_free_entity(robot)
-        self._drive = SkidSteer()
+        self._drive = SkidSteer(self.robot.drive)
         self._inertial, self._measured = np.zeros((2, 3)), 0
         self.set_timesteps(CONTROL_TIMESTEP, arena.mjcf_model.option.timestep)
         robot.observables.enable_all()
@@ -37,7 +37,7 @@ class RescueTask(composer.Task):
 
     def action_spec(self, physics: mjcf.Physics) -> specs.BoundedArray:
         """(v m/s, ω rad/s)."""
-        limits = np.array([MAX_SPEED, MAX_TURN_RATE])
+        limits = np.array(self.robot.drive.limits)
         return specs.BoundedArray((2,), np.float64, -limits, limits, name="v\tomega")
 
     def initialize_episode(self, physics: mjcf.Physics, random_state: np.random.RandomState) -> None:
@@ -46,7 +46,7 @@ class RescueTask(composer.Task):
         quat = np.empty(4)
         mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
         self.robot.set_pose(physics, T[:3, 3], quat)
-        self._drive = SkidSteer()
+        self._drive = SkidSteer(self.robot.drive)
 
     def before_step(self, physics: mjcf.Physics, action: NDArray, random_state: np.random.RandomState) -> None:
         """Let the drive's firmware turn the command (2,), m/s and rad/s, into wheel speeds."""
@@ -77,8 +77,8 @@ class RescueTask(composer.Task):
         return 0.0
 
 
-def rescue_environment(arena: RescueArena, seed: int) -> composer.Environment:
-    """The dm_env environment of a Pioneer 3-AT in an arena, without a time limit."""
+def rescue_environment(arena: RescueArena, seed: int, robot: str = ROBOTS[0]) -> composer.Environment:
+    """The dm_env environment of a robot, see :class:`SkidSteered`, in an arena, without a time limit."""
     return composer.Environment(
-        RescueTask(arena, Pioneer3AT()), random_state=seed, strip_singleton_obs_buffer_dim=True
+        RescueTask(arena, SkidSteered(robot)), random_state=seed, strip_singleton_obs_buffer_dim=True
     )

@@ -23,7 +23,7 @@ from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import PointClassifier
 from sarsim.arenas.arena import RescueArena
 from sarsim.recording import EpisodeRecorder
-from sarsim.robots.skid_steer import MAX_SPEED, MAX_TURN_RATE
+from sarsim.robots.skid_steered import ROBOTS
 from sarsim.simulated_robot import SimulatedRobot
 from sarsim.task import CONTROL_TIMESTEP, rescue_environment
 
@@ -116,16 +116,18 @@ class FreeDrive:
     Attributes:
         physics: of the arena.
         base_body: id of the robot's body.
+        limits: fastest m/s and rad/s.
         control_period: s for which a command holds.
     """
 
     control_period = CONTROL_TIMESTEP
 
-    def __init__(self, arena: RescueArena):
-        self._environment = rescue_environment(arena, seed=0)
+    def __init__(self, arena: RescueArena, robot: str = ROBOTS[0]):
+        self._environment = rescue_environment(arena, 0, robot)
         self._environment.reset()
         self.physics = self._environment.physics
         self.base_body = self.physics.bind(self._environment.task.robot.base).element_id
+        self.limits = self._environment.task.robot.drive.limits
 
     def drive(self, command: Velocity) -> None:
         """Obey for one control period."""
@@ -139,7 +141,7 @@ def drive_by_keyboard(
 
     An exception between two steps would leave the viewer's thread waiting for a lock that nobody gives back.
     """
-    throttle, physics = Throttle(MAX_SPEED, MAX_TURN_RATE), driven.physics
+    throttle, physics = Throttle(*driven.limits), driven.physics
     others = set(threading.enumerate())
     with mujoco.viewer.launch_passive(
         physics.model.ptr, physics.data.ptr, key_callback=throttle.press, show_left_ui=False, show_right_ui=False
@@ -168,6 +170,7 @@ class MappedDrive:
         """Take the first keyframe where the robot was set down."""
         self._robot, self._recorder = robot, recorder
         self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
+        self.limits = robot.robot.drive.limits
         self.mapper = Mapper(robot.model, classifier, localisation=Slam())
         robot.on_motion = recorder.log_motion
         frame = robot.sense()

@@ -283,6 +283,27 @@ class Interruptible:
         self.signal = number
 
 
+def run_watched(
+    run: Callable[[Callable[[], bool], Callable[[float, str], None]], object],
+    description: str,
+    total: float | None = None,
+) -> int | None:
+    """Call ``run`` under a progress bar; the number of the signal that ended it, as Ctrl-C does, if one did.
+
+    ``run`` is to end where its first argument says so; it tells its second how much of ``total`` is done, and what.
+    """
+    with progress() as bars, Interruptible() as control:
+        bar = bars.add_task(description, total=total)
+        run(lambda: control.signal is not None, lambda done, line: bars.update(bar, completed=done, description=line))
+    return control.signal
+
+
+def end_by(number: int | None) -> None:
+    """End the process with the status of a signal, if one ended the command."""
+    if number:
+        raise SystemExit(SIGNALLED + number)
+
+
 def _exit(message: str, status: int) -> None:
     print(" ".join(message.split()), file=sys.stderr)
     sys.exit(status)

@@ -63,12 +63,12 @@ def _export_ground(keyframes: Path, out: Path) -> None:
     from pipeline.recording.map_file import load_elevation_map
     from pipeline.traversability.ros_map import known_costs, save_ros_map, trinary
     from pipeline.traversability.traversability import assess_map
-    from sarsim.robots.pioneer3at import PIONEER_3AT
+    from sarsim.robots.skid_steered import robot_model
 
     if not keyframes.exists():
         instead = "; --heights 0.25 0.65 makes a map of the occupancy grid instead" if out.suffix == ".pgm" else ""
         raise InputError(f"{keyframes}: no such file{instead}")
-    elevation_map, poses = load_elevation_map(keyframes, PIONEER_3AT)
+    elevation_map, poses = load_elevation_map(keyframes, robot_model())
     ground, places = assess_map(elevation_map), poses[:, :2, 3]
     if out.suffix == ".pgm":
         save_ros_map(out, ground, places)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from pipeline.errors import InputError
-from sarsim.scripts.cli import SIGNALLED, Interruptible, progress
+from sarsim.scripts.cli import end_by, run_watched
 from sarsim.scripts.settings import run_with_settings, save_settings
 from sarsim.scripts.tables import report_table
 from sarsim.settings import MapRecording
@@ -25,12 +25,10 @@ def map_recording(config: MapRecording) -> None:
 
     recording = open_recording(config)
     drive = RecordedDrive(recording, config)
-    with progress() as bars, Interruptible() as control:
-        bar = bars.add_task(config.path.name, total=None)
-        drive.run(
-            lambda: control.signal is not None,
-            lambda line: bars.update(bar, completed=drive.frames, description=line),
-        )
+    ended_by = run_watched(
+        lambda interrupted, on_frame: drive.run(interrupted, lambda line: on_frame(drive.frames, line)),
+        config.path.name,
+    )
     if drive.report:
         save_settings(config, config.out / "config.yaml")
         Console().print(report_table(drive.report))
@@ -38,8 +36,7 @@ def map_recording(config: MapRecording) -> None:
         Console().print(told, soft_wrap=True)
     if drive.error:
         raise InputError(drive.error)
-    if control.signal:
-        raise SystemExit(SIGNALLED + control.signal)
+    end_by(ended_by)
 
 
 def open_recording(config: MapRecording) -> "Recording":

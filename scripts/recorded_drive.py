@@ -19,8 +19,8 @@ from pipeline.rescue_report.situation import situation_of
 from pipeline.transforms import inverse
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.episode import make_classifier, make_folder, run_report, write_report
-from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
+from sarsim.robots.skid_steered import robot_model
 from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import MapRecording
 
@@ -43,7 +43,8 @@ class RecordedDrive:
         detector = VictimDetector.load(*config.detector) if config.detector else None
         poses = config.poses or default_poses(recording)
         classifier, localisation = make_classifier(config.labels, config.weights), localisation_of(poses)
-        self.mapper = Mapper(PIONEER_3AT, classifier, detector, localisation=localisation)
+        self._robot = robot_model(config.robot)
+        self.mapper = Mapper(self._robot, classifier, detector, localisation=localisation)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         self._replay = Replay(recording, self.mapper, poses, camera)
         make_folder(config.out)
@@ -95,7 +96,7 @@ class RecordedDrive:
             return
         self._score.add()
         if len(keyframe.labels):
-            farthest = PIONEER_3AT.camera_range[1]
+            farthest = self._robot.camera_range[1]
             self._recorder.log_keyframe(len(self._labelled), self.mapper, keyframe, farthest)
             self._labelled.append(keyframe)
 
@@ -123,5 +124,5 @@ class RecordedDrive:
         self._score.save(out, with_truth=self._has_truth)
         poses: list[NDArray[np.float64]] = [mapper.poses[keyframe.index] for keyframe in self._labelled]
         height = float(self._labelled[0].frame.T_base_camera[2, 3])
-        situation = situation_of(mapper, PIONEER_3AT, poses, height, finished=not self.error)
+        situation = situation_of(mapper, self._robot, poses, height, finished=not self.error)
         write_page(out / "report.html", situation, self.report)

@@ -19,8 +19,8 @@ from pipeline.recording.viewer import Viewer
 from pipeline.robot import Motion
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.episode import Expedition, make_classifier, make_folder
-from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
+from sarsim.robots.skid_steered import robot_model
 from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import RosExploration
 
@@ -41,11 +41,11 @@ class RosDrive(Expedition):
 
     def __init__(self, config: RosExploration, node: Node):
         """Raises InputError where no robot is found, or something cannot be read or written."""
-        classifier = make_classifier("dgcnn", config.weights)
+        classifier = make_classifier(config.labels, config.weights)
         detector = VictimDetector.load(*config.detector) if config.detector else None
         make_folder(config.out)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
-        model = replace(PIONEER_3AT, speed=config.speed)
+        model = replace(robot_model(config.robot), speed=config.speed)
         self.robot = RosRobot(node, model, config.topics, camera, config.patience)
         super().__init__(config, Explorer(self.robot, classifier, detector, localisation=Slam()))
         self.recorder = Recorder(self.out / "episode.rrd", None if config.view == "none" else Viewer(config.view))

@@ -1,8 +1,10 @@
 """Explore with a robot of ROS 2: ``ros_explore.py --out DIR``."""
 
+from contextlib import closing
+
 from rich.console import Console
 
-from sarsim.scripts.cli import SIGNALLED, Interruptible, progress
+from sarsim.scripts.cli import end_by, run_watched
 from sarsim.scripts.settings import run_with_settings, save_settings
 from sarsim.scripts.tables import report_table
 from sarsim.settings import RosExploration
@@ -16,24 +18,19 @@ def ros_explore(config: RosExploration) -> None:
     from pipeline.recording.live.node import Node
     from sarsim.scripts.ros_drive import RosDrive
 
-    node = Node(config.name, config.network)
-    try:
+    with closing(Node(config.name, config.network)) as node:
         drive = RosDrive(config, node)
         save_settings(config, drive.out / "config.yaml")
-        with progress() as bars, Interruptible() as control:
-            bar = bars.add_task(drive.place, total=config.steps)
-            drive.run(
-                lambda: control.signal is not None,
-                lambda line: bars.update(bar, completed=drive.explorer.steps, description=line),
-            )
-    finally:
-        node.close()
+        ended_by = run_watched(
+            lambda interrupted, on_step: drive.run(interrupted, lambda line: on_step(drive.explorer.steps, line)),
+            drive.place,
+            config.steps,
+        )
     console = Console()
     if drive.explorer.steps or drive.lost:
         console.print(report_table(drive.report))
     console.print(f"Results in {drive.out}", soft_wrap=True)
-    if control.signal:
-        raise SystemExit(SIGNALLED + control.signal)
+    end_by(ended_by)
 
 
 def main() -> None:

@@ -1,8 +1,10 @@
-"""The simulated Pioneer 3-AT as a robot of ROS 2: ``ros_robot.py --arena A``."""
+"""The simulated robot as one of ROS 2: ``ros_robot.py --arena A``."""
+
+from contextlib import closing
 
 from rich.console import Console
 
-from sarsim.scripts.cli import SIGNALLED, Interruptible, progress
+from sarsim.scripts.cli import end_by, run_watched
 from sarsim.scripts.settings import run_with_settings
 from sarsim.settings import RosRobotConfig
 
@@ -12,18 +14,17 @@ def ros_robot(config: RosRobotConfig) -> None:
     from pipeline.recording.live.node import Node
     from sarsim.scripts.simulated_node import SimulatedNode
 
-    node = Node(config.name, config.network)
-    try:
+    with closing(Node(config.name, config.network)) as node:
         simulated = SimulatedNode(config, node)
-        with progress() as bars, Interruptible() as control:
-            bar = bars.add_task(config.arena, total=None)
-            simulated.run(lambda: control.signal is not None, lambda time: bars.update(bar, completed=round(time, 1)))
-    finally:
-        node.close()
+        ended_by = run_watched(
+            lambda interrupted, on_period: simulated.run(
+                interrupted, lambda time: on_period(round(time, 1), config.arena)
+            ),
+            config.arena,
+        )
     if config.out:
         Console().print(f"What is true of the drive is in {config.out}", soft_wrap=True)
-    if control.signal:
-        raise SystemExit(SIGNALLED + control.signal)
+    end_by(ended_by)
 
 
 def main() -> None:

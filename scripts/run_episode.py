@@ -12,7 +12,7 @@ from rich.console import Console
 
 from pipeline.errors import InputError
 from sarsim.assets import asset
-from sarsim.scripts.cli import SIGNALLED, Interruptible, announce_compilation, progress
+from sarsim.scripts.cli import announce_compilation, end_by, run_watched
 from sarsim.scripts.settings import run_with_settings, save_settings
 from sarsim.scripts.tables import report_table
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig
@@ -32,7 +32,11 @@ def run_episode(config: EpisodeConfig) -> None:
     episode = Episode(config)
     save_settings(config, episode.out / "config.yaml")
     answers = recall_answers(episode)
-    ended_by = run_with_progress(episode)
+    ended_by = run_watched(
+        lambda interrupted, on_step: episode.run(interrupted, lambda line: on_step(episode.explorer.steps, line)),
+        config.arena,
+        config.steps,
+    )
     if not ended_by:
         shutil.rmtree(answers.folder)
     console = Console()
@@ -44,8 +48,7 @@ def run_episode(config: EpisodeConfig) -> None:
     console.print(f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}", soft_wrap=True)
     if episode.explorer.steps:
         console.print(f"The page for rescuers: {episode.out / 'report.html'}", soft_wrap=True)
-    if ended_by:
-        raise SystemExit(SIGNALLED + ended_by)
+    end_by(ended_by)
     if episode.recorder.viewer and episode.recorder.viewer.page:
         console.print("Ctrl-C ends the page")
         episode.recorder.viewer.wait()
@@ -62,17 +65,6 @@ def recall_answers(episode: "Episode") -> "Answers":
     if mapper.detector and config.detector:
         mapper.detector = RecallingDetector(mapper.detector, answers, *config.detector)
     return answers
-
-
-def run_with_progress(episode: "Episode") -> int | None:
-    """Run an episode with a progress bar; the number of the signal that ended it, as Ctrl-C does, if one did."""
-    with progress() as bars, Interruptible() as control:
-        bar = bars.add_task(episode.config.arena, total=episode.config.steps)
-        episode.run(
-            lambda: control.signal is not None,
-            lambda line: bars.update(bar, completed=episode.explorer.steps, description=line),
-        )
-    return control.signal
 
 
 def elsewhere(config: EpisodeConfig) -> EpisodeConfig:

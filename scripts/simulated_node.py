@@ -16,7 +16,7 @@ from pipeline.recording.ros.topics import RobotTopics
 from pipeline.robot import Motion, Velocity
 from sarsim.arenas.load import load_arena
 from sarsim.episode import make_folder, write_report
-from sarsim.robots.pioneer3at import WHEELS
+from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.trajectory import motion_figures, write_tum
 from sarsim.settings import RosRobotConfig
@@ -32,7 +32,7 @@ KEPT = 30
 
 
 class SimulatedNode:
-    """A Pioneer 3-AT in an arena that senses and obeys by topics.
+    """A robot in an arena that senses and obeys by topics.
 
     Attributes:
         robot: the body.
@@ -51,7 +51,9 @@ class SimulatedNode:
         if config.out:
             make_folder(config.out)
         arena = load_arena(config.arena, config.start)
-        self.robot = SimulatedRobot(arena, SimulationConfig(lighting=config.lighting), config.seed)
+        self.robot = SimulatedRobot(
+            arena, SimulationConfig(lighting=config.lighting, robot=config.robot), config.seed
+        )
         self.coverage = Coverage(self.robot)
         self.commands = 0
         self._topics = RobotTopics(node.send)

@@ -18,6 +18,7 @@ def teleop(
     start: StartPose | None = None,
     out: Path | None = None,
     labels: Labels = "truth",
+    robot: str = "pioneer3at",
     gamepad: Path | None = None,
 ) -> None:
     """Drive the robot by keyboard or gamepad, to get to know an arena or the robot, or to map an arena by hand.
@@ -28,6 +29,7 @@ def teleop(
         out: folder for the recording and the maps of the drive, the same files as an episode's, which Rerun shows
             meanwhile; without it nothing is mapped.
         labels: with --out, what labels the points, as in run_episode.py.
+        robot: pioneer3at, jackal, or the path of an MJCF file like theirs.
         gamepad: a joystick of Linux, such as /dev/input/js0, whose left stick drives beside the keys.
     """
     from pipeline.recording.viewer import has_display
@@ -37,8 +39,8 @@ def teleop(
     scene, pad = load_arena(arena, start), Gamepad(gamepad) if gamepad else None
     if not has_display():
         raise InputError("there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)")
-    mapped = map_drive(scene, out, labels) if out else None
-    driven = mapped or FreeDrive(scene)
+    mapped = map_drive(scene, out, labels, robot) if out else None
+    driven = mapped or FreeDrive(scene, robot)
     print(KEYS, flush=True)
     with Interruptible() as hold:
         drive_by_keyboard(driven, lambda: hold.signal is not None, pad)
@@ -49,7 +51,7 @@ def teleop(
         raise KeyboardInterrupt(hold.signal)
 
 
-def map_drive(arena: "RescueArena", out: Path, labels: Labels) -> "MappedDrive":
+def map_drive(arena: "RescueArena", out: Path, labels: Labels, robot: str) -> "MappedDrive":
     """What maps and records a drive; InputError where the folder, the labels or the viewer cannot be had."""
     from sarsim.episode import make_classifier, make_folder
     from sarsim.recording import EpisodeRecorder
@@ -58,8 +60,8 @@ def map_drive(arena: "RescueArena", out: Path, labels: Labels) -> "MappedDrive":
 
     classifier = make_classifier(labels, None)
     make_folder(out)
-    robot = SimulatedRobot(arena, SimulationConfig(), seed=0)
-    return MappedDrive(robot, classifier, EpisodeRecorder(robot, out / "episode.rrd", "spawn"))
+    body = SimulatedRobot(arena, SimulationConfig(robot=robot), seed=0)
+    return MappedDrive(body, classifier, EpisodeRecorder(body, out / "episode.rrd", "spawn"))
 
 
 def main() -> None:

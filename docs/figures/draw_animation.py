@@ -18,7 +18,7 @@ from pipeline.metric_map.packed_depth import unpack_depth
 from pipeline.recording.map_file import load_keyframes
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import transform_points
-from sarsim.robots.pioneer3at import PIONEER_3AT
+from sarsim.robots.skid_steered import robot_model
 
 PIXELS = 90
 """a metre."""
@@ -34,7 +34,7 @@ IMAGE = Path(__file__).parents[1] / "images" / "episode.gif"
 
 
 def main() -> None:
-    mapper = Mapper(PIONEER_3AT, TruthClassifier())
+    mapper = Mapper(robot_model(), TruthClassifier())
     load_keyframes(Path(sys.argv[1]) / "keyframes.npz", mapper)
     pictures = [Image.fromarray(picture) for picture in growing(mapper)]
     palette = pictures[-1].quantize(COLOURS_LEFT, dither=Image.Dither.NONE)
@@ -84,7 +84,7 @@ def drawn(
     """The map with the robot's way and the robot on it."""
     picture = ground.copy()
     cv2.polylines(picture, [np.array(way)], False, WAY, 2, cv2.LINE_AA)
-    half = np.array([PIONEER_3AT.length, PIONEER_3AT.width]) / 2
+    half = np.array([robot_model().length, robot_model().width]) / 2
     corners = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) * half @ T[:2, :2].T + T[:2, 3]
     cv2.fillConvexPoly(picture, np.array([pixel(c, low, len(picture)) for c in corners]), ROBOT, cv2.LINE_AA)
     ahead = pixel(T[:2, :2] @ [half[0], 0] + T[:2, 3], low, len(picture))

@@ -1,5 +1,7 @@
 """Odometry of a camera alone: each frame is registered with what was seen before, beginning where its images lead."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import small_gicp
 from numpy.typing import NDArray
@@ -16,6 +18,9 @@ SIGMA = np.repeat([0.15, 0.15], 3)
 """rad and m, standard deviations of the motion from one frame to the next, about a guess."""
 SEEN_SIGMA = np.repeat([0.004, 0.008], 3)
 """The same about what the images tell of it; along a plane GICP feigns that nothing moves, which must not count."""
+CONTRADICTED = 22.5
+"""Squared Mahalanobis distance from what the images tell, 99.9 % (χ², six degrees of freedom), from which surfaces
+disprove it: corners of noise, or of what repeats itself, may agree on a motion that never was."""
 COARSE = (0.5, 0.5, 0.4, 0.3, *GATES)
 """m, gates of a registration that begins at a guess."""
 REACH = 0.5
@@ -82,12 +87,22 @@ class DepthOdometry:
     ) -> tuple[NDArray[np.float64], Target | None]:
         """4×4 pose that fits best, from where its image has it, or else from the last pose and from the same motion.
 
-        Where nothing that was seen before is near, the image alone tells it.
+        Where nothing that was seen before is near, the image alone tells it; where surfaces disprove it, it does not.
         """
-        points, everyone = cloud.points()[:, :3], np.ones(len(self._kept), np.bool_)
-        guesses, sigma = [self._T, self._T @ self._motion], SIGMA * (1 + self._blind)
         if by_image is not None:
-            guesses, sigma = [by_image], SEEN_SIGMA
+            seen = self._best(frame, cloud, [by_image], SEEN_SIGMA)
+            if seen is None or seen[1].chi2 < CONTRADICTED:
+                return (by_image, None) if seen is None else (seen[1].T, seen[0])
+        best = self._best(frame, cloud, [self._T, self._T @ self._motion], SIGMA * (1 + self._blind))
+        if best is None or best[1].overlap < LEAST_OVERLAP:
+            raise LostError(f"the frame at {frame.time:.2f} s shows little that was seen before")
+        return best[1].T, best[0]
+
+    def _best(
+        self, frame: Frame, cloud: small_gicp.PointCloud, guesses: Sequence[NDArray], sigma: NDArray[np.float64]
+    ) -> tuple[Target, Registration] | None:
+        """The registration with most overlap of those that begin at 4×4 guesses; None where none has a target."""
+        points, everyone = cloud.points()[:, :3], np.ones(len(self._kept), np.bool_)
         information = np.diag(sigma**-2.0)
         found: list[tuple[Target, Registration]] = []
         for T in guesses:
@@ -95,10 +110,7 @@ class DepthOdometry:
             target = self._map.around(points @ T[:3, :3].T + T[:3, 3], camera, everyone, REACH)
             if target is not None:
                 found.append((target, register(target, cloud, [Prior(T, information)], COARSE)))
-        best = max(found, key=lambda pair: pair[1].overlap, default=None)
-        if by_image is None and (best is None or best[1].overlap < LEAST_OVERLAP):
-            raise LostError(f"the frame at {frame.time:.2f} s shows little that was seen before")
-        return (guesses[0], None) if best is None else (best[1].T, best[0])
+        return max(found, key=lambda pair: pair[1].overlap, default=None)
 
     def _is_new(self) -> bool:
         moved = inverse(self._kept[-1]) @ self._T

@@ -14,9 +14,8 @@ from pipeline.traversability.traversability import Traversability, assess
 from sarsim.dataset.settings import KEYFRAMES
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.robots.pioneer3at import PIONEER_3AT
 from sarsim.robots.pose import Pose
-from sarsim.robots.skid_steer import WHEEL_RADIUS
+from sarsim.robots.skid_steered import robot_model
 from sarsim.sensors.inertial import GRAVITY
 from sarsim.sensors.odometry import WheelOdometry
 
@@ -30,6 +29,8 @@ CANDIDATES = 12
 """Places of which the one farthest from where the robot has been is driven to."""
 MAX_FAILURES = 50
 """Drives in a row that bring no keyframe."""
+WHEEL_RADIUS = 0.1105
+"""m; any would do, for what the wheels turn is computed by it as well."""
 
 
 class Drive:
@@ -145,7 +146,7 @@ class DeadReckoning:
 
     def __init__(self, rng: np.random.Generator, period: float):
         """``rng`` draws its errors; ``period`` s from pose to pose."""
-        self._odometry = WheelOdometry(rng)
+        self._odometry = WheelOdometry(rng, WHEEL_RADIUS)
         self._period = period
         self._angle = 0.0
         self._last: NDArray[np.float64] | None = None
@@ -169,5 +170,5 @@ class DeadReckoning:
 def _roads(surface: TrueSurface) -> Traversability:
     """The true ground as the robot's own planner sees a measured one: ramps are met head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
-    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, PIONEER_3AT)
+    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, robot_model())
     return replace(roads, least=np.where(surface.drivable, roads.least, np.int8(127)))

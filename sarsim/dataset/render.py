@@ -18,7 +18,6 @@ from pipeline.labels import Label
 from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import build_random
-from sarsim.assets import asset
 from sarsim.dataset import image_kernels
 from sarsim.dataset.drive import Drive
 from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
@@ -26,8 +25,8 @@ from sarsim.dataset.recipe import PREFIX, Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import Survey
-from sarsim.robots.pioneer3at import Pioneer3AT
 from sarsim.robots.pose import Pose
+from sarsim.robots.skid_steered import ROBOTS, SkidSteered, robot_file
 from sarsim.sensors.camera import RgbdCamera, geom_labels
 from sarsim.sensors.lighting import set_lighting
 from sarsim.sensors.rendering import Renderer, hidden
@@ -198,7 +197,7 @@ class World(ExitStack):
 def _with_robot(text: ArenaText) -> mujoco.MjModel:
     """Arena and robot; the robot's parts are named as dm_control names them."""
     arena = mujoco.MjSpec.from_string(text.mjcf, assets=text.assets)
-    robot = mujoco.MjSpec.from_file(str(asset("robots", "pioneer3at", "pioneer3at.xml")))
+    robot = mujoco.MjSpec.from_file(str(robot_file(ROBOTS[0])))
     # How contacts are solved is of no concern here; where the two differ, MuJoCo would warn.
     robot.option.cone, robot.option.impratio = arena.option.cone, arena.option.impratio
     arena.attach(robot, prefix=f"{robot.modelname}/", frame=arena.worldbody.add_frame())
@@ -207,8 +206,8 @@ def _with_robot(text: ArenaText) -> mujoco.MjModel:
 
 
 @cache
-def _robot_by_name() -> Pioneer3AT:
+def _robot_by_name() -> SkidSteered:
     """The names of the robot's parts in an arena."""
-    robot = Pioneer3AT()
+    robot = SkidSteered()
     composer.Arena().add_free_entity(robot)
     return robot

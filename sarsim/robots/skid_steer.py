@@ -1,22 +1,15 @@
 """The drive's firmware: from a velocity command to the speed of the wheels."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.robot import Velocity
-from sarsim.robots.pioneer3at import PIONEER_3AT
 
-WHEEL_RADIUS = 0.1105
-"""m, rolling."""
-EFFECTIVE_TRACK = 0.581
-"""m. A skid-steered vehicle turns as a two-wheeled one with a wider track would, for its tyres slip sideways: with
-equal loads and Coulomb friction ``track + wheelbase² / track`` = 0.398 + 0.270² / 0.398."""
-MAX_SPEED, MAX_TURN_RATE = 0.7, math.radians(140)
-"""m/s and rad/s, of the data sheet."""
-MAX_WHEEL_SPEED = 7.5
-"""rad/s; the surplus over ``MAX_SPEED`` is what feedback may use."""
+SURPLUS = 1.2
+"""Over the wheels' speed at ``top_speed``, for feedback."""
 HEADING_GAIN = 4.0
 """1/s, turn rate per radian of heading error."""
 MAX_HEADING_ERROR = 0.2
@@ -29,6 +22,31 @@ SETTLED = math.radians(0.2)
 """rad of heading error below which a stopped robot stops correcting."""
 
 
+@dataclass(frozen=True)
+class DriveModel:
+    """What a drive's firmware is set to.
+
+    Attributes:
+        wheel_radius: rolling, m.
+        effective_track: m. A skid-steered vehicle turns as a two-wheeled one with a wider track would, for its tyres
+            slip sideways: with equal loads and Coulomb friction ``track + wheelbase² / track``.
+        top_speed, top_turn_rate: faster commands are cut to these, m/s and rad/s.
+        acceleration, turn_acceleration: m/s² and rad/s².
+    """
+
+    wheel_radius: float
+    effective_track: float
+    top_speed: float
+    top_turn_rate: float
+    acceleration: float
+    turn_acceleration: float
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Fastest m/s and rad/s."""
+        return self.top_speed, self.top_turn_rate
+
+
 class SkidSteer:
     """Follows a commanded velocity with limited acceleration; the gyro holds the heading, the encoders the wheels.
 
@@ -36,7 +54,8 @@ class SkidSteer:
     so a turn ends where it should although the tyres slip.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, drive: DriveModel) -> None:
+        self._drive = drive
         self._v = 0.0
         self._omega = 0.0
         self._heading_error = 0.0
@@ -68,8 +87,9 @@ class SkidSteer:
 
     def _follow(self, velocity: Velocity, dt: float) -> None:
         """Move the reference towards the command, no faster than the acceleration limits."""
-        self._v = _approach(self._v, velocity.v, MAX_SPEED, PIONEER_3AT.acceleration * dt)
-        self._omega = _approach(self._omega, velocity.omega, MAX_TURN_RATE, PIONEER_3AT.turn_acceleration * dt)
+        drive = self._drive
+        self._v = _approach(self._v, velocity.v, drive.top_speed, drive.acceleration * dt)
+        self._omega = _approach(self._omega, velocity.omega, drive.top_turn_rate, drive.turn_acceleration * dt)
 
     def _hold_heading(self, gyro_z: float, dt: float) -> None:
         error = self._heading_error + (self._omega - gyro_z) * dt
@@ -81,9 +101,9 @@ class SkidSteer:
     def _wheels(self) -> NDArray[np.float64]:
         """(2,) rad/s; where one would be too fast both are slowed alike, which keeps the curvature."""
         turn = self._omega + HEADING_GAIN * self._heading_error
-        side = turn * EFFECTIVE_TRACK / 2
-        wheels = np.array([self._v - side, self._v + side]) / WHEEL_RADIUS
-        return wheels / max(1.0, np.abs(wheels).max() / MAX_WHEEL_SPEED)
+        side = turn * self._drive.effective_track / 2
+        sides = np.array([self._v - side, self._v + side])
+        return sides / self._drive.wheel_radius / max(1.0, np.abs(sides).max() / (SURPLUS * self._drive.top_speed))
 
 
 def _clip(value: float, limit: float) -> float:

@@ -9,7 +9,7 @@ from dm_control import mjcf
 from numpy.typing import NDArray
 
 from pipeline.frame import Intrinsics
-from sarsim.robots.pioneer3at import Pioneer3AT
+from sarsim.robots.skid_steered import SkidSteered
 from sarsim.sensors.camera import LabelledImage
 
 NEAREST = 0.15
@@ -48,7 +48,7 @@ EN 12464-1 asks of a lit workplace, the normal light here.
 """
 
 
-def set_lighting(physics: mjcf.Physics, robot: Pioneer3AT, lighting: Lighting) -> None:
+def set_lighting(physics: mjcf.Physics, robot: SkidSteered, lighting: Lighting) -> None:
     """Dim the arena's lights and the headlight, and switch the robot's lamp.
 
     The renderer has the lamp shine evenly and without loss: how it really falls off depends on each pixel's

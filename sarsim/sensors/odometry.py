@@ -5,11 +5,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.transforms import from_rotation, level
-from sarsim.robots.skid_steer import WHEEL_RADIUS
 from sarsim.sensors.inertial import GRAVITY, MTI_300_ACCELEROMETER, MTI_300_GYRO, InertialTriad
 
 TICKS = 34_000
-"""Of an encoder in a turn of the wheel, 49 a millimetre (Pioneer 3 operations manual, P3-AT)."""
+"""Of an encoder in a turn of the wheel, 49 a millimetre (Pioneer 3 operations manual, P3-AT); chosen for others."""
 LEVELLING_TIME = 5.0
 """s in which roll and pitch follow the accelerometer."""
 TYRE_ERROR = 0.01
@@ -28,12 +27,12 @@ class WheelOdometry:
     ``odom`` begins where the robot stands at the first update, turned so that its z is up and its x the robot's yaw.
     """
 
-    def __init__(self, rng: np.random.Generator) -> None:
-        """``rng`` draws the constant errors now and the noise of every update."""
+    def __init__(self, rng: np.random.Generator, wheel_radius: float) -> None:
+        """``rng`` draws the constant errors now and the noise of every update; ``wheel_radius``: rolling, m."""
         self._rng = rng
         self._gyros = InertialTriad(MTI_300_GYRO, rng)
         self._accelerometers = InertialTriad(MTI_300_ACCELEROMETER, rng)
-        self._radius = WHEEL_RADIUS * (1.0 + TYRE_ERROR * rng.standard_normal() + SIDE_ERROR * rng.standard_normal(2))
+        self._radius = wheel_radius * (1.0 + TYRE_ERROR * rng.standard_normal() + SIDE_ERROR * rng.standard_normal(2))
         self._R: NDArray[np.float64] | None = None
         self._position = np.zeros(3)
         self._ticks = np.zeros(2)

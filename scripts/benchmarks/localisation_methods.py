@@ -16,7 +16,7 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.localisation.slam import Slam
 from pipeline.navigation.lookout import is_keyframe
 from pipeline.transforms import inverse, transform_points
-from sarsim.robots.pioneer3at import PIONEER_3AT
+from sarsim.robots.skid_steered import robot_model
 from sarsim.scoring.trajectory import is_false
 from sarsim.scripts.benchmarks.localisation_scores import errors_of, nees, trajectory_scores
 
@@ -152,7 +152,7 @@ class Kiss(Guided):
 
     def __init__(self, T_map_start: NDArray[np.float64]):
         super().__init__(T_map_start)
-        near, far = PIONEER_3AT.camera_range
+        near, far = robot_model().camera_range
         config = KISSConfig(
             data=DataConfig(max_range=1.5 * far, min_range=near / 2, deskew=False),
             mapping=MappingConfig(voxel_size=self.VOXEL, max_points_per_voxel=self.POINTS),
@@ -201,7 +201,7 @@ class Open3d(Guided):
                 o3d.core.Tensor.from_numpy(matrix),
                 o3d.core.Tensor.from_numpy(guess),
                 depth_scale=1.0,
-                depth_max=PIONEER_3AT.camera_range[1],
+                depth_max=robot_model().camera_range[1],
                 method=o3d.t.pipelines.odometry.Method.Hybrid,
             )
         except RuntimeError:  # too little overlap

@@ -74,17 +74,18 @@ STEPS = """
 import time
 from importlib.metadata import version
 from pathlib import Path
-from sarsim.scripts.cli import Interruptible, progress, run
+from sarsim.scripts.cli import end_by, run, run_watched
+
+def take(interrupted, on_step):
+    print("begun", flush=True)
+    while not interrupted():
+        time.sleep(0.02)
+        on_step(1, "a step")
 
 def steps(out: Path) -> None:
-    with progress() as bars, Interruptible() as hold:
-        bar = bars.add_task("steps", total=None)
-        print("begun", flush=True)
-        while hold.signal is None:
-            time.sleep(0.02)
-            bars.update(bar, advance=1)
-    out.write_text(f"whole {hold.signal}")
-    raise KeyboardInterrupt(hold.signal)
+    ended_by = run_watched(take, "steps")
+    out.write_text(f"whole {ended_by}")
+    end_by(ended_by)
 
 run(steps)
 """

@@ -39,6 +39,14 @@ def test_colours_tell_its_way_where_depth_is_missing() -> None:
         assert np.linalg.norm((T - true)[:3, 3]) < 0.02
 
 
+def test_surfaces_disprove_an_image_that_lies() -> None:
+    odometry = DepthOdometry(WAY[0])
+    honest = frames()
+    for k, (frame, true) in enumerate(zip(honest, WAY, strict=True)):
+        T = odometry.pose(replace(frame, rgb=honest[k - 1].rgb) if k == len(WAY) - 2 else frame)
+        assert angle_of(inverse(T) @ true) < np.deg2rad(0.4)
+
+
 def test_it_says_so_when_it_is_lost() -> None:
     odometry = DepthOdometry(WAY[0])
     first, *_ = frames()

@@ -49,6 +49,13 @@ def test_what_lies_at_the_points_of_people_is_victim() -> None:
     assert semantic_map.labels().tolist() == [1, 2, 3]
 
 
+def test_no_ramp_is_higher_above_all_ways_than_the_robot() -> None:
+    semantic_map = SemanticMap(0.5, lambda points: points[:, 2] - (points[:, 0] > 1))
+    points = cloud((0, 0, 0.4), (0, 0, 0.6), (0, 0.1, 0.6), (0, 0.2, 0.6), (2, 0, 0.6))
+    semantic_map.update(points, one_hot(4, 4, 3, 1, 4))
+    assert semantic_map.labels().tolist() == [4, Label.CLUTTER, Label.CLUTTER, 1, 4]
+
+
 def test_a_classifier_that_knows_victims_has_the_say() -> None:
     semantic_map = SemanticMap()
     semantic_map.update(cloud((0, 0, 0), (2, 0, 0)), one_hot(1, Label.VICTIM))

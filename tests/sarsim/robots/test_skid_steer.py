@@ -8,11 +8,12 @@ from numpy.testing import assert_allclose
 
 from pipeline.robot import Velocity
 from sarsim.robots import skid_steer
-from sarsim.robots.pioneer3at import PIONEER_3AT
-from sarsim.robots.skid_steer import SkidSteer
+from sarsim.robots.skid_steer import SURPLUS, DriveModel, SkidSteer
 
 DT = 0.02
 STILL = np.zeros(2)
+PIONEER = DriveModel(0.1105, 0.581, 0.7, math.radians(140), 0.3, math.radians(100))
+MAX_WHEEL_SPEED = SURPLUS * PIONEER.top_speed / PIONEER.wheel_radius
 
 speeds = st.floats(-2, 2)
 rates = st.floats(-5, 5)
@@ -22,7 +23,7 @@ class Body:
     """A robot whose wheels obey at once and that turns ``obedience`` times as it should."""
 
     def __init__(self, obedience: float = 1.0) -> None:
-        self.firmware = SkidSteer()
+        self.firmware = SkidSteer(PIONEER)
         self.obedience = obedience
         self.wheels, self.gyro = STILL, 0.0
 
@@ -38,8 +39,8 @@ class Body:
 
 def forward_and_turn(wheels: np.ndarray) -> np.ndarray:
     """(..., 2) m/s and rad/s that these wheel speeds mean."""
-    left, right = np.moveaxis(wheels * skid_steer.WHEEL_RADIUS, -1, 0)
-    return np.stack([(left + right) / 2, (right - left) / skid_steer.EFFECTIVE_TRACK], axis=-1)
+    left, right = np.moveaxis(wheels * PIONEER.wheel_radius, -1, 0)
+    return np.stack([(left + right) / 2, (right - left) / PIONEER.effective_track], axis=-1)
 
 
 def test_straight_command_turns_both_wheels_alike():
@@ -53,41 +54,37 @@ def test_turn_command_turns_the_wheels_against_each_other():
     assert_allclose(left, -right)
 
 
-def test_effective_track_is_that_of_four_equally_loaded_tyres():
-    assert_allclose(skid_steer.EFFECTIVE_TRACK, 0.398 + 0.270**2 / 0.398, atol=1e-3)
-
-
 def test_top_speed_of_the_wheels_gives_the_data_sheets_turn_rate():
-    rate = skid_steer.MAX_SPEED / (skid_steer.EFFECTIVE_TRACK / 2)
+    rate = PIONEER.top_speed / (PIONEER.effective_track / 2)
     assert_allclose(math.degrees(rate), 140, atol=3)
 
 
 def test_speed_ramps_up_at_the_acceleration_limit():
     moved = forward_and_turn(Body().drive(1.0, v=0.6))[:, 0]
-    assert_allclose(np.diff(moved), PIONEER_3AT.acceleration * DT)
+    assert_allclose(np.diff(moved), PIONEER.acceleration * DT)
 
 
 def test_stops_at_the_acceleration_limit():
     body = Body()
     body.drive(2.0, v=0.3)
     wheels = body.drive(1.2)
-    assert_allclose(forward_and_turn(wheels)[24, 0], 0.3 - 25 * DT * PIONEER_3AT.acceleration)
+    assert_allclose(forward_and_turn(wheels)[24, 0], 0.3 - 25 * DT * PIONEER.acceleration)
     assert_allclose(wheels[-1], 0.0, atol=1e-12)
 
 
 @given(v=speeds, omega=rates)
 def test_limits_hold_for_any_command(v, omega):
     wheels = Body().drive(4.0, v, omega)
-    assert np.abs(wheels).max() <= skid_steer.MAX_WHEEL_SPEED + skid_steer.WHEEL_GAIN * skid_steer.MAX_WHEEL_LAG
+    assert np.abs(wheels).max() <= MAX_WHEEL_SPEED + skid_steer.WHEEL_GAIN * skid_steer.MAX_WHEEL_LAG
     moved, turned = np.abs(forward_and_turn(wheels)).max(axis=0)
-    assert moved <= skid_steer.MAX_SPEED + 1e-9
-    assert turned <= skid_steer.MAX_TURN_RATE * 1.1
+    assert moved <= PIONEER.top_speed + 1e-9
+    assert turned <= PIONEER.top_turn_rate * 1.1
 
 
 @given(v=st.floats(0.3, 0.7), omega=st.floats(1.5, 2.4))
 def test_saturated_wheels_keep_the_curvature(v, omega):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(skid_steer, "MAX_WHEEL_SPEED", 4.0)
+        patch.setattr(skid_steer, "SURPLUS", 4.0 * PIONEER.wheel_radius / PIONEER.top_speed)
         patch.setattr(skid_steer, "HEADING_GAIN", 0.0)
         wheels = Body().drive(4.0, v, omega)
     moved, turned = forward_and_turn(wheels)[-1]
@@ -111,29 +108,29 @@ def test_gyro_makes_up_for_tyres_that_slip_more_or_less(obedience):
 
 
 def test_heading_error_of_a_blocked_robot_stays_bounded():
-    firmware = SkidSteer()
+    firmware = SkidSteer(PIONEER)
     for _ in range(500):
         firmware.command(Velocity(omega=1.0), STILL, 0.0, DT)
     assert firmware.heading_error == skid_steer.MAX_HEADING_ERROR
 
 
 def test_wheel_that_lags_is_pushed_and_let_go_again():
-    firmware = SkidSteer()
+    firmware = SkidSteer(PIONEER)
     for _ in range(500):
         wheels = firmware.command(Velocity(v=0.2), STILL, 0.0, DT)
     push = skid_steer.WHEEL_GAIN * skid_steer.MAX_WHEEL_LAG
-    assert_allclose(wheels, 0.2 / skid_steer.WHEEL_RADIUS + push)
+    assert_allclose(wheels, 0.2 / PIONEER.wheel_radius + push)
 
 
 def test_wheels_that_roll_back_on_a_slope_are_held():
     """A servo that gives way in proportion to the load: the firmware must bring the creep to an end."""
-    firmware, give, wheels = SkidSteer(), np.full(2, -0.05), STILL
+    firmware, give, wheels = SkidSteer(PIONEER), np.full(2, -0.05), STILL
     for _ in range(200):
         wheels = firmware.command(Velocity(), wheels, 0.0, DT) + give
     assert_allclose(wheels, 0.0, atol=1e-6)
 
 
 def test_stopped_robot_does_not_follow_a_drifting_gyro():
-    firmware = SkidSteer()
+    firmware = SkidSteer(PIONEER)
     orders = [firmware.command(Velocity(), STILL, 1e-3, DT) for _ in range(3000)]
     assert np.abs(orders).max() < 0.01

@@ -14,9 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.robot import Velocity
 from pipeline.transforms import inverse, tilt_of, wrap_angle, yaw_of
-from sarsim.robots.pioneer3at import Pioneer3AT
-from sarsim.robots.skid_steer import WHEEL_RADIUS as RADIUS
 from sarsim.robots.skid_steer import SkidSteer
+from sarsim.robots.skid_steered import SkidSteered
 from sarsim.sensors import odometry as module
 from sarsim.sensors.inertial import MTI_300_GYRO, DataSheet
 from sarsim.sensors.odometry import LEVELLING_TIME, TICKS, WheelOdometry, level
@@ -25,13 +24,14 @@ from tests.sarsim.sensors.no_noise import NoNoise
 DT = 0.02
 UP = np.array([0.0, 0.0, 9.81])
 NO_TURN = np.zeros(3)
+RADIUS = 0.1105
 TICK = 2 * np.pi * RADIUS / TICKS
 
 components = st.floats(-3, 3)
 
 
 def ideal() -> WheelOdometry:
-    return WheelOdometry(NoNoise())
+    return WheelOdometry(NoNoise(), RADIUS)
 
 
 def drive(odometry: WheelOdometry, v: float, omega: float, seconds: float) -> np.ndarray:
@@ -123,7 +123,7 @@ def test_gyro_alone_agrees_with_scipy(monkeypatch):
 
 
 def test_same_seed_gives_the_same_drift():
-    runs = [drive(WheelOdometry(np.random.default_rng(7)), 0.2, 0.1, 10.0) for _ in range(2)]
+    runs = [drive(WheelOdometry(np.random.default_rng(7), RADIUS), 0.2, 0.1, 10.0) for _ in range(2)]
     assert np.array_equal(*runs)
 
 
@@ -143,7 +143,8 @@ class Plane(composer.Arena):
 @cache
 def driven(v: float, omega: float, seconds: float) -> list[tuple[NDArray[np.float64], ...]]:
     """What encoders, gyros and accelerometers truly feel and the true pose, 5 Hz, of a command in the physics."""
-    plane, robot, firmware, ways = Plane(), Pioneer3AT(), SkidSteer(), []
+    plane, robot, ways = Plane(), SkidSteered(), []
+    firmware = SkidSteer(robot.drive)
     plane.add_free_entity(robot)
     physics = mjcf.Physics.from_mjcf_model(plane.mjcf_model)
     for k in range(round((seconds + 1.0) / DT)):
@@ -160,7 +161,7 @@ def driven(v: float, omega: float, seconds: float) -> list[tuple[NDArray[np.floa
 
 def errors(ways: list[tuple[NDArray[np.float64], ...]], seed: int) -> NDArray[np.float64]:
     """(3,) m along the ground, m upwards and degrees of heading that the odometry is wrong at the end."""
-    odometry = WheelOdometry(np.random.default_rng(seed))
+    odometry = WheelOdometry(np.random.default_rng(seed), RADIUS)
     for wheels, gyro, accelerometer, _ in ways:
         believed = odometry.update(wheels, gyro, accelerometer, 10 * DT)
     true = inverse(ways[0][3]) @ ways[-1][3]
@@ -196,7 +197,7 @@ def test_each_error_alone_makes_it_drift(error, monkeypatch):
         name = f"MTI_300_{kind}"
         only = {error.split()[1]: getattr(getattr(module, name), error.split()[1])} if kind in error else {}
         monkeypatch.setattr(module, name, DataSheet(**only))
-    believed = drive(WheelOdometry(np.random.default_rng(1)), 0.2, 0.1, 10.0)
+    believed = drive(WheelOdometry(np.random.default_rng(1), RADIUS), 0.2, 0.1, 10.0)
     drift = np.linalg.norm(believed - drive(ideal(), 0.2, 0.1, 10.0))
     assert (drift == 0.0) if error == "ACCELEROMETER scale" else (1e-6 < drift < 0.1)
 
@@ -205,4 +206,4 @@ def test_a_gyro_that_reads_too_much_turns_too_far(monkeypatch):
     monkeypatch.setattr(module, "MTI_300_GYRO", replace(MTI_300_GYRO, noise=0.0, drift=0.0, offset=0.0))
     rng = np.random.default_rng(4)
     scale = 1 + MTI_300_GYRO.scale * np.random.default_rng(4).standard_normal(3)
-    assert_allclose(yaw_of(drive(WheelOdometry(rng), 0.0, 0.5, 2.0)), scale[2], atol=1e-4)
+    assert_allclose(yaw_of(drive(WheelOdometry(rng, RADIUS), 0.0, 0.5, 2.0)), scale[2], atol=1e-4)

@@ -1,49 +1,66 @@
-"""The Pioneer 3-AT as a dm_control entity."""
+"""A skid-steered robot as a dm_control entity, told by its MJCF alone."""
 
-from functools import cached_property
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from dm_control import composer, mjcf
 from dm_control.composer.observation import observable
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.robot import RobotModel
 from pipeline.transforms import from_rotation
 from sarsim.assets import asset
+from sarsim.robots.skid_steer import DriveModel
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-
-PIONEER_3AT = RobotModel(
-    length=0.508,  # data sheet: 508 × 497 mm, wheels included
-    width=0.497,
-    body_height=0.3,  # top plate at 0.274 m
-    headroom=0.65,  # the camera stands 0.6 m high
-    max_step=0.04,  # climbs 0.10 by its data sheet; the lowest steps of stairs, 0.05, are not for driving
-    max_gap=0.15,  # data sheet
-    max_tilt=np.deg2rad(20),  # climbs 35 %, 19°, by its data sheet
-    tipping_tilt=np.deg2rad(25),
-    speed=0.2,  # the thesis's
-    ramp_speed=0.15,
-    turn_rate=0.8,
-    ramp_turn_rate=0.4,
-    acceleration=0.3,  # of its firmware
-    turn_acceleration=np.deg2rad(100),
-    ramp_slide=0.15,  # measured on 16°: 0.13 in a quarter turn, although it makes up for sliding
-    slide_per_radian=0.42,  # measured on 16°: 0.18 in a quarter turn
-    min_turn_rate=0.06,
-    camera_range=(0.8, 3.5),  # the Xtion PRO LIVE's
-)
-"""What the pipeline knows of a Pioneer 3-AT with an Xtion on its mast."""
+SIDES = ("left", "right")
+PARTS = [
+    *(("body", "base_link"), ("camera", "camera"), ("light", "lamp")),
+    *(("sensor", sensor) for sensor in ("gyro", "accelerometer")),
+    *(("joint", wheel) for wheel in WHEELS),
+    *(("actuator", side) for side in SIDES),
+]
+"""Kinds and names of what the MJCF of a robot must have."""
+ROBOTS = ("pioneer3at", "jackal")
+"""Those that come along."""
+Model = TypeVar("Model", RobotModel, DriveModel)
 
 
-class Pioneer3AT(composer.Robot):
-    """A P3-AT with an Xtion on its mast; attach it with ``arena.add_free_entity``."""
+class SkidSteered(composer.Robot):
+    """A robot with four wheels that cannot steer and an RGB-D camera; attach it with ``arena.add_free_entity``.
 
-    def _build(self) -> None:
-        self._mjcf_root = mjcf.from_path(str(asset("robots", "pioneer3at", "pioneer3at.xml")))
+    Attributes:
+        model: what the pipeline knows of it.
+        drive: what its firmware knows of it.
+    """
 
-    def _build_observables(self) -> "Pioneer3ATObservables":
-        return Pioneer3ATObservables(self)
+    def _build(self, robot: str = ROBOTS[0]) -> None:
+        """``robot``: one of ``ROBOTS``, or the path of an MJCF file that names its parts and numbers as theirs do.
+
+        Raises:
+            InputError: there is no such robot, or something that it must have is missing.
+        """
+        path = robot_file(robot)
+        try:
+            self._mjcf_root = mjcf.from_path(str(path))
+        except OSError as error:
+            raise InputError(f"--robot {robot}: {error.strerror or error}; known are {', '.join(ROBOTS)}") from error
+        except (SyntaxError, ValueError, KeyError, AttributeError, TypeError) as error:
+            raise InputError(f"--robot {robot}: not readable MJCF: {' '.join(str(error).split())}") from error
+        find, numeric = self._mjcf_root.find, self._mjcf_root.custom.numeric
+        if missing := [" ".join(part) for part in PARTS if find(*part) is None]:
+            raise InputError(f"--robot {robot}: has no {', '.join(missing)}")
+        numbers = {number.name: np.atleast_1d(np.array(number.data, np.float64)) for number in numeric}
+        self.model: RobotModel = _filled(RobotModel, numbers, robot)
+        self.drive: DriveModel = _filled(DriveModel, numbers, robot)
+
+    def _build_observables(self) -> "SkidSteeredObservables":
+        return SkidSteeredObservables(self)
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
@@ -63,16 +80,16 @@ class Pioneer3AT(composer.Robot):
     @cached_property
     def actuators(self) -> tuple[mjcf.Element, ...]:
         """The velocity servos of the left and right wheels; their control is in rad/s."""
-        return tuple(self._mjcf_root.find("actuator", name) for name in ("left", "right"))
+        return tuple(self._mjcf_root.find("actuator", name) for name in SIDES)
 
     @cached_property
     def camera(self) -> mjcf.Element:
-        """The Xtion's camera, colour and depth alike."""
+        """The camera, colour and depth alike."""
         return self._mjcf_root.find("camera", "camera")
 
     @cached_property
     def lamp(self) -> mjcf.Element:
-        """The lamp below the Xtion, off until ``active`` is set."""
+        """The lamp below it, off until ``active`` is set."""
         return self._mjcf_root.find("light", "lamp")
 
     def encoders(self, physics: mjcf.Physics) -> NDArray[np.float64]:
@@ -105,7 +122,7 @@ class Pioneer3AT(composer.Robot):
         return from_rotation(base.xmat.reshape(3, 3), base.xpos)
 
 
-class Pioneer3ATObservables(composer.Observables):
+class SkidSteeredObservables(composer.Observables):
     """What the robot's own sensors tell, off until enabled."""
 
     @composer.observable
@@ -132,3 +149,24 @@ class Pioneer3ATObservables(composer.Observables):
 def _per_side(wheels: NDArray[np.float64]) -> NDArray[np.float64]:
     """(2,) means of the left and right pairs of a (4,) array in the order of ``WHEELS``."""
     return wheels.reshape(2, 2).mean(axis=0)
+
+
+def robot_file(robot: str) -> Path:
+    """The MJCF of one of ``ROBOTS``, or the path that ``robot`` is."""
+    return asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
+
+
+@cache
+def robot_model(robot: str = ROBOTS[0]) -> RobotModel:
+    """What the pipeline knows of a robot; InputError as of :class:`SkidSteered`."""
+    return SkidSteered(robot).model
+
+
+def _filled(kind: type[Model], numbers: Mapping[str, NDArray[np.float64]], robot: str) -> Model:
+    """A dataclass of the positive numbers that have its fields' names: two of a range, else one."""
+    values = {f.name: numbers.get(f.name, np.empty(0)) for f in fields(kind)}
+    for name, value in values.items():
+        if len(value) != 1 + name.endswith("_range") or not ((value > 0) & np.isfinite(value)).all():
+            raise InputError(f'--robot {robot}: <custom> has no proper <numeric name="{name}">: {value.tolist()}')
+    told: dict[str, Any] = {k: v.item() if len(v) == 1 else tuple(v.tolist()) for k, v in values.items()}
+    return kind(**told)

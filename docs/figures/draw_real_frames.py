@@ -1,0 +1,81 @@
+"""Draw docs/images/real-*.jpg: real frames of a folder like ../shared/real_rgbd, and the labels of their maps.
+
+``python docs/figures/draw_real_frames.py FOLDER`` also tells the shares of all returns.
+"""
+
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from pipeline.labels import COLOURS, Label
+from pipeline.mapper import Mapper
+from pipeline.recording.replay import Replay, localisation_of
+from pipeline.recording.sources.recording import Calibration
+from pipeline.recording.sources.tum_folder import read_tum_folder
+from sarsim.episode import make_classifier
+from sarsim.robots.skid_steered import robot_model
+
+SCALE = 5000
+"""Units a metre of the depth images that are mapped."""
+
+
+def corridor(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
+    """Colour (H, W, 3), depth (H, W), m, and intrinsics of SUN RGB-D's frame, which has the bits of depth turned."""
+    depth = cv2.imread(str(folder / "SUN_depth.png"), cv2.IMREAD_UNCHANGED)
+    turned = ((depth >> 3) | (depth << 13)).astype(np.uint16)
+    return cv2.imread(str(folder / "SUN_color.jpg")), turned / 1000, Calibration(570.3, 570.3, 320, 240)
+
+
+def basement(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
+    """The same of NYU Depth v2's, which has disparities."""
+    raw = (folder / "NYU_depth.pgm").read_bytes()[-2 * 640 * 480 :]
+    disparity = np.frombuffer(raw, "<u2").reshape(480, 640).astype(float)
+    depth = np.where(disparity < 1092, 351.3 / np.maximum(1092.5 - disparity, 1), 0)
+    return cv2.imread(str(folder / "NYU_color.ppm")), depth, Calibration(518.9, 519.5, 325.6, 253.7)
+
+
+def desk(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
+    """The same of TUM RGB-D's."""
+    depth = cv2.imread(str(folder / "TUM_depth.png"), cv2.IMREAD_UNCHANGED) / 5000
+    return cv2.imread(str(folder / "TUM_color.png")), depth, Calibration(525, 525, 319.5, 239.5)
+
+
+def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDArray[np.uint8]:
+    """(H, W) labels that map_recording.py's map has where each pixel is; unlabelled without depth."""
+    with TemporaryDirectory() as name:
+        for kind, image in (("rgb", colour), ("depth", np.rint(np.clip(depth, 0, 13) * SCALE).astype(np.uint16))):
+            (Path(name) / kind).mkdir()
+            cv2.imwrite(str(Path(name) / kind / "0.png"), image)
+        recording = read_tum_folder(Path(name), calibration, SCALE, 1.0)
+        mapper = Mapper(robot_model(), make_classifier("dgcnn", None), localisation=localisation_of("registration"))
+        (replayed,) = Replay(recording, mapper, "registration")
+    assert replayed.keyframe is not None
+    _, nearest = KDTree(mapper.semantic_map.points()).query(replayed.keyframe.points)
+    labels = np.zeros(depth.shape, np.uint8)
+    labels[replayed.keyframe.frame.returns] = mapper.semantic_map.labels()[nearest]
+    return labels
+
+
+def main() -> None:
+    """Map each frame, draw it beside its labels, and tell the shares."""
+    folder, images = Path(sys.argv[1]), Path(__file__).parents[1] / "images"
+    for read in (corridor, basement, desk):
+        colour, depth, calibration = read(folder)
+        labels = labels_of(colour, depth, calibration)
+        counts = np.bincount(labels[labels > 0], minlength=len(Label))
+        told = ", ".join(
+            f"{label.name.lower()} {counts[label] / counts.sum():.3f}" for label in Label if counts[label]
+        )
+        print(f"{read.__name__}: {told}", flush=True)
+        tinted = np.where(labels[..., None] > 0, 0.45 * colour + 0.55 * COLOURS[labels][..., ::-1], colour / 3)
+        picture = np.hstack([colour, tinted.astype(np.uint8)])[::2, ::2]
+        cv2.imwrite(str(images / f"real-{read.__name__}.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 85])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,30 @@
+"""What leads up to a surface: a deck that one can drive onto differs from a table by that alone."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.traversability.traversability import Traversability
+
+
+def height_above_ways(
+    ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]
+) -> NDArray[np.float64]:
+    """(N,) m that points (N, 3) are higher than the nearest ground that no step parts from where the robot stood.
+
+    A camera does not see where it stands, so ground as high as that place counts wherever it is.
+
+    Args:
+        ground: as the robot judges it.
+        places: (K, 3) where it stood, m.
+        points: (N, 3), m.
+    """
+    pieces, _ = ndimage.label(~ground.hazard & ~np.isnan(ground.elevation), np.ones((3, 3)))
+    level, stood = (np.round(z / ground.robot.max_step) for z in (ground.elevation, places[:, 2]))
+    stood_on = np.unique(pieces[np.isin(level, stood[:, None] + (-1, 0, 1))])
+    reached = np.isin(pieces, stood_on[stood_on > 0])
+    if not reached.any():
+        return np.zeros(len(points))
+    nearest = ndimage.distance_transform_edt(~reached, return_distances=False, return_indices=True)
+    cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
+    return points[:, 2] - ground.elevation[tuple(nearest)][tuple(cells.T)]

@@ -19,6 +19,8 @@ from sarsim.scripts.settings import run_one_of, save_settings
 from sarsim.settings import POINT_NETWORKS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pipeline.semantic_map.networks.clouds import LabelledCloud
     from pipeline.semantic_map.networks.network import PointNetwork
     from pipeline.semantic_map.networks.parallel import Worker
@@ -39,6 +41,7 @@ class TrainPoints(TrainingConfig):
         stride: use every n-th frame of a scene; larger ones load faster.
         init: weights to begin with, as this command writes them; random ones if not given.
         until: stop after that step as if interrupted; the learning rate still falls as --steps says.
+        tensorboard: folder for events of loss and scores; TensorBoard must be installed.
     """
 
     data: tuple[Path, ...]
@@ -46,6 +49,7 @@ class TrainPoints(TrainingConfig):
     stride: int = 1
     init: Path | None = None
     until: int | None = None
+    tensorboard: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,12 +64,14 @@ class TrainYolo(YoloTrainingConfig):
         stride: use every n-th frame of a scene; larger ones skip frames that look alike.
         init: weights to begin with, as this command writes them, their .cfg beside them: then its size counts, not
             --network, --width and --height; random ones if not given.
+        tensorboard: folder for events of loss and scores; TensorBoard must be installed.
     """
 
     data: tuple[Path, ...]
     out: Path
     stride: int = 1
     init: Path | None = None
+    tensorboard: Path | None = None
 
 
 def train_points(settings: TrainPoints, network: str) -> None:
@@ -159,17 +165,39 @@ def _train(
     leads = trainer.worker.leads
     if leads:
         save_settings(settings, settings.out.with_suffix(".yaml"))
+    write_events = _events(settings.tensorboard) if leads and settings.tensorboard else None
     with progress(disable=not leads) as bars, Interruptible() as hold:
         bar = bars.add_task("steps", total=settings.steps, completed=trainer.step)
 
         def report(now: "TrainingLoop[Any]") -> None:
             bars.update(bar, completed=now.step, description=f"steps, best {now.best:.3f}")
+            if write_events:
+                write_events(now)
             if hold.signal is not None:
                 raise KeyboardInterrupt(hold.signal)
 
         trainer.run(report, until)
     if leads:
         Console().print(f"Validated best: {score} {trainer.best:.4f}. Weights in {settings.out}", soft_wrap=True)
+
+
+def _events(folder: Path) -> "Callable[[TrainingLoop[Any]], None]":
+    """What writes the validations of a training that are new since it was called last."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError as error:
+        raise InputError(f"--tensorboard {folder}: TensorBoard is missing; pip install tensorboard") from error
+    writer, written = SummaryWriter(folder), 0
+
+    def write(now: "TrainingLoop[Any]") -> None:
+        nonlocal written
+        for step, *values in now.rows[written:]:
+            for name, value in zip(("loss", *now.SCORES), values, strict=True):
+                writer.add_scalar(name, value, int(step))
+            writer.flush()
+        written = len(now.rows)
+
+    return write
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """The command that trains, on a small dataset."""
 
+import csv
 import json
 import shutil
 import subprocess
@@ -119,3 +120,41 @@ def test_a_dataset_of_another_version_is_refused(
         call(monkeypatch, "dgcnn", "--data", tmp_path, "--out", tmp_path / "w.safetensors")
     assert raised.value.code == 2
     assert "format version 9; this program reads version 1" in capsys.readouterr().err
+
+
+def test_tensorboard_reads_the_validations(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reader = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    flags = [
+        "--data",
+        dataset,
+        "--steps",
+        2,
+        "--batch",
+        2,
+        "--validate-every",
+        1,
+        "--tensorboard",
+        tmp_path / "events",
+    ]
+    call(monkeypatch, "pointnext", "--out", tmp_path / "w.safetensors", *flags)
+    events = reader.EventAccumulator(str(tmp_path / "events")).Reload()
+    with (tmp_path / "w.csv").open() as table:
+        header, *rows = csv.reader(table)
+    assert set(header[1:]) == set(events.Tags()["scalars"])
+    assert [event.step for event in events.Scalars("loss")] == [int(row[0]) for row in rows] == [1, 2]
+    assert [event.value for event in events.Scalars("loss")] == pytest.approx([float(row[1]) for row in rows])
+
+
+def test_events_need_tensorboard(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
+    with pytest.raises(SystemExit) as raised:
+        call(
+            monkeypatch, "pointnet", "--data", dataset, "--out", tmp_path / "w.safetensors", "--tensorboard", tmp_path
+        )
+    assert raised.value.code == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "--tensorboard" in line]
+    assert "pip install tensorboard" in line

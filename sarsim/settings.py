@@ -43,7 +43,7 @@ class EpisodeConfig:
             on; its seed makes it the same, bit for bit, and what its networks answered is not computed again.
         goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
         home: drive back to the start in the end.
-        labels: what labels the points: a network (pointnext), height and slope alone (rules), the simulator (truth),
+        labels: what labels the points: a network, height and slope alone (rules), the simulator (truth),
             to see what perfect labels would bring, or a class of yours, module:Class.
         weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
@@ -110,7 +110,7 @@ class MapRecording:
         out: folder for the results, the same files as an episode's.
         poses: where they come from: recorded odometry, corrected by registration (slam), registration alone,
             recorded odometry or true poses taken at their word; by default slam if there is odometry.
-        labels: what labels the points: a network (pointnext), height and slope alone (rules), true labels that a
+        labels: what labels the points: a network, height and slope alone (rules), true labels that a
             simulator recorded (truth), or a class of yours, module:Class.
         weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.

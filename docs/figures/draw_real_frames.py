@@ -19,6 +19,7 @@ from pipeline.recording.sources.recording import Calibration
 from pipeline.recording.sources.tum_folder import read_tum_folder
 from sarsim.episode import make_classifier
 from sarsim.robots.skid_steered import robot_model
+from sarsim.settings import NETWORK
 
 SCALE = 5000
 """Units a metre of the depth images that are mapped."""
@@ -52,7 +53,7 @@ def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDAr
             (Path(name) / kind).mkdir()
             cv2.imwrite(str(Path(name) / kind / "0.png"), image)
         recording = read_tum_folder(Path(name), calibration, SCALE, 1.0)
-        mapper = Mapper(robot_model(), make_classifier("dgcnn", None), localisation=localisation_of("registration"))
+        mapper = Mapper(robot_model(), make_classifier(NETWORK, None), localisation=localisation_of("registration"))
         (replayed,) = Replay(recording, mapper, "registration")
     assert replayed.keyframe is not None
     _, nearest = KDTree(mapper.semantic_map.points()).query(replayed.keyframe.points)

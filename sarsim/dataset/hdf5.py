@@ -122,7 +122,7 @@ def _looked_through(path: Path) -> str:
 def _check_chunks(name: str, part: h5py.Dataset | h5py.Group) -> None:
     """Raises ValueError where chunks are longer than what does not shrink at all."""
     if isinstance(part, h5py.Dataset) and part.chunks:
-        most, longest = 1.1 * prod(part.chunks) * part.dtype.itemsize + 1024, 0
+        most, longest = 1.1 * prod(part.chunks) * part.id.get_type().get_size() + 1024, 0
 
         def see(chunk: h5py.h5d.StoreInfo) -> None:
             nonlocal longest

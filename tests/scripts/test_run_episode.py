@@ -276,7 +276,7 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--goals", "1", "2", "nan", "0"], "--goals 1 2 nan 0: no place is there"),
         (["--goals", "1", "2", "3"], "--goals"),
         (["--labels", "dgcnn", "--weights", "none.st"], "none.st: no such file; train.py dgcnn makes one"),
-        (["--labels", "pointnext", "--weights", str(WEIGHTS)], "weights of dgcnn, not of pointnext"),
+        (["--labels", "dgcnn", "--weights", str(WEIGHTS)], "weights of pointnext, not of dgcnn"),
         (["--detector", "none.cfg", "none.weights"], "none.cfg: No such file"),
         (["--detector", "one.cfg"], "--detector"),
         (["--steps", "0"], "--steps 0"),

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from pipeline.labels import COLOURS
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
-from sarsim.assets import asset
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
+from sarsim.settings import WEIGHTS
 
 FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
 """By arena, which frames of a drive."""
@@ -32,8 +32,7 @@ def column(seen: TrueFrame, networks: list[NetworkClassifier]) -> NDArray[np.uin
 
 def main() -> None:
     """Drive, look, draw."""
-    weights = asset("weights", "dgcnn.safetensors")
-    networks = [NetworkClassifier(weights, vote=False), NetworkClassifier(weights)]
+    networks = [NetworkClassifier(WEIGHTS, vote=False), NetworkClassifier(WEIGHTS)]
     columns = [
         column(seen, networks)
         for arena, wanted in FRAMES.items()

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 
 MOST_BYTES = 4_000_000_000  # of the arrays in a file, unpacked
+GOOD = "good"  # what a process answers that found nothing wrong
 MOST_SAID = 4096  # Longest answer of a process, in bytes, that a pipe takes at once
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.odometry import LostError
-from pipeline.localisation.registration import GATES, Prior, Registration, Target, register, shares_of
+from pipeline.localisation.registration import GATES, IMPROBABLE, Prior, Registration, Target, register, shares_of
 from pipeline.localisation.slam import cloud_of_frame
 from pipeline.localisation.visual_motion import visual_motion
 from pipeline.transforms import angle_of, inverse
@@ -18,9 +18,6 @@ SIGMA = np.repeat([0.15, 0.15], 3)
 """rad and m, standard deviations of the motion from one frame to the next, about a guess."""
 SEEN_SIGMA = np.repeat([0.004, 0.008], 3)
 """The same about what the images tell of it; along a plane GICP feigns that nothing moves, which must not count."""
-CONTRADICTED = 22.5
-"""Squared Mahalanobis distance from what the images tell, 99.9 % (χ², six degrees of freedom), from which surfaces
-disprove it: corners of noise, or of what repeats itself, may agree on a motion that never was."""
 COARSE = (0.5, 0.5, 0.4, 0.3, *GATES)
 """m, gates of a registration that begins at a guess."""
 REACH = 0.5
@@ -91,7 +88,8 @@ class DepthOdometry:
         """
         if by_image is not None:
             seen = self._best(frame, cloud, [by_image], SEEN_SIGMA)
-            if seen is None or seen[1].chi2 < CONTRADICTED:
+            # Corners of noise, or of what repeats itself, may agree on a motion that never was.
+            if seen is None or seen[1].chi2 < IMPROBABLE:
                 return (by_image, None) if seen is None else (seen[1].T, seen[0])
         best = self._best(frame, cloud, [self._T, self._T @ self._motion], SIGMA * (1 + self._blind))
         if best is None or best[1].overlap < LEAST_OVERLAP:

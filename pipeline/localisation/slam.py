@@ -21,6 +21,7 @@ from pipeline.localisation.odometry import Keyframes, Localisation, Loop, LostEr
 from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
 from pipeline.localisation.registration import (
     GATES,
+    IMPROBABLE,
     Prior,
     Registration,
     Share,
@@ -38,10 +39,8 @@ STRIDE = 2
 """Pixels; every other row and column is enough for means over ``VOXEL``."""
 LEAST_RETURNS, LEAST_POINTS = 300, 50
 """Of these, and of points that they are thinned to, below which a frame shows nothing to register."""
-SLIPPED = 22.5
-"""χ² of six degrees of freedom, 99.9 %; a registration contradicts the odometry so much where wheels slip."""
 CONTRADICTED = 100.0
-"""χ² from which on slipping cannot explain it: of 800 frames of drives the greatest was 45."""
+"""χ² from which on slipping wheels cannot explain a contradicted odometry: of 800 frames the greatest was 45."""
 POOR, BETTER = 0.6, 0.1
 """Overlap below which wheels may have slipped, and by how much more shows it."""
 STOPPED = 0.05
@@ -260,9 +259,9 @@ class Slam(Localisation):
         if target is None:
             return _Match(frame, first.T, odometry, step, cloud)
         registration = register(target, cloud, [first, by_gravity(first.T, frame)], gates)
-        if odometry is not None and (registration.chi2 > SLIPPED or registration.overlap < POOR):
+        if odometry is not None and (registration.chi2 > IMPROBABLE or registration.overlap < POOR):
             prior, slipped = slipped_registration(target, cloud, first, self.poses[-1], frame)
-            is_better = registration.chi2 > SLIPPED or slipped.overlap > registration.overlap + BETTER
+            is_better = registration.chi2 > IMPROBABLE or slipped.overlap > registration.overlap + BETTER
             # On a bare floor a robot that stayed sees what it saw, and fits best.
             way = (inverse(slipped.T) @ first.T)[:3, 3]
             if is_better and is_pinned(slipped.information, way):
@@ -315,7 +314,7 @@ class Slam(Localisation):
         level = found.covariance[2:5, 2:5] * prior.information.diagonal()[2:5]
         tells = np.linalg.eigvals(level).real.min() < TELLS
         is_safe = deviation < UNPINNED or is_pinned(found.information)
-        if found.overlap >= LOOP_OVERLAP and found.chi2 <= SLIPPED and tells and is_safe:
+        if found.overlap >= LOOP_OVERLAP and found.chi2 <= IMPROBABLE and tells and is_safe:
             self._loop = number, found, shares_of(target, match.cloud, found.T)[0][:MOST_SHARES]
 
     def _close_loop(self, number: int, found: Registration, shares: Sequence[Share]) -> None:

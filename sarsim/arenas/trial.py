@@ -7,11 +7,10 @@ import numpy as np
 from dm_control import mjcf
 
 from pipeline.errors import InputError
-from pipeline.files import answer_apart
+from pipeline.files import GOOD, answer_apart
 
 MEMORY = 4_000_000_000  # bytes beyond what this process has
 SECONDS = 20  # of processor time
-GOOD = "good"  # Answer of the process
 TIMESTEP = 1e-4, 0.02  # s, from and to; the drive's period is the longest
 MOST_ITERATIONS = 1000  # of a solver; MuJoCo's own default is 100
 MOST_USER = 100  # ``user`` numbers of an element

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.files import answer_apart
+from pipeline.files import GOOD, answer_apart
 
 FAST = {"compression": "gzip", "compression_opts": 1}
 """HDF5's other fast filter, LZF, makes other bytes of the same data each time."""
 SECONDS, MEMORY = 3, 1_000_000_000
 """of processor time and bytes, to find out what is in a file: hundredths, and a few MB, for one of ours."""
-GOOD = "good"
 _RAW = -15  # zlib's word for a stream without head and checksum, with the largest window
 _ZLIB_HEAD = b"\x78\x01"  # RFC 1950: deflate, the largest window, fastest
 

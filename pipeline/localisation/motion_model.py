@@ -15,18 +15,24 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
+from pipeline.localisation.pose_graph import GYRO_SIGMA, Drive
 from pipeline.localisation.registration import Prior, Registration, logarithm
 from pipeline.transforms import from_rotation, inverse, orthonormal
 
 MEAN = 0.0, 0.0, 0.0, 0.4, 0.0
 """Of the relative errors of the way and of the turn, of the centre of turns before ``base_link`` in m, of the slide
 downhill in m per rad turned, times the sine of the tilt, and of the yaw rate in rad/s."""
-SIGMA = 0.02, 0.005, 0.02, 0.2, 5e-5
+SIGMA = 0.02, GYRO_SIGMA[0], 0.02, 0.2, GYRO_SIGMA[1]
 """Standard deviations of these before anything is learnt."""
 MEMORY = 1000, 1000, 1000, 1000, 100
 """Keyframes after which these may be as different as they were unknown at first; floors, tyres and gyros change."""
+GYRO = [1, 4]
+"""Of these, the gyro's: its scale and its bias. They are constant in truth, so the pose graph estimates them too."""
 TURN_SIGMA = 1e-3, 3e-3
 """rad, and rad per rad turned: standard deviation of the odometry's rotation between keyframes, beside that."""
+GYRO_TURN_SIGMA = 3e-4, 1e-3
+"""The same beside errors of the gyro that are estimated along: what one motion alone adds, with the wander of
+the bias. Of the simulated gyro 2e-4 was measured."""
 WAY_SIGMA = 0.003, 0.015, 0.01
 """m, m per m driven and m per rad turned: of its translation. Skid-steered wheels slide in turns."""
 SLIDE_SIGMA = 0.2
@@ -41,16 +47,20 @@ class Motion:
         T: 4×4 pose after it in ``base_link`` before it.
         up: (3,) the vertical in ``base_link`` before it.
         time: s that it took.
+        turned: rad about the vertical, whole turns counted.
     """
 
     T: NDArray[np.float64]
     up: NDArray[np.float64]
     time: float
+    turned: float = 0.0
 
     @cached_property
     def turn(self) -> NDArray[np.float64]:
-        """(3,) rotation vector, rad."""
-        return Rotation.from_matrix(self.T[:3, :3]).as_rotvec()
+        """(3,) rotation vector, rad, longer than π after more than half a turn."""
+        turn = Rotation.from_matrix(self.T[:3, :3]).as_rotvec()
+        whole = 2 * np.pi * np.round((self.turned - turn @ self.up) / (2 * np.pi))
+        return turn + whole * turn / (turn @ self.up) if whole else turn
 
     @property
     def moves(self) -> NDArray[np.float64]:
@@ -106,13 +116,19 @@ class MotionModel:
 
     def predict(self, T_map_base: NDArray[np.float64], motion: Motion) -> Prediction:
         """Where a motion leads that begins at the newest keyframe's pose (4×4)."""
-        delta, J = self._delta(motion), motion.jacobian
+        delta, J = self._delta(motion, self.parameters), motion.jacobian
         F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros((5, 6)), np.eye(5)]])
         noise = _noise(motion)
         covariance = F @ self._covariance @ F.T + block_diag(noise, np.diag(np.array(SIGMA) ** 2 / MEMORY))
         return Prediction(
             motion, orthonormal(T_map_base @ delta), covariance, noise + J @ self._covariance[6:, 6:] @ J.T
         )
+
+    def by_gyro(self, motion: Motion) -> Drive:
+        """A motion, and what errors of the gyro would make of it."""
+        parameters = self.parameters.copy()
+        parameters[GYRO] = 0.0
+        return Drive(self._delta(motion, parameters), motion.jacobian[:, GYRO], _noise(motion, GYRO_TURN_SIGMA))
 
     def take(self, prediction: Prediction, registration: Registration | None) -> None:
         """Make a keyframe of a prediction, and learn from how far off it was registered, if it was."""
@@ -136,22 +152,22 @@ class MotionModel:
             if motion is not None:
                 weighted = motion.jacobian.T @ np.linalg.inv(_noise(motion))
                 known = known + weighted @ motion.jacobian
-                pull += weighted @ logarithm(np.linalg.solve(before @ self._delta(motion), after))
+                pull += weighted @ logarithm(np.linalg.solve(before @ self._delta(motion, self.parameters), after))
         self.parameters = self.parameters + np.linalg.solve(known, pull)
 
-    def _delta(self, motion: Motion) -> NDArray[np.float64]:
+    def _delta(self, motion: Motion, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """4×4 motion without the errors that are known."""
-        R = Rotation.from_rotvec(motion.turn + motion.turns @ self.parameters).as_matrix()
-        return from_rotation(R, motion.T[:3, 3] + motion.moves @ self.parameters)
+        R = Rotation.from_rotvec(motion.turn + motion.turns @ parameters).as_matrix()
+        return from_rotation(R, motion.T[:3, 3] + motion.moves @ parameters)
 
     def restart(self, covariance: NDArray[np.float64]) -> None:
         """Make a keyframe whose pose is known with this covariance (6, 6), rad² and m², whatever odometry says."""
         self._covariance = block_diag(covariance, self._covariance[6:, 6:])
 
 
-def _noise(motion: Motion) -> NDArray[np.float64]:
+def _noise(motion: Motion, turn_sigma: tuple[float, float] = TURN_SIGMA) -> NDArray[np.float64]:
     """(6, 6) covariance of a motion beside the constant errors, rad² and m²."""
     way, turn, slope = (float(np.linalg.norm(v)) for v in (motion.T[:3, 3], motion.turn, motion.up[:2]))
-    rotation = TURN_SIGMA[0] + TURN_SIGMA[1] * turn
+    rotation = turn_sigma[0] + turn_sigma[1] * turn
     translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE_SIGMA * slope) * turn
     return np.diag(np.repeat([rotation, translation], 3) ** 2)

@@ -1,5 +1,7 @@
 """The pose graph: keyframes, what odometry, gravity and registration say of them, and the poses that fit all best."""
 
+from typing import NamedTuple
+
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,24 @@ LEVER = 2.0
 """m from the robot to what it sees: how much an error of heading counts beside one of place."""
 OUTLIER = 3.0
 """Standard deviations from which on a loop counts for less (Geman and McClure)."""
+GYRO_SIGMA = 0.005, 5e-5
+"""Standard deviations of the gyro's scale and of its bias in rad/s, before anything is learnt."""
+_GYRO = 1 << 40  # the key of these two, which every motion by odometry has in common
 _UP = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
+
+
+class Drive(NamedTuple):
+    """A motion by odometry.
+
+    Attributes:
+        T: 4×4, if the gyro had no errors.
+        J: (6, 2) derivative in the tangent after it by the gyro's errors, see :class:`PoseGraph`.
+        covariance: (6, 6) beside these, rad² and m².
+    """
+
+    T: NDArray[np.float64]
+    J: NDArray[np.float64]
+    covariance: NDArray[np.float64]
 
 
 class PoseGraph:
@@ -27,10 +46,12 @@ class PoseGraph:
     Attributes:
         poses: (K, 4, 4) ``T_map_base`` of every keyframe, as it is now believed.
         ups: (3,) each, the vertical in each one's ``base_link``, by the odometry.
+        gyro: (2,) relative error of the gyro's scale, and its bias in rad/s.
     """
 
     def __init__(self) -> None:
         self.poses = np.zeros((0, 4, 4))
+        self.gyro = np.zeros(2)
         self._factors = gtsam.NonlinearFactorGraph()
         self.ups: list[NDArray[np.float64]] = []
         self._links: dict[tuple[int, int], float] = {}
@@ -78,6 +99,19 @@ class PoseGraph:
         T_i_j = gtsam.Pose3(np.linalg.solve(self.poses[i], T_map_base))
         self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
 
+    def drive(self, drive: Drive) -> None:
+        """Tell by which motion the robot came from the keyframe before to the newest one."""
+        model, delta, j = gtsam.noiseModel.Gaussian.Covariance(drive.covariance), gtsam.Pose3(drive.T), len(self) - 1
+
+        def error(_: object, values: gtsam.Values, H: list[NDArray[np.float64]] | None) -> NDArray[np.float64]:
+            between = values.atPose3(j - 1).between(values.atPose3(j))
+            expected = delta.compose(gtsam.Pose3.Expmap(drive.J @ values.atVector(_GYRO)))
+            if H is not None:
+                H[0], H[1], H[2] = -between.inverse().AdjointMap(), np.eye(6), -drive.J
+            return np.asarray(gtsam.Pose3.Logmap(expected.between(between)))
+
+        self._factors.add(gtsam.CustomFactor(model, [j - 1, j, _GYRO], error))
+
     def link(self, i: int, j: int, covariance: NDArray[np.float64]) -> None:
         """Remember the (6, 6) covariance that keyframe j has as seen from i; of several the best one counts."""
         self._links[i, j] = min(variance_of(covariance), self._links.get((i, j), np.inf))
@@ -90,18 +124,22 @@ class PoseGraph:
 
     def optimise(self) -> None:
         """Move the poses to where they fit all constraints best."""
-        graph = self._factors.clone()
+        graph = gtsam.NonlinearFactorGraph()
+        graph.push_back(self._factors)
         model = gtsam.noiseModel.Isotropic.Sigma(2, GRAVITY)
         bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # of a level that is mounted askew
         for k, up in enumerate(self.ups):
             graph.add(gtsam.AttitudeFactorPose3(k, _UP, model, gtsam.Unit3(up - bias)))
+        graph.add(gtsam.PriorFactorVector(_GYRO, np.zeros(2), gtsam.noiseModel.Diagonal.Sigmas(np.array(GYRO_SIGMA))))
         values = gtsam.Values()
+        values.insert(_GYRO, self.gyro)
         for k, T in enumerate(self.poses):
             values.insert(k, gtsam.Pose3(T))
         params = gtsam.LevenbergMarquardtParams()
         params.setMaxIterations(10)
         params.setRelativeErrorTol(1e-3)
         result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
+        self.gyro = result.atVector(_GYRO)
         self.poses = orthonormal(np.array([result.atPose3(k).matrix() for k in range(len(self))]))
 
 

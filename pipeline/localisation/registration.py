@@ -2,9 +2,9 @@
 
 GICP (Segal, Haehnel and Thrun 2009) measures a pose as far as the surfaces determine it. Odometry and gravity are
 Gaussians on the same tangent space, so each Gauss-Newton step weighs all of them by their information. Along a
-corridor GICP has none, and the direction stays with the odometry without a rule for corridors: of the information of
-a pair we leave out what GICP gives it in every direction, for along the surface the nearest point is always the one
-that says that the robot has not moved.
+corridor GICP has none, and the direction stays with the odometry without a rule for corridors: a pair tells of the
+distance across its surface alone, for along it the nearest point is always the one that says that the robot has not
+moved.
 
 Tangents are rotation, then translation, on the right, T · Exp(δ), as small_gicp and GTSAM have them.
 """
@@ -27,17 +27,15 @@ NEIGHBOURS = 20
 """Of a point, from which the direction of its surface is estimated."""
 GATES = (0.2, 0.2, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1)
 """m, greatest distance of corresponding points, step by step."""
-WEIGHT = 3.0
-"""Information over that of small_gicp, which has points on a surface stray by 3 cm, each on its own. Ours stray less,
-but not each on its own: on drives with known poses the normalised estimation error squared of the motion between
-keyframes is 0.3 per dimension, on the safe side of 1."""
-FEIGNED = 4e-4
-"""Of the strongest information, so much do bare floors feign along themselves by noise in their normals, in 95 of 100
-frames; 1e-4 by median. Unless it is left out, it says that the robot has not moved, and shortens corridors by 4 %."""
+STRAY = 0.063
+"""m, standard deviation of a pair's distance across its surface. Points stray less, but not each on its own: those of
+one keyframe stray together wherever later ones are registered with it."""
+ALIKE = 0.9
+"""Cosine between the normals of a pair of one surface, at least."""
+FEIGNED = 1e-3
+"""Of the strongest information; what is weaker than this comes from noise and is left out."""
 IMPROBABLE = 22.5
 """χ² of six degrees of freedom, 99.9 %; a registration so far from its prior disproves it."""
-FLATNESS = 1.0 - 1e-3
-"""Of the variance of a point along its surface, 1, what it has not across (Segal, Haehnel and Thrun 2009)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +141,8 @@ def register(
     offsets = [logarithm(np.linalg.solve(T, prior.T)) for prior in priors]
     chi2 = sum(float(o @ p.information @ o) for o, p in zip(offsets, priors, strict=True))
     covariance = np.asarray(np.linalg.inv(total))
-    return Registration(T, information, covariance, len(pairs.source) / source.size(), chi2)
+    overlap = float(np.mean(pairs.squared < gates[-1] ** 2))
+    return Registration(T, information, covariance, overlap, chi2)
 
 
 def shares_of(
@@ -159,7 +158,7 @@ def shares_of(
         The shares, the most informative one first, and (N,) bool, the points without one of the target in ``VOXEL``.
     """
     pairs = _Pairs(target, source, T, GATES[-1])
-    owner = np.tile(target.owner[pairs.target], 2)
+    owner = target.owner[pairs.target]
     shares = []
     for one in np.unique(owner):
         H, pull = pairs.tell(owner == one)
@@ -172,14 +171,14 @@ def shares_of(
 class _Pairs:
     """Corresponding points, and what they say of the source's pose.
 
-    With unit normals n and m of a pair, GICP's covariance is 2 I - f (n nᵀ + m mᵀ), whose eigenvectors across the
-    surfaces are n + m and n - m: along these its inverse less I / 2 has the weights below, and elsewhere none.
+    A normal n is known with noise, and J(n)ᵀ J(n), the information of a point on its surface, has the square of it:
+    bare floors feign that the robot stays where it is. The noise of the two normals of a pair is not the same, so
+    their product J(n)ᵀ J(m) has none of it on average (the method of instrumental variables).
 
     Attributes:
-        source, target: (P,) indices of the points of each pair.
+        source, target: (P,) indices of the points of each pair of one surface.
         squared: (N,) m², from each of the source's points to the nearest of the target's.
-        residual: (2 P,) along the two eigenvectors of each pair, weighted.
-        J: (2 P, 6) derivative by the pose, in the tangent.
+        rows: for the normals of either side, (P, 6) derivative by the pose, in the tangent, and (P,) residual.
     """
 
     def __init__(self, target: Target, source: small_gicp.PointCloud, T: NDArray[np.float64], gate: float):
@@ -187,28 +186,27 @@ class _Pairs:
         points, R = source.points()[:, :3], T[:3, :3]
         at = points @ R.T + T[:3, 3]
         index, self.squared = map(np.array, target.tree.batch_nearest_neighbor_search(at))
-        self.source = np.flatnonzero(self.squared < gate**2)
-        self.target = index[self.source]
-        n, m = target.cloud.normals()[self.target, :3], source.normals()[self.source, :3] @ R.T
-        away = target.cloud.points()[self.target, :3] - at[self.source]
+        near = np.flatnonzero(self.squared < gate**2)
+        n, m = target.cloud.normals()[index[near], :3], source.normals()[near, :3] @ R.T
         cosine = np.einsum("ni,ni->n", n, m)
-        directions, residuals = [], []
-        for u, c in ((n + m, cosine), (n - m, -cosine)):
-            u = np.sqrt(WEIGHT * FLATNESS / 4 / (2 - FLATNESS * (1 + c)))[:, None] * u
-            directions.append(u @ R)
-            residuals.append(np.einsum("ni,ni->n", u, away))
-        v = np.concatenate(directions)
-        self.residual = np.concatenate(residuals)
-        self.J = np.hstack([np.cross(v, np.tile(points[self.source], (2, 1))), -v])
+        alike = np.abs(cosine) > ALIKE
+        self.source, self.target = near[alike], index[near[alike]]
+        away = target.cloud.points()[self.target, :3] - at[self.source]
+        self.rows = []
+        for normals in (n[alike], np.sign(cosine[alike])[:, None] * m[alike]):
+            u = normals / STRAY
+            J = np.hstack([np.cross(u @ R, points[self.source]), -u @ R])
+            self.rows.append((J, np.einsum("ni,ni->n", u, away)))
 
     def tell(self, rows: NDArray[np.bool_] | EllipsisType = ...) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(6, 6) information on the pose and (6,) the pull towards its minimum, without what noise feigns.
 
-        ``rows`` (2 P,) of the derivative are taken.
+        ``rows`` (P,) of the pairs are taken.
         """
-        J, lever = self.J[rows], np.repeat([LEVER, 1.0], 3)
-        pull: NDArray[np.float64] = -J.T @ self.residual[rows]
-        strength, directions = np.linalg.eigh(J.T @ J / np.outer(lever, lever))
+        (J_n, r_n), (J_m, r_m) = ((J[rows], residual[rows]) for J, residual in self.rows)
+        lever = np.repeat([LEVER, 1.0], 3)
+        pull: NDArray[np.float64] = -(J_n.T @ r_m + J_m.T @ r_n) / 2
+        strength, directions = np.linalg.eigh((J_n.T @ J_m + J_m.T @ J_n) / 2 / np.outer(lever, lever))
         real = np.clip(1 - FEIGNED * strength[-1] / np.maximum(strength, 1e-9), 0, 1)
         scaled: NDArray[np.float64] = lever[:, None] * directions
         return scaled * (strength * real) @ scaled.T, scaled @ (real * (directions.T @ (pull / lever)))

@@ -15,7 +15,7 @@ from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork
 
 
 def for_inference(network: PointNetwork, threads: int | None = None) -> BlockClassifier:
-    """The network ready to classify, with so many ``threads``, as many as OMP_NUM_THREADS or PyTorch says if not given."""
+    """The network ready to classify, with so many ``threads``; if not given, PyTorch's number (OMP_NUM_THREADS)."""
     if isinstance(network, Dgcnn):
         return FastDgcnn(network, threads)
     return AsWritten(cast(RowNetwork, network), threads)

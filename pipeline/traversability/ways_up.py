@@ -12,8 +12,8 @@ from pipeline.traversability.traversability import Traversability
 def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Which of the points (N, 3) that look like ramps and decks carry no robot.
 
-    They are higher above all ways to them than it needs headroom, or of a surface on which not even half of its width
-    fits anywhere, as the feet of a chair.
+    They are higher above all ways to them than it needs headroom, or further than half of its width from any place on
+    their surface where as much fits, as the feet of a chair.
 
     Args:
         ground: as the robot judges it.
@@ -23,11 +23,10 @@ def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArr
     cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
     surface = np.zeros(ground.grid.shape, bool)
     surface[tuple(cells.T)] = True
-    pieces, _ = ndimage.label(surface, np.ones((3, 3)))
     side = ceil(ground.robot.width / 2 / ground.grid.cell)
-    broad = np.unique(pieces[ndimage.binary_opening(surface, np.ones((side, side)))])
-    is_narrow = ~np.isin(pieces, broad)[tuple(cells.T)]
-    return is_narrow | (height_above_ways(ground, places, points) > ground.robot.headroom)
+    broad = ndimage.binary_opening(surface, np.ones((side, side)))
+    near = ndimage.binary_dilation(broad, np.ones((2 * side - 1, 2 * side - 1)))
+    return ~near[tuple(cells.T)] | (height_above_ways(ground, places, points) > ground.robot.headroom)
 
 
 def height_above_ways(

@@ -38,10 +38,13 @@ def test_a_surface_without_room_for_half_a_robot_is_no_way() -> None:
     foot = side < PIONEER.width / 5
     narrow, broad = foot & (floor[:, 0] < 2), side < PIONEER.width / 2
     ledge = (np.abs(floor[:, 1]) < 0.05) & (floor[:, 0] > 1) & (floor[:, 0] < 2)
-    for surface, is_none in ((narrow, True), (broad, False), (ledge, True), (broad | ledge, False)):
+    for surface, is_none in ((narrow, True), (broad, False), (ledge, True)):
         points = floor[surface] + np.array([0, 0, 0.05], np.float32)
         world = assess_map(surface_of(np.vstack([floor[~surface], points])))
         assert (is_no_way(world, HERE, points) == is_none).all()
+    points = floor[broad | ledge]
+    far = points[:, 0] - 1 > 1.3 * PIONEER.width  # from its middle
+    assert (is_no_way(assess_map(surface_of(floor)), HERE, points)[far]).all() and far.any()
 
 
 def test_a_table_is_no_way_however_broad() -> None:

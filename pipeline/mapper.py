@@ -32,7 +32,7 @@ from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvide
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.traversability.traversability_layer import TraversabilityLayer
-from pipeline.traversability.ways_up import height_above_ways
+from pipeline.traversability.ways_up import is_no_way
 from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.victim_map import Victims
 
@@ -151,7 +151,7 @@ class Mapper:
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()
-        self.semantic_map = SemanticMap(robot.headroom, self._height_above_ways)
+        self.semantic_map = SemanticMap(self._is_no_way)
         self.segments = Segments()
         self.topological_map = TopologicalMap(graph)
         self.victims = Victims()
@@ -348,9 +348,9 @@ class Mapper:
         with self.stopwatch("topological_map"):
             self.topological_map.update(keyframe.patches, self.segments, paths)
 
-    def _height_above_ways(self, points: NDArray[np.float32]) -> NDArray[np.float64]:
+    def _is_no_way(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
         ground = self._traversability_layer.update(self.elevation_map)
-        return height_above_ways(ground, self.poses[:, :3, 3], points)
+        return is_no_way(ground, self.poses[:, :3, 3], points)
 
     def _find_victims(self, frame: Frame, T_map_camera: NDArray[np.float64]) -> list[Detection]:
         """Detect people in the image and place them on the map."""

@@ -263,11 +263,15 @@ class Episode(Expedition):
         self.score.add_keyframe(keyframe)
         if self.bag:
             self.bag.add_keyframe(keyframe)
+        if self.tum:
+            self.tum.keyframe(keyframe.frame.time, len(keyframe.labels) > 0)
 
     def _add(self, step: Step) -> None:
         self.score.add(step)
         if self.bag:
             self.bag.add(step)
+        if self.tum:
+            self.tum.keyframe(step.keyframe.frame.time, len(step.keyframe.labels) > 0, stood=True)
 
     def _T_world_base(self) -> NDArray[np.float64]:
         """4×4, where the robot truly is."""

@@ -179,7 +179,7 @@ class RosExploration:
         map: folder of an earlier episode in the same place, in whose map the robot finds its place and goes on.
         goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
         home: drive back to the start in the end.
-        labels: what labels the points: a network (dgcnn), height and slope alone (rules), or a class of yours,
+        labels: what labels the points: a network, height and slope alone (rules), or a class of yours,
             module:Class.
         weights: of the network, as train.py writes them; the shipped ones by default.
         detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
@@ -199,7 +199,7 @@ class RosExploration:
     map: Path | None = None
     goals: tuple[tuple[float, float], ...] = ()
     home: bool = False
-    labels: Labels = "dgcnn"
+    labels: Labels = NETWORK
     weights: Path | None = None
     detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     speed: float = 0.5

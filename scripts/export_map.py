@@ -7,6 +7,7 @@ import tyro
 
 from pipeline.errors import InputError
 from sarsim.scripts.cli import run
+from sarsim.settings import Robot
 
 GROUND = (".pgm", ".tif", ".png", ".svg", ".dxf")  # Endings of 2D maps
 
@@ -18,7 +19,10 @@ if TYPE_CHECKING:
 
 
 def export_map(
-    path: Annotated[Path, tyro.conf.Positional], out: Path, heights: tuple[float, float] | None = None
+    path: Annotated[Path, tyro.conf.Positional],
+    out: Path,
+    heights: tuple[float, float] | None = None,
+    robot: Robot = "pioneer3at",
 ) -> None:
     """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS, GIS or drawing programs.
 
@@ -31,6 +35,7 @@ def export_map(
             .tif, .png, .svg and .dxf the same ground as GeoTIFF, as PNG with a world file, and as outlines.
         heights: of a .pgm: m, lowest and highest; a slice of the occupancy grid between them instead, which knows no
             ramps: 0.25 0.65 shows what stands in the robot's way on level ground.
+        robot: pioneer3at, jackal, or the path of an MJCF file like theirs, for which the ground is judged.
     """
     if out.suffix not in (".bt", ".ot", ".ply", *GROUND):
         raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply, {', '.join(GROUND)}")
@@ -42,7 +47,7 @@ def export_map(
 
     path = path / "metric_map.npz" if path.is_dir() else path
     if out.suffix in GROUND and heights is None:
-        _export_ground(path.with_name("keyframes.npz"), out)
+        _export_ground(path.with_name("keyframes.npz"), out, robot)
         return
     metric_map = load_metric_map(path)
     semantic_map = path.with_name("semantic_map.ply")
@@ -57,7 +62,7 @@ def export_map(
             save_ply(out, metric_map, _labels(metric_map, semantic_map))
 
 
-def _export_ground(keyframes: Path, out: Path) -> None:
+def _export_ground(keyframes: Path, out: Path, robot: Robot) -> None:
     """Write the ground as the robot judges it."""
     from pipeline.metric_map.io.plans import SAVED
     from pipeline.recording.map_file import load_elevation_map
@@ -68,7 +73,7 @@ def _export_ground(keyframes: Path, out: Path) -> None:
     if not keyframes.exists():
         instead = "; --heights 0.25 0.65 makes a map of the occupancy grid instead" if out.suffix == ".pgm" else ""
         raise InputError(f"{keyframes}: no such file{instead}")
-    elevation_map, poses = load_elevation_map(keyframes, robot_model())
+    elevation_map, poses = load_elevation_map(keyframes, robot_model(robot))
     ground, places = assess_map(elevation_map), poses[:, :2, 3]
     if out.suffix == ".pgm":
         save_ros_map(out, ground, places)

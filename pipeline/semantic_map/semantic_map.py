@@ -16,23 +16,22 @@ from pipeline.semantic_map.semantic_map_kernels import accumulate
 VOXEL = 0.02  # m, the edge of the voxels; each keeps one point whatever the number of frames
 RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
 SKIN = 0.03  # m from what was seen of a person within which a point is of that person
-HeightAboveWays = Callable[[NDArray[np.float32]], NDArray[np.float64]]
-"""(N,) m that points (N, 3) in ``map`` are above the nearest ground that the robot can drive to."""
+IsNoWay = Callable[[NDArray[np.float32]], NDArray[np.bool_]]
+"""(N,) which of all points (N, 3) in ``map`` that look like ramps no robot can drive on."""
 
 
 class SemanticMap:
     """Labelled points, fused over all frames.
 
-    A ramp, straight or inclined, leads somewhere: what is labelled so and is higher above all ground that the robot
-    can drive to than it is itself, as a table's top, is clutter.
+    A ramp, straight or inclined, leads somewhere: what is labelled so and is no way, as a table's top, is clutter.
 
     Memory grows with the surface seen, not with the number of frames. Voxels are kept in the order in which they were
     first hit: the same frames in the same order give the same map.
     """
 
-    def __init__(self, headroom: float = np.inf, height_above_ways: HeightAboveWays | None = None) -> None:
-        """An empty map; ``headroom`` m: of the robot. Without ``height_above_ways`` labels stay as they came."""
-        self._headroom, self._height_above_ways = headroom, height_above_ways
+    def __init__(self, is_no_way: IsNoWay | None = None) -> None:
+        """An empty map. Without ``is_no_way`` labels stay as they came."""
+        self._is_no_way = is_no_way
         self._blocks, self._size = 0, 0
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
@@ -107,10 +106,9 @@ class SemanticMap:
     def labels(self) -> NDArray[np.uint8]:
         """(M,) uint8 most probable class, the lower id wins a tie; or victim where people are shown."""
         labels = self._rows[: self._size, 4:].argmax(axis=1).astype(np.uint8)
-        if self._height_above_ways is not None:
+        if self._is_no_way is not None:
             ramps = np.flatnonzero(np.isin(labels, RAMPS))
-            is_above = self._height_above_ways(self._rows[ramps, 1:4]) > self._headroom
-            labels[ramps[is_above]] = Label.CLUTTER
+            labels[ramps[self._is_no_way(self._rows[ramps, 1:4])]] = Label.CLUTTER
         if self._people and not (labels == Label.VICTIM).any():
             for person in self._people:
                 labels[self._points_of(person)] = Label.VICTIM

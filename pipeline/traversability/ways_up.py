@@ -1,10 +1,32 @@
 """What leads up to a surface: a deck that one can drive onto differs from a table by that alone."""
 
+from math import ceil
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.traversability.traversability import Traversability
+
+
+def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Which of the points (N, 3) that look like ramps and decks carry no robot.
+
+    They are higher above all ways to them than it needs headroom, or further than half of its width from any place on
+    their surface where as much fits, as the feet of a chair.
+
+    Args:
+        ground: as the robot judges it.
+        places: (K, 3) where it stood, m.
+        points: (N, 3), m.
+    """
+    cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
+    surface = np.zeros(ground.grid.shape, bool)
+    surface[tuple(cells.T)] = True
+    side = ceil(ground.robot.width / 2 / ground.grid.cell)
+    broad = ndimage.binary_opening(surface, np.ones((side, side)))
+    near = ndimage.binary_dilation(broad, np.ones((2 * side - 1, 2 * side - 1)))
+    return ~near[tuple(cells.T)] | (height_above_ways(ground, places, points) > ground.robot.headroom)
 
 
 def height_above_ways(

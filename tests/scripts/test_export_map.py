@@ -16,6 +16,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.recording.map_file import save_keyframes
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.ply import write_ply
+from sarsim.robots.skid_steered import robot_file
 from sarsim.scripts.export_map import export_map
 from tests.pipeline.metric_map.io.octomap_files import colours, log_odds, read_bt, read_ot
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
@@ -83,6 +84,11 @@ def test_a_flat_map_is_the_ground_as_the_robot_judges_it(episode):
 
     assert (at(0, 0), at(1.6, 0), at(2.1, 0.8, 5)) == (254, 254, 0)  # the floor, the ramp, the wall
     assert (episode / "map_cost.yaml").exists()
+    timid = robot_file("pioneer3at").read_text().replace('"0.3490658503988659"', '"0.1"')  # rad that it climbs
+    (episode / "timid.xml").write_text(timid)
+    export_map(episode, episode / "timid.pgm", robot=str(episode / "timid.xml"))
+    steep = cv2.imread(str(episode / "timid.pgm"), cv2.IMREAD_UNCHANGED)
+    assert (steep[image == 0] == 0).all() and np.count_nonzero(steep == 0) > 100 + np.count_nonzero(image == 0)
     for name in ("map.tif", "map.png"):
         export_map(episode, episode / name)
         np.testing.assert_array_equal(cv2.imread(str(episode / name), cv2.IMREAD_UNCHANGED), image)

@@ -1,7 +1,7 @@
 """map_recording.py: what it leaves of recordings, whole and broken."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -62,19 +62,45 @@ def test_the_error_is_evos(mapped: Path) -> None:
     assert 0 < ate < 0.01
 
 
-def test_what_came_before_a_broken_image_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def cut(message: Any) -> None:
+    message.data = message.data[:1000]
+
+
+def halved(message: Any) -> None:
+    message.data, message.height = message.data[: len(message.data) // 2], message.height // 2
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"), [(cut, "an image is cut short"), (halved, "320 × 120 pixels where 320 × 240 are expected")]
+)
+def test_what_came_before_a_broken_image_is_kept(
+    spoil: Callable[[Any], None], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     def broken(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
         if topic == "/camera/depth/image_raw" and time > 0.75:
-            message.data = message.data[:1000]
+            spoil(message)
         yield topic, time, message
 
     path, out = write_bag(tmp_path / "room", change=broken), tmp_path / "out"
     line = failed(capsys, path, "--out", out, "--labels", "truth", "--poses", "registration")
-    assert line.startswith("error: an image is cut short")
+    assert line.startswith("error: ") and told in line
     assert {path.name for path in out.iterdir()} == FILES
     report = json.loads((out / "report.json").read_text())
     assert report["recording"]["frames"] == 8
-    assert "an image is cut short" in report["recording"]["stopped"]
+    assert told in report["recording"]["stopped"]
+
+
+def test_gaps_cost_no_more_than_the_frames_in_them(tmp_path: Path) -> None:
+    def gappy(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        blind = topic.startswith("/camera/depth/image") and 0.15 < time < 0.45
+        lost = topic in ("/odom", "/tf") and 0.55 < time < 1.15
+        return [] if blind or lost else [(topic, time, message)]
+
+    run(write_bag(tmp_path / "room", change=gappy), "--out", tmp_path / "out", "--labels", "truth")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["recording"]["left_out"] == {"frames at times of which no pose is known": 6}
+    assert report["recording"]["frames"] == len(frames()) - 3 - 6
+    assert report["localisation"]["ate_rmse_m"] < 0.03
 
 
 def test_a_scene_and_its_tum_folder_make_one_map(tmp_path: Path) -> None:

@@ -57,7 +57,9 @@ def read_ros_bag(path: Path, topics: Sequence[str] = (), calibration: Calibratio
 def _opened(path: Path) -> Iterator[AnyReader]:
     """A bag to read; what the reader, whose errors are of many kinds, cannot make sense of becomes InputError."""
     alone = sorted(path.glob("*.mcap")) + sorted(path.glob("*.db3")) if path.is_dir() else []
-    file = alone[0] if len(alone) == 1 and not (path / "metadata.yaml").exists() else path
+    # The reader takes a folder of that name for a file of ROS 1.
+    is_lone = len(alone) == 1 and (path.suffix == ".bag" or not (path / "metadata.yaml").exists())
+    file = alone[0] if is_lone else path
     try:
         with AnyReader([file], default_typestore=STORE) as reader:
             yield reader

@@ -1,6 +1,7 @@
 """A folder in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012), or of plain numbered images."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -37,11 +38,35 @@ def read_tum_folder(
     """
     calibration = calibration or _calibration(path)
     depth, colour = _listed(path, ("depth",), fps), _listed(path, ("rgb", "color"), fps)
-    recording = Recording(path, lambda: _frames(recording, depth, colour, calibration, depth_scale or UNITS))
+    place = _trajectory(path / "camera.txt")
+    T_base_camera = np.eye(4) if place is None else place.poses[0]
+    recording = Recording(
+        path,
+        lambda: (
+            replace(frame, T_base_camera=T_base_camera)
+            for frame in _frames(recording, depth, colour, calibration, depth_scale or UNITS)
+        ),
+        has_camera_pose=place is not None,
+    )
     recording.truth = _trajectory(path / "groundtruth.txt")
     recording.odometry = _trajectory(path / "odometry.txt")
     recording.check_clocks(depth[0][0], depth[-1][0])
+    if (path / "keyframes.txt").exists():
+        rows = _numbers(path / "keyframes.txt", "time labelled stood")
+        recording.keyframes = {time: bool(labelled) for time, labelled, _ in rows.tolist()}
+        recording.steps = set(rows[rows[:, 2] > 0, 0].tolist())
     return recording
+
+
+def _numbers(file: Path, columns: str) -> NDArray[np.float64]:
+    """(N, number of columns) numbers of a file; InputError where it has others."""
+    try:
+        rows = np.loadtxt(file, ndmin=2)
+        if rows.shape[1:] != (len(columns.split()),) or not np.isfinite(rows).all():
+            raise ValueError(f"its lines must be {columns}")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: {error}") from error
+    return rows
 
 
 def _trajectory(path: Path) -> Trajectory | None:
@@ -52,13 +77,10 @@ def _calibration(path: Path) -> Calibration:
     file = path / "calibration.txt"
     if not file.exists():
         raise InputError(f"{path}: has no calibration.txt; --intrinsics fx fy cx cy tells the camera's")
-    try:
-        values = np.loadtxt(file).ravel()
-        if values.shape != (4,) or not np.isfinite(values).all() or not (values > 0).all():
-            raise ValueError("it must be one line of fx fy cx cy")
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file}: {error}") from error
-    return Calibration(*values.tolist())
+    rows = _numbers(file, "fx fy cx cy")
+    if len(rows) != 1 or not (rows > 0).all():
+        raise InputError(f"{file}: it must be one line of fx fy cx cy, all positive")
+    return Calibration(*rows[0].tolist())
 
 
 def _listed(path: Path, names: tuple[str, ...], fps: float | None) -> Listed:

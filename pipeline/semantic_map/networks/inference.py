@@ -1,6 +1,5 @@
 """A network ready to classify on the CPU, and to be trained."""
 
-import os
 from typing import cast
 
 import numpy as np
@@ -16,7 +15,7 @@ from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork
 
 
 def for_inference(network: PointNetwork, threads: int | None = None) -> BlockClassifier:
-    """The network ready to classify, with so many ``threads``, one a processor if not given."""
+    """The network ready to classify, with so many ``threads``; if not given, PyTorch's number (OMP_NUM_THREADS)."""
     if isinstance(network, Dgcnn):
         return FastDgcnn(network, threads)
     return AsWritten(cast(RowNetwork, network), threads)
@@ -32,7 +31,7 @@ class AsWritten:
 
     def __init__(self, network: RowNetwork, threads: int | None = None) -> None:
         """Use the weights that it has at each time."""
-        self._network, self._threads = network, threads or os.cpu_count() or 1
+        self._network, self._threads = network, threads or torch.get_num_threads()
         self._device = next(network.parameters()).device
         self.classes, self.fewest = network.classes, network.fewest
 

@@ -46,6 +46,8 @@ HEADERS = {
     "odometry": ["# dead reckoning", "# timestamp tx ty tz qx qy qz qw"],
     "accelerometer": ["# accelerometer data, m/s^2, x forward, y left, z up", "# timestamp ax ay az"],
     "gyroscope": ["# gyroscope data, rad/s, x forward, y left, z up", "# timestamp wx wy wz"],
+    "camera": ["# the camera on the robot", "# timestamp tx ty tz qx qy qz qw"],
+    "keyframes": ["# images that went into the robot's maps", "# timestamp labelled robot_stood"],
 }
 IMAGES = ("rgb", "depth", "label")
 
@@ -88,7 +90,9 @@ class TumDrive(ExitStack):
     """A robot's drive as one sequence of the TUM RGB-D benchmark.
 
     rgb/, depth/ (16 bits, 5000 a metre), label/ and a list of each; accelerometer.txt, as the benchmark has it, and
-    gyroscope.txt, both of base_link; poses of the camera every control period: groundtruth.txt and odometry.txt.
+    gyroscope.txt, both of base_link; poses of the camera every control period: groundtruth.txt and odometry.txt;
+    camera.txt, where that is in base_link; keyframes.txt, the images that went into the robot's maps, and whether it
+    labelled them and stood.
     """
 
     def __init__(self, path: Path, seed: int):
@@ -102,6 +106,7 @@ class TumDrive(ExitStack):
         self._sequence = TumSequence(folder)
         self._poses: list[tuple[str, float, NDArray[np.float64]]] = []
         self._newest: Frame | None = None
+        self._keyframes: dict[float, tuple[bool, bool]] = {}
         self.callback(self._finish, folder, path.name, seed)
 
     def frame(self, frame: Frame) -> None:
@@ -130,9 +135,16 @@ class TumDrive(ExitStack):
         if T_world_base is not None:
             self._poses.append(("groundtruth", time, T_world_base))
 
+    def keyframe(self, time: float, labelled: bool, stood: bool = False) -> None:
+        """Note that the image of a time in s is a keyframe, whether it is labelled, and whether the robot stood."""
+        self._keyframes[time] = labelled, stood
+
     def _finish(self, folder: Path, title: str, seed: int) -> None:
         if self._newest is None:
             return
+        self._sequence.pose("camera", self._newest.time, self._newest.T_base_camera)
+        for time, told in self._keyframes.items():
+            self._sequence.numbers("keyframes", time, told)
         for kind, time, T in self._poses:
             self._sequence.pose(kind, time, T @ self._newest.T_base_camera)
         self._sequence.save(self._newest.intrinsics)

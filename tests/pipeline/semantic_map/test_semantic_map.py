@@ -49,8 +49,8 @@ def test_what_lies_at_the_points_of_people_is_victim() -> None:
     assert semantic_map.labels().tolist() == [1, 2, 3]
 
 
-def test_no_ramp_is_higher_above_all_ways_than_the_robot() -> None:
-    semantic_map = SemanticMap(0.5, lambda points: points[:, 2] - (points[:, 0] > 1))
+def test_a_ramp_that_is_no_way_is_clutter() -> None:
+    semantic_map = SemanticMap(lambda points: points[:, 2] - (points[:, 0] > 1) > 0.5)
     points = cloud((0, 0, 0.4), (0, 0, 0.6), (0, 0.1, 0.6), (0, 0.2, 0.6), (2, 0, 0.6))
     semantic_map.update(points, one_hot(4, 4, 3, 1, 4))
     assert semantic_map.labels().tolist() == [4, Label.CLUTTER, Label.CLUTTER, 1, 4]

@@ -3,7 +3,8 @@
 import numpy as np
 
 from pipeline.traversability.traversability import assess_map
-from pipeline.traversability.ways_up import height_above_ways
+from pipeline.traversability.ways_up import height_above_ways, is_no_way
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RISE, flat, ground_points, ramp_and_deck, surface_of
 
 HERE = np.array([[-0.5, 0.0, 0.0]])
@@ -29,3 +30,26 @@ def test_where_the_ground_is_unknown_that_next_to_it_counts() -> None:
     assert height_above_ways(world, HERE, np.array([(7.0, 0.0, 0.8)])) == 0.8
     nowhere = np.array([[0.0, 0.0, 9.0]])
     assert height_above_ways(world, nowhere, np.array([(7.0, 0.0, 0.8)])) == 0.0
+
+
+def test_a_surface_without_room_for_half_a_robot_is_no_way() -> None:
+    floor = ground_points(flat, (-1, 3), (-2, 2))
+    side = np.abs(floor[:, :2] - (1.0, 0.0)).max(axis=1)
+    foot = side < PIONEER.width / 5
+    narrow, broad = foot & (floor[:, 0] < 2), side < PIONEER.width / 2
+    ledge = (np.abs(floor[:, 1]) < 0.05) & (floor[:, 0] > 1) & (floor[:, 0] < 2)
+    for surface, is_none in ((narrow, True), (broad, False), (ledge, True)):
+        points = floor[surface] + np.array([0, 0, 0.05], np.float32)
+        world = assess_map(surface_of(np.vstack([floor[~surface], points])))
+        assert (is_no_way(world, HERE, points) == is_none).all()
+    points = floor[broad | ledge]
+    far = points[:, 0] - 1 > 1.3 * PIONEER.width  # from its middle
+    assert (is_no_way(assess_map(surface_of(floor)), HERE, points)[far]).all() and far.any()
+
+
+def test_a_table_is_no_way_however_broad() -> None:
+    floor = ground_points(flat, (-1, 2), (-1, 1))
+    top = floor[(np.abs(floor[:, :2] - (1.2, 0.0)) < 0.4).all(axis=1)] + np.array(
+        [0, 0, PIONEER.headroom + 0.05], np.float32
+    )
+    assert is_no_way(assess_map(surface_of(np.vstack([floor, top]))), HERE, top).all()

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import cv2
@@ -50,6 +51,7 @@ def test_whole_millimetres_and_jpeg_come_back(tmp_path: Path) -> None:
 
 
 def test_sqlite_ros_1_and_a_lone_file_are_read_as_well(bag: Path, tmp_path: Path) -> None:
+    assert_whole(read_ros_bag(Path(copytree(bag, tmp_path / "room.bag"))))
     convert([bag], tmp_path / "sqlite", **SQLITE)
     assert_whole(read_ros_bag(tmp_path / "sqlite"))
     convert([bag], tmp_path / "ros1.bag", **SQLITE | {"typestore": get_typestore(Stores.ROS1_NOETIC)})

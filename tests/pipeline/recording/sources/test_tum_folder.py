@@ -104,7 +104,8 @@ def test_what_comes_before_a_bad_image_is_good(folder: Path, spoil, message: str
         ("rgb.txt", "# nothing\n", r"rgb.txt: lists no image"),
         ("groundtruth.txt", "1 2 3\n", r"groundtruth.txt: no trajectory"),
         ("groundtruth.txt", "0 0 0 0 0 0 0 nan\n", r"groundtruth.txt: no trajectory"),
-        ("calibration.txt", "500 500\n", r"calibration.txt: it must be one line"),
+        ("keyframes.txt", "0.1 1", r"keyframes.txt: its lines must be time labelled stood"),
+        ("calibration.txt", "500 500\n", r"calibration.txt: its lines must be fx fy cx cy"),
         ("odometry.txt", "1e9 0 0 0 0 0 0 1\n", r"its clocks differ: the images are from 0.00 to 1.[0-9]0 s"),
     ],
 )

@@ -25,6 +25,6 @@ install uv
     --output-file "$3/pins.txt" pyproject.toml
 [ -z "${TORCH:-}" ] || sed -i "s/^torch==.*/torch==$TORCH/" "$3/pins.txt"
 install --constraint "$3/pins.txt" torch
-install --constraint "$3/pins.txt" --editable '.[dev]'
+"$3/bin/uv" pip install --quiet --python "$python" --constraint "$3/pins.txt" --editable '.[dev]'
 shift 3
 "$python" -m pytest "$@"

@@ -9,11 +9,14 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+import yaml
 
 from sarsim.arenas.load import load_arena
 from tests.source_tree import ROOT, modules
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(p for top in ("assets", "docs") for p in (ROOT / top).rglob("*.md"))])
+WEIGHTS = sorted(p for p in (ROOT / "assets" / "weights").iterdir() if p.suffix in (".safetensors", ".weights"))
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
 CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 TARGET = re.compile(r"\]\(<?([^)\s>]+)|^\[[^\]]+\]:\s*(\S+)|(?:src|href)=\"([^\"]+)\"", re.MULTILINE)
@@ -109,11 +112,18 @@ def test_arenas_of_the_tutorial_have_a_start(name: str) -> None:
 
 
 def test_the_site_is_made_with_pinned_tools() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    asked = dict(PIN.findall("\n".join(project["optional-dependencies"]["docs"])))
+    asked = dict(PIN.findall("\n".join(PROJECT["optional-dependencies"]["docs"])))
     locked, shared = (dict(PIN.findall((ROOT / d / "requirements.txt").read_text())) for d in ("docs", "."))
     assert asked.items() <= locked.items()
     assert locked.keys().isdisjoint(shared)
+
+
+@pytest.mark.parametrize("weights", WEIGHTS, ids=lambda path: path.name)
+def test_shipped_weights_have_a_card_as_hugging_face_reads_them(weights: Path) -> None:
+    _, head, text = weights.with_suffix(".md").read_text().split("---\n", 2)
+    about = yaml.safe_load(head)
+    assert about["license"] == PROJECT["license"].lower() and "search-and-rescue" in about["tags"]
+    assert weights.name in text
 
 
 def test_the_site_has_every_page_once() -> None:

@@ -81,7 +81,7 @@ class Viewer:
         if kind == "web":
             rerun_port = _free_port()
             self._local = LocalPage(f"http://{HOST}:{rerun_port}", f"http://{HOST}:{self._port}")
-            self.page = f"http://{HOST}:{self._local.server_port}?url={quote(self._address, safe='')}"
+            self.page = f"http://{HOST}:{self._local.server_port}?theme=dark&url={quote(self._address, safe='')}"
             flags += ["--serve-web", "--web-viewer-port", str(rerun_port)]
         else:
             flags += ["--hide-welcome-screen"]

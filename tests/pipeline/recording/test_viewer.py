@@ -40,6 +40,12 @@ def test_the_page_is_served(page):
         assert b"rerun" in answer.read().lower()
 
 
+def test_the_page_is_as_dark_as_what_it_shows(page):
+    assert parse_qs(urlsplit(page.page).query)["theme"] == ["dark"]
+    with urllib.request.urlopen(page.page) as answer:
+        assert b'query.get("theme")' in answer.read()
+
+
 def test_the_page_may_ask_this_machine_alone(page):
     with urllib.request.urlopen(page.page) as answer:
         policy = answer.headers["Content-Security-Policy"]

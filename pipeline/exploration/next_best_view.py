@@ -17,14 +17,11 @@ from pipeline.transforms import wrap_angle
 from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_kernels import ANGLES
 from pipeline.traversability.pose_paths import FIRST_HORIZON, bits
-from pipeline.traversability.traversability import Traversability
 
 MIN_GAIN = 0.03
 """m²; a viewpoint that should show less is not worth the drive."""
 WALL_MARGIN = 0.25
 """m; unknown ground nearer to a hazard cannot be driven on and is not worth a keyframe."""
-WALL_GAP = 5
-"""Cells; unseen ones between hazards so near to each other are taken for hazards as well."""
 PRIOR = 0.9
 """Probability that ground which should be in view can be seen at all."""
 SHOW_PROBABILITY = 0.7
@@ -207,7 +204,7 @@ class Exploration:
         """Write what is known of the ground; unseen ground that may be traversable is a target until given up."""
         layers, may_show = self._layers, self._layers["probability"] >= GIVE_UP
         may_be_driven = context.traversability.to_hazard >= WALL_MARGIN
-        layers.write("elevation", _without_gaps(context.traversability))
+        layers.write("elevation", context.traversability.sealed)
         layers.write("gradient", context.traversability.gradient)
         layers.write("target", np.isnan(context.measured) & may_be_driven & may_show)
 
@@ -229,13 +226,6 @@ class Exploration:
 def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
     """(N, 2) of each block of cells the one with most headings that can be reached."""
     return visibility.one_of_each_block(np.bitwise_count(context.paths.headings))
-
-
-def _without_gaps(traversability: Traversability) -> NDArray[np.float32]:
-    """(nx, ny) m, the elevation, with the small gaps in what is seen of walls closed: no ray slips through."""
-    elevation = traversability.elevation
-    high = ndimage.maximum_filter(np.where(traversability.hazard, elevation, -np.inf), WALL_GAP)
-    return np.where(np.isnan(elevation) & np.isfinite(high), high, elevation).astype(np.float32)
 
 
 def after_miss(probability: NDArray[np.floating]) -> NDArray[np.floating]:

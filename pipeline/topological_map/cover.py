@@ -18,8 +18,6 @@ from pipeline.traversability.traversability import Traversability
 SIGHT = 2.0
 """m from which a node covers the ground that it sees."""
 _REACH = round(SIGHT / CELL)
-_TALL = 0.4
-"""m above the ground around it; what is taller hides what is behind it, decks and ramps do not."""
 _BLOCK = 4
 """Cells along each side of a block that has one candidate for a node."""
 
@@ -77,7 +75,7 @@ class Cover:
         layers.write("target", traversability.traversable & reachable)
         layers.write("standable", traversability.turnable & reachable)
         in_walls = np.vstack([np.zeros((0, 3)), *(centres(wall.cells) for wall in walls)])
-        layers.write("walls", _tall(traversability) | self.grid.mask_of(in_walls))
+        layers.write("walls", traversability.tall | self.grid.mask_of(in_walls))
         changed = layers.changed_since(revision)
         if changed.any():
             layers["left"][box_around(changed, 2 * _REACH)] = False
@@ -231,8 +229,3 @@ def ray_tree(reach: int) -> NDArray[np.int64]:
 
     add(root)
     return np.array(entries)
-
-
-def _tall(traversability: Traversability) -> NDArray[np.bool_]:
-    known = np.where(np.isnan(traversability.elevation), np.inf, traversability.elevation)
-    return traversability.hazard & (traversability.elevation > ndimage.minimum_filter(known, 5) + _TALL)

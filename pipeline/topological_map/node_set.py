@@ -113,8 +113,17 @@ class NodeSet:
 
     def parts(self, without: Collection[int] = ()) -> list[set[int]]:
         """The groups of nodes that straight drives join if some are left out, the largest first."""
-        rest = self.free.subgraph(self.free.nodes - set(without))
-        return sorted(nx.connected_components(rest), key=lambda part: (-len(part), min(part)))
+        # By hand, since networkx is twenty times as slow where nodes are left out.
+        near, parts = dict(self.free.adjacency()), []
+        left = near.keys() - set(without)
+        while left:
+            part, fresh = set(), {left.pop()}
+            while fresh:
+                part |= fresh
+                fresh = {m for n in fresh for m in near[n]} & left
+                left -= fresh
+            parts.append(part)
+        return sorted(parts, key=lambda part: (-len(part), min(part)))
 
     def _put(self, node: int, label: Label, xy: NDArray[np.float64]) -> None:
         linked = self.links_from(xy[None])[0]

@@ -6,10 +6,10 @@ goes when others see its share and hold the rest together, and two become one wh
 
 from collections import deque
 from collections.abc import Collection, Sequence
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from pipeline.labels import Label
 from pipeline.segments.segments import Segments
@@ -82,11 +82,11 @@ class Placement:
         """(N, 2) places that join a group of nodes to another one: a single one, or else the bends of the way."""
         traversability, nodes = self._cover.traversability, self._nodes.nodes
         paths = PosePaths(traversability, [nodes[n].position for n in sorted(part)])
-        targets = [nodes[n].position for other in others for n in sorted(other)]
-        nearest = min(targets, key=paths.cost_to)
-        if not np.isfinite(paths.cost_to(nearest)):
+        targets = np.array([nodes[n].position for other in others for n in sorted(other)])
+        nearest = paths.nearest(targets)
+        if nearest is None:
             return np.zeros((0, 2))
-        way = paths.path_to(nearest)
+        way = paths.path_to(targets[nearest])
         places = self._cover.candidates(self._cover.grid.mask_of(way), JOINT_REACH)
         room = traversability.grid.at(traversability.to_hazard, places)
         places = places[np.argsort(-room, kind="stable")]
@@ -105,7 +105,9 @@ class Placement:
         if len(self._nodes.nodes) < 2 or not active:
             return
         visible = cover.visible_from(self._candidates(active))
-        pairs = deque(p for p in combinations(self._nodes.nodes, 2) if active & set(p))
+        ids = list(self._nodes.nodes)
+        near = KDTree([self._nodes.nodes[n].position[:2] for n in ids]).query_pairs(2 * SIGHT)
+        pairs = deque(pair for i, j in sorted(near) if active & set(pair := (ids[i], ids[j])))
         while pairs:
             pair = pairs.popleft()
             new = self._merge(pair, visible) if self._nodes.nodes.keys() >= set(pair) else None

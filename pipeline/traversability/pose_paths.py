@@ -156,15 +156,21 @@ class PosePaths:
         """Cost to a point, s; inf where no way leads."""
         return float(self._settle(xy).min())
 
+    def nearest(self, places: NDArray[np.float64]) -> int | None:
+        """Which of (N, 2 or 3) places on the grid, m, is cheapest to come to; None if no way leads to any."""
+        cost = self._settle(places).min(axis=1)
+        return int(cost.argmin()) if np.isfinite(cost).any() else None
+
     def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
-        """(16,) s to a point, m, with each heading: the least of them is known, or that of one heading."""
-        cell, horizon = self._grid.cell_of(xy), FIRST_HORIZON
-        if not ((cell >= 0) & (cell < self._grid.shape)).all():
-            return np.full(HEADINGS, np.inf, np.float32)
+        """(..., 16) s to points (...), m, with each heading: the least of all is known, or that of one heading."""
+        cells, horizon = self._grid.cell_of(xy), FIRST_HORIZON
+        if not ((cells >= 0) & (cells < self._grid.shape)).all():
+            return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
+        where = tuple(np.moveaxis(cells, -1, 0))
         while True:
-            seconds = self._known(tuple(cell))
-            wanted = seconds if heading is None else seconds[[heading]]
-            if np.isfinite(wanted).any() or self.is_complete or not self.reachable[tuple(cell)]:
+            seconds = self._known(where)
+            wanted = seconds if heading is None else seconds[..., heading]
+            if np.isfinite(wanted).any() or self.is_complete or not self.reachable[where].any():
                 return seconds
             self._extend(horizon)
             horizon *= 2

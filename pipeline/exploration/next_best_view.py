@@ -16,7 +16,7 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_kernels import ANGLES
-from pipeline.traversability.pose_paths import FIRST_HORIZON, bits
+from pipeline.traversability.pose_paths import FIRST_HORIZON, GROWTH, bits
 
 MIN_GAIN = 0.03
 """m²; a viewpoint that should show less is not worth the drive."""
@@ -152,18 +152,19 @@ class Exploration:
         if not is_some.any():
             return None
         candidates, gains, can_face, there = candidates[is_some], gains[is_some], can_face[is_some], there[is_some]
-        horizon = FIRST_HORIZON
+        horizon, straight = FIRST_HORIZON, paths.least_seconds_to(there)[:, None]
         while True:
             known = np.where(can_face, paths.seconds_to(there, horizon), np.inf)
-            # What lies beyond the horizon of the search takes longer at least.
-            least = known if paths.is_complete else np.where(can_face, np.minimum(known, horizon), np.inf)
+            # What lies beyond the horizon of the search takes longer at least, and all no less than a straight drive.
+            beyond = np.inf if paths.is_complete else np.maximum(straight, horizon)
+            least = np.where(can_face, np.minimum(known, beyond), np.inf)
             worth = self.worth(gains, least.min(axis=1), KEYFRAME_TIME + least)
             n, m = np.unravel_index(worth.argmax(), worth.shape)
             if worth[n, m] <= 0 or (paths.is_complete and np.isinf(known[n, m])):
                 return None
             if np.isfinite(known[n, m]):
                 return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]))
-            horizon *= 2
+            horizon *= GROWTH
 
     def correct(self, correction: Correction) -> None:
         """Let what keyframes missed follow their poses, and what the next one should show that of the newest."""

@@ -62,8 +62,10 @@ class NodeSet:
         changed = self.cover.update(traversability, reachable, walls) | self._have_moved
         self._have_moved = False
         self.links = Links(traversability, walls)
-        for node in list(self.nodes.values()):
-            self._settle(node)
+        nodes = list(self.nodes.values())
+        stand = self.cover.grid.at(self.cover.standable, np.array([n.position for n in nodes]).reshape(-1, 3))
+        for k in np.flatnonzero(~stand):
+            self._settle(nodes[k])
         self._retest(changed)
         return changed
 
@@ -71,8 +73,6 @@ class NodeSet:
         """Move a node to where the robot can turn; a joint in a passage too narrow for that stays in it."""
         cover = self.cover
         xy = cover.grid.nearest(cover.standable, node.position, SNAP)
-        if xy is not None and (xy == node.position[:2]).all():
-            return
         parts = len(self.parts())
         self.remove(node.id)
         if xy is not None:

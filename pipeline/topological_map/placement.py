@@ -5,7 +5,8 @@ goes when others see its share and hold the rest together, and two become one wh
 """
 
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +105,8 @@ class Placement:
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
             return
-        visible = cover.visible_from(self._candidates(active))
+        candidates = self._candidates(active)
+        visible = cache(lambda: cover.visible_from(candidates))
         ids = list(self._nodes.nodes)
         near = KDTree([self._nodes.nodes[n].position[:2] for n in ids]).query_pairs(2 * SIGHT)
         pairs = deque(pair for i, j in sorted(near) if active & set(pair := (ids[i], ids[j])))
@@ -120,7 +122,7 @@ class Placement:
         lattice = self._cover.candidates(around, SIGHT)
         return np.vstack([*(place.xy[None] for place in self._places), lattice])
 
-    def _merge(self, pair: tuple[int, int], visible: VisibleCells) -> int | None:
+    def _merge(self, pair: tuple[int, int], visible: Callable[[], VisibleCells]) -> int | None:
         """Put one node in the place of two; its id, or None if no place does for both."""
         a, b = (self._nodes.nodes[n].position[:2] for n in pair)
         if np.linalg.norm(a - b) > 2 * SIGHT:
@@ -134,15 +136,18 @@ class Placement:
                 return self._nodes.add(self._label(xy), xy)
         return None
 
-    def _stand_ins(self, pair: tuple[int, int], visible: VisibleCells) -> NDArray[np.float64]:
+    def _stand_ins(self, pair: tuple[int, int], visible: Callable[[], VisibleCells]) -> NDArray[np.float64]:
         """(K, 2) the places that see what only these two nodes see; first the thesis's, then those that see most."""
         lost = self._cover.lost_without(pair)
-        middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
+        side = np.sort(lost, axis=0)[_SPARE : len(lost) - _SPARE]
+        if len(side) and ((side[-1] - side[0]) * CELL > 2 * SIGHT).any():
+            return np.zeros((0, 2))  # No place sees as far as that to both sides.
+        seen, middle = visible(), np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
         centre = self._cover.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
-        near = np.flatnonzero(np.linalg.norm(visible.places - centre, axis=1) <= SIGHT)
-        good = near[self._cover.see_all(visible[near], lost, _SPARE)]
-        worth = visible.seen[good].sum(axis=(1, 2)) + 1e6 * (good < len(self._places))
-        return visible.places[good[np.argsort(-worth, kind="stable")]]
+        near = np.flatnonzero(np.linalg.norm(seen.places - centre, axis=1) <= SIGHT)
+        good = near[self._cover.see_all(seen[near], lost, _SPARE)]
+        worth = seen.seen[good].sum(axis=(1, 2)) + 1e6 * (good < len(self._places))
+        return seen.places[good[np.argsort(-worth, kind="stable")]]
 
     def _label(self, xy: NDArray[np.float64]) -> Label:
         """Of the place itself, if it is one of the thesis's, or of the ground."""

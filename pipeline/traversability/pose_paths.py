@@ -16,8 +16,10 @@ SNAP = 0.5
 """m; a place where the robot cannot stand is moved to where it can from no further."""
 ESCAPE, ESCAPE_FACTOR = 0.8, 5.0
 """m that a robot which stands where it could not have driven may go as if it could, and what each second counts."""
-FIRST_HORIZON = 4.0
-"""s that the search for a way to a place goes on at first; twice as far each time that it did not come there."""
+FIRST_HORIZON, GROWTH = 4.0, 1.5
+"""s that the search for a way to a place goes on at first; so many times as far whenever it did not come there."""
+SHORTEST = 0.95
+"""Of a straight drive at full speed: no way takes less, though each of its moves takes whole ticks."""
 ENTRIES = 1 << 16
 """Of the queue at first."""
 
@@ -122,6 +124,11 @@ class PosePaths:
         self._extend(until)
         return self._known(tuple(cells.T))
 
+    def least_seconds_to(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(N,) s that no way from the one start to cells (N, 2) can take less than."""
+        away = np.linalg.norm(cells - self._search.starts[0, :2], axis=1) * self._grid.cell
+        return SHORTEST * away / self._costs.speed
+
     @cached_property
     def seconds(self) -> NDArray[np.float32]:
         """(nx, ny, 16) s to be at each cell with each heading; inf where no way leads."""
@@ -173,7 +180,7 @@ class PosePaths:
             if np.isfinite(wanted).any() or self.is_complete or not self.reachable[where].any():
                 return seconds
             self._extend(horizon)
-            horizon *= 2
+            horizon *= GROWTH
 
     def sources(self) -> NDArray[np.int64]:
         """(nx, ny) flat index of the cell of that start from which the way to each cell comes; -1 if none leads."""

@@ -103,7 +103,7 @@ class Exploration:
         """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
         traversability, target = context.traversability, self._terrain.target
         reach = round(FRONTIER_WIDTH / traversability.grid.cell)
-        around = ndimage.binary_dilation(target, np.ones((3, 3)), iterations=reach)
+        around = ndimage.maximum_filter(target, 2 * reach + 1, mode="constant")
         pieces, _ = ndimage.label(around & context.paths.reachable & ~target, np.ones((3, 3)))
         centres = []
         for piece, box in enumerate(ndimage.find_objects(pieces), start=1):

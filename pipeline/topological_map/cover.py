@@ -36,10 +36,6 @@ class VisibleCells:
     seen: NDArray[np.bool_]
     corners: NDArray[np.int64]
 
-    def __getitem__(self, rows: slice | NDArray) -> "VisibleCells":
-        """What some of the places see."""
-        return VisibleCells(self.places[rows], self.seen[rows], self.corners[rows])
-
 
 class Cover:
     """A grid map of the ground that nodes are to see, and how many see it.
@@ -201,7 +197,7 @@ class Cover:
 
 
 @cache
-def ray_tree(reach: int) -> NDArray[np.int64]:
+def ray_tree(reach: int) -> NDArray[np.int16]:
     """(N, 3) the cells on rays from a cell's middle to all cells on the rim of a square, ``reach`` cells away.
 
     Each by its offset and the number of the next entry that does not lie behind it, where to go on if a wall hides
@@ -228,4 +224,4 @@ def ray_tree(reach: int) -> NDArray[np.int64]:
             entry[2] = len(entries)
 
     add(root)
-    return np.array(entries)
+    return np.array(entries, np.int16)

@@ -13,7 +13,7 @@ from pipeline.topological_map.node_set import Node
 from pipeline.traversability.pose_paths import PosePaths, simplify
 from pipeline.traversability.traversability import Traversability
 
-REACH = 4.0
+REACH = 3.0
 """m around what changed in which passages are found anew."""
 
 

@@ -69,7 +69,8 @@ class PosePaths:
         places = [xy for xy in snapped if xy is not None]
         self.start = snapped[0]
         self._search = self._begin(self._states(places))
-        if not self.reachable.any():
+        # One with room to stand reaches that place at least.
+        if not places or (self._search.escape > 0 and not self.reachable.any()):
             self.start = None
 
     def _states(self, places: list[NDArray[np.float64]]) -> NDArray[np.int64]:

@@ -124,8 +124,12 @@ def _towards(
     """(N, RAYS) the rays from cells (N, 2) that may meet a cell of a mask (nx, ny)."""
     wanted = np.zeros((len(cells), RAYS), np.bool_)
     parts, side = np.asarray(blocks(mask, STRIDE).any(axis=2)), STRIDE * terrain.cell
-    near = ~_farther_than(parts, camera.reach / side + 2)[tuple(cells.T // STRIDE)]
-    wanted[near] = kernels.rays_towards(_places(cells[near], terrain), parts, terrain.origin, side, camera.reach)
+    here = tuple(cells.T // STRIDE)
+    near = ~_farther_than(parts, camera.reach / side + 2)[here]
+    # From elsewhere a ray comes into a piece of the mask through its rim.
+    rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
+    wanted[near] = kernels.rays_towards(_places(cells[near], terrain), rim, terrain.origin, side, camera.reach)
+    wanted[parts[here]] = True
     return wanted
 
 

@@ -36,7 +36,7 @@ RISK = 20.0
 LEAST = 0.04
 """m that the footprint keeps from hazards: a cell and the heading of a plan are only so exact."""
 LEAST_DRIVEN = -0.03
-"""m where the middle of the robot has been."""
+"""m where the middle of the robot has been: no noise of later keyframes shall shut it in."""
 TALL = 0.4
 """m above the ground around it."""
 WALL_GAP = 5
@@ -175,10 +175,7 @@ def assess(
     # Beyond the grid's border all is unknown.
     to_obstacle = np.minimum(ndimage.distance_transform_edt(np.pad(obstacle == 0, 1))[1:-1, 1:-1] * cell, FAR)
     ramp, uphill = _ramps(slope, gradient, hazard, cell)
-    i, j = (side.indices(n)[:2] for side, n in zip(within, grid.shape, strict=True))
-    size = robot.half_length, robot.half_width
-    clearance = pose_kernels.clearances(obstacle, to_obstacle, *size, cell, i, j)
-    # No noise of later keyframes shall shut the robot in where its middle has been.
+    clearance = _clearances(obstacle, to_obstacle, robot, cell, within)
     least = np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST)).astype(np.int8)
     free = pose_kernels.free_poses(clearance, least)
     has_room = clearance.min(axis=2) >= np.maximum(least, round(100 * LEAST))
@@ -196,10 +193,22 @@ def assess(
         uphill=uphill,
         free=free,
         turnable=(free[..., 0] != 0) & ~ramp & has_room,
-        tall=hazard & (elevation > ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), 5) + TALL),
+        tall=_tall(elevation, hazard),
         sealed=_without_gaps(elevation, hazard),
         robot=robot,
     )
+
+
+def _clearances(
+    obstacle: NDArray[np.uint8], to_obstacle: NDArray[np.float64], robot: RobotModel, cell: float, within: Box
+) -> NDArray[np.int8]:
+    rows, columns = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
+    size = robot.half_length, robot.half_width
+    return pose_kernels.clearances(obstacle, to_obstacle, *size, cell, rows, columns)
+
+
+def _tall(elevation: NDArray[np.float32], hazard: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    return hazard & (elevation > ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), 5) + TALL)
 
 
 def _without_gaps(elevation: NDArray[np.float32], hazard: NDArray[np.bool_]) -> NDArray[np.float32]:

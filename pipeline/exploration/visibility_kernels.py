@@ -77,8 +77,9 @@ class Terrain(NamedTuple):
 def cast_ray(x, y, bearing, view, terrain, seen):
     """What a ray of the camera of a robot at (x, y) is expected to show for the first time.
 
-    The ray runs over the ground as :func:`ground_at` tells or guesses it; a cell is hidden where something before it
-    rises higher in the view, and :func:`is_shown` tells whether it sends anything back.
+    The ray runs over the known ground; a cell is hidden where something before it rises higher in the view. Unknown
+    ground is believed to go on at the last known height, but behind the crest of a ramp to fall as it rose, and
+    so is ground that a keyframe missed. What is met at a grazing angle sends nothing back.
 
     Returns the summed distances of the target cells in view, weighed by their probability, and their number; times
     the step and the angle between rays the sum is an area. Their flat indices go to ``seen``.
@@ -102,7 +103,13 @@ def cast_ray(x, y, bearing, view, terrain, seen):
         if not (0 <= i < nx and 0 <= j < ny):
             break
         is_unknown = np.isnan(terrain.elevation[i, j])
-        level, rise, fall = ground_at(i, j, dx, dy, level, fall, terrain)
+        if is_unknown:
+            level -= fall * cell
+            rise = -fall
+        else:
+            level = terrain.elevation[i, j]
+            rise = rise_along(i, j, dx, dy, terrain)
+            fall = max(rise if rise > RAMP else 0.0, fall - FORGET * cell)
         slope = (level - camera) / d
         if slope > ceiling:
             break
@@ -116,23 +123,6 @@ def cast_ray(x, y, bearing, view, terrain, seen):
             seen[count] = i * ny + j
             count += 1
     return total, count
-
-
-@njit(cache=True, inline="always")
-def ground_at(i, j, dx, dy, level, fall, terrain):
-    """Height and rise along (dx, dy) of the ground in a cell, and how it is believed to fall where it is unknown.
-
-    Unknown ground is believed to go on at the last known ``level``, but behind the crest of a ramp to ``fall`` as it
-    rose, and so is ground that a keyframe missed.
-    """
-    if np.isnan(terrain.elevation[i, j]):
-        level, rise = level - fall * terrain.cell, -fall
-    else:
-        level, rise = terrain.elevation[i, j], rise_along(i, j, dx, dy, terrain)
-        fall = max(rise if rise > RAMP else 0.0, fall - FORGET * terrain.cell)
-    if terrain.target[i, j] and np.isfinite(terrain.missed_from[i, j, 0]):
-        rise = min(rise, -SUSPECTED_FALL)
-    return level, rise, fall
 
 
 @njit(cache=True)
@@ -150,6 +140,8 @@ def is_shown(x, y, i, j, d, slope, rise, view, terrain):
     ex, ey = x - terrain.missed_from[i, j, 0], y - terrain.missed_from[i, j, 1]
     if not terrain.target[i, j] or ex * ex + ey * ey < MISSED_RADIUS**2:
         return False
+    if np.isfinite(ex):
+        rise = min(rise, -SUSPECTED_FALL)
     grazing = np.arctan(rise) - np.arctan(slope)
     return grazing >= MIN_GRAZING and d * np.sqrt(1 + slope * slope) >= view.near
 

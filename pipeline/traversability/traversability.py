@@ -170,15 +170,10 @@ def assess(
     hazard = kernels.step_hazards(elevation, round(MAX_DROP_GAP / cell), robot.max_step, steepest * cell)
     hazard |= slope > steepest
     to_hazard = np.minimum(grid.distance_to(hazard), FAR)
-    obstacle = np.where(np.isnan(elevation), pose_kernels.UNKNOWN, 0).astype(np.uint8)
-    obstacle[hazard | dropout] = pose_kernels.HAZARD
-    # Beyond the grid's border all is unknown.
-    to_obstacle = np.minimum(ndimage.distance_transform_edt(np.pad(obstacle == 0, 1))[1:-1, 1:-1] * cell, FAR)
+    obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell)
     ramp, uphill = _ramps(slope, gradient, hazard, cell)
-    clearance = _clearances(obstacle, to_obstacle, robot, cell, within)
-    least = np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST)).astype(np.int8)
+    clearance, least = _clearances(obstacle, to_obstacle, robot, cell, within), _least(driven)
     free = pose_kernels.free_poses(clearance, least)
-    has_room = clearance.min(axis=2) >= np.maximum(least, round(100 * LEAST))
     return Traversability(
         grid=grid,
         elevation=elevation,
@@ -192,11 +187,21 @@ def assess(
         ramp=ramp,
         uphill=uphill,
         free=free,
-        turnable=(free[..., 0] != 0) & ~ramp & has_room,
+        turnable=_turnable(free, clearance, least) & ~ramp,
         tall=_tall(elevation, hazard),
         sealed=_without_gaps(elevation, hazard),
         robot=robot,
     )
+
+
+def _obstacles(
+    elevation: NDArray[np.float32], hazard: NDArray[np.bool_], cell: float
+) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    obstacle = np.where(np.isnan(elevation), pose_kernels.UNKNOWN, 0).astype(np.uint8)
+    obstacle[hazard] = pose_kernels.HAZARD
+    # Beyond the grid's border all is unknown.
+    distance = ndimage.distance_transform_edt(np.pad(obstacle == 0, 1))[1:-1, 1:-1]
+    return obstacle, np.minimum(distance * cell, FAR)
 
 
 def _clearances(
@@ -205,6 +210,14 @@ def _clearances(
     rows, columns = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
     size = robot.half_length, robot.half_width
     return pose_kernels.clearances(obstacle, to_obstacle, *size, cell, rows, columns)
+
+
+def _least(driven: NDArray[np.bool_]) -> NDArray[np.int8]:
+    return np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST)).astype(np.int8)
+
+
+def _turnable(free: NDArray[np.uint8], clearance: NDArray[np.int8], least: NDArray[np.int8]) -> NDArray[np.bool_]:
+    return (free[..., 0] != 0) & (clearance.min(axis=2) >= np.maximum(least, round(100 * LEAST)))
 
 
 def _tall(elevation: NDArray[np.float32], hazard: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.labels import Label
 from pipeline.localisation.correction import Correction
 from pipeline.localisation.odometry import Localisation
 from pipeline.mapper import Keyframe, Mapper
@@ -20,6 +21,7 @@ from pipeline.navigation.pace import Pace
 from pipeline.navigation.recovery import touched
 from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
+from pipeline.segments.cells import centres
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.transforms import yaw_of
 from pipeline.traversability.pose_paths import PosePaths
@@ -126,7 +128,9 @@ class Explorer:
             return False
         T_map_start, viewpoint = step.keyframe.T_map_base, step.viewpoint
         check = ObstacleCheck(self.lookout.returns, step.traversability)
-        self.navigator.pace = Pace(step.traversability)
+        ramps = [centres(ramp.cells) for ramp in self.mapper.segments.of(Label.INCLINED_RAMP)]
+        people = [victim.points for victim in self.mapper.victims.confirmed]
+        self.navigator.pace = Pace(step.traversability, ramps, people)
         with self.mapper.stopwatch("navigation"):
             reached = self.navigator.follow(
                 step.plan.way_points[:, :2],

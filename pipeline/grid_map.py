@@ -163,7 +163,9 @@ class GridMap:
         differs = old[where] != values
         if old.dtype.kind == "f":
             differs &= ~(np.isnan(old[where]) & np.isnan(values))
-        differs = differs.any(axis=tuple(range(-len(self._kinds[name].per_cell), 0)))
+        for _ in self._kinds[name].per_cell:
+            # Several times as fast as any() along a short last axis.
+            differs = reduce(np.logical_or, np.moveaxis(differs, -1, 0))
         if not differs.any():
             return
         self.revision += 1

@@ -32,14 +32,17 @@ class Benchmark:
     Attributes:
         subject: camera, dataset: time of a frame and of a scene beside mujoco.Renderer; metric-map: time and accuracy
             beside OctoMap; semantic: DGCNN's time, and accuracy of the labels; networks: size, time and
-            accuracy of all five; exploration: whole episodes beside two baselines; localisation: recorded drives
-            beside KISS-ICP and Open3D; victims: precision and time of the detector, and whole episodes.
+            accuracy of all five; planning: time of a step on mapped floors; exploration: whole episodes beside two
+            baselines; localisation: recorded drives beside KISS-ICP and Open3D; victims: precision and time of the
+            detector, and whole episodes.
         json: file for the figures, with the machine and the settings that they hold for.
         frames: frames in all (camera 60), of a scene (dataset 100, victims 12), of an arena (metric-map 160,
-            semantic 40, networks 24), or at most of a drive (localisation 3000); more make figures steadier.
+            semantic 40, networks 24), or at most of a drive (localisation 3000), or steps (planning 24); more make
+            figures steadier.
         rounds: rounds that are timed (dataset 5, networks, semantic 7, victims 15); 0 times nothing (victims).
         scenes: random arenas that are rendered (dataset 4, victims 30); 0 for none (victims).
-        seed: of arenas and drives (dataset, metric-map, networks, semantic 0; victims 2026, never trained on).
+        seed: of arenas and drives (dataset, metric-map, networks, planning, semantic 0; victims 2026, never trained
+            on).
         nist: episodes in nist_6x4 (exploration, localisation, victims 10); fewer are done earlier and say less.
         esogu: episodes in esogu_52x15 (exploration, victims 2, localisation 1).
         random: episodes in random arenas of difficulties 0, 1 and 2 (exploration, victims 30, localisation 9), or
@@ -62,7 +65,17 @@ class Benchmark:
     """
 
     subject: Annotated[
-        Literal["camera", "dataset", "exploration", "localisation", "metric-map", "networks", "semantic", "victims"],
+        Literal[
+            "camera",
+            "dataset",
+            "exploration",
+            "localisation",
+            "metric-map",
+            "networks",
+            "planning",
+            "semantic",
+            "victims",
+        ],
         tyro.conf.Positional,
     ]
     json: Path | None = None

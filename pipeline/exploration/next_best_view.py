@@ -16,15 +16,12 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_kernels import ANGLES
-from pipeline.traversability.pose_paths import FIRST_HORIZON, bits
-from pipeline.traversability.traversability import Traversability
+from pipeline.traversability.pose_paths import FIRST_HORIZON, GROWTH, bits
 
 MIN_GAIN = 0.03
 """m²; a viewpoint that should show less is not worth the drive."""
 WALL_MARGIN = 0.25
 """m; unknown ground nearer to a hazard cannot be driven on and is not worth a keyframe."""
-WALL_GAP = 5
-"""Cells; unseen ones between hazards so near to each other are taken for hazards as well."""
 PRIOR = 0.9
 """Probability that ground which should be in view can be seen at all."""
 SHOW_PROBABILITY = 0.7
@@ -106,7 +103,7 @@ class Exploration:
         """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
         traversability, target = context.traversability, self._terrain.target
         reach = round(FRONTIER_WIDTH / traversability.grid.cell)
-        around = ndimage.binary_dilation(target, np.ones((3, 3)), iterations=reach)
+        around = ndimage.maximum_filter(target, 2 * reach + 1, mode="constant")
         pieces, _ = ndimage.label(around & context.paths.reachable & ~target, np.ones((3, 3)))
         centres = []
         for piece, box in enumerate(ndimage.find_objects(pieces), start=1):
@@ -155,18 +152,19 @@ class Exploration:
         if not is_some.any():
             return None
         candidates, gains, can_face, there = candidates[is_some], gains[is_some], can_face[is_some], there[is_some]
-        horizon = FIRST_HORIZON
+        horizon, straight = FIRST_HORIZON, paths.least_seconds_to(there)[:, None]
         while True:
             known = np.where(can_face, paths.seconds_to(there, horizon), np.inf)
-            # What lies beyond the horizon of the search takes longer at least.
-            least = known if paths.is_complete else np.where(can_face, np.minimum(known, horizon), np.inf)
+            # What lies beyond the horizon of the search takes longer at least, and all no less than a straight drive.
+            beyond = np.inf if paths.is_complete else np.maximum(straight, horizon)
+            least = np.where(can_face, np.minimum(known, beyond), np.inf)
             worth = self.worth(gains, least.min(axis=1), KEYFRAME_TIME + least)
             n, m = np.unravel_index(worth.argmax(), worth.shape)
             if worth[n, m] <= 0 or (paths.is_complete and np.isinf(known[n, m])):
                 return None
             if np.isfinite(known[n, m]):
                 return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]))
-            horizon *= 2
+            horizon *= GROWTH
 
     def correct(self, correction: Correction) -> None:
         """Let what keyframes missed follow their poses, and what the next one should show that of the newest."""
@@ -207,7 +205,7 @@ class Exploration:
         """Write what is known of the ground; unseen ground that may be traversable is a target until given up."""
         layers, may_show = self._layers, self._layers["probability"] >= GIVE_UP
         may_be_driven = context.traversability.to_hazard >= WALL_MARGIN
-        layers.write("elevation", _without_gaps(context.traversability))
+        layers.write("elevation", context.traversability.sealed)
         layers.write("gradient", context.traversability.gradient)
         layers.write("target", np.isnan(context.measured) & may_be_driven & may_show)
 
@@ -229,13 +227,6 @@ class Exploration:
 def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
     """(N, 2) of each block of cells the one with most headings that can be reached."""
     return visibility.one_of_each_block(np.bitwise_count(context.paths.headings))
-
-
-def _without_gaps(traversability: Traversability) -> NDArray[np.float32]:
-    """(nx, ny) m, the elevation, with the small gaps in what is seen of walls closed: no ray slips through."""
-    elevation = traversability.elevation
-    high = ndimage.maximum_filter(np.where(traversability.hazard, elevation, -np.inf), WALL_GAP)
-    return np.where(np.isnan(elevation) & np.isfinite(high), high, elevation).astype(np.float32)
 
 
 def after_miss(probability: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -80,7 +80,7 @@ class ViewpointGains:
         self._camera: kernels.CameraView | None = None
         self._origin = np.full(2, np.nan)
         self._cells = np.zeros((0, 2), np.int64)
-        self._rays, self._gains = np.zeros((0, RAYS)), np.zeros((0, len(ANGLES)))
+        self._rays, self._gains = np.zeros((1, RAYS)), np.zeros((1, len(ANGLES)))
 
     def of(
         self,
@@ -100,11 +100,11 @@ class ViewpointGains:
         """
         if camera != self._camera or (terrain.origin != self._origin).any():
             self._camera, self._origin, changed = camera, terrain.origin, np.ones_like(changed)
-        row = np.full(changed.shape, -1)
-        row[tuple(self._cells.T)] = np.arange(len(self._cells))
-        row = row[tuple(cells.T)]
-        rays, sums = np.zeros((len(cells), RAYS)), np.zeros((len(cells), len(ANGLES)))
-        rays[row >= 0], sums[row >= 0] = self._rays[row[row >= 0]], self._gains[row[row >= 0]]
+        rows = np.full(changed.shape, -1, np.int32)
+        rows[tuple(self._cells.T)] = np.arange(len(self._cells))
+        row = rows[tuple(cells.T)]
+        # Those of new cells, -1, are any, and renewed.
+        rays, sums = (known.take(row, axis=0, mode="clip") for known in (self._rays, self._gains))
         renewed = _towards(changed, cells, camera, terrain)
         renewed[row < 0] = True
         rays[renewed] = 0.0
@@ -112,7 +112,9 @@ class ViewpointGains:
         wanted = renewed[some] & _towards(terrain.target, cells[some], camera, terrain)
         rays[some] = kernels.ray_gains(_places(cells[some], terrain), camera, terrain, wanted, rays[some])
         sums[some] = _by_heading(rays[some], camera)
-        self._cells, self._rays, self._gains = cells, rays, sums
+        self._cells = cells
+        if len(cells):
+            self._rays, self._gains = rays, sums
         return sums
 
 
@@ -122,8 +124,12 @@ def _towards(
     """(N, RAYS) the rays from cells (N, 2) that may meet a cell of a mask (nx, ny)."""
     wanted = np.zeros((len(cells), RAYS), np.bool_)
     parts, side = np.asarray(blocks(mask, STRIDE).any(axis=2)), STRIDE * terrain.cell
-    near = ~_farther_than(parts, camera.reach / side + 2)[tuple(cells.T // STRIDE)]
-    wanted[near] = kernels.rays_towards(_places(cells[near], terrain), parts, terrain.origin, side, camera.reach)
+    here = tuple(cells.T // STRIDE)
+    near = ~_farther_than(parts, camera.reach / side + 2)[here]
+    # From elsewhere a ray comes into a piece of the mask through its rim.
+    rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
+    wanted[near] = kernels.rays_towards(_places(cells[near], terrain), rim, terrain.origin, side, camera.reach)
+    wanted[parts[here]] = True
     return wanted
 
 

@@ -168,10 +168,14 @@ def rays_towards(places, mask, origin, side, reach):
     """
     wanted = np.zeros((len(places), RAYS), np.bool_)
     step, radius, around = 2 * np.pi / RAYS, side / np.sqrt(2), int(reach / side) + 1
+    rows, columns = np.nonzero(mask)
+    if len(rows) == 0:
+        return wanted
+    first, last, low, high = rows.min(), rows.max(), columns.min(), columns.max()
     for n in range(len(places)):
         i, j = cell_at(places[n, 0], places[n, 1], origin, side)
-        for a in range(max(i - around, 0), min(i + around + 1, mask.shape[0])):
-            for b in range(max(j - around, 0), min(j + around + 1, mask.shape[1])):
+        for a in range(max(i - around, first), min(i + around, last) + 1):
+            for b in range(max(j - around, low), min(j + around, high) + 1):
                 if not mask[a, b]:
                     continue
                 x, y = origin[0] + (a + 0.5) * side - places[n, 0], origin[1] + (b + 0.5) * side - places[n, 1]

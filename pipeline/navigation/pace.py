@@ -1,23 +1,36 @@
 """How fast the ground before the wheels may be driven on."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from pipeline.traversability.pose_kernels import level_speed
 from pipeline.traversability.pose_paths import nearest_heading
-from pipeline.traversability.traversability import NARROW_SPEED, STANDING, Traversability
+from pipeline.traversability.traversability import NARROW_SPEED, RAMP_MARGIN, STANDING, Traversability
 
 BRAKING = 0.2
 """m/s², so that wheels do not skid."""
 AHEAD = np.arange(0.0, 0.9, 0.05)
 """m from the robot's middle, on its way, that are looked at: from 0.5 m/s it brakes in as many, front included."""
+BESIDE = 1.0
+"""m from a person within which the robot drives no faster than where it has no room."""
 
 
 class Pace:
-    """Tells the greatest speed by what the map shows under and before the wheels."""
+    """Tells the greatest speed by what the maps show under and before the wheels."""
 
-    def __init__(self, traversability: Traversability):
-        self._traversability = traversability
+    def __init__(
+        self,
+        traversability: Traversability,
+        ramps: Sequence[NDArray[np.floating]] = (),
+        people: Sequence[NDArray[np.floating]] = (),
+    ):
+        """``ramps``, ``people``: (N, 3) points of each inclined ramp and person of the semantic map, m."""
+        self._traversability, robot = traversability, traversability.robot
+        slow = (ramps, RAMP_MARGIN, robot.ramp_speed), (people, BESIDE, NARROW_SPEED)
+        self._slow = [(KDTree(np.vstack(these)[:, :2]), near, most) for these, near, most in slow if len(these)]
 
     def __call__(self, here: NDArray[np.float64], along: NDArray[np.float64]) -> float:
         """m/s for a robot at (2,) m that drives along a unit vector (2,): it can brake before ground that is slow."""
@@ -26,5 +39,8 @@ class Pace:
         clearance = t.clearance[..., nearest_heading(float(np.arctan2(along[1], along[0]))) % STANDING]
         speeds = level_speed(0.01 * t.grid.at(clearance, places), robot.speed, min(robot.speed, NARROW_SPEED))
         speeds = np.where(t.grid.at(t.ramp, places), np.minimum(robot.ramp_speed, speeds), speeds)
+        for tree, near, most in self._slow:
+            is_near = np.isfinite(tree.query(places, distance_upper_bound=near)[0])
+            speeds = np.where(is_near, np.minimum(most, speeds), speeds)
         left = np.maximum(AHEAD - robot.half_length, 0.0)
         return float(np.sqrt(speeds**2 + 2 * BRAKING * left).min())

@@ -18,8 +18,6 @@ from pipeline.traversability.traversability import Traversability
 SIGHT = 2.0
 """m from which a node covers the ground that it sees."""
 _REACH = round(SIGHT / CELL)
-_TALL = 0.4
-"""m above the ground around it; what is taller hides what is behind it, decks and ramps do not."""
 _BLOCK = 4
 """Cells along each side of a block that has one candidate for a node."""
 
@@ -37,10 +35,6 @@ class VisibleCells:
     places: NDArray[np.float64]
     seen: NDArray[np.bool_]
     corners: NDArray[np.int64]
-
-    def __getitem__(self, rows: slice | NDArray) -> "VisibleCells":
-        """What some of the places see."""
-        return VisibleCells(self.places[rows], self.seen[rows], self.corners[rows])
 
 
 class Cover:
@@ -77,7 +71,7 @@ class Cover:
         layers.write("target", traversability.traversable & reachable)
         layers.write("standable", traversability.turnable & reachable)
         in_walls = np.vstack([np.zeros((0, 3)), *(centres(wall.cells) for wall in walls)])
-        layers.write("walls", _tall(traversability) | self.grid.mask_of(in_walls))
+        layers.write("walls", traversability.tall | self.grid.mask_of(in_walls))
         changed = layers.changed_since(revision)
         if changed.any():
             layers["left"][box_around(changed, 2 * _REACH)] = False
@@ -203,7 +197,7 @@ class Cover:
 
 
 @cache
-def ray_tree(reach: int) -> NDArray[np.int64]:
+def ray_tree(reach: int) -> NDArray[np.int16]:
     """(N, 3) the cells on rays from a cell's middle to all cells on the rim of a square, ``reach`` cells away.
 
     Each by its offset and the number of the next entry that does not lie behind it, where to go on if a wall hides
@@ -230,9 +224,4 @@ def ray_tree(reach: int) -> NDArray[np.int64]:
             entry[2] = len(entries)
 
     add(root)
-    return np.array(entries)
-
-
-def _tall(traversability: Traversability) -> NDArray[np.bool_]:
-    known = np.where(np.isnan(traversability.elevation), np.inf, traversability.elevation)
-    return traversability.hazard & (traversability.elevation > ndimage.minimum_filter(known, 5) + _TALL)
+    return np.array(entries, np.int16)

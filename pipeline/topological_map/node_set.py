@@ -62,8 +62,10 @@ class NodeSet:
         changed = self.cover.update(traversability, reachable, walls) | self._have_moved
         self._have_moved = False
         self.links = Links(traversability, walls)
-        for node in list(self.nodes.values()):
-            self._settle(node)
+        nodes = list(self.nodes.values())
+        stand = self.cover.grid.at(self.cover.standable, np.array([n.position for n in nodes]).reshape(-1, 3))
+        for k in np.flatnonzero(~stand):
+            self._settle(nodes[k])
         self._retest(changed)
         return changed
 
@@ -71,8 +73,6 @@ class NodeSet:
         """Move a node to where the robot can turn; a joint in a passage too narrow for that stays in it."""
         cover = self.cover
         xy = cover.grid.nearest(cover.standable, node.position, SNAP)
-        if xy is not None and (xy == node.position[:2]).all():
-            return
         parts = len(self.parts())
         self.remove(node.id)
         if xy is not None:
@@ -113,8 +113,17 @@ class NodeSet:
 
     def parts(self, without: Collection[int] = ()) -> list[set[int]]:
         """The groups of nodes that straight drives join if some are left out, the largest first."""
-        rest = self.free.subgraph(self.free.nodes - set(without))
-        return sorted(nx.connected_components(rest), key=lambda part: (-len(part), min(part)))
+        # By hand, since networkx is twenty times as slow where nodes are left out.
+        near, parts = dict(self.free.adjacency()), []
+        left = near.keys() - set(without)
+        while left:
+            part, fresh = set(), {left.pop()}
+            while fresh:
+                part |= fresh
+                fresh = {m for n in fresh for m in near[n]} & left
+                left -= fresh
+            parts.append(part)
+        return sorted(parts, key=lambda part: (-len(part), min(part)))
 
     def _put(self, node: int, label: Label, xy: NDArray[np.float64]) -> None:
         linked = self.links_from(xy[None])[0]

@@ -13,7 +13,7 @@ from pipeline.topological_map.node_set import Node
 from pipeline.traversability.pose_paths import PosePaths, simplify
 from pipeline.traversability.traversability import Traversability
 
-REACH = 4.0
+REACH = 3.0
 """m around what changed in which passages are found anew."""
 
 
@@ -24,8 +24,11 @@ class Passages:
         self._edges: dict[tuple[int, int], dict[str, Any]] = {}
         self._known: dict[int, bytes] = {}
 
-    def renew(self, nodes: Mapping[int, Node], links: Links, changed: NDArray[np.bool_]) -> None:
-        """Find passages anew around ``changed`` (nx, ny) ground and around nodes that came, went or moved."""
+    def renew(self, nodes: Mapping[int, Node], links: Links, drives: nx.Graph, changed: NDArray[np.bool_]) -> None:
+        """Find passages anew around ``changed`` (nx, ny) ground and around nodes that came, went or moved.
+
+        There are none between nodes that straight ``drives`` join.
+        """
         grid = links.traversability.grid
         known = {n: node.position.tobytes() for n, node in nodes.items()}
         moved = [n for n in known.keys() | self._known.keys() if known.get(n) != self._known.get(n)]
@@ -38,14 +41,14 @@ class Passages:
         box = box_around(mask, round(REACH / grid.cell))
         is_old = np.ones(grid.shape, np.bool_)
         is_old[inner] = False
-        self._edges = {
-            (a, b): edge
-            for (a, b), edge in self._edges.items()
-            if a in nodes and b in nodes and grid.at(is_old, _points(nodes, a, b, edge), outside=1).all()
-        }
+        kept = {pair: edge for pair, edge in self._edges.items() if nodes.keys() >= set(pair)}
+        ways = [np.vstack([nodes[a].position, edge["bends"], nodes[b].position]) for (a, b), edge in kept.items()]
+        ends = np.cumsum([0, *map(len, ways)])
+        old = grid.at(is_old, np.vstack([np.zeros((0, 3)), *ways]), outside=1)
+        self._edges = {pair: kept[pair] for k, pair in enumerate(kept) if old[ends[k] : ends[k + 1]].all()}
         part = links.traversability.part(box)
         here = {n: node for n, node in nodes.items() if part.grid.mask_of(node.position[None]).any()}
-        for pair, edge in _between(here, links, part).items():
+        for pair, edge in _between(here, links, drives, part).items():
             self._edges.setdefault(pair, edge)
 
     def add_to(self, drives: nx.Graph) -> None:
@@ -56,11 +59,9 @@ class Passages:
         drives.add_edges_from((a, b, edge) for (a, b), edge in self._edges.items() if not drives.has_edge(a, b))
 
 
-def _points(nodes: Mapping[int, Node], a: int, b: int, edge: Mapping[str, Any]) -> NDArray[np.float64]:
-    return np.vstack([nodes[a].position, edge["bends"], nodes[b].position])
-
-
-def _between(nodes: Mapping[int, Node], links: Links, part: Traversability) -> dict[tuple[int, int], dict[str, Any]]:
+def _between(
+    nodes: Mapping[int, Node], links: Links, drives: nx.Graph, part: Traversability
+) -> dict[tuple[int, int], dict[str, Any]]:
     """The edges of passages between nodes, by lower and higher id, on a part of the ground."""
     edges: dict[tuple[int, int], dict[str, Any]] = {}
     if len(nodes) < 2:
@@ -71,7 +72,7 @@ def _between(nodes: Mapping[int, Node], links: Links, part: Traversability) -> d
         a, b = (_nearest(nodes, way[0]) for way in (there, back))
         if a > b:
             a, b, there, back = b, a, back, there
-        if a == b:
+        if a == b or drives.has_edge(a, b):
             continue
         way = simplify(np.vstack([there, back[::-1]]), links.traversability)
         inner = links.traversability.on_ground(way[1:-1])

@@ -6,14 +6,14 @@ goes when others see its share and hold the rest together, and two become one wh
 
 from collections import deque
 from collections.abc import Collection, Sequence
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from pipeline.labels import Label
 from pipeline.segments.segments import Segments
-from pipeline.topological_map.cover import SIGHT, VisibleCells
+from pipeline.topological_map.cover import SIGHT
 from pipeline.topological_map.node_set import NodeSet
 from pipeline.topological_map.nodes import Place, label_at
 from pipeline.traversability.elevation_map import CELL
@@ -81,12 +81,13 @@ class Placement:
     def _joints(self, part: set[int], others: Sequence[set[int]]) -> NDArray[np.float64]:
         """(N, 2) places that join a group of nodes to another one: a single one, or else the bends of the way."""
         traversability, nodes = self._cover.traversability, self._nodes.nodes
-        paths = PosePaths(traversability, [nodes[n].position for n in sorted(part)])
-        targets = [nodes[n].position for other in others for n in sorted(other)]
-        nearest = min(targets, key=paths.cost_to)
-        if not np.isfinite(paths.cost_to(nearest)):
+        # From the smaller groups, since the search then has the shorter front.
+        paths = PosePaths(traversability, [nodes[n].position for other in others for n in sorted(other)])
+        targets = np.array([nodes[n].position for n in sorted(part)])
+        nearest = paths.nearest(targets)
+        if nearest is None:
             return np.zeros((0, 2))
-        way = paths.path_to(nearest)
+        way = paths.path_to(targets[nearest])
         places = self._cover.candidates(self._cover.grid.mask_of(way), JOINT_REACH)
         room = traversability.grid.at(traversability.to_hazard, places)
         places = places[np.argsort(-room, kind="stable")]
@@ -104,11 +105,13 @@ class Placement:
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
             return
-        visible = cover.visible_from(self._candidates(active))
-        pairs = deque(p for p in combinations(self._nodes.nodes, 2) if active & set(p))
+        candidates = self._candidates(active)
+        ids = list(self._nodes.nodes)
+        near = KDTree([self._nodes.nodes[n].position[:2] for n in ids]).query_pairs(2 * SIGHT)
+        pairs = deque(pair for i, j in sorted(near) if active & set(pair := (ids[i], ids[j])))
         while pairs:
             pair = pairs.popleft()
-            new = self._merge(pair, visible) if self._nodes.nodes.keys() >= set(pair) else None
+            new = self._merge(pair, candidates) if self._nodes.nodes.keys() >= set(pair) else None
             if new is not None:
                 pairs.extend((new, n) for n in self._nodes.nodes if n != new)
 
@@ -118,12 +121,12 @@ class Placement:
         lattice = self._cover.candidates(around, SIGHT)
         return np.vstack([*(place.xy[None] for place in self._places), lattice])
 
-    def _merge(self, pair: tuple[int, int], visible: VisibleCells) -> int | None:
-        """Put one node in the place of two; its id, or None if no place does for both."""
+    def _merge(self, pair: tuple[int, int], candidates: NDArray[np.float64]) -> int | None:
+        """Put one node in the place of two; its id, or None if none of the candidates (K, 2) does for both."""
         a, b = (self._nodes.nodes[n].position[:2] for n in pair)
         if np.linalg.norm(a - b) > 2 * SIGHT:
             return None
-        good = self._stand_ins(pair, visible)
+        good = self._stand_ins(pair, candidates)
         rest, parts = self._nodes.parts(pair), len(self._nodes.parts())
         for xy, links in zip(good, self._nodes.links_from(good, pair), strict=True):
             if 1 + sum(not part & set(links) for part in rest) <= parts:
@@ -132,15 +135,21 @@ class Placement:
                 return self._nodes.add(self._label(xy), xy)
         return None
 
-    def _stand_ins(self, pair: tuple[int, int], visible: VisibleCells) -> NDArray[np.float64]:
+    def _stand_ins(self, pair: tuple[int, int], places: NDArray[np.float64]) -> NDArray[np.float64]:
         """(K, 2) the places that see what only these two nodes see; first the thesis's, then those that see most."""
         lost = self._cover.lost_without(pair)
         middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
         centre = self._cover.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
-        near = np.flatnonzero(np.linalg.norm(visible.places - centre, axis=1) <= SIGHT)
-        good = near[self._cover.see_all(visible[near], lost, _SPARE)]
-        worth = visible.seen[good].sum(axis=(1, 2)) + 1e6 * (good < len(self._places))
-        return visible.places[good[np.argsort(-worth, kind="stable")]]
+        near = np.linalg.norm(places - centre, axis=1) <= SIGHT
+        if len(lost) > 2 * _SPARE:
+            # No place sees farther than SIGHT to any side.
+            low, high = self._cover.grid.centre_of(np.sort(lost, axis=0)[[_SPARE, -1 - _SPARE]])
+            near &= ((places >= high - SIGHT - CELL) & (places <= low + SIGHT + CELL)).all(axis=1)
+        rows = np.flatnonzero(near)
+        visible = self._cover.visible_from(places[rows])
+        good = self._cover.see_all(visible, lost, _SPARE)
+        worth = visible.seen[good].sum(axis=(1, 2)) + 1e6 * (rows[good] < len(self._places))
+        return visible.places[good][np.argsort(-worth, kind="stable")]
 
     def _label(self, xy: NDArray[np.float64]) -> Label:
         """Of the place itself, if it is one of the thesis's, or of the ground."""

@@ -68,7 +68,7 @@ class TopologicalMap:
         self.graph = self.tree
         if self.kind == "roadmap" and len(nodes.nodes) > 1:
             drives = nodes.free.copy()
-            self._passages.renew(nodes.nodes, nodes.links, changed)
+            self._passages.renew(nodes.nodes, nodes.links, nodes.free, changed)
             self._passages.add_to(drives)
             self.graph = roadmap(self.tree, drives, MAX_DETOUR)
 

@@ -118,14 +118,17 @@ def footprint_distances(half_length, half_width, cell):
 
 
 @njit(cache=True)
-def clearances(obstacle, to_obstacle, half_length, half_width, cell):
-    """(nx, ny, 16) int8, see :class:`Terrain`, for (nx, ny) obstacles; beyond the grid all is unknown."""
+def clearances(obstacle, to_obstacle, half_length, half_width, cell, rows, columns):
+    """(nx, ny, 16) int8, see :class:`Terrain`, for (nx, ny) obstacles; beyond the grid all is unknown.
+
+    Only the cells from the first to before the last of the ``rows`` and of the ``columns`` are looked at.
+    """
     nx, ny = obstacle.shape
     offsets, distances, nearest = footprint_distances(half_length, half_width, cell)
     result = np.full((nx, ny, HEADINGS), int(100 * FARTHEST), np.int8)
     near = np.hypot(half_length, half_width) + FARTHEST
-    for i in range(nx):
-        for j in range(ny):
+    for i in range(rows[0], rows[1]):
+        for j in range(columns[0], columns[1]):
             if to_obstacle[i, j] > near:
                 continue
             room = result[i, j]

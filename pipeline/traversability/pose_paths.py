@@ -16,8 +16,10 @@ SNAP = 0.5
 """m; a place where the robot cannot stand is moved to where it can from no further."""
 ESCAPE, ESCAPE_FACTOR = 0.8, 5.0
 """m that a robot which stands where it could not have driven may go as if it could, and what each second counts."""
-FIRST_HORIZON = 4.0
-"""s that the search for a way to a place goes on at first; twice as far each time that it did not come there."""
+FIRST_HORIZON, GROWTH = 4.0, 1.5
+"""s that the search for a way to a place goes on at first; so many times as far whenever it did not come there."""
+SHORTEST = 0.95
+"""Of a straight drive at full speed: no way takes less, though each of its moves takes whole ticks."""
 ENTRIES = 1 << 16
 """Of the queue at first."""
 
@@ -67,7 +69,8 @@ class PosePaths:
         places = [xy for xy in snapped if xy is not None]
         self.start = snapped[0]
         self._search = self._begin(self._states(places))
-        if not self.reachable.any():
+        # One with room to stand reaches that place at least.
+        if not places or (self._search.escape > 0 and not self.reachable.any()):
             self.start = None
 
     def _states(self, places: list[NDArray[np.float64]]) -> NDArray[np.int64]:
@@ -122,6 +125,11 @@ class PosePaths:
         self._extend(until)
         return self._known(tuple(cells.T))
 
+    def least_seconds_to(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(N,) s that no way from the one start to cells (N, 2) can take less than."""
+        away = np.linalg.norm(cells - self._search.starts[0, :2], axis=1) * self._grid.cell
+        return SHORTEST * away / self._costs.speed
+
     @cached_property
     def seconds(self) -> NDArray[np.float32]:
         """(nx, ny, 16) s to be at each cell with each heading; inf where no way leads."""
@@ -156,18 +164,24 @@ class PosePaths:
         """Cost to a point, s; inf where no way leads."""
         return float(self._settle(xy).min())
 
+    def nearest(self, places: NDArray[np.float64]) -> int | None:
+        """Which of (N, 2 or 3) places on the grid, m, is cheapest to come to; None if no way leads to any."""
+        cost = self._settle(places).min(axis=1)
+        return int(cost.argmin()) if np.isfinite(cost).any() else None
+
     def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
-        """(16,) s to a point, m, with each heading: the least of them is known, or that of one heading."""
-        cell, horizon = self._grid.cell_of(xy), FIRST_HORIZON
-        if not ((cell >= 0) & (cell < self._grid.shape)).all():
-            return np.full(HEADINGS, np.inf, np.float32)
+        """(..., 16) s to points (...), m, with each heading: the least of all is known, or that of one heading."""
+        cells, horizon = self._grid.cell_of(xy), FIRST_HORIZON
+        if not ((cells >= 0) & (cells < self._grid.shape)).all():
+            return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
+        where = tuple(np.moveaxis(cells, -1, 0))
         while True:
-            seconds = self._known(tuple(cell))
-            wanted = seconds if heading is None else seconds[[heading]]
-            if np.isfinite(wanted).any() or self.is_complete or not self.reachable[tuple(cell)]:
+            seconds = self._known(where)
+            wanted = seconds if heading is None else seconds[..., heading]
+            if np.isfinite(wanted).any() or self.is_complete or not self.reachable[where].any():
                 return seconds
             self._extend(horizon)
-            horizon *= 2
+            horizon *= GROWTH
 
     def sources(self) -> NDArray[np.int64]:
         """(nx, ny) flat index of the cell of that start from which the way to each cell comes; -1 if none leads."""

@@ -222,9 +222,15 @@ def flood(seeds, free):
     """
     nx, ny = seeds.shape
     reached, new = np.zeros((nx, ny), np.uint16), seeds.copy()
-    waiting = [(int(i), int(j)) for i, j in np.argwhere(seeds)]
-    while len(waiting) > 0:
-        i, j = waiting.pop()
+    # A cell waits at most once.
+    waiting, count = np.empty(nx * ny, np.int32), 0
+    for cell in range(nx * ny):
+        if seeds[cell // ny, cell % ny]:
+            waiting[count] = cell
+            count += 1
+    while count > 0:
+        count -= 1
+        i, j = waiting[count] // ny, waiting[count] % ny
         # Both halves of the circle are alike.
         stands, turns = 257 * np.int64(free[i, j, 0]), 257 * np.int64(free[i, j, 1])
         known = np.int64(reached[i, j])
@@ -237,17 +243,21 @@ def flood(seeds, free):
             here |= ((here >> 1) | (here << 15)) & turns & stands
         fresh = here & ~known
         reached[i, j] = here
-        for h in range(HEADINGS):
-            if not (fresh >> h) & 1:
+        for h in range(HEADINGS // 2):
+            # Who heads the other way drives backwards to the same cell.
+            both = fresh & (257 << h)
+            if both == 0:
                 continue
             for sign in (1, -1):
                 a, b = i + sign * VECTORS[h, 0], j + sign * VECTORS[h, 1]
-                if not (0 <= a < nx and 0 <= b < ny) or not (free[a, b, 0] >> (h % (HEADINGS // 2))) & 1:
+                if not (0 <= a < nx and 0 <= b < ny) or not (free[a, b, 0] >> h) & 1:
                     continue
-                if not ((reached[a, b] | new[a, b]) >> h) & 1:
+                more = both & ~np.int64(reached[a, b] | new[a, b])
+                if more != 0:
                     if new[a, b] == 0:
-                        waiting.append((a, b))
-                    new[a, b] |= np.uint16(1 << h)
+                        waiting[count] = a * ny + b
+                        count += 1
+                    new[a, b] |= np.uint16(more)
     return reached
 
 

@@ -37,6 +37,10 @@ LEAST = 0.04
 """m that the footprint keeps from hazards: a cell and the heading of a plan are only so exact."""
 LEAST_DRIVEN = -0.03
 """m where the middle of the robot has been: no noise of later keyframes shall shut it in."""
+TALL = 0.4
+"""m above the ground around it."""
+WALL_GAP = 5
+"""Cells; unseen ones between hazards so near to each other are taken for hazards by rays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,10 @@ class Traversability:
         least: int8 cm that must be left.
         ramp: bool, the wheels are on a ramp or just before it.
         uphill: (nx, ny, 2) float32 gradient of the nearest ramp there; 0 away from ramps.
+        free: (nx, ny, 2) uint8 bits of the eight headings with which it can stand, and of the turns it can make.
+        turnable: bool, where it may turn around, on level ground.
+        tall: bool, hazards that hide what is behind them, as decks and ramps do not.
+        sealed: float32 m, the elevation with the small gaps in what is seen of walls closed: no ray slips through.
         robot: for which this was judged.
     """
 
@@ -69,24 +77,16 @@ class Traversability:
     least: NDArray[np.int8]
     ramp: NDArray[np.bool_]
     uphill: NDArray[np.float32]
+    free: NDArray[np.uint8]
+    turnable: NDArray[np.bool_]
+    tall: NDArray[np.bool_]
+    sealed: NDArray[np.float32]
     robot: RobotModel
-
-    @cached_property
-    def free(self) -> NDArray[np.uint8]:
-        """(nx, ny, 2) uint8 bits of the eight headings with which it can stand, and of the turns it can make."""
-        return pose_kernels.free_poses(self.clearance, self.least)
 
     @cached_property
     def traversable(self) -> NDArray[np.bool_]:
         """(nx, ny) where the robot may stand with one heading at least."""
         return self.free[..., 0] != 0
-
-    @cached_property
-    def turnable(self) -> NDArray[np.bool_]:
-        """(nx, ny) where it may turn around, on level ground."""
-        may = self.traversable & ~self.ramp
-        may[may] = self.clearance[may].min(axis=1) >= np.maximum(self.least[may], round(100 * LEAST))
-        return may
 
     def part(self, box: Box) -> "Traversability":
         """What holds in a box of cells, whole in memory."""
@@ -143,6 +143,7 @@ def assess(
     dropout: NDArray[np.bool_],
     driven: NDArray[np.bool_],
     robot: RobotModel,
+    within: Box = (slice(None), slice(None)),
 ) -> Traversability:
     """Judge every cell of a grid, beyond which all is unknown.
 
@@ -155,6 +156,7 @@ def assess(
         dropout: (nx, ny) where a thin panel may stand.
         driven: (nx, ny) where the middle of the robot has been.
         robot: how large and how able it is.
+        within: box of cells outside of which clearances, and what follows from them, are not wanted.
 
     Raises:
         InputError: it needs more room than :data:`FAR`.
@@ -168,11 +170,10 @@ def assess(
     hazard = kernels.step_hazards(elevation, round(MAX_DROP_GAP / cell), robot.max_step, steepest * cell)
     hazard |= slope > steepest
     to_hazard = np.minimum(grid.distance_to(hazard), FAR)
-    obstacle = np.where(np.isnan(elevation), pose_kernels.UNKNOWN, 0).astype(np.uint8)
-    obstacle[hazard | dropout] = pose_kernels.HAZARD
-    # Beyond the grid's border all is unknown.
-    to_obstacle = np.minimum(ndimage.distance_transform_edt(np.pad(obstacle == 0, 1))[1:-1, 1:-1] * cell, FAR)
+    obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell)
     ramp, uphill = _ramps(slope, gradient, hazard, cell)
+    clearance, least = _clearances(obstacle, to_obstacle, robot, cell, within), _least(driven)
+    free = pose_kernels.free_poses(clearance, least)
     return Traversability(
         grid=grid,
         elevation=elevation,
@@ -181,17 +182,51 @@ def assess(
         to_hazard=to_hazard,
         obstacle=obstacle,
         to_obstacle=to_obstacle,
-        clearance=pose_kernels.clearances(obstacle, to_obstacle, robot.half_length, robot.half_width, cell),
-        least=least_clearance(driven),
+        clearance=clearance,
+        least=least,
         ramp=ramp,
         uphill=uphill,
+        free=free,
+        turnable=_turnable(free, clearance, least) & ~ramp,
+        tall=_tall(elevation, hazard),
+        sealed=_without_gaps(elevation, hazard),
         robot=robot,
     )
 
 
-def least_clearance(driven: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """(nx, ny) int8 cm that the footprint keeps from obstacles, by where the middle of the robot has been."""
+def _obstacles(
+    elevation: NDArray[np.float32], hazard: NDArray[np.bool_], cell: float
+) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    obstacle = np.where(np.isnan(elevation), pose_kernels.UNKNOWN, 0).astype(np.uint8)
+    obstacle[hazard] = pose_kernels.HAZARD
+    # Beyond the grid's border all is unknown.
+    distance = ndimage.distance_transform_edt(np.pad(obstacle == 0, 1))[1:-1, 1:-1]
+    return obstacle, np.minimum(distance * cell, FAR)
+
+
+def _clearances(
+    obstacle: NDArray[np.uint8], to_obstacle: NDArray[np.float64], robot: RobotModel, cell: float, within: Box
+) -> NDArray[np.int8]:
+    rows, columns = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
+    size = robot.half_length, robot.half_width
+    return pose_kernels.clearances(obstacle, to_obstacle, *size, cell, rows, columns)
+
+
+def _least(driven: NDArray[np.bool_]) -> NDArray[np.int8]:
     return np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST)).astype(np.int8)
+
+
+def _turnable(free: NDArray[np.uint8], clearance: NDArray[np.int8], least: NDArray[np.int8]) -> NDArray[np.bool_]:
+    return (free[..., 0] != 0) & (clearance.min(axis=2) >= np.maximum(least, round(100 * LEAST)))
+
+
+def _tall(elevation: NDArray[np.float32], hazard: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    return hazard & (elevation > ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), 5) + TALL)
+
+
+def _without_gaps(elevation: NDArray[np.float32], hazard: NDArray[np.bool_]) -> NDArray[np.float32]:
+    high = ndimage.maximum_filter(np.where(hazard, elevation, -np.inf), WALL_GAP)
+    return np.where(np.isnan(elevation) & np.isfinite(high), high, elevation).astype(np.float32)
 
 
 def _ramps(

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from pipeline.grid_map import GridMap, Layer, box_around, inside
 from pipeline.traversability.elevation_map import CELL, ElevationMap
 from pipeline.traversability.pose_kernels import HEADINGS, UNKNOWN
-from pipeline.traversability.traversability import FAR, MAX_DROP_GAP, Traversability, assess, least_clearance
+from pipeline.traversability.traversability import FAR, MAX_DROP_GAP, Traversability, assess
 
 _NO = Layer(np.bool_)
 JUDGED = {
@@ -19,6 +19,10 @@ JUDGED = {
     "least": Layer(np.int8),
     "ramp": _NO,
     "uphill": Layer(np.float32, per_cell=(2,)),
+    "free": Layer(np.uint8, per_cell=(2,)),
+    "turnable": _NO,
+    "tall": _NO,
+    "sealed": Layer(np.float32, np.nan),
 }
 """The layers that follow from the elevation, from depth dropouts and from where the robot drove; the fill is what
 follows where all is unknown."""
@@ -39,14 +43,13 @@ class TraversabilityLayer:
     def update(self, elevation_map: ElevationMap) -> Traversability:
         """The same as ``assess_map`` of the map; what was given out before stays as it was."""
         source, layers = elevation_map.layers, self._layers
-        changed = source.changed_since(self._revision, "elevation", "dropout")
+        changed = source.changed_since(self._revision, "elevation", "dropout", "driven")
         # A hazard at the old border reaches into the cells that the grid has gained.
         changed |= not layers.grid.is_same(source.grid)
         layers.match(source.grid)
         revision, self._revision = layers.revision, source.revision
         if changed.any():
             self._assess_around(changed, elevation_map)
-        layers.write("least", least_clearance(source["driven"]))
         if self._last is not None and layers.revision == revision and self._last.grid is source.grid:
             return self._last
         judged = {name: layers[name] for name in JUDGED}
@@ -58,6 +61,7 @@ class TraversabilityLayer:
         # Whole in memory, as the kernels are compiled for.
         elevation = np.ascontiguousarray(elevation_map.elevation[around])
         dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]
-        part = assess(self._layers.grid.part(around), elevation, dropout, driven, elevation_map.robot)
+        within = inside(here, around)
+        part = assess(self._layers.grid.part(around), elevation, dropout, driven, elevation_map.robot, within)
         for name in JUDGED:
-            self._layers.write(name, getattr(part, name)[inside(here, around)], here)
+            self._layers.write(name, getattr(part, name)[within], here)

@@ -12,8 +12,8 @@ from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, w
 EAST, WEST = np.array([1.0, 0.0]), np.array([-1.0, 0.0])
 
 
-def pace(world):
-    return Pace(replace(assess_map(world), robot=replace(PIONEER, speed=0.5)))
+def pace(world, **semantic):
+    return Pace(replace(assess_map(world), robot=replace(PIONEER, speed=0.5)), **semantic)
 
 
 def test_it_slows_down_before_a_ramp_and_not_behind_it():
@@ -38,3 +38,11 @@ def test_the_less_room_is_left_the_slower_it_is():
     speeds = [at(np.array([1.0, y]), EAST) for y in (-0.4, 0.0, 0.05, 0.1)]
     assert speeds[0] == 0.5 > speeds[1] >= speeds[2] >= speeds[3] >= NARROW_SPEED
     assert speeds[3] < 0.4
+
+
+def test_it_is_slow_on_what_the_semantic_map_calls_a_ramp_and_beside_a_person():
+    world, east = surface_of(ground_points(flat, (-4, 6), (-2, 2))), np.array([2.0, 0.0, 0.1])
+    spots = np.array([[-3.0, 0.0], [1.9, 0.0], [1.9, 0.9], [3.5, 0.0]])
+    on_ramp, with_person = pace(world, ramps=[east[None]]), pace(world, people=[east[None], east[None] + (0, 0, 1)])
+    assert [on_ramp(xy, EAST) for xy in spots[[0, 1, 3]]] == [0.5, PIONEER.ramp_speed, 0.5]
+    assert [with_person(xy, EAST) for xy in spots] == [0.5, NARROW_SPEED, NARROW_SPEED, 0.5]

@@ -1,7 +1,5 @@
 """Cheapest ways over poses: what a Pioneer can do, and what every way must keep to."""
 
-from dataclasses import replace
-
 import networkx as nx
 import numpy as np
 import pytest
@@ -216,7 +214,8 @@ def test_no_start_and_no_way():
 def test_where_the_robot_has_been_it_may_stand_nearer():
     traversability = corridor(0.28)
     assert not traversability.traversable.any()
-    been = replace(traversability, least=np.full_like(traversability.least, -3))
+    nowhere = np.zeros_like(traversability.hazard)
+    been = assess(traversability.grid, traversability.elevation, nowhere, ~nowhere, PIONEER)
     assert been.grid.at(been.traversable, (0.0, 0.0))
 
 

@@ -1,0 +1,124 @@
+"""How long a step takes to plan on a floor that is mapped whole, stage by stage, on a small floor and on a large one.
+
+The robot stands in one place after the other, where a keyframe shows a box that was not there before and changes the
+ground in view by the camera's noise. One thread's processor time is what counts, so that other work on the machine
+does not.
+"""
+
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import track
+
+from pipeline.exploration.next_best_view import Exploration
+from pipeline.exploration.viewpoint import Context
+from pipeline.planning.path_plan import plan_path
+from pipeline.segments.segments import Segments
+from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.transforms import from_yaw, yaw_of
+from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.traversability.pose_paths import PosePaths
+from pipeline.traversability.traversability_layer import TraversabilityLayer
+from sarsim.arenas.load import load_arena
+from sarsim.ground_truth.true_surface import Survey
+from sarsim.scripts.benchmarks.common import Result, at_least
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+WARM_UP = 2  # Steps that are not counted: in the first the whole floor is new
+NOISE = 0.003  # m, of heights from keyframe to keyframe
+HALF_VIEW = np.deg2rad(29)  # Of the camera, to either side
+HITS = 9  # Returns of a cell in a keyframe
+WALL_TOPS = np.arange(0, 1.01, 0.1)  # m, heights that are seen of walls and of what is new
+AWAY, SIDE = 1.3, 0.3  # m, of a box that is new
+
+
+def measure(frames: int = 24, seed: int = 0, arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15")) -> Result:
+    """Median milliseconds of a step and of its stages in each of the arenas, over ``frames`` steps."""
+    at_least(1, frames=frames)
+    at_least(0, seed=seed)
+    figures: dict[str, float] = {}
+    for arena in arenas:
+        seconds = _Floor(arena, seed).steps(frames)
+        figures[f"{arena}.step_ms"] = 1e3 * float(np.median(np.sum(list(seconds.values()), axis=0)))
+        figures |= {f"{arena}.{stage}_ms": 1e3 * float(np.median(times)) for stage, times in seconds.items()}
+    figures["large_over_small"] = figures[f"{arenas[-1]}.step_ms"] / figures[f"{arenas[0]}.step_ms"]
+    return Result(figures)
+
+
+class _Floor:
+    """All that plans are made of, on the true ground of an arena."""
+
+    def __init__(self, arena: str, seed: int):
+        robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
+        self._frame, model, physics = robot.sense(), robot.model, robot.physics
+        self._start = robot.trajectory[-1].T_world_base
+        surface = Survey(physics.model.ptr, physics.data.ptr, robot.base_body).surface_from(self._start[:3, 3])
+        robot.close()
+        cells = np.argwhere(~np.isnan(surface.height))
+        self._ground = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)]])
+        walls = np.repeat(surface.grid.centre_of(np.argwhere(surface.walls)), len(WALL_TOPS), axis=0)
+        tops = np.resize(WALL_TOPS, len(walls)) + self._start[2, 3]
+        self._elevation_map, self._rng = ElevationMap(model), np.random.default_rng(seed)
+        self._show(np.vstack([self._ground, np.column_stack([walls, tops])]))
+        self._layer, self._topology = TraversabilityLayer(), TopologicalMap()
+        self._exploration = Exploration(model)
+
+    def steps(self, count: int) -> dict[str, list[float]]:
+        """Seconds of each stage in each of so many steps, in places all over the floor."""
+        seconds: dict[str, list[float]] = defaultdict(list)
+        self._step(self._start, defaultdict(list))
+        for place in track(self._places(count + WARM_UP), "planning", transient=True):
+            x, y = place
+            T_map_base = from_yaw(x, y, self._start[2, 3], self._rng.uniform(-np.pi, np.pi))
+            self._see(T_map_base)
+            self._step(T_map_base, seconds)
+        return {stage: times[WARM_UP:] for stage, times in seconds.items()}
+
+    def _places(self, count: int) -> NDArray[np.float64]:
+        """(N, 2) m, where the robot can go and turn."""
+        paths = PosePaths(self._layer.update(self._elevation_map), self._start[:2, 3], yaw_of(self._start))
+        cells = np.argwhere(paths.reachable & paths.traversability.turnable)
+        return paths.traversability.grid.centre_of(self._rng.choice(cells, count))
+
+    def _see(self, T_map_base: NDArray[np.float64]) -> None:
+        """Let the ground in view be seen once more, and a box on it that was not there before."""
+        ahead = (self._ground[:, :2] - T_map_base[:2, 3]) @ T_map_base[:2, :2]
+        away = np.hypot(*ahead.T)
+        near, far = self._elevation_map.robot.camera_range
+        in_view = (away > near) & (away < far) & (np.abs(np.arctan2(*ahead.T[::-1])) < HALF_VIEW)
+        is_box = np.abs(ahead - (AWAY, 0)).max(axis=1) < SIDE / 2
+        box = np.vstack([self._ground[is_box] + (0, 0, z) for z in WALL_TOPS])
+        seen = self._ground[in_view] + self._rng.normal(0, [0, 0, NOISE], (in_view.sum(), 3))
+        self._show(np.vstack([seen, box]))
+
+    def _show(self, points: NDArray[np.float64]) -> None:
+        """Let the camera have several returns near each of (N, 3) points."""
+        self._elevation_map.update(points.astype(np.float32), hits=np.full(len(points), HITS, np.uint32))
+
+    def _step(self, T_map_base: NDArray[np.float64], seconds: dict[str, list[float]]) -> None:
+        """What the explorer does between two drives, timed."""
+        with _timed(seconds["traversability"]):
+            traversability = self._layer.update(self._elevation_map)
+        with _timed(seconds["reachable"]):
+            paths = PosePaths(traversability, T_map_base[:2, 3], yaw_of(T_map_base))
+            context = Context(self._frame, T_map_base, self._elevation_map.measured, paths)
+        with _timed(seconds["next_view"]):
+            self._exploration.observe(context)
+            viewpoint = self._exploration.next_viewpoint(context)
+            self._exploration.find_frontiers(context)
+        with _timed(seconds["topology"]):
+            self._topology.update([], Segments(), paths)
+        with _timed(seconds["way"]):
+            if viewpoint is not None:
+                plan_path(self._topology, paths, viewpoint.position, viewpoint.heading)
+
+
+@contextmanager
+def _timed(seconds: list[float]) -> Iterator[None]:
+    start = time.thread_time()
+    yield
+    seconds.append(time.thread_time() - start)

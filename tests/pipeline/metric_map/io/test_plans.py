@@ -4,8 +4,10 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import cv2
+import ezdxf
 import numpy as np
 import pytest
+import rasterio
 from matplotlib.path import Path as Outline
 from PIL import Image
 
@@ -33,7 +35,6 @@ def test_a_geotiff_lies_where_the_map_does(cells: np.ndarray, tmp_path: Path) ->
 
 
 def test_rasterio_reads_it(cells: np.ndarray, tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio")
     for name, save in (("map.tif", save_geotiff), ("map.png", save_world_png)):
         save(tmp_path / name, cells, CELL, ORIGIN)
         with rasterio.open(tmp_path / name) as raster:
@@ -93,7 +94,6 @@ def test_a_drawing_of_cad_has_a_layer_of_closed_lines_for_each_kind(cells: np.nd
 
 
 def test_ezdxf_reads_it_and_finds_nothing_wrong(cells: np.ndarray, tmp_path: Path) -> None:
-    ezdxf = pytest.importorskip("ezdxf")
     save_dxf(tmp_path / "map.dxf", cells, CELL, ORIGIN)
     drawing = ezdxf.readfile(tmp_path / "map.dxf")
     assert not drawing.audit().has_issues

@@ -60,7 +60,7 @@ SET_DOWN = np.repeat([0.05, 0.1], 3)
 """rad and m, standard deviations of a pose at which a robot was found again."""
 MOST_SHARES = 6
 """Keyframes that a new one is connected with, those that tell most of it."""
-KNOWN = 0.05
+KNOWN = 0.1
 """m; keyframes known better than this from the newest one make up one map to register with. Others make a loop."""
 TOLD = 0.01
 """Of what surfaces tell across themselves, what they must tell of a way that wheels only feigned: on bare floors,

@@ -49,10 +49,10 @@ def test_odometry_is_corrected_or_taken_at_its_word() -> None:
     assert default_poses(recording(odometry=odometry)) == "slam"
     assert default_poses(recording()) == "registration"
     mapper, found = replayed(recording(odometry=odometry), "slam")
-    assert np.linalg.norm((mapper.poses[-1] - WAY[last_keyframe(found)])[:3, 3]) < 0.01
+    assert np.linalg.norm((mapper.poses[-1] - WAY[last_keyframe(found)])[:3, 3]) < 0.018
     told, found = replayed(recording(odometry=odometry), "odometry")
     np.testing.assert_allclose(told.poses[-1], ODOMETRY[last_keyframe(found)], atol=1e-12)
-    assert np.linalg.norm((told.poses[-1] - WAY[last_keyframe(found)])[:3, 3]) > 0.02
+    assert np.linalg.norm((told.poses[-1] - WAY[last_keyframe(found)])[:3, 3]) > 0.025
 
 
 def last_keyframe(found: list[Replayed]) -> int:

@@ -32,3 +32,20 @@ def seconds_until_stuck(command: Velocity, v: float, omega: float, on_ramp: bool
 )
 def test_a_robot_is_stuck_when_what_it_was_told_to_change_does_not(command, v, omega, expected):
     assert seconds_until_stuck(command, v, omega) == pytest.approx(expected, abs=2 * DT)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.12, 0.24])
+@pytest.mark.parametrize("turning", [-0.6, 0.0, 0.6])
+def test_a_robot_that_obeys_late_and_still_turns_the_other_way_is_not_held(latency, turning):
+    """As after a pause in which a robot on a network went on as it was told before."""
+    progress = Progress(PIONEER, from_yaw(0, 0, 0, 0), 0.0)
+    yaw, rate, limit = 0.0, turning, PIONEER.turn_acceleration * DT
+    for k in range(1, 100):
+        rate += np.clip((0.6 if k * DT > latency else turning) - rate, -limit, limit)
+        yaw += rate * DT
+        assert not progress.is_stuck(from_yaw(0, 0, 0, yaw), k * DT, Turn(0.0, 0.6))
+
+
+@pytest.mark.parametrize("command", [Velocity(0.3), Velocity(-0.3), Turn(0.0, 0.6)])
+def test_a_robot_that_is_held_is_so_within_a_second(command):
+    assert 0.4 < seconds_until_stuck(command, 0.0, 0.0, on_ramp=False) < 1.0

@@ -1,5 +1,8 @@
 """Pictures of small scenes whose geometry is known."""
 
+import subprocess
+import sys
+
 import mujoco
 import numpy as np
 import pytest
@@ -166,3 +169,10 @@ def test_an_unknown_camera_is_named(camera: str | int) -> None:
     model, _ = scene(TWO_BOXES)
     with pytest.raises(InputError, match=f"no camera {camera!r}"):
         fixed_camera(model, camera)
+
+
+def test_a_process_that_renders_trains_too():
+    """Mesa's LLVM and that of triton, which PyTorch for CUDA imports here, do not get into each other's way."""
+    imports = "import sarsim.sensors.rendering, dm_control.mjcf, torch"
+    code = f"{imports}; torch.optim.AdamW([torch.zeros(1).requires_grad_()])"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -22,8 +22,8 @@ PAUSE = 0.15
 computed."""
 LEAST = np.array([0.04, 0.15])
 """m/s and rad/s; slower commands tell nothing."""
-REACTION = 0.25
-"""s that a robot may take to obey: commands cross a network, and images and maps keep both ends busy."""
+REACTION = 0.3
+"""s in which a robot may still do as it was told before: commands cross a network, and both ends are busy."""
 
 
 class Turn(Velocity):
@@ -39,19 +39,19 @@ class Progress:
         self._deadline = time + OVERDUE + 4 * length / robot.ramp_speed
         self._anchor, self._since = T, time
         self._last, self._time = T, time
-        self._restart()
+        self._restart(time)
 
-    def _restart(self) -> None:
+    def _restart(self, time: float) -> None:
         # Speeds forward and of turning: as commanded and so far come true, and the averages of what is and should be.
         self._due: NDArray[np.float64] | None = None
-        self._wanted, self._felt, self._slow = np.zeros(2), np.zeros(2), 0.0
+        self._wanted, self._felt, self._judged_from = np.zeros(2), np.zeros(2), time + REACTION
 
     def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity, on_ramp: bool = False) -> bool:
         """Whether the newest 4×4 pose shows that the command cannot be followed; on ramps wheels skid for a while."""
         if (pause := time - self._time) > PAUSE:
             self._since, self._deadline, self._time = self._since + pause, self._deadline + pause, time
-            self._restart()
-        held = self._is_held(T, time - self._time, command) and not on_ramp
+            self._restart(time)
+        held = self._is_held(T, time, command) and not on_ramp
         # In a turn wheels that spin on one side alone seem to get somewhere.
         moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STUCK_DISTANCE and not isinstance(command, Turn)
         turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STUCK_ANGLE
@@ -60,15 +60,16 @@ class Progress:
         self._last, self._time = T, time
         return held or time - self._since > STUCK_TIME or time > self._deadline
 
-    def _is_held(self, T: NDArray[np.float64], dt: float, command: Velocity) -> bool:
-        if dt <= 0:
+    def _is_held(self, T: NDArray[np.float64], time: float, command: Velocity) -> bool:
+        dt = time - self._time
+        if dt <= 0 or time < self._judged_from:
             return False
         limit = self._limits * dt
         # What a turn makes up for sliding is no way to be made.
         v = 0.0 if isinstance(command, Turn) else command.v
         forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
         speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
-        if self._due is None:  # It may still move as it was told before.
+        if self._due is None:
             self._due = speeds
         self._due = self._due + np.clip([v, command.omega] - self._due, -limit, limit)
         share = min(1.0, dt / BLOCKED_TIME)
@@ -76,6 +77,4 @@ class Progress:
         self._felt += share * (speeds * np.sign(self._due) - self._felt)
         counts = self._wanted > LEAST
         counts[1] &= v == 0
-        is_slow = (counts & (self._felt < BLOCKED_SHARE * self._wanted)).any()
-        self._slow = self._slow + dt if is_slow else 0.0
-        return self._slow > REACTION
+        return bool((counts & (self._felt < BLOCKED_SHARE * self._wanted)).any())

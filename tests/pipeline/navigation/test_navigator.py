@@ -87,7 +87,7 @@ def test_it_follows_the_line_not_only_the_bearing():
 
 
 def test_stuck_is_noticed_and_the_robot_backs_out():
-    robot = KinematicRobot(blocked=lambda time: 3 < time < 4)
+    robot = KinematicRobot(blocked=lambda time: 3 < time < 3.5)
     navigator = Navigator(robot)
     assert not navigator.follow(np.array([(2, 0), (2, 2)]))
     assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]

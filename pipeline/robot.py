@@ -36,6 +36,11 @@ class Motion:
     accelerometer: NDArray[np.float64]
     wheel_speed: NDArray[np.float64]
 
+    @property
+    def twist(self) -> Velocity:
+        """How fast the body is by its encoders and gyro."""
+        return Velocity(float(self.wheel_speed.mean()), float(self.gyro[2]))
+
 
 @dataclass(frozen=True)
 class RobotModel:

@@ -7,8 +7,7 @@ from importlib import import_module
 # Rendering needs no screen. MuJoCo reads this once, when it is first imported.
 os.environ.setdefault("MUJOCO_GL", "egl")
 
-# Mesa's driver offers the symbols of its LLVM to every library that is loaded later. Triton, which PyTorch's builds
-# for CUDA bring and import when they train, would take them for those of its own LLVM and die (as in issue 124205 of
-# tensorflow). Loaded before, it keeps its own. It takes 0.15 s.
+# Mesa's driver offers its LLVM's symbols to all libraries loaded later, and triton, which PyTorch's builds for CUDA
+# import when they train, dies on them (as in tensorflow's issue 124205). Loaded before, in 0.15 s, it keeps its own.
 with suppress(ImportError):
     import_module("triton")

@@ -21,7 +21,8 @@ from pipeline.planning.path_plan import place_name
 from pipeline.recording.map_file import load_keyframes
 from pipeline.recording.recorder import Recorder
 from pipeline.recording.results import KEYFRAMES, save_maps
-from pipeline.recording.ros.recorded_robot import ExplorerBag, Joints, RecordedRobot
+from pipeline.recording.ros.recorded_robot import ExplorerBag, RecordedRobot
+from pipeline.recording.ros.topics import Joints
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.rescue_report.situation import Situation
 from pipeline.robot import Robot

@@ -12,8 +12,8 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.recording.live.node import Node
 from pipeline.recording.ros.messages import BASE, CAMERA, command_of, decode, time_of, transform
-from pipeline.recording.ros.topics import RobotTopics
-from pipeline.robot import Motion, Velocity
+from pipeline.recording.ros.topics import Joints, Odometry, RobotTopics
+from pipeline.robot import Velocity
 from sarsim.arenas.load import load_arena
 from sarsim.episode import make_folder, write_report
 from sarsim.robots.skid_steered import WHEELS
@@ -104,8 +104,8 @@ class SimulatedNode:
             keyframes, self._keyframes = self._keyframes, []
         motion, topics = self.robot.drive(command), self._topics
         topics.motion(motion)
-        topics.joints(motion.time, WHEELS, *self.robot.wheels)
-        topics.odometry(motion.time, motion.T_odom_base, _twist(motion), None, None)
+        topics.joints(motion.time, Joints(WHEELS, *self.robot.wheels))
+        topics.odometry(Odometry(motion.time, motion.T_odom_base, motion.twist))
         if motion.time >= self._next_frame - 1e-6:
             self._next_frame += 1 / self.config.camera_rate
             self._sense()
@@ -136,7 +136,3 @@ class SimulatedNode:
             "navigation": {"collisions": self.robot.collisions.collisions, **motion_figures(self.robot.trajectory)},
             "exploration": {"explored_fraction": self.coverage.fraction},
         }
-
-
-def _twist(motion: Motion) -> Velocity:
-    return Velocity(float(motion.wheel_speed.mean()), float(motion.gyro[2]))

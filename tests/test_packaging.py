@@ -135,6 +135,8 @@ def test_the_changes_of_this_version_are_told() -> None:
 
 
 def test_requirements_hold_what_they_need() -> None:
+    if not all(is_met(Requirement(f"{package}=={pin}")) for package, pin in LOCKED.items() if package != "labmaze"):
+        pytest.skip("this environment was not made of requirements.txt")
     unmet = [f"{package}: {need}" for package in LOCKED for need in needs(package) if not is_met(need)]
     assert not unmet
 

@@ -18,8 +18,7 @@ OVERDUE = 60.0
 """s that a turn may take, and that a leg may take beyond four times what it takes on a ramp: a robot that
 slides back and forth is not still, and gets nowhere."""
 PAUSE = 0.15
-"""s between two poses from which nothing is judged: meanwhile a real robot was left to itself, for its software
-computed."""
+"""s between two poses from which nothing is judged: a real robot was left to itself, for its software computed."""
 LEAST = np.array([0.04, 0.15])
 """m/s and rad/s; slower commands tell nothing."""
 REACTION = 0.3
@@ -69,9 +68,8 @@ class Progress:
         v = 0.0 if isinstance(command, Turn) else command.v
         forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
         speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
-        if self._due is None:
-            self._due = speeds
-        self._due = self._due + np.clip([v, command.omega] - self._due, -limit, limit)
+        due = speeds if self._due is None else self._due
+        self._due = due + np.clip([v, command.omega] - due, -limit, limit)
         share = min(1.0, dt / BLOCKED_TIME)
         self._wanted += share * (np.abs(self._due) - self._wanted)
         self._felt += share * (speeds * np.sign(self._due) - self._felt)

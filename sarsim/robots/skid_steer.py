@@ -52,20 +52,18 @@ class SkidSteer:
 
     One ``command`` a control period. The heading error is the integral of the turn rate asked for less the one felt,
     so a turn ends where it should although the tyres slip.
+
+    Attributes:
+        heading_error: how far it has still to turn to be where the commands so far should have brought it, rad.
     """
 
     def __init__(self, drive: DriveModel) -> None:
         self._drive = drive
         self._v = 0.0
         self._omega = 0.0
-        self._heading_error = 0.0
+        self.heading_error = 0.0
         self._wheel_target = np.zeros(2)
         self._wheel_lag = np.zeros(2)
-
-    @property
-    def heading_error(self) -> float:
-        """How far the robot has still to turn to be where the commands so far should have brought it, rad."""
-        return self._heading_error
 
     def command(
         self, velocity: Velocity, wheel_speed: NDArray[np.float64], gyro_z: float, dt: float
@@ -92,15 +90,15 @@ class SkidSteer:
         self._omega = _approach(self._omega, velocity.omega, drive.top_turn_rate, drive.turn_acceleration * dt)
 
     def _hold_heading(self, gyro_z: float, dt: float) -> None:
-        error = self._heading_error + (self._omega - gyro_z) * dt
-        self._heading_error = _clip(error, MAX_HEADING_ERROR)
+        error = self.heading_error + (self._omega - gyro_z) * dt
+        self.heading_error = _clip(error, MAX_HEADING_ERROR)
         stopped = self._v == 0.0 and self._omega == 0.0
-        if stopped and abs(self._heading_error) < SETTLED:
-            self._heading_error = 0.0
+        if stopped and abs(self.heading_error) < SETTLED:
+            self.heading_error = 0.0
 
     def _wheels(self) -> NDArray[np.float64]:
         """(2,) rad/s; where one would be too fast both are slowed alike, which keeps the curvature."""
-        turn = self._omega + HEADING_GAIN * self._heading_error
+        turn = self._omega + HEADING_GAIN * self.heading_error
         side = turn * self._drive.effective_track / 2
         sides = np.array([self._v - side, self._v + side])
         return sides / self._drive.wheel_radius / max(1.0, np.abs(sides).max() / (SURPLUS * self._drive.top_speed))

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,28 +12,14 @@ from pipeline.explorer import Explorer, Step
 from pipeline.frame import Frame
 from pipeline.mapper import Keyframe
 from pipeline.recording.ros.bag import Bag
-from pipeline.recording.ros.topics import ImageFormat, MapTopics, RobotTopics
+from pipeline.recording.ros.topics import ImageFormat, Joints, MapTopics, Odometry, RobotTopics
 from pipeline.robot import Motion, Robot, Velocity
 
 TICK = 1e-6  # s between frames that were taken at one moment: bags tell them apart by their times
 
 
-class Joints(NamedTuple):
-    """Of the wheels.
-
-    Attributes:
-        names: N of them.
-        position: (N,) rad.
-        speed: (N,) rad/s.
-    """
-
-    names: tuple[str, ...]
-    position: NDArray[np.float64]
-    speed: NDArray[np.float64]
-
-
 class Listener(Protocol):
-    """Takes what a robot senses and does, as :class:`RobotTopics` does, whose parameters these are."""
+    """Takes what a robot senses and does, as :class:`RobotTopics` does."""
 
     def frame(self, frame: Frame) -> None:
         """What the camera saw."""
@@ -41,19 +27,10 @@ class Listener(Protocol):
     def motion(self, motion: Motion, command: Velocity) -> None:
         """What the body felt, and was told."""
 
-    def joints(
-        self, time: float, names: tuple[str, ...], position: NDArray[np.float64], speed: NDArray[np.float64]
-    ) -> None:
-        """How the wheels turned: (N,) rad and (N,) rad/s at a time in s."""
+    def joints(self, time: float, joints: Joints) -> None:
+        """How the wheels turned at a time in s."""
 
-    def odometry(
-        self,
-        time: float,
-        T_odom_base: NDArray[np.float64],
-        twist: Velocity,
-        T_map_odom: NDArray[np.float64] | None,
-        T_world_base: NDArray[np.float64] | None,
-    ) -> None:
+    def odometry(self, odometry: Odometry) -> None:
         """Where it was."""
 
 
@@ -89,15 +66,14 @@ class RecordedRobot:
         motion, joints = self.robot.drive(command), self.joints()
         self._topics.motion(motion, command)
         if joints is not None:
-            self._topics.joints(motion.time, *joints)
-        twist = Velocity(float(motion.wheel_speed.mean()), float(motion.gyro[2]))
-        self._tell(motion.time, motion.T_odom_base, twist)
+            self._topics.joints(motion.time, joints)
+        self._tell(motion.time, motion.T_odom_base, motion.twist)
         return motion
 
     def _tell(self, time: float, T_odom_base: NDArray[np.float64], twist: Velocity) -> None:
         """Where the robot is, once for each time."""
         if time > self._told:
-            self._topics.odometry(time, T_odom_base, twist, self.T_map_odom(), self.T_world_base())
+            self._topics.odometry(Odometry(time, T_odom_base, twist, self.T_map_odom(), self.T_world_base()))
             self._told = time
 
 

@@ -1,7 +1,7 @@
 """What a robot senses and what its maps hold, topic by topic: to a bag, or to a network."""
 
-from collections.abc import Callable, Sequence
-from typing import Literal
+from collections.abc import Callable
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -22,6 +22,38 @@ Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and
 JPEG_QUALITY = 95
 STILL = 1e-6  # m, within which a camera is where it was; a simulator's rounding moves it as well
 NODES, EDGES, PEOPLE = (0.1, 0.4, 1.0), (0.7, 0.7, 0.7), (0.1, 0.9, 0.2)  # Colours of markers
+
+
+class Odometry(NamedTuple):
+    """Where a robot is.
+
+    Attributes:
+        time: s.
+        T_odom_base: 4×4, by its odometry.
+        twist: how fast it is.
+        T_map_odom: 4×4, where ``odom`` is; None where that is not known.
+        T_world_base: 4×4, where the robot truly is, if anything knows.
+    """
+
+    time: float
+    T_odom_base: NDArray[np.float64]
+    twist: Velocity
+    T_map_odom: NDArray[np.float64] | None = None
+    T_world_base: NDArray[np.float64] | None = None
+
+
+class Joints(NamedTuple):
+    """Of the wheels.
+
+    Attributes:
+        names: N of them.
+        position: (N,) rad.
+        speed: (N,) rad/s.
+    """
+
+    names: tuple[str, ...]
+    position: NDArray[np.float64]
+    speed: NDArray[np.float64]
 
 
 class RobotTopics:
@@ -54,15 +86,9 @@ class RobotTopics:
         pixels = depth if self._depth_encoding == "32FC1" else np.rint(depth.clip(max=65.535) * 1e3).astype(np.uint16)
         self._send("/camera/depth/image_raw", time, messages.image(time, self._depth_encoding, pixels))
 
-    def odometry(
-        self,
-        time: float,
-        T_odom_base: NDArray[np.float64],
-        twist: Velocity,
-        T_map_odom: NDArray[np.float64] | None,
-        T_world_base: NDArray[np.float64] | None,
-    ) -> None:
-        """Send where the robot is at a time in s: 4×4 by its odometry, where ``map`` is known there, and truly."""
+    def odometry(self, odometry: Odometry) -> None:
+        """Send where the robot is by its odometry, in ``map``, and truly, as far as that is known."""
+        time, T_odom_base, twist, T_map_odom, T_world_base = odometry
         self._send("/odom", time, messages.odometry(time, T_odom_base, twist))
         links = {(ODOM, BASE): T_odom_base} | ({} if T_map_odom is None else {(MAP, ODOM): T_map_odom})
         self._send("/tf", time, messages.transforms(time, links))
@@ -76,11 +102,9 @@ class RobotTopics:
             self._send("/cmd_vel", motion.time, messages.velocity(command))
         self._send("/imu", motion.time, messages.imu(motion))
 
-    def joints(
-        self, time: float, names: Sequence[str], position: NDArray[np.float64], speed: NDArray[np.float64]
-    ) -> None:
-        """Send angles (N,) in rad and speeds (N,) in rad/s of the wheels at a time in s."""
-        self._send("/joint_states", time, messages.joint_states(time, names, position, speed))
+    def joints(self, time: float, joints: Joints) -> None:
+        """Send how the wheels turn at a time in s."""
+        self._send("/joint_states", time, messages.joint_states(time, *joints))
 
 
 class MapTopics:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.recording.ros.bag import Bag
-from pipeline.recording.ros.topics import RobotTopics
+from pipeline.recording.ros.topics import Odometry, RobotTopics
 from pipeline.robot import Velocity
 from sarsim.dataset.exports.export import Export, room
 from sarsim.dataset.manifest import SceneEntry
@@ -26,5 +26,5 @@ class Mcap(Export):
             for index, frame in enumerate(scene):
                 # Nothing tells how fast the robot was between two frames.
                 unknown = Velocity(np.nan, np.nan)
-                topics.odometry(frame.time, frame.T_odom_base, unknown, None, scene.pose_true[index])
+                topics.odometry(Odometry(frame.time, frame.T_odom_base, unknown, None, scene.pose_true[index]))
                 topics.frame(frame)

@@ -1,6 +1,6 @@
 """The layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -9,10 +9,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame, Intrinsics
+from pipeline.recording.ros.topics import Joints, Odometry
 from pipeline.robot import Motion, Velocity
 from sarsim.dataset.exports.export import Export, describe, room, whole_folder, write_image
 from sarsim.dataset.manifest import SceneEntry
@@ -119,21 +120,14 @@ class TumDrive(ExitStack):
         self._sequence.numbers("accelerometer", motion.time, motion.accelerometer)
         self._sequence.numbers("gyroscope", motion.time, motion.gyro)
 
-    def joints(self, time: float, names: Sequence[str], position: ArrayLike, speed: ArrayLike) -> None:
+    def joints(self, time: float, joints: Joints) -> None:
         """The benchmark knows no wheels."""
 
-    def odometry(
-        self,
-        time: float,
-        T_odom_base: NDArray[np.float64],
-        twist: Velocity,
-        T_map_odom: NDArray[np.float64] | None,
-        T_world_base: NDArray[np.float64] | None,
-    ) -> None:
-        """Note where the robot is at a time in s: 4×4 by its odometry, and truly."""
-        self._poses.append(("odometry", time, T_odom_base))
-        if T_world_base is not None:
-            self._poses.append(("groundtruth", time, T_world_base))
+    def odometry(self, odometry: Odometry) -> None:
+        """Note where the robot is, by its odometry and truly."""
+        self._poses.append(("odometry", odometry.time, odometry.T_odom_base))
+        if odometry.T_world_base is not None:
+            self._poses.append(("groundtruth", odometry.time, odometry.T_world_base))
 
     def keyframe(self, time: float, labelled: bool, stood: bool = False) -> None:
         """Note that the image of a time in s is a keyframe, whether it is labelled, and whether the robot stood."""

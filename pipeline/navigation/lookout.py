@@ -10,6 +10,7 @@ from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.localisation.odometry import LostError
 from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Keyframe, Mapper
+from pipeline.metric_map.specks import without_specks
 from pipeline.navigation.navigator import Navigator
 from pipeline.transforms import angle_of, inverse, yaw_of
 
@@ -55,7 +56,7 @@ class Lookout:
             LostError: it remains in doubt.
         """
         with self._mapper.stopwatch("sense"):
-            frame = self._robot.sense()
+            frame = without_specks(self._robot.sense())
         self._navigator.look = lambda: True
         frame, is_there = self._confirm(frame)
         frame = frame if is_there else self._find_place(frame)
@@ -82,7 +83,7 @@ class Lookout:
         """Take a keyframe if the robot has come far enough; False if it is not where it believes to be."""
         assert self._navigator.motion is not None
         if is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
-            frame = self._robot.sense()
+            frame = without_specks(self._robot.sense())
             localisation = self._mapper.localisation
             if localisation.may_err and self._was_carried(self._agreement(frame)):
                 return False
@@ -92,7 +93,7 @@ class Lookout:
 
     def returns(self) -> NDArray[np.float32]:
         """(N, 3) the returns that the camera has now, of a keyframe, m in ``map``."""
-        frame = self._robot.sense()
+        frame = without_specks(self._robot.sense())
         return frame.points(self.add(frame, labelled=False).T_map_base @ frame.T_base_camera)
 
     @property
@@ -112,7 +113,7 @@ class Lookout:
             is_doubtful = found.is_doubtful or is_unsure
             if is_elsewhere or not is_doubtful or not self._navigator.turn(2 * np.pi / LOOKS):
                 break
-            frame = self._robot.sense()
+            frame = without_specks(self._robot.sense())
             found = Agreement.of([found, self._agreement(frame)])
         is_elsewhere = self._was_carried(found) or localisation.is_contradicted
         return frame, not (is_elsewhere or found.is_doubtful or localisation.is_blind)
@@ -137,7 +138,7 @@ class Lookout:
                 return self._go_on(frame, T)
             if not self._navigator.turn(2 * np.pi / LOOKS):
                 break
-            frame = self._robot.sense()
+            frame = without_specks(self._robot.sense())
         localisation = mapper.localisation
         fits = localisation.overlap > UNRIVALLED and not localisation.is_contradicted
         around = Agreement.of(agreements)

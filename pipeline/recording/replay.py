@@ -14,6 +14,7 @@ from pipeline.localisation.floor import T_floor_camera
 from pipeline.localisation.odometry import Localisation, OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
+from pipeline.metric_map.specks import without_specks
 from pipeline.navigation.lookout import LABELLED, is_keyframe
 from pipeline.recording.sources.recording import Recording, Trajectory
 from pipeline.transforms import from_rotation, inverse, level
@@ -86,7 +87,7 @@ class Replay:
             InputError: the recording is broken; what came before is mapped.
             LostError: nothing tells any more where a frame was taken; the same.
         """
-        for frame in self.recording.frames():
+        for frame in map(without_specks, self.recording.frames()):
             if not self._has_begun and not self._begin(frame):
                 continue
             if self._T_base_camera is not None:

@@ -1,0 +1,26 @@
+"""Compiled search of a depth image for returns that stand alone."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def without_specks(depth, reach, tolerance, least):
+    """A copy of ``depth`` (H, W), m, with 0 where fewer than ``least`` of the pixels around have a return like it.
+
+    Around are those no more than ``reach`` rows and columns away; alike are depths within a share ``tolerance``.
+    """
+    height, width = depth.shape
+    result = np.zeros_like(depth)
+    for v in range(height):
+        for u in range(width):
+            z, alike = depth[v, u], -1
+            if not z > 0:
+                continue
+            for j in range(max(v - reach, 0), min(v + reach + 1, height)):
+                for i in range(max(u - reach, 0), min(u + reach + 1, width)):
+                    alike += abs(depth[j, i] - z) <= tolerance * z
+                if alike >= least:
+                    result[v, u] = z
+                    break
+    return result

@@ -1,0 +1,54 @@
+"""Returns that stand alone in a depth image."""
+
+import numpy as np
+import pytest
+
+from pipeline.metric_map.specks import without_specks
+from pipeline.metric_map.specks_kernels import without_specks as kernel
+from tests.pipeline.still_robot import StillRobot
+
+SHARE = np.float32(0.05)
+
+
+def test_a_return_needs_two_like_it_near() -> None:
+    depth = np.zeros((9, 30), np.float32)
+    depth[4, 2] = depth[4, 4] = 1.0  # Two alone
+    depth[4, 10] = depth[3, 11] = depth[5, 12] = 2.0  # Three, each within two pixels of both others
+    depth[4, 20:23] = 1.0, 1.04, 1.2  # One that is farther
+    depth[0, 27:30] = 3.0  # In a corner
+    expected = np.zeros_like(depth)
+    expected[4, 10] = expected[3, 11] = expected[5, 12] = 2.0
+    expected[0, 27:30] = 3.0
+    np.testing.assert_array_equal(kernel(depth, 2, SHARE, 2), expected)
+
+
+def test_a_surface_seen_at_a_grazing_angle_stays_whole() -> None:
+    rows = np.arange(250, 480)
+    floor = np.repeat((0.65 * 525 / (rows - 239.5)).astype(np.float32)[:, None], 40, axis=1)
+    np.testing.assert_array_equal(kernel(floor, 2, SHARE, 2), floor)
+
+
+@pytest.mark.parametrize("nothing", [0.0, np.nan, np.inf])
+def test_pixels_without_a_return_confirm_nothing(nothing: float) -> None:
+    depth = np.full((5, 5), nothing, np.float32)
+    depth[2, 2] = 1.0
+    assert not (kernel(depth, 2, SHARE, 2) > 0)[np.isfinite(depth)].any()
+
+
+def test_dust_leaves_surfaces_and_loses_its_specks() -> None:
+    """The shares that the module tells: a wall hidden to four fifths, and 2 % of specks."""
+    rng = np.random.default_rng(0)
+    wall = np.where(rng.random((480, 640)) < 0.2, rng.normal(3.0, 0.015, (480, 640)), 0.0)
+    specks = rng.random((480, 640)) < 0.02
+    depth = np.where(specks, rng.uniform(0.8, 2.8, (480, 640)), wall).astype(np.float32)
+    kept = kernel(depth, 2, SHARE, 2) > 0
+    assert kept[~specks & (wall > 0)].mean() > 0.9
+    assert kept[specks].mean() < 2e-3
+
+
+def test_a_frame_keeps_all_but_its_specks() -> None:
+    frame = StillRobot().sense()
+    cleaned = without_specks(frame)
+    assert cleaned.returns.sum() >= 0.999 * frame.returns.sum()
+    np.testing.assert_array_equal(cleaned.depth[cleaned.returns], frame.depth[cleaned.returns])
+    assert cleaned.rgb is frame.rgb

@@ -108,7 +108,7 @@ def unboxed(text: str) -> str:
     missing = [flag for part in said if part.startswith("Missing") for flag in re.findall(r"--[\w.-]+", part)]
     # Where one is missing, tyro does not say which was meant.
     flags = flags or [flag for word in wrong for flag in get_close_matches(word, missing)]
-    told = "; ".join(" ".join(part.split()) for part in said if part)
+    told = re.sub(r"\. Got errors: .*", "", "; ".join(" ".join(part.split()) for part in said if part))
     return told + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
 
 

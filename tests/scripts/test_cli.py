@@ -16,7 +16,7 @@ from sarsim.scripts import cli
 from sarsim.scripts.cli import progress, run
 
 
-def command(count: int, *, fail: str = "") -> None:
+def command(count: int, *, fail: str = "", pair: tuple[int, int] | None = None) -> None:
     """Do something ``count`` times."""
     if fail == "input":
         raise InputError(f"count {count}\n  is too much")
@@ -119,6 +119,7 @@ def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture
     [
         (["--count", "3", "--fali", "pipe"], "Unrecognized options: --fali, pipe; perhaps you meant --fail"),
         (["--fail", "pipe"], ": --count INT"),
+        (["--count", "3", "--pair", "none"], "{None}|{INT INT} could be instantiated from ['none']"),
         (["--cuont", "3"], ": --count INT; Unrecognized options: --cuont 3; perhaps you meant --count"),
     ],
 )

@@ -1,7 +1,7 @@
 """What the RGB-D camera delivers at one moment."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ class Intrinsics:
     cx: float
     cy: float
 
-    @cached_property
+    @property
+    @lru_cache(maxsize=8)  # One for all cameras that are alike: a map that was loaded has one for each keyframe
     def rays(self) -> NDArray[np.float32]:
         """(H, W, 3) points of depth 1 m through every pixel's centre, in ``camera_optical``."""
         u = (np.arange(self.width) + 0.5 - self.cx) / self.fx

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.frame import Frame, Intrinsics
@@ -14,6 +16,11 @@ def frame(depth) -> Frame:
 def test_rays_go_through_pixel_centres():
     np.testing.assert_allclose(INTRINSICS.rays[0, 0], (-0.75, -0.25, 1))
     np.testing.assert_allclose(INTRINSICS.rays[1, 3], (0.75, 0.25, 1))
+
+
+def test_cameras_that_are_alike_share_their_rays():
+    assert replace(INTRINSICS).rays is INTRINSICS.rays
+    assert replace(INTRINSICS, cx=1.0).rays[0, 0, 0] == -0.25
 
 
 def test_points_fall_in_the_pixels_whose_rays_they_lie_on():

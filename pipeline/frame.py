@@ -21,13 +21,9 @@ class Intrinsics:
     cy: float
 
     @property
-    @lru_cache(maxsize=8)  # One for all cameras that are alike: a map that was loaded has one for each keyframe
     def rays(self) -> NDArray[np.float32]:
         """(H, W, 3) points of depth 1 m through every pixel's centre, in ``camera_optical``."""
-        u = (np.arange(self.width) + 0.5 - self.cx) / self.fx
-        v = (np.arange(self.height) + 0.5 - self.cy) / self.fy
-        x, y = np.meshgrid(u, v)
-        return np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float32)
+        return _rays(self)
 
     def project(self, points: NDArray[np.floating]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Pixels that points fall in.
@@ -44,6 +40,15 @@ class Intrinsics:
         row = np.floor(points[:, 1] / depth * self.fy + self.cy).astype(np.int64)
         inside = (points[:, 2] > 0) & (column >= 0) & (row >= 0) & (column < self.width) & (row < self.height)
         return np.stack([row, column], axis=1), inside
+
+
+@lru_cache(maxsize=8)
+def _rays(camera: Intrinsics) -> NDArray[np.float32]:
+    """One for all cameras that are alike: a map that was loaded has one for each keyframe."""
+    u = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    v = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    x, y = np.meshgrid(u, v)
+    return np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,9 +45,8 @@ class Intrinsics:
 @lru_cache(maxsize=8)
 def _rays(camera: Intrinsics) -> NDArray[np.float32]:
     """One for all cameras that are alike: a map that was loaded has one for each keyframe."""
-    u = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    v = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-    x, y = np.meshgrid(u, v)
+    v, u = np.mgrid[0.5 : camera.height, 0.5 : camera.width]
+    x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
     return np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float32)
 
 

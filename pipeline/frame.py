@@ -43,11 +43,10 @@ class Intrinsics:
 
 
 @lru_cache(maxsize=8)
-def _rays(camera: Intrinsics) -> NDArray[np.float32]:
+def _rays(k: Intrinsics) -> NDArray[np.float32]:
     """One for all cameras that are alike: a map that was loaded has one for each keyframe."""
-    v, u = np.mgrid[0.5 : camera.height, 0.5 : camera.width]
-    x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
-    return np.stack([x, y, np.ones_like(x)], axis=-1).astype(np.float32)
+    v, u = np.mgrid[0.5 : k.height, 0.5 : k.width]
+    return np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,14 +65,16 @@ class Progress:
             return False
         limit = self._limits * dt
         # What a turn makes up for sliding is no way to be made.
-        v = 0.0 if isinstance(command, Turn) else command.v
+        asked = np.array([0.0 if isinstance(command, Turn) else command.v, command.omega])
         forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
         speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
         due = speeds if self._due is None else self._due
-        self._due = due + np.clip([v, command.omega] - due, -limit, limit)
+        self._due = due + np.clip(asked - due, -limit, limit)
         share = min(1.0, dt / BLOCKED_TIME)
-        self._wanted += share * (np.abs(self._due) - self._wanted)
+        # A robot that brakes harder than it should is not held.
+        wanted = np.minimum(np.abs(self._due), np.abs(asked)) * (self._due * asked > 0)
+        self._wanted += share * (wanted - self._wanted)
         self._felt += share * (speeds * np.sign(self._due) - self._felt)
         counts = self._wanted > LEAST
-        counts[1] &= v == 0
+        counts[1] &= asked[0] == 0
         return bool((counts & (self._felt < BLOCKED_SHARE * self._wanted)).any())

@@ -43,13 +43,7 @@ class Odometry(NamedTuple):
 
 
 class Joints(NamedTuple):
-    """Of the wheels.
-
-    Attributes:
-        names: N of them.
-        position: (N,) rad.
-        speed: (N,) rad/s.
-    """
+    """Of the wheels: N names, angles (N,) in rad and speeds (N,) in rad/s."""
 
     names: tuple[str, ...]
     position: NDArray[np.float64]

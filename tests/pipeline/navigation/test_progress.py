@@ -49,3 +49,16 @@ def test_a_robot_that_obeys_late_and_still_turns_the_other_way_is_not_held(laten
 @pytest.mark.parametrize("command", [Velocity(0.3), Velocity(-0.3), Turn(0.0, 0.6)])
 def test_a_robot_that_is_held_is_so_within_a_second(command):
     assert 0.4 < seconds_until_stuck(command, 0.0, 0.0, on_ramp=False) < 1.0
+
+
+@pytest.mark.parametrize(("v", "turning"), [(0.3, 0.0), (-0.3, 0.0), (0.0, -0.7), (0.3, -0.7)])
+def test_a_robot_that_brakes_harder_than_it_should_is_not_held(v, turning):
+    """What it did before the turn ends 0.4 s after it began, at once."""
+    progress = Progress(PIONEER, from_yaw(0, 0, 0, 0), 0.0)
+    x, yaw, rate, limit = 0.0, 0.0, turning, PIONEER.turn_acceleration * DT
+    for k in range(1, 100):
+        x += v * DT * (k * DT < 0.4)
+        rate = turning if k * DT < 0.4 else max(rate, 0.0)
+        rate += np.clip(0.6 - rate, 0, limit) * (k * DT >= 0.4)
+        yaw += rate * DT
+        assert not progress.is_stuck(from_yaw(x, 0, 0, yaw), k * DT, Turn(0.0, 0.6))

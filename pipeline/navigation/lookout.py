@@ -56,7 +56,7 @@ class Lookout:
             LostError: it remains in doubt.
         """
         with self._mapper.stopwatch("sense"):
-            frame = without_specks(self._robot.sense())
+            frame = self._sense()
         self._navigator.look = lambda: True
         frame, is_there = self._confirm(frame)
         frame = frame if is_there else self._find_place(frame)
@@ -83,7 +83,7 @@ class Lookout:
         """Take a keyframe if the robot has come far enough; False if it is not where it believes to be."""
         assert self._navigator.motion is not None
         if is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
-            frame = without_specks(self._robot.sense())
+            frame = self._sense()
             localisation = self._mapper.localisation
             if localisation.may_err and self._was_carried(self._agreement(frame)):
                 return False
@@ -93,8 +93,11 @@ class Lookout:
 
     def returns(self) -> NDArray[np.float32]:
         """(N, 3) the returns that the camera has now, of a keyframe, m in ``map``."""
-        frame = without_specks(self._robot.sense())
+        frame = self._sense()
         return frame.points(self.add(frame, labelled=False).T_map_base @ frame.T_base_camera)
+
+    def _sense(self) -> Frame:
+        return without_specks(self._robot.sense())
 
     @property
     def _is_lost(self) -> bool:
@@ -113,7 +116,7 @@ class Lookout:
             is_doubtful = found.is_doubtful or is_unsure
             if is_elsewhere or not is_doubtful or not self._navigator.turn(2 * np.pi / LOOKS):
                 break
-            frame = without_specks(self._robot.sense())
+            frame = self._sense()
             found = Agreement.of([found, self._agreement(frame)])
         is_elsewhere = self._was_carried(found) or localisation.is_contradicted
         return frame, not (is_elsewhere or found.is_doubtful or localisation.is_blind)
@@ -138,7 +141,7 @@ class Lookout:
                 return self._go_on(frame, T)
             if not self._navigator.turn(2 * np.pi / LOOKS):
                 break
-            frame = without_specks(self._robot.sense())
+            frame = self._sense()
         localisation = mapper.localisation
         fits = localisation.overlap > UNRIVALLED and not localisation.is_contradicted
         around = Agreement.of(agreements)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,6 @@ from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.labels import Label
 from pipeline.localisation.correction import Correction
-from pipeline.localisation.odometry import Localisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.mission import Mission
 from pipeline.navigation.lookout import KIDNAPPED, Lookout
@@ -22,11 +20,9 @@ from pipeline.navigation.recovery import touched
 from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.segments.cells import centres
-from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.transforms import yaw_of
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
-from pipeline.victims.detection.detection import Detector
 from pipeline.victims.reobservation import Reobservation
 
 PATIENCE = 6
@@ -75,20 +71,9 @@ class Explorer:
         on_correction: called when the maps were made anew with corrected poses of the keyframes.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        classifier: PointClassifier,
-        detector: Detector | None = None,
-        *,
-        voxel_size: float = 0.1,
-        graph: Literal["mst", "roadmap"] = "roadmap",
-        seed: int = 0,
-        localisation: Localisation | None = None,
-    ):
-        """Begin where the robot stands; the parameters are those of :class:`pipeline.mapper.Mapper`."""
-        self.robot = robot
-        self.mapper = Mapper(robot.model, classifier, detector, voxel_size, graph, seed, localisation)
+    def __init__(self, robot: Robot, mapper: Mapper):
+        """Begin where the robot stands, with the maps as they are."""
+        self.robot, self.mapper = robot, mapper
         self.reobservation = Reobservation(self.mapper.victims, self.mapper.metric_map)
         exploration = Exploration(robot.model)
         exploration.rewards = self.reobservation

@@ -222,16 +222,10 @@ class Episode(Expedition):
         self.bag = ExplorerBag(config.bag, config.bag_images, self.robot) if config.bag else None
         self.tum: TumDrive | None = None
         is_told = config.odometry == "truth" or config.localisation == "odometry"
-        explorer = Explorer(
-            self._recorded(),
-            classifier,
-            detector,
-            voxel_size=config.voxel_size,
-            graph=config.graph,
-            seed=config.seed,
-            localisation=OdometryLocalisation() if is_told else Slam(),
-        )
-        super().__init__(config, explorer)
+        localisation = OdometryLocalisation() if is_told else Slam()
+        model, voxel_size, graph, seed = self.robot.model, config.voxel_size, config.graph, config.seed
+        mapper = Mapper(model, classifier, detector, voxel_size, graph, seed, localisation)
+        super().__init__(config, Explorer(self._recorded(), mapper))
         self.score = EpisodeScore(self.robot, self.explorer, fiducials)
         self.trajectory = self.score.trajectory
         self.recorder: EpisodeRecorder = EpisodeRecorder(self.robot, self.out / "episode.rrd", config.view)

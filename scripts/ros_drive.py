@@ -7,7 +7,7 @@ from typing import Any
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
 from pipeline.localisation.slam import Slam
-from pipeline.mapper import Keyframe
+from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.navigator import Outcome
 from pipeline.recording.live.node import Node
 from pipeline.recording.live.ros_robot import RosRobot
@@ -47,7 +47,8 @@ class RosDrive(Expedition):
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = replace(robot_model(config.robot), speed=config.speed)
         self.robot = RosRobot(node, model, config.topics, camera, config.patience)
-        super().__init__(config, Explorer(self.robot, classifier, detector, localisation=Slam()))
+        mapper = Mapper(self.robot.model, classifier, detector, localisation=Slam())
+        super().__init__(config, Explorer(self.robot, mapper))
         self.recorder = Recorder(self.out / "episode.rrd", None if config.view == "none" else Viewer(config.view))
         self.explorer.on_correction = self.recorder.log_correction
         self.robot.on_motion = self._log_motion

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer
 from pipeline.labels import COLOURS
+from pipeline.mapper import Mapper
 from pipeline.metric_map.io.octomap import voxel_labels
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.semantic_map.classifier import TruthClassifier
@@ -91,7 +92,7 @@ def to_pixels(points: NDArray) -> NDArray[np.int32]:
 def main() -> None:
     """Explore and draw."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    explorer, maps = Explorer(robot, TruthClassifier(), seed=0), PeriodicMaps(robot)
+    explorer, maps = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=0)), PeriodicMaps(robot)
     robot.on_motion = maps.step
     step = explorer.step()
     while step.plan is not None and len(maps.panels) < len(FRAMES):

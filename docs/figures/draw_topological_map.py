@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer, Step
 from pipeline.labels import COLOURS
+from pipeline.mapper import Mapper
 from pipeline.planning.path_plan import plan_path
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.topological_map.topological_map import TopologicalMap
@@ -63,7 +64,7 @@ class Picture:
 def explored() -> tuple[Explorer, Step]:
     """The NIST arena after an episode."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    explorer = Explorer(robot, TruthClassifier(), seed=0)
+    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=0))
     step = explorer.step()
     while step.plan is not None:
         explorer.drive(step)

@@ -17,11 +17,13 @@ class Face:
     """A convex plane face of a geom.
 
     Attributes:
+        geom: its id.
         label: of the geom.
         normal: (3,) outward, of length 1.
         outline: (N, 3) m in the world, in order around the face.
     """
 
+    geom: int
     label: Label
     normal: NDArray[np.float64]
     outline: NDArray[np.float64]
@@ -35,7 +37,7 @@ def true_faces(model: mujoco.MjModel, data: mujoco.MjData) -> list[Face]:
         vertices = _vertices(model, int(geom))
         if vertices is not None:
             world = vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-            faces += _faces(Label(labels[geom]), world)
+            faces += _faces(int(geom), Label(labels[geom]), world)
     return faces
 
 
@@ -49,12 +51,12 @@ def _vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64] | None:
     return mesh_vertices(model, geom) if kind == mujoco.mjtGeom.mjGEOM_MESH else None
 
 
-def _faces(label: Label, vertices: NDArray[np.float64]) -> list[Face]:
+def _faces(geom: int, label: Label, vertices: NDArray[np.float64]) -> list[Face]:
     """The faces of the convex hull of vertices; of four vertices in a plane, that one face upwards."""
     if len(vertices) == 4:
         normal = np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0])
-        return [Face(label, normal / np.linalg.norm(normal), vertices)]
-    return [Face(label, plane[:3], _outline(vertices, plane)) for plane in hull_planes(vertices)]
+        return [Face(geom, label, normal / np.linalg.norm(normal), vertices)]
+    return [Face(geom, label, plane[:3], _outline(vertices, plane)) for plane in hull_planes(vertices)]
 
 
 def _outline(vertices: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:

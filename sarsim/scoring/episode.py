@@ -12,7 +12,7 @@ from pipeline.segments.cells_kernels import moved
 from sarsim.ground_truth.faces import true_faces
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.fiducials import FiducialScore
-from sarsim.scoring.segments import score_segments
+from sarsim.scoring.segments import SegmentScore
 from sarsim.scoring.semantics import KeyframeTruth, compared
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import way_lengths
@@ -42,7 +42,7 @@ class EpisodeScore:
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
         self.coverage = Coverage(robot)
         self.surface = self.coverage.surface
-        self._faces = true_faces(model, data)
+        self._segments = SegmentScore(true_faces(model, data), are_whole=explorer.mapper.loaded > 0)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
         self._semantics = KeyframeTruth(explorer.mapper.observations)
         self.victims = VictimScore(model, data)
@@ -63,6 +63,7 @@ class EpisodeScore:
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
         self.coverage.see(points)
+        self._segments.add(points, truth.image.instance[truth.image.depth > 0])
         self.victims.add(truth.image)
         self.fiducials.add(keyframe.frame, keyframe.T_map_base)
         self.trajectory.add()
@@ -87,7 +88,7 @@ class EpisodeScore:
         stages = {
             "metric_map": self._voxels.report(),
             "semantic_map": compared(self._semantics.map_at(explorer.mapper.poses), explorer.mapper.semantic_map),
-            "segments": score_segments(explorer.mapper.segments, self._faces),
+            "segments": self._segments.report(explorer.mapper.segments),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),
             "navigation": self._navigation(),

@@ -1,27 +1,93 @@
-"""How well the robot's segments fit the true faces."""
+"""How well the robot's segments fit the true surfaces, as far as these came into view."""
 
+from collections import defaultdict
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from shapely import MultiPoint
+from numpy.typing import NDArray
+from scipy import ndimage
+from shapely import MultiPoint, Polygon
 
 from pipeline.segments.boxes import corners
 from pipeline.segments.segments import Segment, Segments
 from sarsim.ground_truth.faces import Face, plane_axes
 
 MAX_ANGLE = np.deg2rad(20)
-MAX_DISTANCE = 0.15  # m; a segment is compared with faces whose plane is no further from its middle
+MAX_DISTANCE = 0.15  # m; a segment is compared with surfaces whose plane is no further from its middle
+ONE_PLANE = 0.01
+"""m of the offset, and of the unit normal, between faces of one surface: nothing shows where a wall's panels end."""
+SHIFT = 0.37  # Of the classes that this makes, so that round numbers, as of panels, are not on the bound of two
+NEAR = 0.005  # m from a true face, of noise-free points on it
+STRIDE = 4  # Every how many returns surfaces are marked as seen
+CELL = 0.025  # m, of a surface
+CORNERS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])  # Of a cell
+GAP = 2  # Cells; parts of a surface that were seen no further from each other are one piece
+LEVEL = 0.99  # Vertical part of a normal beyond which a plane has no direction of ascent
 
 
-def score_segments(segments: Segments, faces: list[Face]) -> dict[str, Any]:
-    """Compare every segment with the true face of its label that it overlaps most."""
-    matches = [match for segment in segments if (match := _match(segment, faces)) is not None]
-    report: dict[str, Any] = {"planes": len(segments), "matched": len(matches)}
-    angles, ious = np.array(matches).reshape(-1, 2).T
-    return report | {
-        "angle_error_deg": {"median": float(np.median(np.degrees(angles))) if len(matches) else 180.0},
-        "boxes_iou": {"median": float(np.median(ious)) if len(matches) else 0.0},
-    }
+class SegmentScore:
+    """Collects what came into view of the true surfaces, and holds the robot's segments against it."""
+
+    def __init__(self, faces: list[Face], are_whole: bool = False) -> None:
+        """``are_whole``: take them for seen, because what an earlier episode saw of them is not known."""
+        self._whole = faces if are_whole else []
+        self._surfaces: dict[tuple[float, ...], _Surface] = {}
+        self._of_geom: dict[int, set[_Surface]] = defaultdict(set)
+        for face in faces:
+            plane = np.array([face.label, *face.normal, face.normal @ face.outline[0]])
+            surface = self._surfaces.setdefault(tuple(np.round(plane / ONE_PLANE + SHIFT)), _Surface(face))
+            self._of_geom[face.geom].add(surface)
+
+    def add(self, points: NDArray[np.float32], geoms: NDArray[np.int32]) -> None:
+        """Take noise-free returns into account, (N, 3) m in the world, and the geom (N,) that each is from."""
+        points, geoms = points[::STRIDE], geoms[::STRIDE]
+        for geom in np.intersect1d(geoms, list(self._of_geom)):
+            of_geom = points[geoms == geom]
+            for surface in self._of_geom[geom]:
+                surface.see(of_geom)
+
+    def report(self, segments: Segments) -> dict[str, Any]:
+        """Compare every segment with the piece of surface of its label that it overlaps most."""
+        faces = self._whole or [piece for surface in self._surfaces.values() for piece in surface.pieces()]
+        matches = [match for segment in segments if (match := _match(segment, faces)) is not None]
+        report: dict[str, Any] = {"planes": len(segments), "matched": len(matches)}
+        angles, ious = np.array(matches).reshape(-1, 2).T
+        return report | {
+            "angle_error_deg": {"median": float(np.median(np.degrees(angles))) if len(matches) else 180.0},
+            "boxes_iou": {"median": float(np.median(ious)) if len(matches) else 0.0},
+        }
+
+
+class _Surface:
+    """All faces of one label in one plane, and which cells of it came into view."""
+
+    def __init__(self, face: Face) -> None:
+        self._face = face
+        self._offset = face.normal @ face.outline[0]
+        self._axes = np.stack(plane_axes(face.normal), axis=1)
+        self._seen: set[complex] = set()
+
+    def see(self, points: NDArray[np.float32]) -> None:
+        """Mark the cells of those of (N, 3) points that lie on it."""
+        on = points[np.abs(points @ self._face.normal - self._offset) < NEAR]
+        self._seen.update(np.unique(np.floor(on @ self._axes / CELL) @ [1, 1j]).tolist())
+
+    def pieces(self) -> Iterator[Face]:
+        """Rectangles around what was seen of it: upright ones, or on level ground those of least area."""
+        seen = np.array(list(self._seen), complex)
+        cells = np.column_stack([seen.real, seen.imag]).astype(np.int64)
+        low = cells.min(axis=0, initial=0) - GAP
+        image = np.zeros(cells.max(axis=0, initial=0) - low + GAP, bool)
+        where = tuple((cells - low).T)
+        image[where] = True
+        pieces, count = ndimage.label(ndimage.binary_dilation(image, np.ones((GAP + 1, GAP + 1))))
+        for n in range(1, count + 1):
+            inside = MultiPoint(CELL * (cells[pieces[where] == n, None] + CORNERS).reshape(-1, 2))
+            around = inside.minimum_rotated_rectangle if abs(self._face.normal[2]) > LEVEL else inside.envelope
+            if isinstance(around, Polygon):
+                outline = np.array(around.exterior.coords)[:4] @ self._axes.T + self._offset * self._face.normal
+                yield Face(self._face.geom, self._face.label, self._face.normal, outline)
 
 
 def _match(segment: Segment, faces: list[Face]) -> tuple[float, float] | None:

@@ -21,6 +21,7 @@ from pipeline.explorer import Explorer
 from pipeline.files import whole_file
 from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
+from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import inverse
 from sarsim.arenas.load import load_arena
@@ -171,7 +172,7 @@ def _record(job: DriveJob, path: Path) -> int:
     with whole_file(path) as partial, DriveWriter(partial, job.settings, surface) as writer:
         recorder = _Recorder(robot, writer)
         robot.on_motion = recorder.watch
-        explorer = Explorer(robot, TruthClassifier(), seed=config.seed)
+        explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=config.seed))
         step = explorer.step()
         recorder.take(step.keyframe.frame)
         while step.plan is not None and explorer.steps < config.steps and len(writer) < job.frames:

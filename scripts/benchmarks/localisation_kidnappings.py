@@ -12,6 +12,7 @@ from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.localisation.odometry import LostError
 from pipeline.localisation.slam import Slam
+from pipeline.mapper import Mapper
 from pipeline.recording.map_file import load_keyframes
 from pipeline.robot import Velocity
 from pipeline.transforms import inverse
@@ -51,8 +52,8 @@ def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
 def placed(episode: Episode, folder: Path) -> Explorer:
     """One that knows where it is in the map."""
     robot, config = episode.robot, episode.config
-    explorer = Explorer(robot, episode.explorer.mapper.classifier, seed=config.seed, localisation=Slam())
-    mapper, frame = explorer.mapper, robot.sense()
+    mapper = Mapper(robot.model, episode.explorer.mapper.classifier, seed=config.seed, localisation=Slam())
+    explorer, frame = Explorer(robot, mapper), robot.sense()
     load_keyframes(folder / KEYFRAMES, mapper)
     mapper.localisation.set_down(robot.trajectory[-1].T_world_base)
     mapper.add(frame, mapper.localise(frame))

@@ -8,6 +8,7 @@ from rich.progress import Progress
 
 from pipeline.explorer import Explorer
 from pipeline.frame import Intrinsics
+from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
 from sarsim.robots.pose import Pose
@@ -47,7 +48,7 @@ def record(arena: str, seed: int, frames: int) -> Recording:
         InputError: the arena cannot be had.
     """
     robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
-    explorer = Explorer(robot, TruthClassifier(), seed=seed)
+    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=seed))
     album = _Album(robot, frames)
     robot.on_motion = album.take
     with Progress(transient=True) as progress:

@@ -6,12 +6,14 @@ import pytest
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import PATIENCE, Explorer
 from pipeline.frame import Frame
+from pipeline.mapper import Mapper
 from pipeline.mission import Goals
 from pipeline.navigation.navigator import Halt, Leg, Outcome
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
 
 
@@ -28,7 +30,7 @@ class PlacedRobot(StillRobot):
 
 @pytest.fixture
 def explorer():
-    return Explorer(PlacedRobot(), TruthClassifier())
+    return Explorer(PlacedRobot(), Mapper(PIONEER, TruthClassifier()))
 
 
 @pytest.mark.parametrize("freed", [True, False])

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.explorer import Explorer
 from pipeline.localisation.slam import Slam
+from pipeline.mapper import Mapper
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import inverse
@@ -31,7 +32,7 @@ def path(tmp_path_factory) -> Path:
     """The recording of two steps and a straight drive between them, by wheel odometry."""
     path = tmp_path_factory.mktemp("nist_6x4-3") / "episode.rrd"
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="wheel"), seed=3)
-    explorer = Explorer(robot, TruthClassifier(), seed=3)
+    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=3))
     recorder = EpisodeRecorder(robot, path)
     recorder.log_step(0, explorer, explorer.step())
     for _ in range(round(DRIVING_TIME / robot.control_period)):
@@ -109,7 +110,7 @@ def test_true_and_believed_way_differ_by_the_error(rows):
 def test_while_it_drives_the_robot_is_where_its_newest_keyframe_has_it(tmp_path):
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="wheel"), seed=3)
     slam = Slam()
-    explorer = Explorer(robot, TruthClassifier(), seed=3, localisation=slam)
+    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=3, localisation=slam))
     recorder = EpisodeRecorder(robot, tmp_path / "episode.rrd")
     believed, true = {}, {}
 

@@ -14,11 +14,13 @@ from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.labels import COLOURS, Label
 from pipeline.localisation.odometry import Loop
+from pipeline.mapper import Mapper
 from pipeline.recording.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
 from pipeline.victims.victim_map import Sighting
 from tests.pipeline.rescue_report.people import block, victim
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import WALL, StillRobot
 from tests.recordings import read
 
@@ -33,7 +35,7 @@ def recording(tmp_path_factory):
     """(explorer, steps, the file's rows) of a robot that takes three keyframes and moves after the first."""
     path = tmp_path_factory.mktemp("wall-0") / "episode.rrd"
     robot = StillRobot()
-    explorer = Explorer(robot, TruthClassifier())
+    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier()))
     steps = []
     recorder = Recorder(path)
     for index in range(STEPS):
@@ -252,7 +254,7 @@ def be_elsewhere(explorer, T):
 def corrected(tmp_path_factory):
     """(explorer, rows) of a robot that learns after two of its three steps, and again at the end, where it is."""
     path = tmp_path_factory.mktemp("wall-1") / "episode.rrd"
-    explorer = Explorer(StillRobot(), TruthClassifier(), detector=Blind())
+    explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier(), detector=Blind()))
     recorder = Recorder(path)
     explorer.on_correction = recorder.log_correction
     for index in range(STEPS):
@@ -330,7 +332,7 @@ def test_a_correction_moves_the_robot_and_its_way_but_drives_nowhere(corrected):
 
 def test_between_steps_the_newest_keyframe_tells_where_the_odometry_is(tmp_path):
     robot = StillRobot()
-    explorer = Explorer(robot, TruthClassifier())
+    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier()))
     recorder = Recorder(tmp_path / "episode.rrd")
     recorder.log_step(0, explorer, explorer.step())
     recorder.log_pose(0.2, pose(1))

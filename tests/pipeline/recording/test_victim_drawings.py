@@ -6,10 +6,12 @@ import pytest
 import rerun as rr
 
 from pipeline.explorer import Explorer
+from pipeline.mapper import Mapper
 from pipeline.recording.recorder import Recorder, victim_drawings
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.victims.detection.detection import Detection
 from tests.pipeline.rescue_report.people import block, victim, victims
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
 from tests.recordings import read
 
@@ -32,7 +34,7 @@ class Mistaken:
 def rows(tmp_path_factory):
     """The rows of a recording of one step, in which two people are known."""
     path = tmp_path_factory.mktemp("wall-0") / "episode.rrd"
-    explorer = Explorer(StillRobot(), TruthClassifier(), detector=Mistaken())
+    explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier(), detector=Mistaken()))
     step = explorer.step()
     explorer.mapper.victims.all = [BOB, ALICE]
     recorder = Recorder(path)

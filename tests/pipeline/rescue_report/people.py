@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer
+from pipeline.mapper import Mapper
 from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.victims.detection.detection import Detection
@@ -51,7 +52,8 @@ def before_a_wall(found: Victims | None, *, finished: bool = True) -> Situation:
         found: the people it knows; None if it has no detector.
         finished: whether no viewpoint is left.
     """
-    explorer = Explorer(StillRobot(), TruthClassifier(), detector=None if found is None else BlindDetector())
+    mapper = Mapper(PIONEER, TruthClassifier(), None if found is None else BlindDetector())
+    explorer = Explorer(StillRobot(), mapper)
     step = explorer.step()
     explorer.mapper.victims = found or Victims()
     return situation_of(explorer.mapper, PIONEER, [step.keyframe.T_map_base], HEIGHT, finished)

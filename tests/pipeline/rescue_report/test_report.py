@@ -8,15 +8,17 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
+from pipeline.mapper import Mapper
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import TruthClassifier
 from tests.pipeline.rescue_report.html_page import read
 from tests.pipeline.rescue_report.people import before_a_wall
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
 
 
 def test_the_last_step_tells_whether_a_viewpoint_is_left() -> None:
-    explorer = Explorer(StillRobot(), TruthClassifier())
+    explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
     report, step = RescueReport(explorer), explorer.step()
     report.add(step)
     assert step.viewpoint is not None

@@ -14,9 +14,9 @@ import mujoco.viewer
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.frame import Frame
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
+from pipeline.metric_map.specks import without_specks
 from pipeline.navigation.lookout import is_keyframe
 from pipeline.recording.results import save_maps
 from pipeline.robot import Velocity
@@ -173,20 +173,22 @@ class MappedDrive:
         self.limits = robot.robot.drive.limits
         self.mapper = Mapper(robot.model, classifier, localisation=Slam())
         robot.on_motion = recorder.log_motion
-        frame = robot.sense()
-        self.mapper.assume_ground(self.mapper.localise(frame))
-        self._add(frame)
+        self._add_keyframe()
 
     def drive(self, command: Velocity) -> None:
         """Obey for one control period, and take a keyframe when the robot has come far enough."""
         motion = self._robot.drive(command)
         if is_keyframe(self._T_odom_keyframe, motion.T_odom_base):
-            self._add(self._robot.sense())
+            self._add_keyframe()
 
-    def _add(self, frame: Frame) -> None:
+    def _add_keyframe(self) -> None:
+        frame = without_specks(self._robot.sense())
         if correction := self.mapper.settle():
             self._recorder.log_correction(correction)
-        keyframe = self.mapper.add(frame, self.mapper.localise(frame))
+        T_map_base = self.mapper.localise(frame)
+        if not self.mapper.keyframes:
+            self.mapper.assume_ground(T_map_base)
+        keyframe = self.mapper.add(frame, T_map_base)
         self._recorder.log_keyframe(keyframe.index, self.mapper, keyframe, self._robot.model.camera_range[1])
         self._T_odom_keyframe = frame.T_odom_base
 

@@ -32,7 +32,7 @@ class EpisodeScore:
         victims: which of them came into view.
         fiducials: where the tags on the walls were seen.
         trajectory: where the robot believes to have been.
-        progress: after each step, s since the start and the share of the drivable area that was seen.
+        progress: at each keyframe, s since the start and the share of the drivable area that was seen.
     """
 
     def __init__(self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: NDArray[np.float64]):
@@ -63,6 +63,7 @@ class EpisodeScore:
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
         self.coverage.see(points)
+        self.progress.append((self._robot.time - self._start_time, self.coverage.fraction))
         self._segments.add(points, truth.image.instance[truth.image.depth > 0])
         self.victims.add(truth.image)
         self.fiducials.add(keyframe.frame, keyframe.T_map_base)
@@ -76,7 +77,6 @@ class EpisodeScore:
         assert truth is not None
         self._kidnaps += step.was_kidnapped
         self._frontiers_left = len(step.frontiers)
-        self.progress.append((self._robot.time - self._start_time, self.coverage.fraction))
         if step.plan is not None and step.plan.length > 0.1:
             self._cost_ratios.append(
                 step.plan.length / self._optimum(truth.T_world_base[:2, 3], step.plan.way_points[-1, :2])

@@ -18,7 +18,7 @@ from pipeline.errors import InputError
 
 MOST_BYTES = 4_000_000_000  # Largest size of the arrays in a file, unpacked
 GOOD = "good"  # Answer of a separate process that found nothing wrong
-MOST_SAID = 4096  # Longest answer of a separate process, in bytes: a pipe takes so much at once
+MOST_SAID = 4096  # Longest answer of a separate process, in bytes, that a pipe takes at once
 
 
 @contextmanager

@@ -37,7 +37,7 @@ from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.victim_map import Victims
 
 START_RADIUS = 0.5
-"""m, radius around a set-down robot of ground taken for flat until it is seen: the camera sees none within 1 m."""
+"""m; ground this close to a robot that was set down is taken for flat until seen: the camera sees none within 1 m."""
 START_AHEAD, START_WIDTH = 1.4, 0.8
 """m, length and width of a strip before the robot that is taken for flat as well."""
 NOTICEABLE = 0.01, np.deg2rad(0.5)
@@ -172,7 +172,7 @@ class Mapper:
 
     @property
     def traversability(self) -> Traversability:
-        """Where the robot may drive by all keyframes so far, judged anew where the ground changed."""
+        """Where the robot may drive by all keyframes so far, updated where the ground changed."""
         with self.stopwatch("traversability"):
             return self._traversability_layer.update(self.elevation_map)
 
@@ -345,7 +345,7 @@ class Mapper:
             self.semantic_map.update(points, observation.probabilities, observation.hits)
 
     def connect(self, keyframe: Keyframe, paths: PosePaths) -> None:
-        """Renew the topological map on the ground that ``paths`` reach, with what a keyframe shows."""
+        """Update the topological map to the ground that ``paths`` reach and to the planes of a keyframe."""
         with self.stopwatch("topological_map"):
             self.topological_map.update(keyframe.patches, self.segments, paths)
 

@@ -118,8 +118,8 @@ def expected_depths(
     """Depths in the map before a camera that is off by up to SHIFT, at the middle of every tile (H / TILE, W / TILE).
 
     Returns:
-        m along the optical axis: the least depth up to which space is free, and the greatest at which a surface ends
-        it, infinite if from any of the poses none is known to.
+        m along the optical axis: the least depth up to which space is free, and the greatest at which the ray meets a
+        surface; infinite if it meets none from one of the positions.
     """
     middle = frame.intrinsics.rays[TILE // 2 :: TILE, TILE // 2 :: TILE].astype(np.float64)
     shape, size = middle.shape[:2], metric_map.voxel_size

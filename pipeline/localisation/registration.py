@@ -200,7 +200,7 @@ class _Pairs:
     def tell(self, rows: NDArray[np.bool_] | EllipsisType = ...) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(6, 6) information of the pose and (6,) information vector by the pairs in ``rows`` (P,).
 
-        Directions of which noise feigns the information are left out.
+        Directions whose information comes from noise alone are left out.
         """
         (J_n, r_n), (J_m, r_m) = ((J[rows], residual[rows]) for J, residual in self.rows)
         lever = np.repeat([LEVER, 1.0], 3)

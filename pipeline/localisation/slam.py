@@ -2,7 +2,7 @@
 
 The thesis leaves this to RTAB-Map. Each frame is registered with the surfaces that earlier keyframes saw, and each
 keyframe joins a pose graph, with a constraint to each of those. A loop is closed where the robot comes back to
-keyframes whose positions relative to it are too uncertain to register with them as usual.
+keyframes whose relative position is too uncertain to register frames with them directly.
 """
 
 from collections.abc import Sequence

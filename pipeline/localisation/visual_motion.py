@@ -24,7 +24,7 @@ def visual_motion(before: Frame, after: Frame) -> NDArray[np.float64] | None:
     """4×4 ``T_before_after`` of the camera; None where too few corners agree.
 
     Corners with depth in the first frame are tracked into the second by optical flow (Lucas and Kanade). RANSAC
-    finds the pose that explains where they are there.
+    finds the pose that explains their pixels in the second.
     """
     first, second = (cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY) for frame in (before, after))
     corners = cv2.goodFeaturesToTrack(first, MOST_CORNERS, QUALITY, APART, mask=before.returns.astype(np.uint8))

@@ -17,7 +17,7 @@ from pipeline.transforms import angle_of, inverse, yaw_of
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
 """m and rad that the robot drives or turns from one keyframe to the next."""
 LABELLED = 6
-"""One of so many keyframes is labelled during a drive: the network is the slowest stage."""
+"""During a drive one keyframe in this many is labelled: the network is the slowest stage."""
 LOOKS = 8
 """Number of frames that a robot takes around itself when its pose is in doubt."""
 UNSURE = 0.98, 0.7

@@ -266,7 +266,7 @@ class Navigator:
         return Outcome.REACHED
 
     def _back_out(self, T_held: NDArray[np.float64], command: Velocity) -> bool:
-        """Drive back the way the robot came, for it was free; returns whether it drove back at least half of that."""
+        """Reverse the last motion, for its way was free; True if more than half of the drive back was possible."""
         model, turns = self.robot.model, isinstance(command, Turn)
         if turns:
             rate = model.ramp_turn_rate

@@ -55,7 +55,7 @@ class Cover:
     def update(
         self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
     ) -> NDArray[np.bool_]:
-        """Update to the ground; only the view of nodes with a changed cell in their window is computed again.
+        """Update the layers; what a node sees is computed again only if a cell in its window changed.
 
         Args:
             traversability: of the ground.

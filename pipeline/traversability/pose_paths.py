@@ -17,7 +17,7 @@ SNAP = 0.5
 ESCAPE, ESCAPE_FACTOR = 0.8, 5.0
 """m that a robot with too little clearance may drive despite that, and by how much such moves cost more."""
 FIRST_HORIZON, GROWTH = 4.0, 1.5
-"""s, cost up to which the search for a place first goes, and the factor by which it goes on until it gets there."""
+"""s, limit of the cost in the first search for a place, and the factor by which the limit grows until it is found."""
 SHORTEST = 0.95
 """Least time of any way relative to a straight drive at full speed: less than 1, since moves take whole ticks."""
 ENTRIES = 1 << 16
@@ -44,7 +44,7 @@ class Way:
 class PosePaths:
     """Cheapest ways over poses from one, or from the nearest of several places.
 
-    The search goes only as far as asked for: its time depends on the costs asked about, not on the size of the map.
+    The search goes only as far as needed: its time depends on the distance of the places asked for, not on the map.
 
     Attributes:
         traversability: of the ground.

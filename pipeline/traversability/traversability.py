@@ -38,7 +38,7 @@ LEAST = 0.04
 LEAST_DRIVEN = -0.03
 """m, least clearance where the middle of the robot has been, so that noise of later keyframes does not shut it in."""
 TALL = 0.4
-"""m above the ground around it, from which height on a hazard hides what is behind it."""
+"""m; a hazard that is higher than this above the ground around it hides what is behind it."""
 WALL_GAP = 5
 """Cells along each side of a window; for rays, an unseen cell is as high as the highest hazard in its window."""
 

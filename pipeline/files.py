@@ -72,7 +72,7 @@ def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:
         The first ``MOST_SAID`` bytes of the answer; empty if the process exceeded a limit, or crashed.
     """
     reading, writing = os.pipe()
-    child = os.fork()  # spawning takes a second, and multiprocessing's workers may not use it for children
+    child = os.fork()  # spawning takes a second, and multiprocessing's daemonic workers may not start processes
     if not child:
         try:
             _limit(seconds, memory)

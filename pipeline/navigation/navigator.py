@@ -174,7 +174,7 @@ class Navigator:
 
     def _approach(self, T: NDArray[np.float64], target: NDArray[np.float64], backwards: bool) -> Iterator[Velocity]:
         """Commands that turn the robot to the way point and drive it there."""
-        # Before the turn, in which the robot slides: the bearing of a near way point would change as well.
+        # The bearing before the turn: while the robot slides in the turn, that of a near way point changes as well.
         heading = _bearing(T[:2, 3], target) + np.pi * backwards
         if abs(wrap_angle(heading - yaw_of(T))) > (TURN_LIMIT if self._on_ramp else SWERVE):
             yield from self._turn_to(heading)

@@ -1,5 +1,4 @@
 """The robot's own software: from RGB-D frames to maps, a plan and velocity commands.
 
-It knows neither MuJoCo nor the simulator:
-whatever implements :class:`pipeline.robot.Robot` can carry it.
+It knows neither MuJoCo nor the simulator: any robot that implements :class:`pipeline.robot.Robot` can use it.
 """

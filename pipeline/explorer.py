@@ -26,7 +26,7 @@ from pipeline.traversability.traversability import Traversability
 from pipeline.victims.reobservation import Reobservation
 
 PATIENCE = 6
-"""Failed drives since one last brought the robot further than ``KIDNAPPED``, after which it stays."""
+"""Failed drives, counted since a drive last moved the robot by more than ``KIDNAPPED``, after which it stays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +34,13 @@ class Step:
     """What a step has found out and decided.
 
     Attributes:
-        keyframe: what was sensed, and what came of it.
-        context: on which the decision was made.
-        viewpoint: where to go next; None if nothing is left to go for.
-        plan: the way there.
+        keyframe: what was sensed, with its labels, planes and detections.
+        context: what the decision was based on.
+        viewpoint: where to go next; None if no viewpoint is left.
+        plan: the way to the viewpoint.
         frontiers: (N, 3) centres of the frontiers left, m in ``map``.
-        can_drive: whether the robot stands where it can drive, and was not held again and again.
-        was_kidnapped: whether the robot is elsewhere than it drove since the last step.
+        can_drive: whether the robot stands where it can drive and is not held.
+        was_kidnapped: whether the robot was carried elsewhere since the last step.
     """
 
     keyframe: Keyframe
@@ -64,11 +64,11 @@ class Explorer:
         robot: the body.
         mapper: all maps.
         mission: what to do next.
-        navigator: drives.
-        lookout: looks around meanwhile.
-        track: (N, 2) m in ``map``, where the robot has been since it was set down.
-        steps: how many were made.
-        on_correction: called when the maps were made anew with corrected poses of the keyframes.
+        navigator: drives the robot.
+        lookout: takes frames, also during a drive.
+        track: (N, 2) m in ``map``, positions of the robot since it was set down.
+        steps: number of steps so far.
+        on_correction: called after the maps were made anew with corrected poses of the keyframes.
     """
 
     def __init__(self, robot: Robot, mapper: Mapper):
@@ -86,7 +86,7 @@ class Explorer:
         self._failed_drives = 0
 
     def step(self) -> Step:
-        """Sense, localise, map, decide where to go next and plan the way there."""
+        """Sense, localise, map, decide where to go next and plan the way."""
         self.settle()
         frame = self.lookout.sense()
         if was_set_down := self.lookout.was_set_down(frame):
@@ -105,9 +105,9 @@ class Explorer:
         return Step(keyframe, context, viewpoint, plan, frontiers, can_drive, was_kidnapped)
 
     def drive(self, step: Step) -> bool:
-        """Follow the plan of a step and turn to its viewpoint; True if all of it was reached.
+        """Follow the plan of a step and turn to the viewpoint's heading; True if the robot got there.
 
-        The robot stops where something stands in its way that the map does not show: the next step plans anew.
+        The robot stops before an obstacle that the map does not show: the next step plans anew.
         """
         if step.viewpoint is None or step.plan is None:
             return False
@@ -140,13 +140,13 @@ class Explorer:
 
     @property
     def is_held(self) -> bool:
-        """Whether drive after drive failed since the robot last got anywhere."""
+        """Whether ``PATIENCE`` drives failed since the robot last moved away from where it was."""
         return self._failed_drives >= PATIENCE
 
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
-        """Where to go, and the context in which that was decided."""
+        """The viewpoint to go to, None if there is none, and the context of the decision."""
         T_map_base = keyframe.T_map_base
-        # What failed is not tried again in the same way.
+        # After failed drives clearance weighs more, so that the same way is not tried again.
         caution = 1.0 + self._failed_drives
         paths = PosePaths(self.mapper.traversability, T_map_base[:2, 3], yaw_of(T_map_base), caution)
         context = Context(keyframe.frame, T_map_base, self.mapper.elevation_map.measured, paths)
@@ -167,15 +167,15 @@ class Explorer:
         return plan_path(self.mapper.topological_map, context.paths, viewpoint.position, heading)
 
     def _learn_from_drive(self, obstacles: NDArray[np.float32]) -> None:
-        """Tell the mapper what stood in the way (N, 3), where the robot was and what it touched."""
+        """Pass obstacles (N, 3), the track of the drive and what the robot touched on to the mapper."""
         track = np.array(self.navigator.track).reshape(-1, 2)
-        # An obstacle beside a robot that cannot leave would only shut it in.
+        # If the robot did not get free, an obstacle mapped beside it would only shut it in.
         halts = [halt for halt in self.navigator.halts if halt.touches]
         self.mapper.add_drive(track, obstacles, [touched(halt, self.robot.model) for halt in halts])
         self.track = np.vstack([self.track, track])
 
     def settle(self) -> bool:
-        """Correct the keyframes' poses; maps, and what is known by its place in them, follow. Whether any moved."""
+        """Correct the keyframes' poses, the maps and all places in them; True if any moved noticeably."""
         correction = self.mapper.settle()
         if correction is not None:
             self.mission.exploration.correct(correction)

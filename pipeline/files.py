@@ -1,4 +1,4 @@
-"""Files that are either whole or not there, arrays in them, and a process apart to try strangers' files in."""
+"""Write files whole or not at all, read arrays from files, and try untrusted files in a separate process."""
 
 import os
 import resource
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
-MOST_BYTES = 4_000_000_000  # of the arrays in a file, unpacked
-GOOD = "good"  # what a process answers that found nothing wrong
-MOST_SAID = 4096  # Longest answer of a process, in bytes, that a pipe takes at once
+MOST_BYTES = 4_000_000_000  # Largest size of the arrays in a file, unpacked
+GOOD = "good"  # Answer of a separate process that found nothing wrong
+MOST_SAID = 4096  # Longest answer of a separate process, in bytes, that a pipe takes at once
 
 
 @contextmanager
@@ -40,7 +40,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
-    """The arrays (of any shape and unit) in a ``.npz``, by name; ``what`` it should be is told where it is not.
+    """The arrays (of any shape and unit) in a ``.npz``, by name; ``what`` names the kind of file in error messages.
 
     Raises:
         InputError: it is missing or damaged.
@@ -61,18 +61,18 @@ def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
 
 
 def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:
-    """What an action says in a process of its own, which does no harm where a library hangs or crashes.
+    """Run an action in a process of its own, so that a library that hangs or crashes does no harm.
 
     Args:
-        action: tells in words.
-        seconds: of processor time; a process that takes none waits for something, ten times as long.
-        memory: bytes beyond what this process has.
+        action: returns its answer as text.
+        seconds: limit of processor time; the wall time is limited to ten times as much, for a process may wait.
+        memory: limit in bytes beyond what this process has.
 
     Returns:
-        The beginning of its answer; nothing if it took more, or crashed.
+        The first ``MOST_SAID`` bytes of the answer; empty if the process exceeded a limit, or crashed.
     """
     reading, writing = os.pipe()
-    child = os.fork()  # another way to start a process takes a second, and workers may have none of multiprocessing's
+    child = os.fork()  # spawning takes a second, and multiprocessing's daemonic workers may not start processes
     if not child:
         try:
             _limit(seconds, memory)
@@ -90,9 +90,9 @@ def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:
 
 
 def _limit(seconds: int, memory: int) -> None:
-    """Let this process take no more; it is of no other use afterwards, and silent."""
+    """Limit the processor time (s) and the memory (bytes) of this process for good, and silence its stderr."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-    with suppress(OSError, ValueError):  # elsewhere than on Linux time is limited alone
+    with suppress(OSError, ValueError):  # without Linux's /proc only the time is limited
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))

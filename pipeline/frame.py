@@ -32,8 +32,8 @@ class Intrinsics:
             points: (N, 3) m in ``camera_optical``.
 
         Returns:
-            (N, 2) int64 row and column, and (N,) bool, whether that pixel shows the point: whether the point lies
-            before the camera and within the image. The pixels of other points mean nothing.
+            (N, 2) int64 row and column, and (N,) bool, whether the point lies before the camera and within the
+            image. The pixels of other points are meaningless.
         """
         depth = np.maximum(points[:, 2], 1e-6)
         column = np.floor(points[:, 0] / depth * self.fx + self.cx).astype(np.int64)
@@ -44,7 +44,7 @@ class Intrinsics:
 
 @lru_cache(maxsize=8)
 def _rays(k: Intrinsics) -> NDArray[np.float32]:
-    """One for all cameras that are alike: a map that was loaded has one for each keyframe."""
+    """Rays of equal cameras are computed once: a loaded map has an ``Intrinsics`` for each keyframe."""
     v, u = np.mgrid[0.5 : k.height, 0.5 : k.width]
     return np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1).astype(np.float32)
 

@@ -1,4 +1,4 @@
-"""Regular grids over the xy plane of ``map``: where cells lie, and named layers that grow and tell what changed."""
+"""Regular grids over the xy plane of ``map``: where cells lie, and named layers that grow and track their changes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class Grid:
         return np.asarray(self.low * self.cell, np.float64)
 
     def cell_of(self, xy: ArrayLike) -> NDArray[np.int64]:
-        """(..., 2) elements that hold the points (..., 2 or 3); may lie outside the grid."""
+        """(..., 2) indices of the elements that hold the points (..., 2 or 3), m; may lie outside the grid."""
         return np.floor((np.asarray(xy)[..., :2] - self.origin) / self.cell).astype(np.int64)
 
     def centre_of(self, cells: ArrayLike) -> NDArray[np.float64]:
@@ -53,7 +53,7 @@ class Grid:
         return np.where(inside, layer[cells[..., 0], cells[..., 1]], layer.dtype.type(outside))
 
     def mask_of(self, xy: ArrayLike) -> NDArray[np.bool_]:
-        """(nx, ny) the cells that hold points (N, 2 or 3), m; what lies beyond the grid is left out."""
+        """(nx, ny) the cells that hold points (N, 2 or 3), m; points beyond the grid are left out."""
         cells = self.cell_of(xy)
         i, j = cells[((cells >= 0) & (cells < self.shape)).all(axis=1)].T
         mask = np.zeros(self.shape, np.bool_)
@@ -63,7 +63,7 @@ class Grid:
     def distance_to(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(nx, ny) m from every cell to the nearest of the mask, from centre to centre; infinite if it is empty."""
         if not mask.any():
-            # SciPy would measure from a place beside the first cell.
+            # For an empty mask SciPy would measure from a place beside the first cell.
             return np.full(mask.shape, np.inf)
         distance: NDArray[np.float64] = ndimage.distance_transform_edt(~mask) * self.cell
         return distance
@@ -71,7 +71,7 @@ class Grid:
     def nearest(self, mask: NDArray[np.bool_], xy: ArrayLike, within: float) -> NDArray[np.float64] | None:
         """(2,) the point itself if its cell is in the mask, or else the centre of the nearest such cell.
 
-        None if there is none ``within`` so many metres.
+        None if the mask has no cell ``within`` this distance, m.
         """
         xy = np.asarray(xy, np.float64)[:2]
         if self.at(mask, xy, outside=0):
@@ -88,7 +88,7 @@ class Grid:
         return Grid(self.low + np.array([i[0], j[0]]), self.cell, (i[1] - i[0], j[1] - j[0]))
 
     def box_of(self, part: "Grid") -> Box:
-        """Where another grid of the same cells lies that this one holds whole."""
+        """The box of another grid of the same cells that lies entirely within this one."""
         i, j = (slice(int(s), int(s) + n) for s, n in zip(part.low - self.low, part.shape, strict=True))
         return i, j
 
@@ -103,9 +103,9 @@ class Layer:
 
     Attributes:
         dtype: of its values.
-        fill: value of a cell of which nothing is known.
+        fill: value of an unknown cell.
         per_cell: shape of a cell's value; () is a single number.
-        in_place: its owner changes the array itself: it is not copied, and no changes of it are told.
+        in_place: its owner changes the array itself: it is not copied, and its changes are not tracked.
     """
 
     dtype: DTypeLike
@@ -114,19 +114,19 @@ class Layer:
     in_place: bool = False
 
     def array(self, shape: tuple[int, int]) -> NDArray:
-        """(nx, ny, ...) cells of which nothing is known."""
+        """(nx, ny, ...) array of unknown cells."""
         return np.full((*shape, *self.per_cell), self.fill, self.dtype)
 
 
 class GridMap:
     """Named layers on one grid that grows; beyond it every cell holds its layer's ``fill``.
 
-    Arrays that were given out stay as they were, since a layer is copied before it is written, unless it is one that
-    is changed in place.
+    Arrays that were given out stay as they were, since a layer is copied before it is written, unless it is changed
+    in place.
 
     Attributes:
         grid: where the cells lie now.
-        revision: counts growth and the writes that changed anything.
+        revision: number of times that the grid grew or a write changed any value.
     """
 
     def __init__(self, cell: float, layers: Mapping[str, Layer]):
@@ -157,7 +157,7 @@ class GridMap:
         self._grow(grid.low, grid.low + grid.shape)
 
     def write(self, name: str, values: ArrayLike, where: Box | NDArray | tuple | EllipsisType = ...) -> None:
-        """Set a layer (nx, ny), or the cells of it that ``where`` selects as an index of the array does."""
+        """Set a layer (nx, ny), or only its cells that ``where`` selects, an index of the array."""
         old = self._layers[name]
         values = np.asarray(values, old.dtype)
         differs = old[where] != values
@@ -183,7 +183,7 @@ class GridMap:
         return reduce(np.maximum, stamps) > revision
 
     def _grow(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
-        """Let the grid reach from cell ``low`` up to before cell ``high``, (2,) absolute indices, and further."""
+        """Grow to hold the cells from ``low`` up to but not including ``high``, (2,) absolute indices."""
         old = self.grid
         if all(old.shape):
             low, high = np.minimum(low, old.low), np.maximum(high, old.low + old.shape)
@@ -199,7 +199,7 @@ class GridMap:
 
 
 def _grown(values: NDArray, layer: NDArray, box: Box) -> NDArray:
-    """The larger layer with the values in a box of it."""
+    """The larger ``layer`` with the old ``values`` in its ``box``."""
     layer[box] = values
     return layer
 
@@ -221,6 +221,6 @@ def box_around(mask: NDArray[np.bool_], margin: int) -> Box:
 
 
 def inside(inner: Box, outer: Box) -> Box:
-    """A box as seen from the first corner of another one that holds it."""
+    """The box ``inner`` in indices from the first corner of the box ``outer``, which holds it."""
     i, j = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(inner, outer, strict=True))
     return i, j

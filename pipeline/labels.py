@@ -1,4 +1,4 @@
-"""What a point can belong to."""
+"""The semantic classes of points."""
 
 from enum import IntEnum
 
@@ -21,7 +21,7 @@ class Label(IntEnum):
 THESIS_FOUR = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)
 PLANAR = (*THESIS_FOUR, Label.CEILING)  # Classes made of planes
 
-RAMP_TILT = np.deg2rad(8)  # rad; ground that leans more is a ramp
+RAMP_TILT = np.deg2rad(8)  # rad; steeper ground is a ramp
 
 COLOURS = np.array(
     [

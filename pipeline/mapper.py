@@ -37,11 +37,11 @@ from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.victim_map import Victims
 
 START_RADIUS = 0.5
-"""m around a robot that was set down; taken for flat until it is seen: the camera sees no ground nearer than 1 m."""
+"""m; ground this close to a robot that was set down is taken for flat until seen: the camera sees none within 1 m."""
 START_AHEAD, START_WIDTH = 1.4, 0.8
-"""m, length and width of a strip before it that is taken for flat as well."""
+"""m, length and width of a strip before the robot that is taken for flat as well."""
 NOTICEABLE = 0.01, np.deg2rad(0.5)
-"""m and rad that a keyframe's pose is corrected by before the maps are made anew."""
+"""m and rad; if a correction moves no keyframe by more than this, the maps stay as they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +51,11 @@ class Keyframe:
     Attributes:
         frame: what the camera saw.
         T_map_base: 4×4 pose of the robot at that moment, as localised.
-        points: (N, 3) float32 the returns in ``map``, m; none if it was not labelled.
-        labels: (N,) uint8 their classes.
-        patches: the planes in it.
+        points: (N, 3) float32 the returns in ``map``, m; empty if the frame was not labelled.
+        labels: (N,) uint8 classes of the points.
+        patches: planes among the points.
         detections: people in the image, by their colours alone.
-        index: of its pose among those of all keyframes.
+        index: number of the keyframe, its index in ``Mapper.poses``.
     """
 
     frame: Frame
@@ -69,16 +69,16 @@ class Keyframe:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What is kept of a keyframe, told from its own pose: all that the maps need to be made again with other poses.
+    """What is kept of a keyframe, relative to its own pose: enough to make the maps again with other poses.
 
     Attributes:
         depth: (H, W) uint16, see :func:`pack_depth`.
-        intrinsics: of it.
+        intrinsics: of the depth image.
         T_base_camera: 4×4.
         points: (N, 3) float32 the returns in ``base_link``, m, thinned to the voxels of the semantic
-            map, or half the cells of the elevation map if it was not labelled.
-        hits: (N,) uint32, how many returns each of these is the mean of.
-        probabilities: (N, 8) uint8, 1/255, of their classes; None if it was not labelled.
+            map, or to half a cell of the elevation map if the frame was not labelled.
+        hits: (N,) uint32 number of returns that each point is the mean of.
+        probabilities: (N, 8) uint8, 1/255, of the points' classes; None if the frame was not labelled.
     """
 
     depth: NDArray[np.uint16]
@@ -90,7 +90,7 @@ class Observation:
 
     @property
     def frame(self) -> Frame:
-        """The depth alone, of no time and place."""
+        """A frame of the depth alone, without colours, time and pose."""
         no_colour = np.zeros((0, 0, 3), np.uint8)
         return Frame(0.0, no_colour, unpack_depth(self.depth), self.intrinsics, self.T_base_camera, np.eye(4))
 
@@ -99,7 +99,7 @@ class Stopwatch:
     """Collects the wall time of named stages.
 
     Attributes:
-        seconds: one entry for every time that a stage ran, by its name.
+        seconds: one entry for each run of a stage, by the stage's name.
     """
 
     def __init__(self) -> None:
@@ -107,7 +107,7 @@ class Stopwatch:
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        """Time the block under it."""
+        """Time the block of a ``with`` statement."""
         begin = perf_counter()
         yield
         self.seconds[stage].append(perf_counter() - begin)
@@ -118,10 +118,10 @@ class Mapper:
 
     Attributes:
         observations: what is kept of each keyframe.
-        poses: (N, 4, 4) where each was taken, ``T_map_base``.
-        poses_added: (N, 4, 4) where each was believed to be when it was added.
-        ground: what is known of it, each with the number of the keyframe that it was seen from.
-        loaded: how many keyframes are of an earlier episode.
+        poses: (N, 4, 4) ``T_map_base`` of each keyframe.
+        poses_added: (N, 4, 4) ``T_map_base`` of each keyframe as estimated when it was added.
+        ground: evidence of the ground, each with the number of the keyframe that it belongs to.
+        loaded: number of keyframes from an earlier episode.
         stopwatch: the time that each stage took.
     """
 
@@ -140,11 +140,11 @@ class Mapper:
         Args:
             robot: decides what is traversable.
             classifier: labels the points.
-            detector: of victims; without one the maps hold none.
+            detector: of victims; without a detector the maps hold no victims.
             voxel_size: of the metric map, m.
             graph: what plans are made on: ``mst``, the thesis's tree, or ``roadmap``, which adds loops.
             seed: of RANSAC.
-            localisation: tells where frames were taken; by default the odometry does.
+            localisation: gives the poses of frames; by default those of the odometry.
         """
         self.classifier, self.detector = classifier, detector
         self.localisation: Localisation = localisation or OdometryLocalisation()
@@ -167,18 +167,18 @@ class Mapper:
 
     @property
     def keyframes(self) -> int:
-        """How many are in the maps."""
+        """Number of keyframes in the maps."""
         return len(self.observations)
 
     @property
     def traversability(self) -> Traversability:
-        """Where the robot may drive by all keyframes so far, judged anew where the ground changed."""
+        """Where the robot may drive by all keyframes so far, updated where the ground changed."""
         with self.stopwatch("traversability"):
             return self._traversability_layer.update(self.elevation_map)
 
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
-        """4×4 pose of the first keyframe of this episode; None before it."""
+        """4×4 pose of the first keyframe of this episode; None if it has none yet."""
         return self.poses[self.loaded] if self.keyframes > self.loaded else None
 
     def restore(
@@ -188,9 +188,10 @@ class Mapper:
         T_map_base: NDArray[np.float64],
         T_map_base_added: NDArray[np.float64],
     ) -> None:
-        """Begin with what an earlier episode kept of its (K, 4, 4) keyframes, and make every map of it.
+        """Begin with the keyframes of an earlier episode, and make every map of them.
 
-        Localisation, segments and victims must have been restored before. The parameters are attributes.
+        Localisation, segments and victims must have been restored before. The parameters are the earlier mapper's
+        ``observations``, ``ground``, ``poses`` and ``poses_added``, the last two (K, 4, 4).
         """
         self.observations, self.ground, self.loaded = observations, ground, len(observations)
         self.poses, self.poses_added, self._newest_at_drive = T_map_base, T_map_base_added, self.loaded
@@ -202,9 +203,9 @@ class Mapper:
             return self.localisation.localise(frame)
 
     def assume_ground(self, T_map_base: NDArray[np.float64]) -> None:
-        """Take the ground around a robot that was just set down, and before it, for flat until it is seen.
+        """Take the ground around and before a robot that was just set down for flat until it is seen.
 
-        It is put into the map with the next keyframe.
+        The next keyframe puts this ground into the elevation map.
         """
         self._set_down = T_map_base
 
@@ -217,7 +218,7 @@ class Mapper:
             self.localisation.add(frame, T_map_base)
         with self.stopwatch("observation"):
             depth = pack_depth(frame.depth)
-            # What is made of the frame now and what is made again of its packed depth are the same.
+            # Maps made now and maps made again of the packed depth must be the same.
             frame = replace(frame, depth=unpack_depth(depth))
             points = frame.points(frame.T_base_camera)
             cloud = VoxelCloud.of(points, VOXEL if labelled else CELL / 2)
@@ -234,7 +235,7 @@ class Mapper:
         return self._label(keyframe, points, cloud) if labelled else keyframe
 
     def _label(self, keyframe: Keyframe, points: NDArray[np.float32], cloud: VoxelCloud) -> Keyframe:
-        """Take the newest keyframe, with (N, 3) returns in ``base_link``, into the maps that know classes as well."""
+        """Take the newest keyframe, with (N, 3) returns in ``base_link``, into the maps that need classes."""
         frame, T_map_camera = keyframe.frame, keyframe.T_map_base @ keyframe.frame.T_base_camera
         points = moved(keyframe.T_map_base, points)
         with self.stopwatch("semantic_map"):
@@ -252,14 +253,14 @@ class Mapper:
     def add_drive(
         self, track: NDArray[np.float64], obstacles: NDArray[np.float32], touched: Sequence[NDArray[np.float64]]
     ) -> None:
-        """Put into the elevation map what a drive has shown, m in ``map``.
+        """Put what a drive has shown, m in ``map``, into the elevation map.
 
-        Each point belongs to the nearest keyframe since the drive before, and follows that one's pose.
+        Each point belongs to the nearest keyframe since the previous drive, and moves along with its pose.
 
         Args:
-            track: (N, 2) where the middle of the robot was.
-            obstacles: (M, 3) what stood in its way.
-            touched: (K, 3) each, what it touched.
+            track: (N, 2) positions of the robot's middle.
+            obstacles: (M, 3) points of what stood in its way.
+            touched: (K, 3) each, points that the robot touched.
         """
         first, self._newest_at_drive = self._newest_at_drive, self.keyframes - 1
         places = self.poses[first:, :2, 3]
@@ -272,7 +273,7 @@ class Mapper:
                 self._put(first + k, Driven(*(transform_points(inverse(T), points) for points in own)))
 
     def settle(self) -> Correction | None:
-        """Let the localisation correct its keyframes; if one has moved noticeably, every map follows."""
+        """Let the localisation correct its keyframes; if any moved by more than ``NOTICEABLE``, correct every map."""
         if not self.keyframes:
             return None
         with self.stopwatch("pose_graph"):
@@ -287,10 +288,10 @@ class Mapper:
         The nodes of the topological map move along; the next :meth:`connect` fits them to the ground.
 
         Returns:
-            How the map has moved, for all that is known by its place alone.
+            The correction, by which to move whatever is stored as a place in ``map``.
 
         Raises:
-            InputError: there is not one rigid pose for every keyframe; then the maps stay as they were.
+            InputError: there is not one rigid pose for every keyframe; the maps then stay as they were.
         """
         poses = np.array(T_map_base, np.float64)
         if poses.shape != self.poses.shape or not all(map(is_rigid, poses)):
@@ -324,7 +325,7 @@ class Mapper:
         self.metric_map.integrate(self._depth, observation.intrinsics, T_map_camera)
 
     def _add_ground(self, frame: Frame, observation: Observation) -> None:
-        """Put the ground that the next keyframe shows, and what is taken for flat, into the elevation map."""
+        """Put the ground that a new keyframe shows, and the ground taken for flat, into the elevation map."""
         k, T_map_base = self.keyframes, self.poses[-1]
         if self._set_down is not None:
             T_base_start = inverse(T_map_base) @ self._set_down
@@ -344,7 +345,7 @@ class Mapper:
             self.semantic_map.update(points, observation.probabilities, observation.hits)
 
     def connect(self, keyframe: Keyframe, paths: PosePaths) -> None:
-        """Renew the topological map on the ground that ``paths`` reach, with what a keyframe shows."""
+        """Update the topological map to the ground that ``paths`` reach and to the planes of a keyframe."""
         with self.stopwatch("topological_map"):
             self.topological_map.update(keyframe.patches, self.segments, paths)
 
@@ -364,5 +365,5 @@ class Mapper:
 
 
 def _nearest(xy: NDArray[np.floating], places: NDArray[np.float64]) -> NDArray[np.intp]:
-    """(N,) which of the places (K, 2) is nearest to each of (N, 2) points, m."""
+    """(N,) index of the place (K, 2) nearest to each of (N, 2) points, m."""
     return np.linalg.norm(xy[:, None] - places, axis=2).argmin(axis=1)

@@ -14,13 +14,13 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.pose_paths import PosePaths
 
 ARRIVED = 0.15
-"""m; a robot so near to a goal has reached it."""
+"""m; a robot this close to a goal has reached it."""
 PROGRESS = 0.5
-"""s by which the way to a goal must have become shorter, or the drive was in vain."""
+"""s; a drive that shortens the way to its goal by no more than this was in vain."""
 PATIENCE = 5
 """Drives in vain after which a goal is given up."""
 HOME_SNAP = 0.5
-"""m; so near to where it was set down a robot is home. It may have stood where it would not drive to."""
+"""m; reachable ground this close to where the robot was set down counts as home: it may not be reachable itself."""
 
 
 class Standing(Protocol):
@@ -44,12 +44,12 @@ class Mission:
 
     Attributes:
         exploration: the strategy that explores unseen ground.
-        goals: of the present task; None while the task is to explore.
+        goals: the goals of the present task; None while the task is to explore.
         may_explore: whether exploring is allowed, also on the way to goals.
     """
 
     def __init__(self, exploration: Exploration, topology: TopologicalMap):
-        """``topology``: tells how long the drives between goals take."""
+        """``topology``: gives the times of drives between goals."""
         self.exploration = exploration
         self._topology = topology
         self.goals: Goals | None = None
@@ -59,7 +59,7 @@ class Mission:
 
     @property
     def strategies(self) -> list[Strategy]:
-        """In the order in which they are asked: goals come first, exploring helps as long as goals are left."""
+        """The strategies in the order in which they are asked: goals, then exploring as long as goals are left."""
         explore: list[Strategy] = [self.exploration] if self.may_explore else []
         if self.goals is None:
             return explore
@@ -72,7 +72,7 @@ class Mission:
             self.goals.observe(context)
 
     def next_viewpoint(self, context: Context) -> tuple[Strategy, Viewpoint] | None:
-        """The first viewpoint that a strategy names, and that strategy; None if the task is done."""
+        """The first viewpoint that any strategy names, and that strategy; None if the task is done."""
         for strategy in self.strategies:
             if (viewpoint := strategy.next_viewpoint(context)) is not None:
                 return strategy, viewpoint
@@ -96,7 +96,7 @@ class Mission:
         goals.refuse("the robot is held where it stands" if robot.is_held else None)
 
     def news(self) -> Iterator[tuple[str, bool]]:
-        """Lines on what came of goals since the last call, and whether that is good."""
+        """A line for each goal visited or given up since the last call, and whether it was reached."""
         for name, goals in self._visited.items():
             for visit in goals.visits[self._told.get(name, 0) :]:
                 place = "home" if name == "home" else goal_name(visit.goal)
@@ -117,7 +117,7 @@ class Mission:
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """What came of a goal.
+    """The outcome of a goal.
 
     Attributes:
         goal: (2,) m in ``map``.
@@ -129,20 +129,20 @@ class Visit:
 
 
 class Goals:
-    """Drives to goals in the order that makes the drive short, found anew at every step.
+    """Drives to goals in an order that keeps the drive short, computed anew at every step.
 
     Attributes:
-        left: (2,) each, those still to be visited.
-        visits: what came of the others, in the order in which that was clear.
+        left: (2,) each, goals still to be visited.
+        visits: outcomes of the other goals, in the order in which they were visited or given up.
     """
 
     def __init__(self, topology: TopologicalMap, goals: Sequence[ArrayLike], snap: float = 0.0):
         """Begin with all goals (2,), m in ``map``.
 
         Args:
-            topology: tells how long the drives between them take.
+            topology: gives the times of drives between them.
             goals: where to go.
-            snap: m by which a goal may be off ground that can be reached; the nearest place there serves as well.
+            snap: m; a goal off reachable ground is replaced by the nearest reachable place within this distance.
         """
         self.left = [np.asarray(goal, np.float64) for goal in goals]
         self.visits: list[Visit] = []
@@ -152,7 +152,7 @@ class Goals:
         self._set_out, self._way_left, self._in_vain = False, np.inf, 0
 
     def observe(self, context: Context) -> None:
-        """Count a goal that is near as visited, and give up one to which drives brought the robot no nearer."""
+        """Count goals that are near as visited, and give up a goal if drives bring the robot no nearer to it."""
         self._context = context
         for goal in list(self.left):
             place = self._place(goal, context.paths)
@@ -163,7 +163,7 @@ class Goals:
         self._set_out = False
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The next goal; None when none is left that can be reached as far as the map goes."""
+        """The next goal; None if none is left that is reachable on the map so far."""
         places = [self._place(goal, context.paths) for goal in self.left]
         order = order_goals(self._topology, context.paths, places)
         if not order:
@@ -172,7 +172,7 @@ class Goals:
         return Viewpoint(places[order[0]], float(np.arctan2(way[1], way[0])), turn=False, gain=0.0)
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Remember to which goal the robot sets out."""
+        """Remember the goal to which the robot sets out."""
         places = [self._place(goal, context.paths) for goal in self.left]
         goal = next(g for g, place in zip(self.left, places, strict=True) if (place == viewpoint.position).all())
         self._set_out = True
@@ -181,7 +181,7 @@ class Goals:
             self._way_left = context.paths.cost_to(viewpoint.position)
 
     def refuse(self, why: str | None = None) -> None:
-        """Give up the goals that are left, for what the last step showed if there is no other reason ``why``."""
+        """Give up the goals that are left; the reason is ``why``, or else the obstacle that the last step showed."""
         for goal in list(self.left):
             obstacle = None
             if why is None and self._context is not None:
@@ -189,14 +189,14 @@ class Goals:
             self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
 
     def _place(self, goal: NDArray[np.float64], paths: PosePaths) -> NDArray[np.float64]:
-        """(2,) where to drive to for a goal."""
+        """(2,) m, the place to drive to for a goal: the nearest reachable one within ``snap``, or else the goal."""
         if not np.isfinite(goal).all():
             return goal
         place = paths.traversability.grid.nearest(paths.reachable, goal, self._snap)
         return goal if place is None else place
 
     def _was_in_vain(self, way_left: float) -> bool:
-        """Whether too many drives to the present goal have not shortened the way to it."""
+        """Whether ``PATIENCE`` drives to the present goal have not shortened the way to it."""
         if way_left < self._way_left - PROGRESS:
             self._way_left, self._in_vain = way_left, 0
         else:

@@ -1,4 +1,4 @@
-"""What the pipeline asks of a body: a simulated one, a recording, one day a real one."""
+"""What the pipeline needs of a robot, be it simulated, recorded or real."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -20,7 +20,7 @@ class Velocity:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What the body feels after a control period.
+    """What the body's sensors measure after a control period.
 
     Attributes:
         time: s.
@@ -38,7 +38,7 @@ class Motion:
 
     @property
     def twist(self) -> Velocity:
-        """How fast the body is by its encoders and gyro."""
+        """Velocity of the body by its encoders and gyro."""
         return Velocity(float(self.wheel_speed.mean()), float(self.gyro[2]))
 
 
@@ -46,23 +46,23 @@ class Motion:
 class RobotModel:
     """The size and the abilities of a body: every clearance of the pipeline follows from these.
 
-    The robot gives it, so that no number of one body stands in the pipeline. Where its camera is comes with every
-    :class:`pipeline.frame.Frame`. ``base_link`` lies in the middle of the footprint, on the ground.
+    The robot provides it, so that the pipeline contains no number of a particular body. The camera's pose comes with
+    every :class:`pipeline.frame.Frame`. ``base_link`` lies in the middle of the footprint, on the ground.
 
     Attributes:
         length, width: of the footprint, wheels included, m.
-        body_height: of the chassis without what stands on it, m.
-        headroom: air that it needs above the ground, its mast and a margin included, m.
-        max_step: highest step that it is driven over, m.
-        max_gap: widest gap that it rolls over, m.
-        max_tilt: of the ground that it is driven on, rad.
-        tipping_tilt: at which it stops and backs out, rad.
-        speed, ramp_speed: at which it is driven on level ground and on ramps, m/s.
+        body_height: of the chassis without anything mounted on it, m.
+        headroom: free height that the robot needs above the ground, its mast and a margin included, m.
+        max_step: highest step that the robot is driven over, m.
+        max_gap: widest gap that the robot rolls over, m.
+        max_tilt: greatest tilt of ground that the robot is driven on, rad.
+        tipping_tilt: tilt of the robot at which it stops and backs out, rad.
+        speed, ramp_speed: driving speeds on level ground and on ramps, m/s.
         turn_rate, ramp_turn_rate: fastest turns on level ground and on ramps, rad/s.
         acceleration, turn_acceleration: of its drive, m/s² and rad/s².
-        ramp_slide: farthest that it strays in a quarter turn on the steepest ramp, m.
-        slide_per_radian: that it slides down in a turn, for each radian and times the sine of its tilt, m.
-        min_turn_rate: slower turns do not break the wheels loose, rad/s.
+        ramp_slide: greatest displacement in a quarter turn on the steepest ramp, m.
+        slide_per_radian: slide downhill in a turn, per radian turned and times the sine of the tilt, m.
+        min_turn_rate: slowest turn in place; in slower turns the tyres do not break loose, rad/s.
         camera_range: nearest and farthest depth that its camera measures, m.
     """
 
@@ -87,17 +87,17 @@ class RobotModel:
 
     @property
     def half_length(self) -> float:
-        """From the middle to what touches first straight ahead, m."""
+        """From the middle to the front of the footprint, m."""
         return self.length / 2
 
     @property
     def half_width(self) -> float:
-        """From the middle to what touches first at the side, m."""
+        """From the middle to the side of the footprint, m."""
         return self.width / 2
 
     @property
     def corner_radius(self) -> float:
-        """Of the circle that the corners sweep in a turn in place, m."""
+        """Radius of the circle that the corners sweep in a turn in place, m."""
         return hypot(self.half_length, self.half_width)
 
 
@@ -105,9 +105,9 @@ class Robot(Protocol):
     """A body with an RGB-D camera that can be driven."""
 
     model: RobotModel
-    """Its size and abilities."""
+    """Size and abilities of the body."""
     control_period: float
-    """Seconds that one call of ``drive`` lasts."""
+    """s that one call of ``drive`` lasts."""
 
     def sense(self) -> Frame:
         """Take a frame where the robot stands."""

@@ -1,4 +1,4 @@
-"""Rigid transforms as 4×4 matrices; ``T_a_b`` takes b's coordinates to a's."""
+"""Rigid transforms as 4×4 matrices; ``T_a_b`` transforms coordinates in frame b to frame a."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,7 +29,7 @@ def from_rotation(R: ArrayLike, t: ArrayLike) -> NDArray[np.float64]:
 
 
 def orthonormal(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(..., 4, 4) the transforms with the nearest rotations: products of many grow or shrink by rounding."""
+    """(..., 4, 4) the transforms with the nearest rotation matrices: rounding scales products of many transforms."""
     result = T.copy()
     u, _, v = np.linalg.svd(T[..., :3, :3])
     result[..., :3, :3] = u @ v
@@ -58,7 +58,7 @@ def tilt_of(T: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def level(up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) attitude of zero yaw of a body that feels the vertical (3,), of any length, in its own frame."""
+    """(3, 3) rotation of zero yaw of a body that measures the vertical (3,), of any length, in its own frame."""
     up = up / np.linalg.norm(up)
     left = np.cross(up, [1.0, 0.0, 0.0])
     left /= np.linalg.norm(left)

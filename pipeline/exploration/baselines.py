@@ -12,15 +12,15 @@ from pipeline.transforms import wrap_angle
 class NearestFrontier(Exploration):
     """Drives to the nearest place from which unseen ground should come into view (Yamauchi 1997).
 
-    There it looks where most should be seen. What counts as unseen, what the camera should show from where, and when
-    to give up are the same as for the robot's own exploration; how much a viewpoint shows for the time that it costs,
-    and the time for turning, do not count. As with Yamauchi, frontiers smaller than the robot come last.
+    There it takes the heading with the greatest gain. What counts as unseen, what a keyframe should show and when a
+    cell is given up are as in :class:`Exploration`, but the gain per second and the time for turning do not count.
+    As with Yamauchi, frontiers smaller than the robot come last.
     """
 
     def worth(
         self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N, 16) m² of the nearest place that is worth the drive, 0 elsewhere; see the base class."""
+        """(N, 16) m², gains of the nearest place that is worth the drive, 0 elsewhere; see the base class."""
         size = self._robot.length * self._robot.width
         large = gains >= (size if (gains >= size).any() else MIN_GAIN)
         near = distance == np.where(large.any(axis=1), distance, np.inf).min()
@@ -28,22 +28,22 @@ class NearestFrontier(Exploration):
 
 
 class RandomWalk(Exploration):
-    """Takes keyframes in random directions from random places that are not far, until it has taken so many."""
+    """Takes a given number of keyframes in random directions from random places nearby."""
 
     def __init__(self, robot: RobotModel, seed: int, stride: float = 2.0, steps: int = 300):
-        """``stride``: the way to the next place is no longer than this, m; ``steps``: after so many it ends."""
+        """``stride``: greatest length of the way to the next place, m; ``steps``: number of keyframes to take."""
         super().__init__(robot)
         self._rng = np.random.default_rng(seed)
         self._farthest, self._steps_left, self._draw = stride, steps, np.zeros(2)
 
     def observe(self, context: Context) -> None:
-        """Draw where to go next."""
+        """Draw the random numbers that choose the next viewpoint."""
         super().observe(context)
         self._steps_left -= 1
         self._draw = self._rng.random(2)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The viewpoint that was drawn; None at the end, and where the robot can drive nowhere."""
+        """The viewpoint that was drawn; None after the last step, or if the robot can drive nowhere."""
         cells = np.argwhere(
             context.traversability.turnable & (context.paths.cost <= self._farthest / self._robot.speed)
         )

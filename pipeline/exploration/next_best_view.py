@@ -19,31 +19,31 @@ from pipeline.traversability.pose_kernels import ANGLES
 from pipeline.traversability.pose_paths import FIRST_HORIZON, GROWTH, bits
 
 MIN_GAIN = 0.03
-"""m²; a viewpoint that should show less is not worth the drive."""
+"""m²; a viewpoint that is expected to show less is not worth the drive."""
 WALL_MARGIN = 0.25
 """m; unknown ground nearer to a hazard cannot be driven on and is not worth a keyframe."""
 PRIOR = 0.9
 """Probability that ground which should be in view can be seen at all."""
 SHOW_PROBABILITY = 0.7
-"""Of ground that can be seen to be shown by a keyframe that has it in view."""
+"""Probability that a keyframe with ground in view shows it, if the ground can be seen at all."""
 GIVE_UP = 0.03
 """Probability below which a cell is given up."""
 FRONTIER_WIDTH = 0.35
-"""m from unseen ground; reachable ground so near is a frontier."""
+"""m; reachable ground this close to unseen ground is a frontier."""
 KEYFRAME_TIME = 2.0
-"""s that a keyframe costs whatever the way."""
+"""s that a keyframe costs in addition to the way."""
 
 
 class ViewpointRewards(Protocol):
-    """What else than unseen ground makes a viewpoint worth a drive."""
+    """Rewards that make a viewpoint worth a drive besides unseen ground."""
 
     @property
     def wanted(self) -> Sequence[object]:
-        """What is to be seen; if empty, nothing."""
+        """What is to be seen; empty if there are no rewards."""
         ...
 
     def gains(self, places: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, M) m² that keyframes from (N, 3) places on the ground along (M,) bearings (rad) count for."""
+        """(N, M) m², rewards of keyframes from (N, 3) places on the ground along (M,) bearings (rad)."""
         ...
 
     def aim(self, place: NDArray[np.float64], heading: float) -> None:
@@ -52,14 +52,14 @@ class ViewpointRewards(Protocol):
 
 
 class Exploration:
-    """Chooses the viewpoint that should show most per second of driving.
+    """Chooses the viewpoint that is expected to show most per second of driving.
 
     Attributes:
-        rewards: what else is worth a keyframe.
+        rewards: of viewpoints, besides unseen ground; None for no such rewards.
     """
 
     def __init__(self, robot: RobotModel):
-        """``robot``: its size keeps it off hazards on straight ways, its speed tells how long they take."""
+        """``robot``: the range of its camera limits what keyframes are expected to show."""
         self.rewards: ViewpointRewards | None = None
         self._robot = robot
         self._layers = GridMap(
@@ -77,13 +77,13 @@ class Exploration:
         self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
 
     def observe(self, context: Context) -> None:
-        """Remember which cells the last keyframe should have shown and did not, and where unseen ground is left."""
+        """Record which cells the last keyframe should have shown and did not, and where unseen ground is left."""
         self._layers.match(context.traversability.grid)
         self._count_misses(context.measured, context.T_map_base[:2, 3])
         self._write_terrain(context)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The viewpoint that shows most per second; None when nothing is left that is worth a keyframe."""
+        """The viewpoint that shows most per second; None if no viewpoint is worth a keyframe."""
         is_left = self._terrain.target.any() or (self.rewards and self.rewards.wanted)
         if context.paths.start is None or not is_left:
             return None
@@ -115,20 +115,20 @@ class Exploration:
     def worth(
         self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N, 16) by which viewpoints are chosen: 0 where none is worth the drive.
+        """(N, 16) scores of viewpoints, of which the greatest is chosen: 0 for those not worth the drive.
 
         Args:
-            gains: (N, 16) m² that each should show.
-            distance: (N,) s to their places, with any heading.
+            gains: (N, 16) m² that each viewpoint is expected to show.
+            distance: (N,) s to the viewpoints' places, with any heading.
             seconds: (N, 16) s until the keyframe is taken.
         """
         return np.where(gains >= MIN_GAIN, gains / seconds, 0.0)
 
     def _narrow(self, context: Context, camera: kernels.CameraView) -> NDArray[np.int64]:
-        """(N, 2) all cells where the robot can hardly turn and sees ground that was taken for flat at the start.
+        """(N, 2) all reachable cells where the robot cannot turn around, near ground taken for flat at the start.
 
-        With its back to the wall of a small room, or from a ramp that it backs up, it sees what is otherwise nearer
-        than the camera sees.
+        With its back to the wall of a small room, or on a ramp that it backed up, the robot sees ground that is
+        otherwise nearer than the range of its camera.
         """
         traversability, paths = context.traversability, context.paths
         assumed = self._terrain.target & paths.reachable
@@ -138,7 +138,7 @@ class Exploration:
     def _best_viewpoint(
         self, context: Context, camera: kernels.CameraView, cells_of: Callable[..., NDArray[np.int64]]
     ) -> Viewpoint | None:
-        """The best viewpoint here or in one of some cells (N, 2), with the headings that it can have there."""
+        """The best viewpoint where the robot stands or in the cells (N, 2) of ``cells_of``; None if there is none."""
         traversability, paths = context.traversability, context.paths
         assert paths.start is not None
         cells = cells_of(context, camera)
@@ -155,7 +155,7 @@ class Exploration:
         horizon, straight = FIRST_HORIZON, paths.least_seconds_to(there)[:, None]
         while True:
             known = np.where(can_face, paths.seconds_to(there, horizon), np.inf)
-            # What lies beyond the horizon of the search takes longer at least, and all no less than a straight drive.
+            # Ways beyond the search's horizon cost more than the horizon, and no less than a straight drive.
             beyond = np.inf if paths.is_complete else np.maximum(straight, horizon)
             least = np.where(can_face, np.minimum(known, beyond), np.inf)
             worth = self.worth(gains, least.min(axis=1), KEYFRAME_TIME + least)
@@ -167,7 +167,7 @@ class Exploration:
             horizon *= GROWTH
 
     def correct(self, correction: Correction) -> None:
-        """Let what keyframes missed follow their poses, and what the next one should show that of the newest."""
+        """Move the cells that keyframes missed along with them, and the expected cells with the newest keyframe."""
         moved = [(correction.motion_at(place), place, cells) for place, cells in self._missed]
         self._missed = [(moved_by(T, place[None])[0], moved_by(T, cells)) for T, place, cells in moved]
         self._expected = self._cells_of(moved_by(correction.motions[-1], self._centres_of(self._expected)))
@@ -185,13 +185,13 @@ class Exploration:
         return self._layers.grid.centre_of(cells - self._layers.grid.low)
 
     def _cells_of(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
-        """(M, 2) absolute indices of the cells, each once, that hold places (N, 2), m; none beyond the grid."""
+        """(M, 2) absolute indices of the cells, each once, that hold places (N, 2), m, on the grid."""
         grid = self._layers.grid
         cells = np.unique(grid.cell_of(places), axis=0)
         return grid.low + cells[((cells >= 0) & (cells < grid.shape)).all(axis=1)]
 
     def _count_misses(self, measured: NDArray[np.float32], position: NDArray[np.float64]) -> None:
-        """Remember which cells the last keyframe should have shown and did not."""
+        """Record which cells the last keyframe should have shown and did not, and lower their probability."""
         cells = self._expected - self._layers.grid.low
         cells = cells[np.isnan(measured[tuple(cells.T)])]
         missed = tuple(cells.T)
@@ -202,7 +202,7 @@ class Exploration:
         self._expected = np.zeros((0, 2), np.int64)
 
     def _write_terrain(self, context: Context) -> None:
-        """Write what is known of the ground; unseen ground that may be traversable is a target until given up."""
+        """Update the layers of the ground; unseen ground that may be traversable is a target until it is given up."""
         layers, may_show = self._layers, self._layers["probability"] >= GIVE_UP
         may_be_driven = context.traversability.to_hazard >= WALL_MARGIN
         layers.write("elevation", context.traversability.sealed)
@@ -211,21 +211,21 @@ class Exploration:
 
     @property
     def _terrain(self) -> kernels.Terrain:
-        """What is known of the ground by the last keyframe."""
+        """The ground as known after the last keyframe."""
         names = ("elevation", "gradient", "target", "probability", "missed_from")
         return kernels.Terrain(self._layers.grid.origin, CELL, *(self._layers[name] for name in names))
 
     def _gains(
         self, here: NDArray[np.float64], cells: NDArray[np.int64], camera: kernels.CameraView
     ) -> NDArray[np.float64]:
-        """(1 + N, 16) m² that each viewpoint should show, from here and from the cells (N, 2)."""
+        """(1 + N, 16) m² that each viewpoint should show, at the place ``here`` (2,), m, and in the cells (N, 2)."""
         changed, self._revision = self._layers.changed_since(self._revision), self._layers.revision
         around = self._viewpoint_gains.of(cells, camera, self._terrain, changed)
         return np.vstack([visibility.gains(here[None], camera, self._terrain), around])
 
 
 def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
-    """(N, 2) of each block of cells the one with most headings that can be reached."""
+    """(N, 2) cells: of each block the one with the most reachable headings."""
     return visibility.one_of_each_block(np.bitwise_count(context.paths.headings))
 
 

@@ -33,10 +33,10 @@ class Context:
     """What the robot knows when it decides where to go.
 
     Attributes:
-        frame: the newest.
+        frame: the newest frame.
         T_map_base: 4×4 pose of the robot.
-        measured: (nx, ny) float32 height of the ground that returns have shown, m; NaN elsewhere.
-        paths: cheapest ways from where it stands.
+        measured: (nx, ny) float32 height of the ground where it was seen, m; NaN elsewhere.
+        paths: cheapest ways from where the robot stands.
     """
 
     frame: Frame
@@ -58,7 +58,7 @@ class Strategy(Protocol):
         ...
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """Where to go next; None if this strategy has nothing to go for. Asking changes nothing."""
+        """Where to go next; None if this strategy has no viewpoint. The call changes nothing."""
         ...
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:

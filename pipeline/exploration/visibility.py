@@ -1,4 +1,4 @@
-"""What keyframes from viewpoints are expected to show for the first time."""
+"""Which ground keyframes from viewpoints are expected to show for the first time."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,20 @@ from pipeline.robot import RobotModel
 from pipeline.traversability.pose_kernels import ANGLES
 
 STEP = 2 * np.pi / RAYS
-"""rad, from one to the next."""
+"""rad, from one ray to the next."""
 STRIDE = 5
-"""Of each block of so many cells along x and y one is a viewpoint."""
+"""Cells along each side of the blocks, each of which has one place for viewpoints."""
 
 NEAR_MARGIN, FAR_MARGIN = 0.1, 0.4
-"""m by which the ground is expected to be seen less near and less far than the camera measures."""
+"""m by which the expected range of ground in view is shorter than the camera's range, at its near and its far end."""
 LOWER_MARGIN, UPPER_MARGIN, SIDE_MARGIN = np.deg2rad((0.5, 1.5, 2.0))
-"""rad at the lower, the upper and each side's edge of the image that are not counted on."""
+"""rad at the lower edge, the upper edge and each side of the image in which nothing is expected to be seen."""
 
 
 def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
     """What the camera that took a frame sees of the ground.
 
-    To 1 mm and 0.1°, so that a camera that trembles on its mount stays the same.
+    Values are rounded to 1 mm and 0.1°, so that a camera that trembles on its mount stays the same.
     """
     lens, T = frame.intrinsics, frame.T_base_camera
     pitch = np.arcsin(T[2, 2])
@@ -45,7 +45,7 @@ def gains(places: NDArray[np.float64], camera: kernels.CameraView, terrain: kern
 
 
 def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
-    """(N, 16) the sum over what is in view along each heading, of (N, RAYS) rays."""
+    """(N, 16) sums of the values of (N, RAYS) rays over the field of view along each heading."""
     half = _rays_in_view(camera) // 2
     sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays, rays, rays]), axis=1)
     middle = np.rint(ANGLES / STEP).astype(int) + RAYS
@@ -53,7 +53,7 @@ def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArra
 
 
 def one_of_each_block(worth: NDArray[np.integer]) -> NDArray[np.int64]:
-    """(N, 2) of each block of S × S cells, S being the stride, the cell that is worth (nx, ny) most, if any is."""
+    """(N, 2) cells: of each block of STRIDE × STRIDE cells the one with the greatest worth (nx, ny), if above 0."""
     parts = blocks(worth, STRIDE)
     best = parts.argmax(axis=2)
     places = np.argwhere(parts.max(axis=2) > 0)
@@ -66,15 +66,15 @@ def cells_in_view(
     """(nx, ny) the target cells that a viewpoint at (2,) m with a heading (rad) should show."""
     half = _rays_in_view(camera) // 2
     middle = round(heading / (2 * np.pi) * RAYS)
-    # The very rays that the gain was computed from, bit for bit: one may slip through where two cells meet at a
-    # corner. Those in between find what lies between them.
+    # The rays from which the gain was computed, bit for bit, for one may slip through where two cells meet at a
+    # corner; and rays in between, for the cells that lie between them.
     first = np.arange(middle - half, middle + half + 1) % RAYS * STEP
     bearings = (first[:, None] + np.arange(4) / 4 * STEP).ravel()
     return kernels.cells_in_view(*position, bearings, camera, terrain)
 
 
 class ViewpointGains:
-    """Casts again only those rays that meet something that has changed, where something is left to see."""
+    """Gains of viewpoints; casts only those rays again that may meet changed cells, if they may meet targets."""
 
     def __init__(self) -> None:
         self._camera: kernels.CameraView | None = None
@@ -92,18 +92,18 @@ class ViewpointGains:
         """(N, 16) m² that viewpoints along each heading should show.
 
         Args:
-            cells: (N, 2) elements to look from.
-            camera: that looks.
-            terrain: what is known.
-            changed: (nx, ny) the cells of it that changed since the last call. All rays are cast anew if the camera
-                is another, or if the grid begins elsewhere.
+            cells: (N, 2) elements of the viewpoints.
+            camera: its view of the ground.
+            terrain: the ground as known.
+            changed: (nx, ny) cells of the terrain that changed since the last call. All rays are cast anew if the
+                camera is another, or if the grid begins elsewhere.
         """
         if camera != self._camera or (terrain.origin != self._origin).any():
             self._camera, self._origin, changed = camera, terrain.origin, np.ones_like(changed)
         rows = np.full(changed.shape, -1, np.int32)
         rows[tuple(self._cells.T)] = np.arange(len(self._cells))
         row = rows[tuple(cells.T)]
-        # Those of new cells, -1, are any, and renewed.
+        # New cells have row -1: they first get the rays of any other cell, which are then renewed.
         rays, sums = (known.take(row, axis=0, mode="clip") for known in (self._rays, self._gains))
         renewed = _towards(changed, cells, camera, terrain)
         renewed[row < 0] = True
@@ -126,7 +126,7 @@ def _towards(
     parts, side = np.asarray(blocks(mask, STRIDE).any(axis=2)), STRIDE * terrain.cell
     here = tuple(cells.T // STRIDE)
     near = ~_farther_than(parts, camera.reach / side + 2)[here]
-    # From elsewhere a ray comes into a piece of the mask through its rim.
+    # From outside, a ray enters a piece of the mask through its rim.
     rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
     wanted[near] = kernels.rays_towards(_places(cells[near], terrain), rim, terrain.origin, side, camera.reach)
     wanted[parts[here]] = True
@@ -139,7 +139,7 @@ def _places(cells: NDArray[np.int64], terrain: kernels.Terrain) -> NDArray[np.fl
 
 
 def _farther_than(mask: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
-    """(I, J) the squares with none of a mask (I, J) within so many squares."""
+    """(I, J) whether a square is farther than ``reach`` squares from a mask (I, J)."""
     if not mask.any():
         return ~mask
     distance: NDArray[np.float64] = ndimage.distance_transform_edt(~mask)

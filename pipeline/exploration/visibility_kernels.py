@@ -10,20 +10,20 @@ from pipeline.labels import RAMP_TILT
 from pipeline.traversability.elevation_kernels import cell_at
 
 RAYS = 180
-"""Directions around a viewpoint."""
+"""Number of directions around a viewpoint."""
 RAMP = np.tan(RAMP_TILT)
 """Slope above which ground that rises is a ramp."""
 SUSPECTED_FALL = 0.28
 """Slope at which ground that a keyframe missed may fall away: a NIST ramp's, 16°."""
 FORGET = 0.3
-"""1/m, how fast level ground after a ramp takes away the expectation that it falls again."""
+"""1/m, by how much the expected fall of the ground after a ramp decreases per metre of level ground."""
 
 MIN_GRAZING = np.deg2rad(8.5)
-"""rad, between a ray and ground that sends it back."""
+"""rad, least angle between a ray and ground that gives a return."""
 MAX_UNKNOWN = 1.0
-"""m; a ray is believed to see no further into unknown terrain."""
+"""m; a ray is expected to see no farther into unknown terrain."""
 MISSED_RADIUS = 0.35
-"""m; from no nearer to where a cell was missed last is it expected to be seen."""
+"""m; a cell is not expected to be seen from within this distance of where it was missed last."""
 
 
 class CameraView(NamedTuple):
@@ -46,12 +46,12 @@ class CameraView(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """m; nothing farther from the robot is seen, however it leans."""
+        """m; nothing farther from the robot is seen, however the robot leans."""
         return self.far + self.height + self.ahead
 
 
 class Terrain(NamedTuple):
-    """What is known of the ground, and what is worth a keyframe; layers are (nx, ny) on one grid.
+    """The ground as known, and the targets of keyframes; layers are (nx, ny) on one grid.
 
     Attributes:
         origin: (2,) corner of cell [0, 0], m.
@@ -59,9 +59,9 @@ class Terrain(NamedTuple):
         elevation: float32 m, NaN where unknown.
         gradient: (nx, ny, 2) float32 slope along x and y.
         target: bool, unseen ground that counts.
-        probability: float32 that a keyframe with the cell in view shows it.
-        missed_from: (nx, ny, 2) float32, from where the last keyframe with it in view missed it, m; inf if none did.
-            From within ``MISSED_RADIUS`` of there its probability is 0.
+        probability: float32, probability that a cell in view can be seen at all.
+        missed_from: (nx, ny, 2) float32 m, where the last keyframe that missed the cell was taken; inf if none did.
+            From within ``MISSED_RADIUS`` of this place the cell is not expected to be seen.
     """
 
     origin: NDArray[np.float64]
@@ -77,12 +77,12 @@ class Terrain(NamedTuple):
 def cast_ray(x, y, bearing, view, terrain, seen):
     """What a ray of the camera of a robot at (x, y) is expected to show for the first time.
 
-    The ray runs over the known ground; a cell is hidden where something before it rises higher in the view. Unknown
-    ground is believed to go on at the last known height, but behind the crest of a ramp to fall as it rose, and
-    so is ground that a keyframe missed. What is met at a grazing angle sends nothing back.
+    The ray runs over the known ground; a cell is hidden if something before it rises higher in the view. Unknown
+    ground is assumed to continue at the last known height, but to fall behind the crest of a ramp as the ramp rose;
+    ground that a keyframe missed is assumed to fall as well. Ground that is met at a grazing angle gives no return.
 
-    Returns the summed distances of the target cells in view, weighed by their probability, and their number; times
-    the step and the angle between rays the sum is an area. Their flat indices go to ``seen``.
+    Returns the summed distances of the target cells in view, weighted by their probability, and their number; times
+    the step and the angle between rays the sum is an area. The flat indices of these cells are written to ``seen``.
     """
     nx, ny = terrain.elevation.shape
     origin, cell = terrain.origin, terrain.cell
@@ -135,7 +135,7 @@ def rise_along(i, j, dx, dy, terrain):
 def is_shown(x, y, i, j, d, slope, rise, view, terrain):
     """Whether a ray from (x, y) that meets cell (i, j) shows a target there.
 
-    The ray has the ``slope``, and meets ground that rises along it by ``rise`` at a level distance of ``d`` m.
+    The ray has the ``slope``, and at a horizontal distance of ``d`` m meets ground with the slope ``rise`` along it.
     """
     ex, ey = x - terrain.missed_from[i, j, 0], y - terrain.missed_from[i, j, 1]
     if not terrain.target[i, j] or ex * ex + ey * ey < MISSED_RADIUS**2:
@@ -148,7 +148,7 @@ def is_shown(x, y, i, j, d, slope, rise, view, terrain):
 
 @njit(cache=True)
 def ray_gains(places, view, terrain, wanted, known):
-    """(N, RAYS) m² that each ray from (N, 2) points should show; those ``wanted`` are cast, others ``known``."""
+    """(N, RAYS) m² that each ray from (N, 2) points should show: cast if ``wanted``, otherwise as ``known``."""
     result = known.copy()
     seen = np.zeros(int(view.far / terrain.cell) + 9, np.int64)
     step = 2 * np.pi / RAYS

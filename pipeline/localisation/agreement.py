@@ -14,32 +14,32 @@ from pipeline.metric_map.metric_map import MetricMap
 TILE = 20
 """Pixels along each side of the squares that are compared: 1.8° of the Xtion's 640 × 480."""
 WINDOW = 3
-"""Tiles along each side within which any depth will do: ±2.7°, for a pose may be turned by 2°."""
+"""Tiles along each side of the window whose depths are all compared: ±2.7°, for a heading may be off by 2°."""
 SHIFT = 0.1
-"""m, by which the pose may be off along x and y: 5 cm, and half a voxel."""
+"""m by which the pose may be off along x and y: 5 cm, and half a voxel."""
 MARGIN = 0.2
-"""m of depth that will do besides: the diagonal of a voxel, 0.17, and noise."""
+"""m, tolerance of depth besides: the diagonal of a voxel, 0.17, and noise."""
 CARRIED = 0.85
-"""Share of what the map knows that it has to explain: at a right pose it explains 0.99, in dust of 0.5, 0.97."""
+"""Least share of known tiles that the map must explain: at a right pose it explains 0.99, in dust of 0.5, 0.97."""
 CONTRADICTED = 40
-"""Tiles that contradict the map, at least: a twentieth of the image. Fewer may be one edge, or one thin panel."""
+"""Least number of tiles that contradict the map: a twentieth of the image. Fewer may be one edge, or a thin panel."""
 
 TELLING, SHOWN = 66, 1 / 3
-"""Tiles, a tenth of an image, that the map must expect to be missed, and the share of these that must be shown: an
+"""Least number of expected tiles that count, a tenth of an image, and the least share of them that must be known: an
 arena's frames show nearly all, while before a wall, or where nothing is mapped, a carried robot shows none."""
 NEAREST, FARTHEST = 0.9, 3.3
-"""m of depth within which a return is expected."""
+"""m of depth between which a return is expected."""
 
 
 class Agreement(NamedTuple):
-    """How many tiles of images the map explains and contradicts; those of which it knows nothing count in neither.
+    """Numbers of image tiles that the map explains and contradicts; tiles of which it knows nothing are neither.
 
     Attributes:
-        explained: show what the map has there.
-        short: show something in space that the map has as free.
-        through: see through what the map has as occupied.
-        seen: with returns.
-        expected: before which the map has something in the camera's reach, with or without returns.
+        explained: tiles that show what the map has there.
+        short: tiles that show something in space that the map has as free.
+        through: tiles that see through what the map has as occupied.
+        seen: tiles with returns.
+        expected: tiles in which the map has a surface within the camera's reach, with or without returns.
     """
 
     explained: int
@@ -55,22 +55,22 @@ class Agreement(NamedTuple):
 
     @property
     def known(self) -> int:
-        """Tiles of which the map knows what they show."""
+        """Number of tiles that the map explains or contradicts."""
         return self.explained + self.short + self.through
 
     @property
     def share(self) -> float:
-        """Of the known tiles those that the map explains, in [0, 1]; 1 if none is known."""
+        """Share of the known tiles that the map explains, in [0, 1]; 1 if none is known."""
         return self.explained / self.known if self.known else 1.0
 
     @property
     def was_carried(self) -> bool:
-        """Whether the robot must be elsewhere; what shows nothing known tells nothing."""
+        """Whether the frames contradict the map so much that the robot must be elsewhere."""
         return self.share < CARRIED and self.short + self.through >= CONTRADICTED
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether so little of what the map expects is known to be there that the robot may well be elsewhere."""
+        """Whether so few of the expected tiles are known that the robot may well be elsewhere."""
         return self.expected >= TELLING and self.known < SHOWN * self.expected
 
 
@@ -78,11 +78,11 @@ def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: Metri
     """Compare a frame with what the map has before the camera, tile by tile of the depth image.
 
     A tile contradicts the map if all returns in the window around it are nearer, or farther, than all that the map
-    has there, seen from wherever the camera may be. So neither errors of the pose at edges nor specks of dust count.
+    has there, for every possible error of the pose. So neither pose errors at edges nor specks of dust count.
     """
     depth = tile_depths(frame)
     free, surface = expected_depths(frame, T_map_camera, metric_map)
-    # A voxel so near hides more than a window, though it may hold no more than the end of a wall beside the view.
+    # A nearer voxel covers more than a window, though it may hold only the end of a wall beside the view.
     surface = np.where(surface < NEAREST, np.inf, surface)
     short = _highest(depth) + MARGIN < _lowest(free)
     through = _lowest(depth) > _highest(surface) + MARGIN
@@ -104,7 +104,7 @@ def _highest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def tile_depths(frame: Frame) -> NDArray[np.float64]:
-    """(H / TILE, W / TILE) median depths, m; infinite where fewer than half of the pixels returned."""
+    """(H / TILE, W / TILE) median depths, m; infinite where fewer than half of the pixels have a return."""
     rows, columns = (n // TILE for n in frame.depth.shape)
     depth = np.where(frame.returns, frame.depth, np.inf)[: rows * TILE : 2, : columns * TILE : 2]
     tiles = depth.reshape(rows, TILE // 2, columns, TILE // 2).swapaxes(1, 2).reshape(rows, columns, -1)
@@ -115,11 +115,11 @@ def tile_depths(frame: Frame) -> NDArray[np.float64]:
 def expected_depths(
     frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What the map has before a camera that is off by up to SHIFT, at the middle of every tile (H / TILE, W / TILE).
+    """Depths in the map before a camera that is off by up to SHIFT, at the middle of every tile (H / TILE, W / TILE).
 
     Returns:
-        m along the optical axis up to which space is known to be free at least, and at which something occupied ends
-        it at most; infinite where nothing is known to.
+        m along the optical axis: the least depth up to which space is free, and the greatest at which the ray meets a
+        surface; infinite if it meets none from one of the positions.
     """
     middle = frame.intrinsics.rays[TILE // 2 :: TILE, TILE // 2 :: TILE].astype(np.float64)
     shape, size = middle.shape[:2], metric_map.voxel_size

@@ -1,4 +1,4 @@
-"""What a correction of keyframes' poses does to what is known by its place in ``map`` alone."""
+"""How places in ``map`` that belong to no keyframe follow a correction of the keyframes' poses."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ class Correction:
     """Moves places along with the keyframe that stood nearest to them.
 
     Attributes:
-        motions: (N, 4, 4) of each keyframe, from ``map`` as it was before to ``map`` as it is.
+        motions: (N, 4, 4) of each keyframe, from ``map`` before the correction to ``map`` after it.
         ways: (N,) m by which each keyframe moved.
         turns: (N,) rad by which each turned.
     """
@@ -23,7 +23,7 @@ class Correction:
         self._tree = cKDTree(before[:, :2, 3])
 
     def motion_at(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
-        """4×4 of the keyframe that stood nearest to a place (2 or 3,), m."""
+        """4×4 motion of the keyframe that stood nearest to a place (2 or 3,), m."""
         return np.asarray(self.motions[self._tree.query(place[:2])[1]])
 
     def moved(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -33,7 +33,7 @@ class Correction:
 
 
 def moved_by(T: NDArray[np.float64], places: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(N, 2 or 3) float64 places, m, moved by a 4×4 transform or by (N, 4, 4); at z = 0 if they have none."""
+    """(N, 2 or 3) float64 places, m, moved by a 4×4 transform or by (N, 4, 4); places without z lie at z = 0."""
     size = places.shape[1]
     T = np.broadcast_to(T, (len(places), 4, 4))
     return np.asarray(np.einsum("nij,nj->ni", T[:, :size, :size], places) + T[:, :size, 3])

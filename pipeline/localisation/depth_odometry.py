@@ -1,4 +1,4 @@
-"""Odometry of a camera alone: each frame is registered with what was seen before, beginning where its images lead."""
+"""Odometry from an RGB-D camera alone: each frame is registered with earlier ones, starting from visual odometry."""
 
 from collections.abc import Sequence
 
@@ -15,26 +15,26 @@ from pipeline.localisation.visual_motion import visual_motion
 from pipeline.transforms import angle_of, inverse
 
 SIGMA = np.repeat([0.15, 0.15], 3)
-"""rad and m, standard deviations of the motion from one frame to the next, about a guess."""
+"""rad and m, standard deviations of the pose of the next frame about a guess."""
 SEEN_SIGMA = np.repeat([0.004, 0.008], 3)
-"""The same about what the images tell of it; along a plane GICP feigns that nothing moves, which must not count."""
+"""The same about the pose by the images; small, since along a plane GICP falsely measures that nothing moves."""
 COARSE = (0.5, 0.5, 0.4, 0.3, *GATES)
-"""m, gates of a registration that begins at a guess."""
+"""m, gates of a registration that starts at a guess."""
 REACH = 0.5
-"""m around a frame's points, put where the guess has them, in which they may lie."""
+"""m around a frame's points at the guessed pose within which corresponding points are sought."""
 NEW_WAY, NEW_TURN = 0.15, np.deg2rad(8)
-"""m and rad from one frame whose surfaces are kept to the next."""
+"""m and rad of motion after which the surfaces of another frame are kept."""
 LEAST_OVERLAP = 0.4
 """Share of a frame's points that must have been seen before, unless its image tells how the camera moved."""
 MOST_BLIND = 30
-"""Frames without enough returns to register, in a row, after which nothing is known any more."""
+"""Consecutive frames with too few returns to register and no visual odometry, after which the pose is lost."""
 
 
 class DepthOdometry:
-    """Tells ``T_odom_base`` of frames; roll and pitch of the first one must be known, those of others follow.
+    """Estimates ``T_odom_base`` of frames; the first pose must be given, with the right roll and pitch.
 
-    Drift is that of a map whose surfaces stay where they were first seen; :class:`pipeline.localisation.slam.Slam`
-    corrects it where places are met again.
+    Surfaces stay where they were first seen, so drift builds up; :class:`pipeline.localisation.slam.Slam` corrects it
+    where places are met again.
     """
 
     def __init__(self, T_odom_base: NDArray[np.float64]):
@@ -49,7 +49,7 @@ class DepthOdometry:
         """4×4 ``T_odom_base`` of the next frame.
 
         Raises:
-            LostError: it shows nothing that was seen before, or too many in a row show nothing at all.
+            LostError: the frame shows too little that was seen before, or too many frames in a row show nothing.
         """
         cloud, by_image = cloud_of_frame(frame), self._by_image(frame)
         if cloud is None:
@@ -72,7 +72,7 @@ class DepthOdometry:
         return self._T
 
     def _by_image(self, frame: Frame) -> NDArray[np.float64] | None:
-        """4×4 pose by corners that had depth in the last frame that showed surfaces; None if they do not tell."""
+        """4×4 pose by visual odometry from the last frame that showed surfaces; None if that fails."""
         if self._shown is None:
             return None
         last, T = self._shown
@@ -82,13 +82,14 @@ class DepthOdometry:
     def _find(
         self, frame: Frame, cloud: small_gicp.PointCloud, by_image: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.float64], Target | None]:
-        """4×4 pose that fits best, from where its image has it, or else from the last pose and from the same motion.
+        """4×4 pose that fits best, and the target that it was registered with; None if the image alone gave the pose.
 
-        Where nothing that was seen before is near, the image alone tells it; where surfaces disprove it, it does not.
+        Registration starts at the pose by the image. If nothing seen before is near, that pose is taken. If the image
+        gives none, or surfaces disprove it, registration starts at the last pose and at a repeated last motion.
         """
         if by_image is not None:
             seen = self._best(frame, cloud, [by_image], SEEN_SIGMA)
-            # Corners of noise, or of what repeats itself, may agree on a motion that never was.
+            # Corners in noise or in a repeated pattern may agree on a wrong motion.
             if seen is None or seen[1].chi2 < IMPROBABLE:
                 return (by_image, None) if seen is None else (seen[1].T, seen[0])
         best = self._best(frame, cloud, [self._T, self._T @ self._motion], SIGMA * (1 + self._blind))
@@ -99,7 +100,7 @@ class DepthOdometry:
     def _best(
         self, frame: Frame, cloud: small_gicp.PointCloud, guesses: Sequence[NDArray], sigma: NDArray[np.float64]
     ) -> tuple[Target, Registration] | None:
-        """The registration with most overlap of those that begin at 4×4 guesses; None where none has a target."""
+        """The registration with the most overlap of those that start at 4×4 guesses; None if none has a target."""
         points, everyone = cloud.points()[:, :3], np.ones(len(self._kept), np.bool_)
         information = np.diag(sigma**-2.0)
         found: list[tuple[Target, Registration]] = []

@@ -1,4 +1,4 @@
-"""Which way is up, by the floor that a camera sees, for recordings that tell nothing else."""
+"""Estimate the vertical from the floor that a camera sees, for recordings that do not contain it otherwise."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,24 +12,24 @@ STRIDE = 6
 FARTHEST = 5.0
 """m of depth; noise grows with its square."""
 TRIALS = 400
-"""Planes through three points; with a fifth of the points on the floor, 96 % hold one on it alone."""
+"""RANSAC samples of three points; if a fifth of the points lie on the floor, one sample lies on it with 96 %."""
 THICKNESS = 0.01, 0.004
 """m, and 1/m times the squared depth: how far from the plane the floor's returns are."""
 STEEPEST = np.cos(np.deg2rad(60))
-"""Cosine of the angle between the floor's normal and the image's upward direction."""
+"""Cosine of the greatest angle between the floor's normal and the image's upward direction."""
 LEAST = 0.05
-"""Share of the returns that are on the floor, at least."""
+"""Least share of the returns that lie on the floor."""
 BELOW = 0.02
-"""Share of the returns that may lie below it: a table has a floor below."""
+"""Greatest share of the returns that lie below the floor: a table has a floor below."""
 
 
 def T_floor_camera(frame: Frame) -> NDArray[np.float64]:
     """4×4 pose of ``camera_optical`` over the floor that it sees: level, x forward, the origin below the camera.
 
-    The floor is the plane with most returns of those that face upward in the image and have nothing below.
+    Of the planes that face upward in the image and have nothing below, the floor is the one with most returns.
 
     Raises:
-        InputError: no plane is like that.
+        InputError: there is no such plane, or too few returns.
     """
     depth = frame.depth[::STRIDE, ::STRIDE]
     shown = (depth > 0) & (depth < FARTHEST)
@@ -57,7 +57,7 @@ def T_floor_camera(frame: Frame) -> NDArray[np.float64]:
 
 
 def _plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(4,) normal up in the image, and offset, of the plane through (3, 3) points."""
+    """(4,) normal that points up in the image, and offset, of the plane through (3, 3) points."""
     normal = np.cross(points[1] - points[0], points[2] - points[0])
     normal *= -np.sign(normal[1]) / max(float(np.linalg.norm(normal)), 1e-12)
     return np.append(normal, -normal @ points[0])

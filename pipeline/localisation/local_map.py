@@ -1,4 +1,4 @@
-"""The points that frames are registered with: each surface as the keyframe has it that saw it first."""
+"""The points that frames are registered with: each surface as the first keyframe to see it measured it."""
 
 import numpy as np
 import small_gicp
@@ -7,18 +7,18 @@ from numpy.typing import NDArray
 from pipeline.localisation.registration import Target, front_normals
 
 MARGIN = 0.3
-"""m around a frame's points in which points of the map may correspond to them."""
+"""m around a frame's points within which points of the map may correspond to them."""
 LEAST = 100
-"""Points of the map; with fewer there is nothing to register with."""
+"""Least number of the map's points to register with."""
 
 
 class LocalMap:
-    """Points in the frames of the keyframes that own them, so that they follow these when poses are corrected.
+    """Points in the frame of the keyframe that owns them, so that they move along when its pose is corrected.
 
     Attributes:
         points: (N, 3) m.
-        normals: (N, 3) of length 1, on the side from which they were seen.
-        owner: (N,) int64 number of each one's keyframe.
+        normals: (N, 3) of length 1, on the side from which the points were seen.
+        owner: (N,) int64 number of each point's keyframe.
     """
 
     def __init__(self) -> None:
@@ -30,13 +30,13 @@ class LocalMap:
     def add(
         self, owner: int, cloud: small_gicp.PointCloud, camera: NDArray[np.float64], new: NDArray[np.bool_]
     ) -> None:
-        """Add the ``new`` (N,) ones of a keyframe's points, in ``base_link``, seen from a camera (3,) there."""
+        """Add the ``new`` (N,) points of a keyframe, in ``base_link``, seen from a camera (3,) in ``base_link``."""
         self.points = np.vstack([self.points, cloud.points()[new, :3]])
         self.normals = np.vstack([self.normals, front_normals(cloud, camera)[new]])
         self.owner = np.append(self.owner, np.full(np.count_nonzero(new), owner))
 
     def place(self, poses: NDArray[np.float64]) -> None:
-        """Put the points where their keyframes (K, 4, 4) are in ``map``."""
+        """Transform the points to ``map`` by the poses (K, 4, 4) of their keyframes."""
         T = poses[self.owner]
         points = np.einsum("nij,nj->ni", T[:, :3, :3], self.points) + T[:, :3, 3]
         self._in_map = points, np.einsum("nij,nj->ni", T[:, :3, :3], self.normals)
@@ -48,7 +48,7 @@ class LocalMap:
         owners: NDArray[np.bool_],
         margin: float = MARGIN,
     ) -> Target | None:
-        """What a camera can see near (N, 3) points: a wall seen from behind is another surface.
+        """The map's points near (N, 3) points that face the camera: a wall seen from behind is another surface.
 
         Args:
             points: m in ``map``.

@@ -1,4 +1,4 @@
-"""What localises a robot, and the odometry taken at its word, for comparison."""
+"""The interface of localisation, and localisation by the odometry alone, for comparison."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from pipeline.frame import Frame
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A place that was met again.
+    """A loop closure: two keyframes that saw the same place.
 
     Attributes:
         first, second: numbers of the keyframes, the older one first.
@@ -24,14 +24,14 @@ class Loop:
 
 @dataclass(frozen=True, eq=False)
 class Keyframes:
-    """What a later episode has to know of keyframes to find its place among them.
+    """What a later episode must know of keyframes to localise among them.
 
     Attributes:
         poses: (K, 4, 4) ``T_map_base``.
-        ups: (K, 3) the vertical in each one's ``base_link``.
-        points: (N, 3) of the surfaces that they saw, in their owner's ``base_link``, m.
-        normals: (N, 3) of these, of length 1.
-        owner: (N,) int64 number of the keyframe that each belongs to.
+        ups: (K, 3) the vertical in the ``base_link`` of each keyframe.
+        points: (N, 3) points of the surfaces seen, in the ``base_link`` of their keyframe, m.
+        normals: (N, 3) of the points, of length 1.
+        owner: (N,) int64 number of the keyframe that each point belongs to.
     """
 
     poses: NDArray[np.float64]
@@ -42,16 +42,16 @@ class Keyframes:
 
 
 class LostError(Exception):
-    """The robot does not know where it is, and says why."""
+    """The robot's pose is unknown; the message says why."""
 
 
 class OdometryLocalisation:
-    """Tells where the robot was when frames were taken; this one takes the odometry at its word.
+    """Estimates the robot's pose at each frame; this class takes the pose from the odometry unchanged.
 
     Attributes:
-        T_map_odom: 4×4, where the odometry's origin is by the newest frame; here the two frames are one.
-        loops: closed so far.
-        may_err: whether its poses are to be checked against the map.
+        T_map_odom: 4×4 pose of ``odom`` in ``map`` by the newest frame; here the two frames are the same.
+        loops: loop closures so far.
+        may_err: whether the poses must be checked against the map.
     """
 
     may_err = False
@@ -63,17 +63,17 @@ class OdometryLocalisation:
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """(K, 4, 4) ``T_map_base`` of every keyframe, as it is now believed."""
+        """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
         return self._poses
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether the newest frame fits only where no slip of wheels can have brought the robot."""
+        """Whether registration of the newest frame contradicts the odometry more than slipping wheels can explain."""
         return False
 
     @property
     def is_blind(self) -> bool:
-        """Whether the robot has come farther than its odometry may be believed with nothing to register."""
+        """Whether the robot has driven too far without a registration to trust its odometry."""
         return False
 
     @property
@@ -82,7 +82,7 @@ class OdometryLocalisation:
         return 1.0
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` at the time of the frame; LostError where it cannot be told."""
+        """4×4 pose of ``base_link`` in ``map`` at the time of the frame; raises LostError if it is unknown."""
         check_odometry(frame)
         return self.T_map_odom @ frame.T_odom_base
 
@@ -94,27 +94,27 @@ class OdometryLocalisation:
         """Correct the poses of all keyframes; here there is nothing to correct."""
 
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
-        """Take it that the robot was carried to a pose (4×4); here the odometry is taken at its word all the same."""
+        """Continue from the pose (4×4) to which the robot was carried; here the pose is ignored."""
 
     def trust(self) -> None:
-        """The robot has looked around, and goes on by its odometry where there was nothing to register."""
+        """Trust the odometry again where nothing could be registered, once the robot has looked around."""
 
     def points(self) -> NDArray[np.float32]:
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``; here none are kept."""
         return np.zeros((0, 3), np.float32)
 
     def keyframes(self) -> Keyframes:
-        """All so far; here without points."""
+        """All keyframes so far; here without points."""
         nothing = np.zeros((0, 3))
         return Keyframes(self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64))
 
     def restore(self, keyframes: Keyframes) -> None:
-        """Begin with those of an earlier episode, which stay where they are."""
+        """Begin with the keyframes of an earlier episode, whose poses stay fixed."""
         self._poses = keyframes.poses
 
 
 Localisation = OdometryLocalisation
-"""What localises a robot: this, or :class:`pipeline.localisation.slam.Slam`."""
+"""The interface of localisation: this class, or its subclass :class:`pipeline.localisation.slam.Slam`."""
 
 
 def check_odometry(frame: Frame) -> None:

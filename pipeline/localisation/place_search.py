@@ -1,7 +1,7 @@
 """Which poses in a whole map explain a levelled cloud best: every place at every heading is tried.
 
 Correlative scan matching (Olson, "Real-time correlative scan matching", 2009) in 3D: gravity gives roll and pitch,
-the elevation map the height.
+and the elevation map gives the height.
 """
 
 from typing import NamedTuple
@@ -17,33 +17,33 @@ from pipeline.transforms import from_yaw, inverse, wrap_angles, yaw_of
 from pipeline.traversability.elevation_map import ElevationMap
 
 UNKNOWN, SURFACE, FREE = range(3)
-"""What the map knows of a place; all that touches an occupied voxel is SURFACE."""
+"""States of a voxel; an occupied voxel and its neighbours are SURFACE."""
 YAWS = np.arange(72) * 2 * np.pi / 72
 """rad, the headings that are tried: at 3 m, half a step moves a point by 0.13 m, which SURFACE allows for."""
 STEP = 2
-"""Cells of the elevation map from place to place: 0.1 m."""
+"""Cells of the elevation map from one tried place to the next: 0.1 m."""
 SEARCHED = 256
-"""Patches, drawn at random, that find the guesses."""
+"""Number of patches, drawn at random, that the search uses."""
 SAMPLES = 2000
-"""Random poses that tell how likely a patch meets a surface by chance."""
+"""Random poses from which the probability that a patch meets a surface by chance is estimated."""
 MISSED = 0.05
-"""How likely a patch lies in free space if the pose is right, compared with a random one."""
+"""Probability that a patch lies in free space at the right pose, relative to that at a random pose."""
 DISTINCT = 0.4, np.deg2rad(20)
-"""m and rad; poses nearer than both are one."""
+"""m and rad; poses closer than both count as one."""
 PROMISING = 0.7
-"""Of the best guess's evidence, which another needs to be compared with it: both are out by half a step."""
+"""Share of the best guess's evidence that another guess needs to be considered: both may be off by half a step."""
 MOST = 12
-"""Promising guesses; with more there is doubt."""
+"""Greatest number of promising guesses; if there are more, the place is in doubt."""
 
 
 class Field(NamedTuple):
-    """What the map knows, with a border of the unknown.
+    """The states of the map's voxels, with a border of unknown ones.
 
     Attributes:
         voxels: (nx, ny, nz) uint8 UNKNOWN, SURFACE or FREE.
-        lower: (3,) m in ``map``, where they begin.
-        size: m, of a voxel.
-        border: (3,) m at both ends of each axis.
+        lower: (3,) m in ``map``, lower corner of the first voxel.
+        size: side of a voxel, m.
+        border: (3,) width of the border at both ends of each axis, m.
     """
 
     voxels: NDArray[np.uint8]
@@ -53,7 +53,7 @@ class Field(NamedTuple):
 
     @classmethod
     def around(cls, metric_map: MetricMap, points: NDArray[np.float64]) -> "Field":
-        """Of the whole map, so large that (N, 3) points, m, stay inside however they are turned about z anywhere."""
+        """The field of the whole map, with a border that holds (N, 3) points, m, at any place and yaw in the map."""
         reach, height = np.linalg.norm(points[:, :2], axis=1).max(), np.abs(points[:, 2]).max()
         border = np.array([reach, reach, height])
         lower, upper = metric_map.bounds()
@@ -65,11 +65,11 @@ class Field(NamedTuple):
         return cls(voxels, corner, size, border)
 
     def voxel(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
-        """(N, 3) float32 voxels from the field's corner to points (N, 3), m in ``map``."""
+        """(N, 3) float32 coordinates of points (N, 3), m in ``map``, in voxels from the field's corner."""
         return ((points - self.lower) / self.size).astype(np.float32)
 
     def at(self, points: NDArray[np.floating]) -> NDArray[np.uint8]:
-        """(N,) values at points (N, 3), m in ``map``; UNKNOWN beyond its ends."""
+        """(N,) states at points (N, 3), m in ``map``; UNKNOWN beyond the field."""
         index = np.floor(self.voxel(points)).astype(np.int64)
         inside = ((index >= 0) & (index < self.voxels.shape)).all(axis=1)
         values = np.full(len(points), UNKNOWN, np.uint8)
@@ -77,7 +77,7 @@ class Field(NamedTuple):
         return values
 
     def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) whether places (N, 3), m in ``map``, are not in the border."""
+        """(N,) whether places (N, 3), m in ``map``, lie within the border."""
         high = self.lower + np.array(self.voxels.shape) * self.size
         return np.asarray(((places > self.lower + self.border) & (places < high - self.border)).all(axis=1))
 
@@ -87,20 +87,20 @@ class Guess(NamedTuple):
 
     Attributes:
         T_map_level: 4×4 pose of the levelled robot.
-        evidence: log of how much likelier what it sees is there than at a random place of the map.
+        evidence: log-likelihood ratio of the robot's observations at this pose to those at a random place of the map.
     """
 
     T_map_level: NDArray[np.float64]
     evidence: float
 
     def is_near(self, T_map_level: NDArray[np.float64]) -> bool:
-        """Whether a 4×4 pose is the same but for the accuracy of the search."""
+        """Whether a 4×4 pose is the same within the accuracy of the search."""
         T = inverse(self.T_map_level) @ T_map_level
         return bool(np.hypot(*T[:2, 3]) < DISTINCT[0] and abs(yaw_of(T)) < DISTINCT[1])
 
 
 def standable(elevation_map: ElevationMap, field: Field, model: RobotModel) -> NDArray[np.float64]:
-    """(N, 3) places on known ground where nothing known fills the middle of the robot, m in ``map``."""
+    """(N, 3) places on known ground where the map has no surface in the middle of the robot, m in ``map``."""
     elevation = elevation_map.elevation[::STEP, ::STEP]
     cells = np.argwhere(~np.isnan(elevation))
     places = np.column_stack([elevation_map.grid.centre_of(STEP * cells), elevation[tuple(cells.T)]])
@@ -112,7 +112,7 @@ def standable(elevation_map: ElevationMap, field: Field, model: RobotModel) -> N
 def weigh(points: NDArray[np.float64], places: NDArray[np.float64], field: Field) -> NDArray[np.float32]:
     """What each point of a cloud is worth as evidence, by how often random poses explain it.
 
-    Level ground is met almost anywhere and tells little, a wall tells much; what falls into the unknown, nothing.
+    Level ground is found almost anywhere and is worth little, a wall is worth much, a point in unknown space nothing.
 
     Args:
         points: (P, 3) m from the levelled robot.

@@ -1,4 +1,4 @@
-"""The pose graph: keyframes, what odometry, gravity and registration say of them, and the poses that fit all best."""
+"""The pose graph: poses of keyframes that fit the constraints by odometry, gravity and registration best."""
 
 from typing import NamedTuple
 
@@ -11,18 +11,18 @@ from scipy.sparse.csgraph import dijkstra
 from pipeline.transforms import orthonormal
 
 GRAVITY = np.deg2rad(0.3)
-"""rad, standard deviation of a keyframe's roll and pitch by the odometry: the accelerometer's, while it drives."""
+"""rad, standard deviation of a keyframe's roll and pitch by the odometry: the accelerometer's during a drive."""
 FIXED = 1e-4
-"""rad and m, standard deviation of what the first keyframe fixes: its place and its heading."""
+"""rad and m, standard deviation of a fixed pose: the first keyframe's position and heading, and restored poses."""
 LOOSE = 1e-3
-"""1/rad² and 1/m², added to each constraint: of a plane alone a registration knows three directions."""
+"""1/rad² and 1/m², information added to each constraint: a plane alone determines only three directions."""
 LEVER = 2.0
-"""m from the robot to what it sees: how much an error of heading counts beside one of place."""
+"""m, typical distance of what the robot sees, which converts an error of heading into one of position."""
 OUTLIER = 3.0
 """Standard deviations from which on a loop counts for less (Geman and McClure)."""
 GYRO_SIGMA = 0.005, 5e-5
-"""Standard deviations of the gyro's scale and of its bias in rad/s, before anything is learnt."""
-_GYRO = 1 << 40  # the key of these two, which every motion by odometry has in common
+"""Initial standard deviations of the gyro's scale and of its bias in rad/s."""
+_GYRO = 1 << 40  # key of the gyro's scale and bias, which all motions by odometry share
 _UP = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
 
 
@@ -30,9 +30,9 @@ class Drive(NamedTuple):
     """A motion by odometry.
 
     Attributes:
-        T: 4×4, if the gyro had no errors.
-        J: (6, 2) derivative in the tangent after it by the gyro's errors, see :class:`PoseGraph`.
-        covariance: (6, 6) beside these, rad² and m².
+        T: 4×4 motion if the gyro had no errors.
+        J: (6, 2) derivative, in the tangent after the motion, by the gyro's errors, see :class:`PoseGraph`.
+        covariance: (6, 6) apart from the gyro's errors, rad² and m².
     """
 
     T: NDArray[np.float64]
@@ -44,8 +44,8 @@ class PoseGraph:
     """Poses of keyframes and the constraints between them.
 
     Attributes:
-        poses: (K, 4, 4) ``T_map_base`` of every keyframe, as it is now believed.
-        ups: (3,) each, the vertical in each one's ``base_link``, by the odometry.
+        poses: (K, 4, 4) ``T_map_base`` of every keyframe as now estimated.
+        ups: (3,) each, the vertical in the ``base_link`` of each keyframe, by the odometry.
         gyro: (2,) relative error of the gyro's scale, and its bias in rad/s.
     """
 
@@ -75,7 +75,7 @@ class PoseGraph:
         return len(self) - 1
 
     def fix(self, poses: NDArray[np.float64], ups: NDArray[np.float64]) -> None:
-        """Begin with keyframes that stay where they are: (K, 4, 4) poses, and the vertical in each (K, 3)."""
+        """Begin with keyframes whose poses stay fixed: (K, 4, 4) poses, and the vertical in each (K, 3)."""
         model = gtsam.noiseModel.Isotropic.Sigma(6, FIXED)
         for k, (T, up) in enumerate(zip(poses, ups, strict=True)):
             self.add(T, up)
@@ -85,7 +85,7 @@ class PoseGraph:
     def connect(
         self, i: int, j: int, T_map_base: NDArray[np.float64], information: NDArray[np.float64], is_loop: bool = False
     ) -> None:
-        """Tell where keyframe j would be if keyframe i is where it is believed to be now.
+        """Add a constraint: the pose of keyframe j, given the present pose of keyframe i.
 
         Args:
             i, j: numbers of keyframes.
@@ -100,7 +100,7 @@ class PoseGraph:
         self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
 
     def drive(self, drive: Drive) -> None:
-        """Tell by which motion the robot came from the keyframe before to the newest one."""
+        """Add the robot's motion by odometry from the previous keyframe to the newest one."""
         model, delta, j = gtsam.noiseModel.Gaussian.Covariance(drive.covariance), gtsam.Pose3(drive.T), len(self) - 1
 
         def error(_: object, values: gtsam.Values, H: list[NDArray[np.float64]] | None) -> NDArray[np.float64]:
@@ -113,21 +113,21 @@ class PoseGraph:
         self._factors.add(gtsam.CustomFactor(model, [j - 1, j, _GYRO], error))
 
     def link(self, i: int, j: int, covariance: NDArray[np.float64]) -> None:
-        """Remember the (6, 6) covariance that keyframe j has as seen from i; of several the best one counts."""
+        """Remember the (6, 6) covariance of keyframe j relative to i; of several the smallest one counts."""
         self._links[i, j] = min(variance_of(covariance), self._links.get((i, j), np.inf))
 
     def deviations(self) -> NDArray[np.float64]:
-        """(K,) m, how well each keyframe's place is known from the newest one: by the best chain of links."""
+        """(K,) m, standard deviation of each position relative to the newest keyframe, by the best chain of links."""
         ends = np.array(list(self._links), np.int64).reshape(-1, 2).T
         links = coo_array((list(self._links.values()), tuple(ends)), shape=(len(self), len(self))).tocsr()
         return np.sqrt(dijkstra(links, directed=False, indices=len(self) - 1))
 
     def optimise(self) -> None:
-        """Move the poses to where they fit all constraints best."""
+        """Move the poses so that they fit all constraints best."""
         graph = gtsam.NonlinearFactorGraph()
         graph.push_back(self._factors)
         model = gtsam.noiseModel.Isotropic.Sigma(2, GRAVITY)
-        bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # of a level that is mounted askew
+        bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # of an accelerometer that is mounted askew
         for k, up in enumerate(self.ups):
             graph.add(gtsam.AttitudeFactorPose3(k, _UP, model, gtsam.Unit3(up - bias)))
         graph.add(gtsam.PriorFactorVector(_GYRO, np.zeros(2), gtsam.noiseModel.Diagonal.Sigmas(np.array(GYRO_SIGMA))))
@@ -144,5 +144,5 @@ class PoseGraph:
 
 
 def variance_of(covariance: NDArray[np.float64]) -> float:
-    """m², how well a pose of this covariance (6, 6) is known, for what is ``LEVER`` m away."""
+    """m², variance of the position of a point ``LEVER`` m away from a pose with this covariance (6, 6)."""
     return float(np.trace(covariance[3:, 3:]) + LEVER**2 * np.linalg.eigvalsh(covariance[:3, :3])[-1])

@@ -2,11 +2,10 @@
 
 GICP (Segal, Haehnel and Thrun 2009) measures a pose as far as the surfaces determine it. Odometry and gravity are
 Gaussians on the same tangent space, so each Gauss-Newton step weighs all of them by their information. Along a
-corridor GICP has none, and the direction stays with the odometry without a rule for corridors: a pair tells of the
-distance across its surface alone, for along it the nearest point is always the one that says that the robot has not
-moved.
+corridor GICP has no information, so the odometry decides there without a rule for corridors: a pair measures only the
+distance across its surface. Along the surface, the nearest point would always suggest that the robot has not moved.
 
-Tangents are rotation, then translation, on the right, T · Exp(δ), as small_gicp and GTSAM have them.
+Tangents are rotation, then translation, on the right, T · Exp(δ), as in small_gicp and GTSAM.
 """
 
 from collections.abc import Sequence
@@ -22,25 +21,25 @@ from pipeline.localisation.pose_graph import LEVER
 from pipeline.transforms import orthonormal
 
 VOXEL = 0.05
-"""m; clouds are thinned to the mean of the returns of a voxel."""
+"""m; clouds are thinned to the mean of the returns in each voxel."""
 NEIGHBOURS = 20
-"""Of a point, from which the direction of its surface is estimated."""
+"""Number of neighbours from which a point's normal is estimated."""
 GATES = (0.2, 0.2, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1)
-"""m, greatest distance of corresponding points, step by step."""
+"""m, greatest distance of corresponding points in each step."""
 STRAY = 0.063
-"""m, standard deviation of a pair's distance across its surface. Points stray less, but not each on its own: those of
-one keyframe stray together wherever later ones are registered with it."""
+"""m, standard deviation of a pair's distance across its surface. Single points have less noise, but it is correlated
+among the points of one keyframe, with which later ones are registered."""
 ALIKE = 0.9
-"""Cosine between the normals of a pair of one surface, at least."""
+"""Least cosine between the normals of a pair on one surface."""
 FEIGNED = 1e-3
-"""Of the strongest information; what is weaker than this comes from noise and is left out."""
+"""Share of the strongest information; weaker information comes from noise and is left out."""
 IMPROBABLE = 22.5
 """χ² of six degrees of freedom, 99.9 %; a registration so far from its prior disproves it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known of a pose beside registration: a Gaussian.
+    """What is known of a pose apart from registration: a Gaussian.
 
     Attributes:
         T: 4×4 mean.
@@ -53,11 +52,11 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """What a part of the target says of the source's pose.
+    """The source's pose by the part of the target that one keyframe owns.
 
     Attributes:
-        owner: of these points of the target.
-        T: 4×4 pose of the source in the target's frame, at which these points alone would have it.
+        owner: number of the keyframe.
+        T: 4×4 pose of the source in the target's frame by these points alone.
         information: (6, 6) in the tangent at ``T``.
     """
 
@@ -70,7 +69,7 @@ class Target:
     """Points to register with.
 
     Attributes:
-        owner: (M,) int64 whose each point is.
+        owner: (M,) int64 number of the keyframe that each point belongs to.
     """
 
     def __init__(self, points: NDArray[np.float64], owner: NDArray[np.int64]):
@@ -83,13 +82,13 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """A frame's place among the target's points.
+    """The pose of a source registered with a target.
 
     Attributes:
         T: 4×4 pose of the source in the target's frame, GICP and priors fused.
         information: (6, 6) of GICP alone in the tangent at ``T``.
         covariance: (6, 6) of GICP and priors, rad² and m².
-        overlap: share of the source's points with a corresponding one.
+        overlap: share of the source's points with a corresponding target point.
         chi2: squared Mahalanobis distance of ``T`` from the priors.
     """
 
@@ -120,7 +119,7 @@ def exponential(tangent: NDArray[np.float64]) -> NDArray[np.float64]:
 def register(
     target: Target, source: small_gicp.PointCloud, priors: Sequence[Prior], gates: Sequence[float] = GATES
 ) -> Registration:
-    """Fit a source to a target, beginning at the first prior.
+    """Fit a source to a target, starting at the mean of the first prior.
 
     Args:
         target: in ``map``.
@@ -148,21 +147,21 @@ def register(
 def shares_of(
     target: Target, source: small_gicp.PointCloud, T: NDArray[np.float64]
 ) -> tuple[list[Share], NDArray[np.bool_]]:
-    """What each owner of the target's points says of a registered source, and which of its points are new.
+    """The share of each owner of the target's points in a registration, and which of the source's points are new.
 
     Args:
         target, source: see :func:`register`.
         T: 4×4 pose of the source in the target's frame.
 
     Returns:
-        The shares, the most informative one first, and (N,) bool, the points without one of the target in ``VOXEL``.
+        The shares, the most informative one first, and (N,) bool, the points without a target point within ``VOXEL``.
     """
     pairs = _Pairs(target, source, T, GATES[-1])
     owner = target.owner[pairs.target]
     shares = []
     for one in np.unique(owner):
         H, pull = pairs.tell(owner == one)
-        # The one makes up for what a few points leave open: there the share's own minimum means nothing.
+        # The identity decides what a few points leave undetermined: there the share's own minimum is meaningless.
         delta = np.linalg.solve(H + np.eye(6), pull)
         shares.append(Share(int(one), T @ exponential(np.asarray(delta)), H))
     return sorted(shares, key=lambda share: -np.trace(share.information)), pairs.squared > VOXEL**2
@@ -171,18 +170,18 @@ def shares_of(
 class _Pairs:
     """Corresponding points, and what they say of the source's pose.
 
-    A normal n is known with noise, and J(n)ᵀ J(n), the information of a point on its surface, has the square of it:
-    bare floors feign that the robot stays where it is. The noise of the two normals of a pair is not the same, so
-    their product J(n)ᵀ J(m) has none of it on average (the method of instrumental variables).
+    A normal n has noise, and J(n)ᵀ J(n), the information of a point on its surface, is biased by the square of it:
+    bare floors falsely suggest that the robot does not move. The noise of the two normals n and m of a pair is
+    independent, so J(n)ᵀ J(m) is unbiased (the method of instrumental variables).
 
     Attributes:
-        source, target: (P,) indices of the points of each pair of one surface.
-        squared: (N,) m², from each of the source's points to the nearest of the target's.
+        source, target: (P,) indices of the points of each pair that lie on one surface.
+        squared: (N,) m², squared distance from each source point to the nearest target point.
         rows: for the normals of either side, (P, 6) derivative by the pose, in the tangent, and (P,) residual.
     """
 
     def __init__(self, target: Target, source: small_gicp.PointCloud, T: NDArray[np.float64], gate: float):
-        """Those closer than ``gate`` m, with the source at a pose (4×4)."""
+        """Pair the points closer than ``gate`` m, with the source at a pose (4×4)."""
         points, R = source.points()[:, :3], T[:3, :3]
         at = points @ R.T + T[:3, 3]
         index, self.squared = map(np.array, target.tree.batch_nearest_neighbor_search(at))
@@ -199,9 +198,9 @@ class _Pairs:
             self.rows.append((J, np.einsum("ni,ni->n", u, away)))
 
     def tell(self, rows: NDArray[np.bool_] | EllipsisType = ...) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(6, 6) information on the pose and (6,) the pull towards its minimum, without what noise feigns.
+        """(6, 6) information of the pose and (6,) information vector by the pairs in ``rows`` (P,).
 
-        ``rows`` (P,) of the pairs are taken.
+        Directions whose information comes from noise alone are left out.
         """
         (J_n, r_n), (J_m, r_m) = ((J[rows], residual[rows]) for J, residual in self.rows)
         lever = np.repeat([LEVER, 1.0], 3)

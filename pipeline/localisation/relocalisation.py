@@ -1,4 +1,4 @@
-"""Where in its map a robot stands that was carried there: a doubtful place is refused."""
+"""Find where in its map a robot stands after it was carried; a doubtful place is refused."""
 
 from typing import NamedTuple
 
@@ -26,30 +26,30 @@ from pipeline.transforms import from_rotation, from_yaw, inverse, transform_poin
 from pipeline.traversability.elevation_map import ElevationMap
 
 PATCH = 0.2
-"""m; what the robot sees is compared patch by patch of this side."""
+"""m, side of the patches in which the robot's observations are compared with the map."""
 THIN, COARSE = 0.05, 0.1
 """m, to which the map's points and a single frame, and all frames together, are thinned for registration."""
 REACHES = 0.3, 0.1
-"""m from points to their correspondences: first to make up for half a step of the search, then those of one voxel."""
+"""m, greatest distances of correspondences: first enough for half a step of the search, then one voxel."""
 LEAST_FRAMES = 3
-"""A corner of one room is like that of another, above all in a map that is half made."""
+"""Least number of frames: one corner of a room looks like another, above all in an incomplete map."""
 COVERED = 0.85
-"""Share of the patches that must lie within a voxel of the map's points; elsewhere the map knows too little."""
+"""Least share of the patches within a voxel of the map's points; with fewer, the map knows too little there."""
 RIVAL = 1e-4
-"""How likely, compared with the best place, another one may be at most."""
+"""Greatest likelihood of any other place, relative to the best one."""
 CORRELATED = 3
-"""Patches that lie on a surface together, by chance or rightly: so many count as one."""
+"""Number of patches that count as one: neighbours lie on a surface together, by chance or rightly."""
 NEIGHBOURS = 10
-"""Points by which normals are estimated."""
+"""Number of points from which a normal is estimated."""
 DRIFT = np.array([3e-3, 3e-3, 0.05, 0.1, 0.1, 0.03])
 """rad and m, standard deviations: roll, pitch, yaw, x, y and z of the newest pose by all frames together, while a
 robot turns on a slope and slides."""
 DEPENDENT = 4
-"""Points of THIN that err together: those of a voxel of COARSE on a surface."""
+"""Number of points thinned to THIN whose errors are correlated: those in a voxel of COARSE on a surface."""
 GROUND = 0.1
-"""m that a robot's place may be off the ground: on the crest of a ridge it stands 0.03 above the mean of a cell."""
+"""m, greatest distance of a place from the ground: on the crest of a ridge it is 0.03 above the mean of a cell."""
 CERTAIN = 0.05
-"""m, standard deviation of the position from which on there is doubt."""
+"""m, standard deviation of the position above which the pose is in doubt."""
 
 
 class Place(NamedTuple):
@@ -77,14 +77,14 @@ class MapPoints:
         return np.asarray(np.asarray(squared) < REACHES[-1] ** 2)
 
     def align(self, cloud: small_gicp.PointCloud, T_map_level: NDArray[np.float64]) -> NDArray[np.float64]:
-        """4×4 pose of a levelled cloud, which stays level."""
+        """4×4 pose of a levelled cloud as registered; it stays level."""
         for reach in REACHES:
             T = self._register(cloud, T_map_level, reach).T_target_source
             T_map_level = level(T)
         return T_map_level
 
     def correct(self, cloud: small_gicp.PointCloud, T_map_level: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """4×4 pose of a cloud as registered, as far as its surfaces tell more than DRIFT; None if not CERTAIN."""
+        """4×4 pose that fuses the registration of a cloud with the prior of DRIFT; None if it is not CERTAIN."""
         T = T_map_level
         for reach in REACHES:
             result = self._register(cloud, T, reach)
@@ -109,7 +109,7 @@ class Relocalisation:
     """Gathers frames since the robot was set down, and finds where in a map they were taken.
 
     Attributes:
-        frames: so far.
+        frames: all frames so far.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -122,22 +122,22 @@ class Relocalisation:
         self.frames = []
 
     def add(self, frame: Frame) -> None:
-        """Take one more frame; the odometry tells where it was taken as seen from the others."""
+        """Add a frame; its odometry gives its pose relative to the other frames."""
         self.frames.append(frame)
 
     def find(
         self, metric_map: MetricMap, elevation_map: ElevationMap, points: NDArray[np.float32]
     ) -> NDArray[np.float64] | None:
-        """Where the robot is.
+        """Find where the robot is.
 
         Args:
-            metric_map: in which to find it.
+            metric_map: in which to find the robot.
             elevation_map: of the same ground.
             points: (N, 3) float32 of the same surfaces, m in ``map``.
 
         Returns:
-            4×4 ``T_map_base`` of the newest frame; None if there is doubt: no place fits, more than one does, or the
-            map knows too little there.
+            4×4 ``T_map_base`` of the newest frame; None in doubt: no place fits, more than one place fits, or the map
+            knows too little there.
         """
         if len(self.frames) < LEAST_FRAMES or not len(points):
             return None
@@ -166,22 +166,22 @@ class Relocalisation:
 
     @property
     def _T_level_odom(self) -> NDArray[np.float64]:
-        """``level`` is the newest ``base_link`` but without roll and pitch."""
+        """4×4; the frame ``level`` is the newest ``base_link`` without roll and pitch."""
         T_odom_base = self.frames[-1].T_odom_base
         return inverse(level(T_odom_base))
 
     def _points(self, frame: Frame) -> NDArray[np.float64]:
-        """(N, 3) thinned returns, m from the newest pose, levelled."""
+        """(N, 3) thinned returns of a frame in ``level``, m."""
         return thinned(frame.points(self._T_level_odom @ frame.T_odom_base @ frame.T_base_camera)[::2], THIN)
 
     def _contradicts(self, T_map_level: NDArray[np.float64], metric_map: MetricMap) -> bool:
-        """Whether the robot would notice at once that it is elsewhere."""
+        """Whether the frames contradict the map if the robot is at a 4×4 pose."""
         T_map_odom = T_map_level @ self._T_level_odom
         parts = (agreement(f, T_map_odom @ f.T_odom_base @ f.T_base_camera, metric_map) for f in self.frames)
         return Agreement.of(parts).was_carried
 
     def _correct(self, T_map_level: NDArray[np.float64], target: MapPoints) -> NDArray[np.float64] | None:
-        """4×4 ``T_map_base`` corrected by the newest frame alone, for wheels slide while a robot looks around."""
+        """4×4 ``T_map_base`` corrected by the newest frame alone, for wheels slide while the robot looks around."""
         points = self._points(self.frames[-1])
         if len(points) < SEARCHED:
             return None
@@ -190,7 +190,7 @@ class Relocalisation:
 
 
 def stands(T_map_level: NDArray[np.float64], elevation_map: ElevationMap) -> bool:
-    """Whether a robot at a 4×4 pose neither floats nor sinks, as far as the ground there is known."""
+    """Whether a 4×4 pose is on the ground, within ``GROUND`` m, or the ground there is unknown."""
     ground = elevation_map.grid.at(elevation_map.elevation, T_map_level[:2, 3], outside=np.nan)
     return not abs(T_map_level[2, 3] - ground) > GROUND
 
@@ -202,7 +202,7 @@ def judge(
     target: MapPoints,
     field: Field,
 ) -> Place:
-    """How well a pose explains (P, 3) patches, m from the levelled robot, with what (P, 3) they are worth."""
+    """How well a pose explains (P, 3) patches, m from the levelled robot; ``gain`` (P, 3) is their worth."""
     moved = transform_points(T_map_level, patches)
     covered = target.are_near(moved)
     value = np.where(covered, SURFACE, np.where(field.at(moved) == UNKNOWN, UNKNOWN, FREE))
@@ -211,7 +211,7 @@ def judge(
 
 
 def decide(found: list[Place]) -> NDArray[np.float64] | None:
-    """4×4 pose of the place that is well known and far likelier than any other and than chance; None in doubt."""
+    """4×4 pose of the best place if the map covers it and it is far likelier than any other and than chance."""
     ranked = sorted(found, key=lambda place: -place.guess.evidence)
     if not ranked or ranked[0].covered < COVERED:
         return None
@@ -234,5 +234,5 @@ def thinned(points: NDArray[np.floating], size: float) -> NDArray[np.float64]:
 
 
 def prepared(points: NDArray[np.floating], size: float) -> tuple[small_gicp.PointCloud, small_gicp.KdTree]:
-    """Points (N, 3) thinned to voxels, m, with their covariances, and a tree of them."""
+    """Points (N, 3), m, thinned to voxels of ``size`` m, with their covariances, and a KD tree of them."""
     return small_gicp.preprocess_points(points.astype(np.float64), size, num_neighbors=NEIGHBOURS)

@@ -9,15 +9,15 @@ STEP = 0.25
 
 @njit(cache=True)
 def cast(rays, origins, voxels, reach, free, surface):
-    """How far a map knows rays to be free at least, and where surfaces end them at most, from any of some origins.
+    """The least depth to which each ray is free, and the greatest at which it meets a surface, over all origins.
 
     Args:
         rays: (N, 3) float64 voxels along each ray for every voxel along the optical axis, in the grid's axes.
-        origins: (M, 3) float64 in voxels of the box; each ray begins at each of them.
-        voxels: (nx, ny, nz) int8 log-odds; what lies beyond is unknown.
+        origins: (M, 3) float64 in voxels of the box; each ray is cast from each origin.
+        voxels: (nx, ny, nz) int8 log-odds; voxels beyond the box are unknown.
         reach: voxels along the optical axis.
         free: (N,) float64, filled with voxels along the optical axis.
-        surface: (N,) float64, filled likewise; infinite where a ray ends at no surface.
+        surface: (N,) float64, filled likewise; infinite if the ray from any origin meets no surface.
     """
     for n in range(len(rays)):
         free[n], surface[n] = np.inf, 0.0
@@ -29,9 +29,9 @@ def cast(rays, origins, voxels, reach, free, surface):
 
 @njit(cache=True)
 def _follow(ray, origin, voxels, reach):
-    """Voxels along the optical axis up to the end of what is free, and whether an occupied voxel is there.
+    """Voxels along the optical axis to the end of the free part of a ray, and whether an occupied voxel ends it.
 
-    What is unknown at the camera itself, which sees nothing so near, is skipped.
+    Unknown voxels right before the camera, which sees nothing so near, are skipped.
     """
     depth, last_free = 0.0, 0.0
     while depth < reach:
@@ -57,7 +57,7 @@ def score(cloud, gain, places, yaws, field, scores):
     Args:
         cloud: (P, 3) float32 points of a levelled robot, voxels from it.
         gain: (P, K) float32, what each point adds where the field holds 0 to K - 1.
-        places: (C, 3) float32 of the robot, in voxels of the field, so far from its end as the cloud reaches.
+        places: (C, 3) float32 of the robot, in voxels of the field, farther from its ends than the cloud reaches.
         yaws: (Y,) float64 rad.
         field: (nx, ny, nz) uint8.
         scores: (C, Y) float32, filled.

@@ -1,8 +1,8 @@
 """Simultaneous localisation and mapping: where the robot is, by its frames, its odometry and gravity.
 
-The thesis leaves this to RTAB-Map. Each frame is registered with what earlier keyframes saw of the same surfaces,
-and each keyframe joins a pose graph, with what registration says of it as seen from each of these. Where the robot
-comes back to a place that it knows less well than a registration must, a loop is closed.
+The thesis leaves this to RTAB-Map. Each frame is registered with the surfaces that earlier keyframes saw, and each
+keyframe joins a pose graph, with a constraint to each of those. A loop is closed where the robot comes back to
+keyframes whose relative position is too uncertain to register frames with them directly.
 """
 
 from collections.abc import Sequence
@@ -36,51 +36,51 @@ from pipeline.localisation.registration import (
 from pipeline.transforms import inverse, orthonormal, transform_points
 
 FARTHEST = 3.4
-"""m of depth; beyond, the sensor's limit cuts off the far half of its noise."""
+"""m of depth; beyond it, the sensor's limit cuts off the far half of its noise."""
 AROUND = 9
-"""Pixels of a square of which the mean depth is compared with that. What is cut off by each single depth has lost the
-far half of its noise too: walls at the limit came 3 cm too near, and a first turn closed 1° too short."""
+"""Pixels along each side of a square whose mean depth is compared with that limit. Comparing single depths would cut
+off the far half of their noise too: walls at the limit came 3 cm too near, and a first turn closed 1° too short."""
 STRIDE = 2
 """Pixels; every other row and column is enough for means over ``VOXEL``."""
 LEAST_RETURNS, LEAST_POINTS = 300, 50
-"""Of these, and of points that they are thinned to, below which a frame shows nothing to register."""
+"""Least number of returns, and of points thinned from them; frames with fewer cannot be registered."""
 CONTRADICTED = 100.0
-"""χ² from which on slipping wheels cannot explain a contradicted odometry: of 800 frames the greatest was 45."""
+"""χ² above which slipping wheels cannot explain a contradicted odometry: of 800 frames the greatest was 45."""
 POOR, BETTER = 0.6, 0.1
-"""Overlap below which wheels may have slipped, and by how much more shows it."""
+"""Overlap below which wheels may have slipped, and by how much more overlap assuming a slip must give."""
 STOPPED = 0.05
-"""m that the robot drives by its odometry while a camera shows the very same, which one with noise never does."""
+"""m by the odometry after which a camera that shows the very same depths has stopped: noise changes every image."""
 BLIND = 3.0
-"""m by the odometry without a registration; wheels may spin as well, before a wall too near to be measured."""
+"""m by the odometry without a registration; the wheels may also have spun before a wall too near to be measured."""
 JUMP = 1.0
-"""m between keyframes; an odometry that says more has jumped, and tells nothing."""
+"""m between keyframes; an odometry that measures more has jumped, and is ignored."""
 SINCE_JUMP = (0.5,) * 6 + GATES
-"""m, gates of a registration that begins where the robot was before the odometry jumped."""
+"""m, gates of a registration that starts where the robot was before the odometry jumped."""
 SET_DOWN = np.repeat([0.05, 0.1], 3)
 """rad and m, standard deviations of a pose at which a robot was found again."""
 MOST_SHARES = 6
-"""Keyframes that a new one is connected with, those that tell most of it."""
+"""Greatest number of keyframes that a new one is connected with: those with the most information."""
 KNOWN = 0.1
-"""m; keyframes known better than this from the newest one make up one map to register with. Others make a loop."""
+"""m; keyframes with a smaller deviation from the newest one make up one map to register with. Others make a loop."""
 TOLD = 0.01
-"""Of what surfaces tell across themselves, what they must tell of a way that wheels only feigned: on bare floors,
+"""Least information along the way, relative to the best known direction, to tell that wheels slipped: on bare floors,
 where robots that drove seem to have stayed, it is less than 0.0004 in 95 of 100 frames."""
 FAR_OFF = 1.0
-"""m; a loop is looked for no farther away, however little is known."""
+"""m, greatest distance at which a loop is sought, however uncertain the pose is."""
 UNPINNED = 0.15
-"""m; a loop may leave a direction to the odometry, as along a corridor, if that is known better than this."""
+"""m; if the deviation is smaller, a loop may leave a direction, as along a corridor, to the odometry."""
 TELLS = 0.25
-"""Of the variance of a heading or a level direction, what a loop leaves of it at most."""
+"""Greatest share of the variance in heading or a horizontal direction, whichever shrinks most, that a loop leaves."""
 LOOP_OVERLAP = 0.6
-"""Share of a frame's points that a loop explains, at least."""
+"""Least share of a frame's points that a loop explains."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Match:
-    """A frame and where it was found.
+    """A frame and its pose.
 
-    ``prediction`` is None if the odometry tells nothing of it, and ``step``, its pose by the motion since the newest
-    keyframe alone.
+    ``prediction`` is None if the odometry cannot be trusted. ``step`` is the pose by the motion since the newest
+    keyframe alone; None without such a motion.
     """
 
     frame: Frame
@@ -96,13 +96,13 @@ class Slam(Localisation):
     """Localises frames in the map of its keyframes.
 
     Attributes:
-        T_map_odom: 4×4, where the odometry's origin is by the newest frame.
-        graph: of the keyframes.
-        local_map: what they saw.
-        motion: what the odometry's measurements mean.
-        loops: closed so far.
-        closes_loops: False for comparison alone.
-        slips: how often registration contradicted the odometry.
+        T_map_odom: 4×4 pose of ``odom`` in ``map`` by the newest frame.
+        graph: pose graph of the keyframes.
+        local_map: surfaces that the keyframes saw.
+        motion: motion model of the odometry.
+        loops: loop closures so far.
+        closes_loops: False for comparison only.
+        slips: number of frames in which registration showed that wheels slipped.
     """
 
     may_err = True
@@ -126,7 +126,7 @@ class Slam(Localisation):
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """(K, 4, 4) ``T_map_base`` of every keyframe, as it is now believed."""
+        """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
         return self.graph.poses
 
     @property
@@ -136,13 +136,13 @@ class Slam(Localisation):
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether the newest frame fits only where no slip of wheels can have brought the robot."""
+        """Whether registration of the newest frame contradicts the odometry more than slipping wheels can explain."""
         match = self._match
         return bool(match and match.step and match.registration and match.registration.chi2 > CONTRADICTED)
 
     @property
     def is_blind(self) -> bool:
-        """Whether the robot has come farther than its odometry may be believed with nothing to register."""
+        """Whether the robot has driven too far without a registration to trust its odometry."""
         return self._unseen_way > BLIND and bool(self._match and not self._match.registration)
 
     @property
@@ -209,12 +209,12 @@ class Slam(Localisation):
         self._renew()
 
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
-        """The robot was carried and found again at a pose (4×4), whatever the odometry says."""
+        """Continue from the pose (4×4) at which a carried robot was found, whatever the odometry measured."""
         self._anchor, self._unseen_way = T_map_base, 0.0
         self._match = None
 
     def trust(self) -> None:
-        """The robot has looked around, and goes on by its odometry where there was nothing to register."""
+        """Trust the odometry again where nothing could be registered, once the robot has looked around."""
         self._unseen_way = 0.0
 
     def points(self) -> NDArray[np.float32]:
@@ -222,15 +222,15 @@ class Slam(Localisation):
         return self.local_map.all_points()
 
     def keyframes(self) -> Keyframes:
-        """All so far."""
+        """All keyframes so far."""
         known = self.local_map
         return Keyframes(self.poses, np.array(self.graph.ups), known.points, known.normals, known.owner)
 
     def restore(self, keyframes: Keyframes) -> None:
-        """Begin with those of an earlier episode, which stay where they are: where the robot is has to be told.
+        """Begin with the keyframes of an earlier episode, whose poses stay fixed; :meth:`set_down` gives the robot's.
 
         Raises:
-            InputError: they come without points, for nothing was registered.
+            InputError: the keyframes have no points, for nothing was registered.
         """
         if not len(keyframes.points):
             raise InputError("its episode registered nothing, so no robot finds its place in it")
@@ -253,7 +253,7 @@ class Slam(Localisation):
                 raise LostError(f"the camera has stopped: at {frame.time:.2f} s it shows what it showed before")
 
     def _count_turns(self, frame: Frame) -> None:
-        """Between keyframes the robot may turn around, as it does where it looks for its place."""
+        """Add up the robot's rotation: between keyframes it may exceed half a turn, as when it looks around."""
         if self._match is not None:
             moved = inverse(self._match.frame.T_odom_base) @ frame.T_odom_base
             self._turned += float(Rotation.from_matrix(moved[:3, :3]).as_rotvec() @ frame.T_odom_base[2, :3])
@@ -280,7 +280,7 @@ class Slam(Localisation):
         if odometry is not None and (registration.chi2 > IMPROBABLE or registration.overlap < POOR):
             prior, slipped = slipped_registration(target, cloud, first, self.poses[-1], frame)
             is_better = registration.chi2 > IMPROBABLE or slipped.overlap > registration.overlap + BETTER
-            # On a bare floor a robot that stayed sees what it saw, and fits best.
+            # On a bare floor, which looks the same everywhere, the pose of a robot that stayed always fits best.
             way = (inverse(slipped.T) @ first.T)[:3, 3]
             if is_better and is_pinned(slipped.information, way):
                 self.slips += 1
@@ -299,7 +299,7 @@ class Slam(Localisation):
         return self.local_map.around(points @ T[:3, :3].T + T[:3, 3], camera, owners, margin)
 
     def _by_odometry(self, frame: Frame) -> Prediction:
-        """The pose by what the odometry has measured since the newest keyframe."""
+        """The pose by the odometry since the newest keyframe."""
         (time, T_odom_base), up = self._odometry[-1], self.graph.ups[-1]
         motion = Motion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time, self._turned)
         return self.motion.predict(self.poses[-1], motion)
@@ -307,7 +307,7 @@ class Slam(Localisation):
     def _connect(
         self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration | None
     ) -> NDArray[np.bool_]:
-        """Connect a keyframe with those that it was registered with; (N,) which of its points are new."""
+        """Connect a keyframe with those that it was registered with; returns (N,) which of its points are new."""
         assert registration is not None
         shares, new = shares_of(target, cloud, registration.T)
         for share in shares[:MOST_SHARES]:
@@ -316,7 +316,7 @@ class Slam(Localisation):
         return new
 
     def _find_loop(self, number: int, match: _Match) -> None:
-        """Register the newest keyframe with those near that it knows too little of; one loop at a time."""
+        """Register the newest keyframe with those nearby whose relative position is uncertain; one loop at a time."""
         unknown = self._deviations >= KNOWN
         if self._loop is not None or match.cloud is None or not unknown.any():
             return
@@ -328,7 +328,7 @@ class Slam(Localisation):
         prior = Prior(T, np.diag(np.repeat([deviation / LEVER, deviation], 3) ** -2.0))
         gates = (max(2 * deviation, GATES[0]),) * 4 + GATES
         found = register(target, match.cloud, [prior, by_gravity(T, match.frame)], gates)
-        # Along a corridor a loop tells the heading alone.
+        # Along a corridor a loop determines the heading alone.
         level = found.covariance[2:5, 2:5] * prior.information.diagonal()[2:5]
         tells = np.linalg.eigvals(level).real.min() < TELLS
         is_safe = deviation < UNPINNED or is_pinned(found.information)
@@ -340,9 +340,9 @@ class Slam(Localisation):
         for share in shares:
             self.graph.connect(share.owner, number, share.T, share.information, is_loop=True)
             self.graph.link(share.owner, number, found.covariance)
-            # A share alone leaves directions open, where its own minimum means nothing; all of them together do not.
+            # Not share.T: a single share leaves directions undetermined, in which its own minimum is meaningless.
             self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
-        # From elsewhere, the robust loss takes a loop for an outlier and leaves the poses where they are.
+        # Optimise from where the loop has the newest poses: from elsewhere the robust loss takes it for an outlier.
         self.poses[number:] = found.T @ inverse(self.poses[number]) @ self.poses[number:]
 
 
@@ -362,9 +362,9 @@ def cloud_of_frame(frame: Frame) -> small_gicp.PointCloud | None:
 def slipped_registration(
     target: Target, cloud: small_gicp.PointCloud, odometry: Prior, T_map_base: NDArray[np.float64], frame: Frame
 ) -> tuple[Prior, Registration]:
-    """Register a frame as if the wheels had turned on the spot: the way is known no better than its length.
+    """Register a frame as if the wheels had slipped: the position is known no better than the length of the way.
 
-    ``T_map_base`` (4×4) is where the robot was before; it begins there and where the odometry has it.
+    Of two registrations, from the position before, ``T_map_base`` (4×4), and from the odometry's, more overlap wins.
     """
     stayed = odometry.T.copy()
     stayed[:3, 3] = T_map_base[:3, 3]
@@ -377,7 +377,7 @@ def slipped_registration(
 
 
 def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:
-    """The pose ``T`` (4×4), turned until its vertical is the odometry's, of which roll and pitch alone are known."""
+    """A prior of roll and pitch alone: the pose ``T`` (4×4), rotated until its vertical is the odometry's."""
     up = frame.T_odom_base[2, :3]
     level = T @ exponential(np.append(np.cross(up, T[2, :3]), np.zeros(3)))
     information = np.zeros((6, 6))
@@ -386,9 +386,9 @@ def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:
 
 
 def is_pinned(information: NDArray[np.float64], way: NDArray[np.float64] | None = None) -> bool:
-    """Whether (6, 6) information of surfaces alone, 1/rad² and 1/m², tells the position to within ``KNOWN``.
+    """Whether (6, 6) information of surfaces alone, 1/rad² and 1/m², determines the position to within ``KNOWN``.
 
-    In every direction, or along a ``way`` (3,), m, in the frame of the pose.
+    It must do so in every direction, or only along a ``way`` (3,), m, in the frame of the pose.
     """
     covariance = np.linalg.inv(information + np.eye(6))[3:, 3:]
     variances = np.linalg.eigvalsh(covariance)

@@ -1,4 +1,4 @@
-"""How a camera moved from one frame to the next, by corners in its images: where surfaces alone do not tell it."""
+"""The camera's motion between two frames by corners in its images, for where surfaces alone do not determine it."""
 
 import cv2
 import numpy as np
@@ -9,22 +9,22 @@ from pipeline.frame import Frame
 from pipeline.transforms import from_rotation, inverse
 
 MOST_CORNERS, QUALITY, APART = 400, 0.01, 8
-"""Corners that are followed, how weak one may be beside the strongest, and pixels between two."""
+"""Greatest number of corners, least quality relative to the strongest, and pixels between two corners."""
 WINDOW, LEVELS = (21, 21), 4
 """Pixels around a corner that are compared, in images down to a sixteenth of the size."""
 RETURN = 1.0
-"""Pixels by which a corner that is followed there and back may miss itself."""
+"""Pixels by which a corner that is tracked there and back may miss where it began."""
 REPROJECTION = 2.0
-"""Pixels by which a corner may miss its place."""
+"""Pixels, greatest reprojection error of a corner that agrees with a motion."""
 LEAST, LEAST_SHARE = 20, 0.5
-"""Corners that agree on a motion, at least, and the share of those that were followed."""
+"""Least number of corners that agree on a motion, and their least share of the tracked corners."""
 
 
 def visual_motion(before: Frame, after: Frame) -> NDArray[np.float64] | None:
     """4×4 ``T_before_after`` of the camera; None where too few corners agree.
 
-    Corners with depth in the first frame are followed by optical flow (Lucas and Kanade) into the second. RANSAC
-    finds the pose that explains where they went.
+    Corners with depth in the first frame are tracked into the second by optical flow (Lucas and Kanade). RANSAC
+    finds the pose that explains their pixels in the second.
     """
     first, second = (cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY) for frame in (before, after))
     corners = cv2.goodFeaturesToTrack(first, MOST_CORNERS, QUALITY, APART, mask=before.returns.astype(np.uint8))

@@ -5,18 +5,18 @@ from numpy.typing import NDArray
 
 GRAVITY = 9.81
 TIME_CONSTANT = 0.5
-"""s in which up follows the accelerometer, which bumps and braking disturb."""
+"""s, time constant with which the vertical follows the accelerometer, which bumps and braking disturb."""
 MAX_DISTURBANCE = 2.0
-"""m/s²; an acceleration that differs more from gravity tells nothing of up."""
+"""m/s²; an acceleration that differs more from gravity is ignored."""
 MAX_LEAD = np.deg2rad(8)
-"""rad; bumps turn the robot fast, but not far."""
+"""rad, greatest predicted change of the tilt: bumps turn the robot fast, but not far."""
 
 
 class Attitude:
-    """A complementary filter: the gyro turns the direction of up, the accelerometer corrects it slowly.
+    """A complementary filter: the gyro turns the vertical, the accelerometer corrects it slowly.
 
     Attributes:
-        up: (3,) unit vector in ``base_link``.
+        up: (3,) unit vector of the vertical in ``base_link``.
         rate: (2,) rad/s at which roll and pitch change.
     """
 
@@ -39,5 +39,5 @@ class Attitude:
         return float(np.arctan2(y, z)), float(np.arcsin(np.clip(-x, -1, 1)))
 
     def tilt_in(self, seconds: float) -> float:
-        """The larger of roll and pitch, rad, if the robot turns over as it does now, by ``MAX_LEAD`` at most."""
+        """The larger of roll and pitch, rad, if both go on changing at the present rate, by ``MAX_LEAD`` at most."""
         return float(np.abs(np.array(self.tilt) + np.clip(self.rate * seconds, -MAX_LEAD, MAX_LEAD)).max())

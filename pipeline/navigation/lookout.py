@@ -1,4 +1,4 @@
-"""What a robot looks at while it drives and when it stands: keyframes, and whether it is where it believes to be."""
+"""Keyframes and the check of the robot's pose against the map, while it drives and while it stands."""
 
 from collections.abc import Callable
 
@@ -17,31 +17,31 @@ from pipeline.transforms import angle_of, inverse, yaw_of
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
 """m and rad that the robot drives or turns from one keyframe to the next."""
 LABELLED = 6
-"""Of so many keyframes that are taken while the robot drives one is labelled: the network takes longest of all."""
+"""During a drive one keyframe in this many is labelled: the network is the slowest stage."""
 LOOKS = 8
-"""Frames that a robot takes around itself when it does not know where it is."""
+"""Number of frames that a robot takes around itself when its pose is in doubt."""
 UNSURE = 0.98, 0.7
-"""Agreement and overlap of a frame, of which one at least is better where the robot is where it believes to be: so
-were those of all 56 steps of two episodes."""
+"""Agreement and overlap of a frame; if both are lower, the pose is in doubt. In all 56 steps of two episodes at least
+one was higher."""
 FITTING = 0.7, 0.75
-"""The same, of which both are better only where it is: then the map is wrong, not the pose, as behind a curtain."""
+"""Agreement and overlap of a frame; if both are higher, the map is wrong and not the pose, as behind a curtain."""
 UNRIVALLED = 0.9
-"""Overlap of a frame that is trusted where no other place fits for sure either."""
+"""Overlap of a frame above which its pose is trusted if no other place fits for sure either."""
 KIDNAPPED = 0.3
-"""m; a robot that is elsewhere by this without having driven was carried there."""
+"""m; a robot that has moved farther than this without driving was carried."""
 
 
 class Lookout:
-    """The eyes of a robot that drives: it makes keyframes for the mapper and tells the navigator where the robot is.
+    """Makes keyframes for the mapper, tells the navigator where the robot is, and notices if the robot was carried.
 
     Attributes:
-        on_keyframe: called with every keyframe, also those taken while the robot drives.
-        relocalised: how often the robot found its place again after it was carried.
+        on_keyframe: called with every keyframe, also those taken during a drive.
+        relocalised: number of times that the robot was localised anew after it was carried.
         T_odom_expected: 4×4 pose where the last step or drive left the robot; None if it was kidnapped.
     """
 
     def __init__(self, navigator: Navigator, mapper: Mapper) -> None:
-        """From now on the navigator's robot looks around while it drives."""
+        """Begin to take keyframes during the navigator's drives."""
         self.on_keyframe: Callable[[Keyframe], object] = lambda keyframe: None
         self.relocalised = 0
         self.T_odom_expected: NDArray[np.float64] | None = None
@@ -50,10 +50,10 @@ class Lookout:
         navigator.look = self.look
 
     def sense(self) -> Frame:
-        """What the camera sees, after as much looking around as the robot needs to know where it is.
+        """The newest frame, once the robot has looked around as much as it needs to know its pose.
 
         Raises:
-            LostError: it remains in doubt.
+            LostError: the pose remains in doubt.
         """
         with self._mapper.stopwatch("sense"):
             frame = self._sense()
@@ -64,7 +64,7 @@ class Lookout:
         return frame
 
     def was_set_down(self, frame: Frame) -> bool:
-        """Whether the robot is elsewhere than it drove, or begins; the ground there is assumed flat."""
+        """Whether the robot is elsewhere than its drive ended, or has just begun; if so, assume flat ground there."""
         last, self.T_odom_expected = self.T_odom_expected, frame.T_odom_base
         is_elsewhere = last is None or bool(np.linalg.norm(frame.T_odom_base[:3, 3] - last[:3, 3]) > KIDNAPPED)
         if is_elsewhere:
@@ -72,7 +72,7 @@ class Lookout:
         return is_elsewhere
 
     def add(self, frame: Frame, labelled: bool) -> Keyframe:
-        """Make a keyframe."""
+        """Make a keyframe of a frame."""
         keyframe = self._mapper.add(frame, self._mapper.localise(frame), labelled)
         self._T_odom_keyframe = frame.T_odom_base
         self._navigator.T_map_odom = self._mapper.localisation.T_map_odom
@@ -80,7 +80,7 @@ class Lookout:
         return keyframe
 
     def look(self) -> bool:
-        """Take a keyframe if the robot has come far enough; False if it is not where it believes to be."""
+        """Take a keyframe if the robot has moved far enough; False if its pose is wrong or no longer certain."""
         assert self._navigator.motion is not None
         if is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
             frame = self._sense()
@@ -92,7 +92,7 @@ class Lookout:
         return True
 
     def returns(self) -> NDArray[np.float32]:
-        """(N, 3) the returns that the camera has now, of a keyframe, m in ``map``."""
+        """(N, 3) the camera's present returns, m in ``map``; their frame becomes a keyframe."""
         frame = self._sense()
         return frame.points(self.add(frame, labelled=False).T_map_base @ frame.T_base_camera)
 
@@ -101,11 +101,11 @@ class Lookout:
 
     @property
     def _is_lost(self) -> bool:
-        """Whether it has yet to find its place in the map of an earlier episode."""
+        """Whether the robot has yet to be localised in the map of an earlier episode."""
         return self._mapper.localisation.may_err and 0 < self._mapper.keyframes == self._mapper.loaded
 
     def _confirm(self, frame: Frame) -> tuple[Frame, bool]:
-        """Look around until the robot knows whether it is where it believes to be: the newest frame, and whether."""
+        """Look around until it is clear whether the robot's pose is right: the newest frame, and whether it is."""
         localisation = self._mapper.localisation
         if not localisation.may_err or self._is_lost:
             return frame, not self._is_lost
@@ -130,7 +130,7 @@ class Lookout:
         return agreement(frame, T_map_camera, self._mapper.metric_map)
 
     def _find_place(self, frame: Frame) -> Frame:
-        """Look around until the robot knows where it is; the newest frame."""
+        """Look around until the robot is localised; returns the newest frame."""
         mapper, relocalisation = self._mapper, Relocalisation(self._robot.model)
         agreements = []
         for _ in range(LOOKS):
@@ -146,12 +146,12 @@ class Lookout:
         fits = localisation.overlap > UNRIVALLED and not localisation.is_contradicted
         around = Agreement.of(agreements)
         if fits or (len(agreements) == LOOKS and not around.was_carried and not around.is_doubtful):
-            # The map explains all but something new, or what the robot has driven through: that is what changed.
+            # The frames fit the map except for something new, or something that the robot has driven through.
             return self._go_on(frame, mapper.localise(frame))
         raise LostError("the camera shows what the map does not, and no place fits for sure")
 
     def _go_on(self, frame: Frame, T_map_base: NDArray[np.float64]) -> Frame:
-        """Trust a pose again; a robot that did not believe to have it was carried or set down there."""
+        """Trust a 4×4 pose; if the robot's pose was another one, the robot was carried or set down there."""
         move = inverse(self._mapper.localise(frame)) @ T_map_base
         self.T_odom_expected = frame.T_odom_base
         self._mapper.localisation.trust()
@@ -163,6 +163,6 @@ class Lookout:
 
 
 def is_keyframe(T_odom_last: NDArray[np.float64], T_odom_base: NDArray[np.float64]) -> bool:
-    """Whether a pose (4×4) is far enough, in m or rad, from the last keyframe's to make another one there."""
+    """Whether a pose (4×4) is far enough, in m or rad, from the last keyframe's to take another keyframe."""
     moved = inverse(T_odom_last) @ T_odom_base
     return bool(np.linalg.norm(moved[:3, 3]) >= KEYFRAME_WAY or angle_of(moved) >= KEYFRAME_TURN)

@@ -15,31 +15,31 @@ from pipeline.robot import Motion, Robot, Velocity
 from pipeline.transforms import wrap_angle, yaw_of
 
 LEAN = RAMP_TILT - np.deg2rad(2)
-"""rad; a robot that leans further is on a ramp, with its first wheels before the others."""
+"""rad; a robot that leans more is on a ramp, even if only its first wheels are."""
 CREST = 0.1
-"""m; so is one that did no farther from here."""
+"""m; a robot that leaned within this distance is still on a ramp, as on its crest."""
 TURN_GAIN = 1.5
 """1/s, turn rate over heading error: the wider the angle, the faster the turn (thesis 4.5)."""
 HEADING_TOLERANCE = np.deg2rad(2)
-"""A turn on the spot ends so near to its goal."""
+"""rad; a turn in place ends this close to its heading."""
 POSITION_TOLERANCE = 0.04
-"""m; a way point counts as reached so near to it."""
+"""m; a way point counts as reached this close to it."""
 CROSS_TRACK_GAIN = 1.5
 """rad/m, heading correction over the distance from the line."""
 TILT_LEAD = 0.1
-"""s; the robot backs out when it will lean too far in so much time."""
+"""s; the robot backs out if it will lean too far within this time."""
 TURN_LIMIT = np.deg2rad(35)
-"""On a ramp the robot turns on the spot only if it would drive further than this off its heading, or off its tail."""
+"""rad; on a ramp the robot turns in place only if the way deviates more than this from its heading, or its tail."""
 SWERVE = np.deg2rad(5)
-"""Elsewhere it does so from here: less is made up for on the way."""
+"""rad; the same on level ground: smaller deviations are corrected on the way."""
 TURN_BRAKING = 1.0
 """rad/s², so that wheels do not skid past a heading."""
 HOLD_SPEED = 0.1
-"""m/s; with no more a turn on a ramp makes up for sliding."""
+"""m/s, greatest speed with which a turn on a ramp makes up for sliding."""
 JUMP = 0.15
-"""m; a robot that is elsewhere by this from one control period to the next was kidnapped."""
+"""m; a robot that moves farther than this from one control period to the next was kidnapped."""
 BACK_OUT, BACK_TURN = 0.3, np.deg2rad(20)
-"""m and rad that the robot undoes after it was held."""
+"""m and rad by which the robot drives or turns back after it was held."""
 
 
 class Outcome(Enum):
@@ -49,7 +49,7 @@ class Outcome(Enum):
     STUCK = "stuck"
     TILTED = "tilted"
     BLOCKED = "blocked"
-    """Something stands in the way that the map does not show."""
+    """An obstacle that the map does not show stands in the way."""
     MOVED = "maybe carried elsewhere"
     """The robot was carried elsewhere, or may have been."""
 
@@ -71,12 +71,12 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Halt:
-    """Something stopped the robot that its map does not show.
+    """A stop of the robot by something that its map does not show.
 
     Attributes:
-        T_map_base: 4×4 pose where it stopped.
-        command: that it could not follow.
-        freed: whether the robot got away from there.
+        T_map_base: 4×4 pose where the robot stopped.
+        command: that the robot could not follow.
+        freed: whether the robot could back out.
     """
 
     T_map_base: NDArray[np.float64]
@@ -85,12 +85,12 @@ class Halt:
 
     @property
     def touches(self) -> bool:
-        """Whether what stopped the robot stands right before the end that went ahead; of turns that is unknown."""
+        """Whether the robot got free of an obstacle right before its leading end; in a turn it may be anywhere."""
         return self.freed and not isinstance(self.command, Turn)
 
 
 IsClear = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
-"""Whether nothing stands between a robot at a place (2,) and the way point (2,) that it drives straight to."""
+"""Whether no obstacle stands between a robot at a place (2,) and the way point (2,) that it drives straight to."""
 
 
 @dataclass
@@ -99,14 +99,14 @@ class Navigator:
 
     Attributes:
         robot: the body.
-        hold_gain: 1/s, speed over the metres that a turn on a ramp strays, or will; 0 for wheels that do not slide.
-        T_map_odom: 4×4, where the localisation believes the odometry's origin.
+        hold_gain: 1/s, speed over the present and expected slide in a turn on a ramp; 0 for wheels that do not slide.
+        T_map_odom: 4×4 pose of ``odom`` in ``map`` by the localisation.
         legs: every leg driven so far.
-        halts: what stopped the robot on the last way that it followed.
-        track: (2,) m in ``map``, where the robot has been since it began to follow that way.
-        recovered: how often it got away from what held it, so far.
+        halts: the robot's halts on the last way that it followed.
+        track: (2,) m in ``map``, positions of the robot since it began to follow that way.
+        recovered: number of times so far that the robot backed out of a halt.
         motion: the newest motion of the body.
-        attitude: how far the robot leans.
+        attitude: estimate of the robot's tilt.
         pace: m/s, the greatest speed of a robot at a place (2,) that drives along a unit vector (2,).
         look: called before each command; it may renew ``T_map_odom``. False if the robot must not drive on.
     """
@@ -132,14 +132,14 @@ class Navigator:
         start: NDArray[np.float64] | None = None,
         is_clear: IsClear = lambda position, target: True,
     ) -> bool:
-        """Drive through way points; True if all was reached.
+        """Drive through way points; True if all of them, and the heading, were reached.
 
         Args:
             way_points: (N, 2) m in ``map``, at least one.
-            heading: rad, that the robot has at the end.
-            backwards: (N,) which of the way points it backs up to; None for none.
+            heading: rad, of the robot at the end; None for any.
+            backwards: (N,) which of the way points the robot backs up to; None for none.
             start: (2,) m, where the way begins. A robot that stands elsewhere was kidnapped and does not follow it.
-            is_clear: asked while the robot drives forward, not in turns; it stops where the answer is no.
+            is_clear: called while the robot drives forward, not in turns; it stops if the result is False.
         """
         self.halts, self.track = [], []
         here = self._drive(Velocity())[:2, 3]
@@ -174,7 +174,7 @@ class Navigator:
 
     def _approach(self, T: NDArray[np.float64], target: NDArray[np.float64], backwards: bool) -> Iterator[Velocity]:
         """Commands that turn the robot to the way point and drive it there."""
-        # Not from where it slides to in the turn: the bearing of a way point that is near would turn as well.
+        # The bearing before the turn: while the robot slides in the turn, that of a near way point changes as well.
         heading = _bearing(T[:2, 3], target) + np.pi * backwards
         if abs(wrap_angle(heading - yaw_of(T))) > (TURN_LIMIT if self._on_ramp else SWERVE):
             yield from self._turn_to(heading)
@@ -182,7 +182,7 @@ class Navigator:
 
     @property
     def _on_ramp(self) -> bool:
-        """Whether the robot leans, or did right before: on the crest of a ridge it stands level."""
+        """Whether the robot leans, or leaned within ``CREST``: on the crest of a ridge it stands level."""
         return self._leaned_at is not None and bool(np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < CREST)
 
     @property
@@ -192,7 +192,7 @@ class Navigator:
         return (model.ramp_speed, model.ramp_turn_rate) if self._on_ramp else (model.speed, model.turn_rate)
 
     def _turn_to(self, heading: float) -> Iterator[Velocity]:
-        """Commands that turn on the spot, the shorter way, to a heading."""
+        """Commands that turn in place, the shorter way, to a heading."""
         place = self.T_map_base[:2, 3].copy()
         while True:
             T = self.T_map_base
@@ -204,10 +204,10 @@ class Navigator:
             yield Turn(self._hold(T, place, error) if self._on_ramp else 0.0, float(np.sign(error) * rate))
 
     def _hold(self, T: NDArray[np.float64], place: NDArray[np.float64], left: float) -> float:
-        """Speed (m/s) that keeps a robot at a place (2,) of a ramp while it turns by what is ``left``, rad.
+        """Speed (m/s) that keeps a robot at a place (2,) of a ramp while it turns by another ``left`` rad.
 
-        It can only make up for what it slides along its heading, so it does so ahead of time as well. In a quarter
-        turn on 16° it strays by 0.13 m at most instead of 0.21, measured.
+        It can only make up for sliding along its heading, so it makes up for the expected sliding as well. In a
+        quarter turn on 16° it strays by 0.13 m at most instead of 0.21, measured.
         """
         ahead = T[:2, 0] / np.linalg.norm(T[:2, 0])
         slide = self.robot.model.slide_per_radian * abs(left) * T[:2, 2]
@@ -242,7 +242,7 @@ class Navigator:
         is_clear: Callable[[NDArray[np.float64]], bool] = lambda here: True,
         length: float = 0.0,
     ) -> Outcome:
-        """Give commands until they end or something stands ahead; a robot that leans too far or is held backs out."""
+        """Give commands until they end or an obstacle is ahead; back out if the robot leans too far or is held."""
         progress = Progress(self.robot.model, self.T_map_base, self._time, length)
         for command in commands:
             if not self.look():
@@ -266,7 +266,7 @@ class Navigator:
         return Outcome.REACHED
 
     def _back_out(self, T_held: NDArray[np.float64], command: Velocity) -> bool:
-        """Undo the last of the motion, for that way was free; whether most of it is undone."""
+        """Reverse the last motion, for its way was free; True if more than half of the drive back was possible."""
         model, turns = self.robot.model, isinstance(command, Turn)
         if turns:
             rate = model.ramp_turn_rate

@@ -1,6 +1,6 @@
-"""The obstacle check: does something stand in the robot's way that the map does not show?
+"""The obstacle check: whether an obstacle that the map does not show stands in the robot's way.
 
-A plan leads over ground that the map shows free, and the map is as old as the last keyframe. So the robot
+A plan leads over ground that is free in the map, and the map is as old as the last keyframe. So the robot
 checks the depth image while it drives.
 """
 
@@ -12,40 +12,40 @@ from numpy.typing import NDArray
 from pipeline.traversability.traversability import Traversability
 
 STRIDE = 0.4
-"""m of driving straight on between two checks."""
+"""m of straight driving between two checks."""
 NEAR = 0.9
 """m from the robot's middle; its camera sees nothing nearer."""
 FAR = 2.0
-"""m from the robot's middle; what is farther away does not count yet."""
+"""m from the robot's middle; farther obstacles do not count yet."""
 BEYOND = 0.35
-"""m behind the way point; the robot's front comes to stand there, what is farther does not count."""
+"""m behind the way point, where the robot's front comes to stand; farther obstacles do not count."""
 SIDE_MARGIN = 0.0215
-"""m beside the footprint."""
+"""m on each side of the footprint that must be free as well."""
 LOW, HIGH = 0.15, 0.6
-"""m above the ground that the map knows; what rises between them holds the robot."""
+"""m above the ground in the map; obstacles have returns between these heights."""
 MIN_RETURNS = 50
-"""Returns in a cell; noise leaves none there and the thickest dust at most 17, measured."""
+"""Least number of returns in a cell with an obstacle; noise gives none, the thickest dust at most 17, measured."""
 
 
 class ObstacleCheck:
     """Watches the way of one drive.
 
     Attributes:
-        obstacles: (N, 3) what stands in the way that the map does not show, m in ``map``.
+        obstacles: (N, 3) returns of obstacles in the way that the map does not show, m in ``map``.
     """
 
     def __init__(self, returns: Callable[[], NDArray[np.float32]], traversability: Traversability):
-        """``returns``: gives (N, 3) the returns that the camera has now, m in ``map``."""
+        """``returns``: gives (N, 3) the camera's present returns, m in ``map``."""
         self.obstacles = np.zeros((0, 3), np.float32)
         self._returns, self._traversability = returns, traversability
         self._target: NDArray[np.float64] | None = None
         self._last = np.zeros(2)
 
     def is_clear(self, position: NDArray[np.float64], target: NDArray[np.float64]) -> bool:
-        """Whether nothing stands between the robot and a way point (2,), m, that it drives straight to.
+        """Whether no obstacle stands between the robot and a way point (2,), m, that it drives straight to.
 
-        It takes an image when the way point is new, and every ``STRIDE``; not when the way point is nearer than it
-        can see.
+        It takes an image when the way point is new, and every ``STRIDE``, unless the way point is nearer than the
+        camera sees.
         """
         is_new = target is not self._target
         if np.linalg.norm(target - position) + BEYOND < NEAR:
@@ -56,7 +56,7 @@ class ObstacleCheck:
         return not len(self.obstacles)
 
     def _obstacles(self, start: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float32]:
-        """(M, 3) m, those of the returns that stand between two places (2,) on traversable ground."""
+        """(M, 3) m, the returns of obstacles between two places (2,) on traversable ground."""
         ground, points = self._traversability, self._returns()
         length = max(float(np.linalg.norm(target - start)), 1e-6)
         ahead = (target - start) / length

@@ -1,4 +1,4 @@
-"""How fast the ground before the wheels may be driven on."""
+"""The greatest speed on the ground before the wheels."""
 
 from collections.abc import Sequence
 
@@ -13,13 +13,13 @@ from pipeline.traversability.traversability import NARROW_SPEED, RAMP_MARGIN, ST
 BRAKING = 0.2
 """m/s², so that wheels do not skid."""
 AHEAD = np.arange(0.0, 0.9, 0.05)
-"""m from the robot's middle, on its way, that are looked at: from 0.5 m/s it brakes in as many, front included."""
+"""m from the robot's middle on its way at which ground is checked: enough to brake from 0.5 m/s, front included."""
 BESIDE = 1.0
 """m from a person within which the robot drives no faster than where it has no room."""
 
 
 class Pace:
-    """Tells the greatest speed by what the maps show under and before the wheels."""
+    """Computes the greatest speed from what the maps show under and before the wheels."""
 
     def __init__(
         self,
@@ -33,7 +33,7 @@ class Pace:
         self._slow = [(KDTree(np.vstack(these)[:, :2]), near, most) for these, near, most in slow if len(these)]
 
     def __call__(self, here: NDArray[np.float64], along: NDArray[np.float64]) -> float:
-        """m/s for a robot at (2,) m that drives along a unit vector (2,): it can brake before ground that is slow."""
+        """m/s for a robot at (2,) m that drives along a unit vector (2,): it can brake in time for slower ground."""
         t, robot = self._traversability, self._traversability.robot
         places = here + AHEAD[:, None] * along
         clearance = t.clearance[..., nearest_heading(float(np.arctan2(along[1], along[0]))) % STANDING]

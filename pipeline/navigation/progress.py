@@ -1,4 +1,4 @@
-"""Does the robot still get anywhere? From the commands that it was given and the poses that followed."""
+"""Whether the robot makes progress, by the commands that it was given and the poses that followed."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,28 +9,28 @@ from pipeline.transforms import wrap_angle, yaw_of
 BLOCKED_TIME = 0.5
 """s over which speeds are averaged to notice that something holds the robot."""
 BLOCKED_SHARE = 0.35
-"""Of the commanded speed; a slower robot is held, unless it is on a ramp."""
+"""Share of the commanded speed; a slower robot is held, unless it is on a ramp."""
 STUCK_TIME = 4.0
 """s without progress after which the robot is stuck."""
 STUCK_DISTANCE, STUCK_ANGLE = 0.02, np.deg2rad(3)
 """m and rad that count as progress."""
 OVERDUE = 60.0
 """s that a turn may take, and that a leg may take beyond four times what it takes on a ramp: a robot that
-slides back and forth is not still, and gets nowhere."""
+slides back and forth moves, and still makes no progress."""
 PAUSE = 0.15
-"""s between two poses from which nothing is judged: a real robot was left to itself, for its software computed."""
+"""s; a longer time between two poses is not judged: a real robot had no new command while its software computed."""
 LEAST = np.array([0.04, 0.15])
-"""m/s and rad/s; slower commands tell nothing."""
+"""m/s and rad/s; slower commands are not judged."""
 REACTION = 0.3
-"""s in which a robot may still do as it was told before: commands cross a network, and both ends are busy."""
+"""s in which a robot may still follow its last command: commands cross a network, and both ends are busy."""
 
 
 class Turn(Velocity):
-    """A command to turn in place; ``v`` only makes up for sliding down a ramp meanwhile."""
+    """A command to turn in place; ``v`` only makes up for sliding down a ramp."""
 
 
 class Progress:
-    """Notices when the robot is held, and when nothing moves any more, neither the position nor the heading."""
+    """Notices when the robot is held, and when neither its position nor its heading changes any more."""
 
     def __init__(self, robot: RobotModel, T: NDArray[np.float64], time: float, length: float = 0.0):
         """Begin at a pose (4×4) and a time in s; ``length`` of the leg in m."""
@@ -41,17 +41,17 @@ class Progress:
         self._restart(time)
 
     def _restart(self, time: float) -> None:
-        # Speeds forward and of turning: as commanded and so far come true, and the averages of what is and should be.
+        # (2,) forward speed and turn rate: due by commands and acceleration, and averages of the due and actual ones.
         self._due: NDArray[np.float64] | None = None
         self._wanted, self._felt, self._judged_from = np.zeros(2), np.zeros(2), time + REACTION
 
     def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity, on_ramp: bool = False) -> bool:
-        """Whether the newest 4×4 pose shows that the command cannot be followed; on ramps wheels skid for a while."""
+        """Whether the newest 4×4 pose shows that the robot cannot follow the command; on ramps wheels may skid."""
         if (pause := time - self._time) > PAUSE:
             self._since, self._deadline, self._time = self._since + pause, self._deadline + pause, time
             self._restart(time)
         held = self._is_held(T, time, command) and not on_ramp
-        # In a turn wheels that spin on one side alone seem to get somewhere.
+        # In a turn, wheels that spin on one side alone seem to move the robot.
         moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STUCK_DISTANCE and not isinstance(command, Turn)
         turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STUCK_ANGLE
         if moved or turned:
@@ -64,7 +64,7 @@ class Progress:
         if dt <= 0 or time < self._judged_from:
             return False
         limit = self._limits * dt
-        # What a turn makes up for sliding is no way to be made.
+        # The speed by which a turn makes up for sliding need not move the robot.
         asked = np.array([0.0 if isinstance(command, Turn) else command.v, command.omega])
         forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
         speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt

@@ -13,9 +13,9 @@ from pipeline.traversability.pose_paths import PosePaths, Way
 from pipeline.traversability.traversability import Traversability
 
 FARTHEST = 1e5
-"""s, between goals that no way joins."""
+"""s, cost between goals that no way connects."""
 THICKEST = 0.3
-"""m; unseen ground may be the inside of a wall if a hazard is so near."""
+"""m; unseen ground this close to a hazard may be the inside of a wall."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +38,10 @@ class PathPlan:
 def plan_path(
     topology: TopologicalMap, paths: PosePaths, goal: ArrayLike, heading: float | None = None
 ) -> PathPlan | None:
-    """The way from where ``paths`` start to a goal (2 or 3,), m, to face along a heading, rad, or anywhere.
+    """The plan from the start of ``paths`` to a goal (2 or 3,), m, with a given final heading, rad, or any.
 
-    Dijkstra's algorithm on the topological map tells the nodes to pass. On the tree the planner's way leads over each
-    of them; on the roadmap they are what the planner's own way, which is quicker, leads past.
+    Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree the way leads over each of them;
+    on the roadmap the way is the search's own, which is quicker, and leads past them.
     Returns None if no way leads to the goal: :func:`obstacle_to` says why.
     """
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
@@ -61,7 +61,7 @@ def plan_path(
 def _ways_over(
     places: Sequence[NDArray[np.float64]], paths: PosePaths, goal: NDArray[np.float64], heading: float | None
 ) -> list[Way]:
-    """The ways from place (2,) to place and on to the goal; none if one of them cannot be reached."""
+    """The ways from place (2,) to place and on to the goal; none if one of the places cannot be reached."""
     ways: list[Way] = []
     for place in [*places, goal]:
         if not np.isfinite(paths.cost_to(place)):
@@ -79,7 +79,7 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
         return f"{name} is not a place"
     if paths.start is None:
         return f"{name} cannot be driven to: the robot stands where it cannot drive"
-    # Also to where it stands, or could go to get away, though it may not stop there on its way.
+    # Finite also for places where it stands or to which it could escape, though it may not stop there otherwise.
     if np.isfinite(paths.cost_to(goal)):
         return None
     if np.isnan(grid.at(traversability.elevation, goal, outside=np.nan)):
@@ -105,7 +105,7 @@ def place_name(xy: NDArray[np.float64]) -> str:
 
 
 def order_goals(topology: TopologicalMap, paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
-    """The order in which to visit several goals so that the drive from where ``paths`` start is short.
+    """The order in which to visit several goals so that the drive from the start of ``paths`` is short.
 
     Goals that the robot cannot drive to are left out: :func:`obstacle_to` says why.
 

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 EXACT = 9
-"""Up to so many places the order is the best there is; beyond, it is one that 2-opt cannot better."""
+"""Greatest number of places for which the order is optimal; for more, it is one that 2-opt cannot improve."""
 
 
 def visiting_order(cost: NDArray[np.float64]) -> list[int]:
-    """The order of the places 1 … N - 1 that makes the way from place 0 over all of them cheap; it ends anywhere.
+    """The order of the places 1 … N - 1 that makes the way from place 0 over all of them cheap; any may be the last.
 
     Args:
-        cost: (N, N) finite, of going from each place to each other, m or s.
+        cost: (N, N) finite cost of the way from each place to each other, m or s.
     """
     if len(cost) - 1 <= EXACT:
         return _best_order(cost)

@@ -1,4 +1,4 @@
-"""The ground that the nodes are to see: what of it they see, what hides it, and where they may lie."""
+"""The ground that the nodes must see: which cells they see, what hides cells, and where nodes may lie."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.traversability import Traversability
 
 SIGHT = 2.0
-"""m from which a node covers the ground that it sees."""
+"""m, greatest distance at which a node sees ground."""
 _REACH = round(SIGHT / CELL)
 _BLOCK = 4
 """Cells along each side of a block that has one candidate for a node."""
@@ -24,7 +24,7 @@ _BLOCK = 4
 
 @dataclass(frozen=True, eq=False)
 class VisibleCells:
-    """What K places see.
+    """The cells that K places see.
 
     Attributes:
         places: (K, 2) m in ``map``.
@@ -38,7 +38,7 @@ class VisibleCells:
 
 
 class Cover:
-    """A grid map of the ground that nodes are to see, and how many see it.
+    """A grid map of the ground that nodes must see, and of how many nodes see each cell.
 
     Attributes:
         traversability: as of the last update.
@@ -55,12 +55,12 @@ class Cover:
     def update(
         self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
     ) -> NDArray[np.bool_]:
-        """Follow the ground; only those nodes look again in whose window a cell changed.
+        """Update the layers; what a node sees is computed again only if a cell in its window changed.
 
         Args:
-            traversability: what may be driven on.
-            reachable: (nx, ny) where the robot can go: what nodes are to see.
-            walls: they hide what is behind them, and so does all that stands tall.
+            traversability: of the ground.
+            reachable: (nx, ny) cells that the robot can reach, which nodes must see.
+            walls: they hide what is behind them, as do tall hazards.
 
         Returns:
             (nx, ny) bool, the cells that changed.
@@ -88,12 +88,12 @@ class Cover:
 
     @property
     def target(self) -> NDArray[np.bool_]:
-        """(nx, ny) cells that the robot can reach, which nodes are to see."""
+        """(nx, ny) traversable cells that the robot can reach, which nodes must see."""
         return self._layers["target"]
 
     @property
     def standable(self) -> NDArray[np.bool_]:
-        """(nx, ny) cells of these where it can stand and turn."""
+        """(nx, ny) cells that the robot can reach and where it can turn."""
         return self._layers["standable"]
 
     @property
@@ -108,21 +108,21 @@ class Cover:
 
     @property
     def wanted(self) -> NDArray[np.bool_]:
-        """(nx, ny) these, but for what was left as not worth a node, with the ground around it as it is."""
+        """(nx, ny) missing cells, except those left as not worth a node since the ground around them last changed."""
         return self.missing & ~self._layers["left"]
 
     def leave_rest(self) -> None:
-        """What no node sees is not worth one."""
+        """Mark the cells that no node sees as not worth a node."""
         self._layers["left"][:] = self.missing
 
     def visible_from(self, places: NDArray[np.float64]) -> VisibleCells:
-        """What (K, 2) places, m, see."""
+        """The cells that (K, 2) places, m, see."""
         cells = self.grid.cell_of(places)
         seen = kernels.visible_cells(cells, self.target, self._layers["walls"], ray_tree(_REACH), _REACH)
         return VisibleCells(places, seen, cells - _REACH + self.grid.low)
 
     def add(self, node: int, place: NDArray[np.float64]) -> None:
-        """Let a node at ``place`` (2,), m, see."""
+        """Count the cells that a new node at ``place`` (2,), m, sees."""
         self._seen_by[node] = self.visible_from(place[None])
         self._count(node, 1)
 
@@ -132,7 +132,7 @@ class Cover:
         del self._seen_by[node]
 
     def gains(self, visible: VisibleCells) -> NDArray[np.int64]:
-        """(K,) how many cells each of the places would add."""
+        """(K,) number of missing cells that each of the places sees."""
         return kernels.count_in(visible.seen, visible.corners - self.grid.low, self.missing)
 
     def lost_without(self, nodes: Collection[int]) -> NDArray[np.int64]:
@@ -160,7 +160,7 @@ class Cover:
         """(K, 2) m, places near a mask: of every block of standable cells the one farthest from hazards."""
         if not mask.any():
             return np.zeros((0, 2))
-        # From one corner of a block on, to another where the grid allows.
+        # The window begins at the corner of a block.
         i, j = box_around(mask, round(within / CELL))
         window = slice(i.start // _BLOCK * _BLOCK, i.stop), slice(j.start // _BLOCK * _BLOCK, j.stop)
         near = ndimage.distance_transform_edt(~mask[window]) * CELL <= within
@@ -172,7 +172,7 @@ class Cover:
         return self.grid.centre_of(np.argwhere(wanted) * _BLOCK + best + corner)
 
     def _count(self, node: int, by: int) -> None:
-        """Let so many more nodes see what this one sees."""
+        """Add ``by`` to the counts of the cells that a node sees."""
         visible = self._seen_by[node]
         self.count[self._window(visible)] += by * self._on_grid(visible)
 
@@ -190,7 +190,7 @@ class Cover:
         return slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
 
     def _on_grid(self, visible: VisibleCells) -> NDArray[np.bool_]:
-        """(I, J) what a place sees in that part."""
+        """(I, J) the cells that a place sees in the part of its window that lies on the grid."""
         corner = visible.corners[0] - self.grid.low
         i, j = (slice(w.start - c, w.stop - c) for w, c in zip(self._window(visible), corner, strict=True))
         return visible.seen[0][i, j]
@@ -200,8 +200,8 @@ class Cover:
 def ray_tree(reach: int) -> NDArray[np.int16]:
     """(N, 3) the cells on rays from a cell's middle to all cells on the rim of a square, ``reach`` cells away.
 
-    Each by its offset and the number of the next entry that does not lie behind it, where to go on if a wall hides
-    it. Rays that begin alike share their first entries.
+    An entry is the offset of a cell and the index of the next entry that does not lie behind this cell, at which to
+    go on if the cell is a wall. Rays with the same first cells share the entries of these.
     """
     across = np.arange(-reach, reach + 1)
     sides = [np.stack([across, np.full_like(across, end)], axis=1) for end in (-reach, reach)]

@@ -13,14 +13,14 @@ from pipeline.traversability.traversability import Traversability
 BODY_LOW, BODY_HIGH = 0.2, 0.5
 """m above the ground between which walls meet the robot's body."""
 BODY_MARGIN = 0.15
-"""m; a line that comes so near to a wall of the semantic map meets it. The traversability keeps the whole footprint
-off hazards already."""
+"""m; a line this close to a wall of the semantic map meets it. The traversability keeps the whole footprint off
+hazards already."""
 MAX_LENGTH = 15.0
-"""m, of an edge."""
+"""m, greatest length of an edge."""
 
 
 class Links:
-    """Answers for one step which straight lines the robot can drive.
+    """Tests which straight lines the robot can drive, by the maps of one step.
 
     Attributes:
         traversability: of the ground.
@@ -31,10 +31,10 @@ class Links:
         self.traversability, self.walls = traversability, walls
 
     def are_free(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) whether the footprint, swept along lines between points (N, 3) of the ground, m, meets nothing.
+        """(N,) whether the footprint, swept along lines between points (N, 3) of the ground, m, meets no obstacle.
 
-        The traversability tells of drops, steps, ramps' sides, tilt, low ceilings and unknown ground, and the
-        segments tell of walls.
+        The traversability contains drops, steps, ramps' sides, tilt, low ceilings and unknown ground, and the
+        segments contain walls.
         """
         free = np.linalg.norm(ends - starts, axis=1) <= MAX_LENGTH
         free[free] = np.isfinite(self.traversability.line_seconds(starts[free], ends[free]))

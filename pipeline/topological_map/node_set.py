@@ -1,4 +1,4 @@
-"""The nodes, what they see and which of them straight drives join: three things that must always agree."""
+"""The nodes, the cells that they see and the straight drives between them, all three always consistent."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from pipeline.topological_map.links import Links, drive_seconds
 from pipeline.traversability.traversability import Traversability
 
 SNAP = 0.3
-"""m that a node moves when the map changes under it."""
+"""m, greatest distance by which a node is moved when the map changes under it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +34,12 @@ class Node:
 
 
 class NodeSet:
-    """Nodes that come and go.
+    """Nodes that are added, moved and removed.
 
     Attributes:
         nodes: by id.
         free: networkx graph of all straight drives between nodes: ``weight`` in s, ``length`` in m.
-        cover: what the nodes see.
+        cover: which cells the nodes see.
         links: which straight lines can be driven.
     """
 
@@ -55,9 +55,9 @@ class NodeSet:
     def renew(
         self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
     ) -> NDArray[np.bool_]:
-        """Follow the changes of the ground; nodes that can no longer stand move up to ``SNAP`` m or go.
+        """Update the nodes to the ground; if the robot cannot turn there, they move up to ``SNAP`` m or are removed.
 
-        See :meth:`Cover.update` for the arguments and what it returns: (nx, ny) the cells that changed.
+        See :meth:`Cover.update` for the arguments and the result: (nx, ny) the cells that changed.
         """
         changed = self.cover.update(traversability, reachable, walls) | self._have_moved
         self._have_moved = False
@@ -70,7 +70,7 @@ class NodeSet:
         return changed
 
     def _settle(self, node: Node) -> None:
-        """Move a node to where the robot can turn; a joint in a passage too narrow for that stays in it."""
+        """Move a node to where the robot can turn; one that joins others stays, in a passage too narrow for that."""
         cover = self.cover
         xy = cover.grid.nearest(cover.standable, node.position, SNAP)
         parts = len(self.parts())
@@ -83,7 +83,7 @@ class NodeSet:
             self._put(node.id, node.label, node.position[:2])
 
     def correct(self, correction: Correction) -> None:
-        """Move every node along with the map; which drives join them is found out with the next :meth:`renew`."""
+        """Move every node along with the map; the next :meth:`renew` tests which drives join them."""
         for node in list(self.nodes.values()):
             position = correction.moved(node.position[None])[0]
             self.cover.remove(node.id)
@@ -92,7 +92,7 @@ class NodeSet:
         self._have_moved = bool(self.nodes)
 
     def add(self, label: Label, xy: NDArray[np.float64]) -> int:
-        """Put a node at (2,) m; returns its id."""
+        """Add a node at (2,) m; returns its id."""
         node, self._next_id = self._next_id, self._next_id + 1
         self._put(node, label, xy)
         return node
@@ -104,7 +104,7 @@ class NodeSet:
         self.cover.remove(node)
 
     def links_from(self, places: NDArray[np.float64], without: Collection[int] = ()) -> list[list[int]]:
-        """For each of the places (K, 2), m, the ids of the nodes, but for some, that a straight drive joins to it."""
+        """For each place (K, 2), m, the ids of the nodes, except ``without``, that a straight drive joins to it."""
         ids = [n for n in self.nodes if n not in without]
         ends = np.array([self.nodes[n].position for n in ids]).reshape(-1, 3)
         starts = self.cover.traversability.on_ground(places)
@@ -112,8 +112,8 @@ class NodeSet:
         return [[ids[k] for k in np.flatnonzero(row)] for row in free.reshape(len(places), len(ids))]
 
     def parts(self, without: Collection[int] = ()) -> list[set[int]]:
-        """The groups of nodes that straight drives join if some are left out, the largest first."""
-        # By hand, since networkx is twenty times as slow where nodes are left out.
+        """The groups of nodes, except ``without``, that straight drives connect, the largest first."""
+        # By hand, since networkx is twenty times as slow if nodes are left out.
         near, parts = dict(self.free.adjacency()), []
         left = near.keys() - set(without)
         while left:
@@ -133,7 +133,7 @@ class NodeSet:
         self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))
 
     def _retest(self, changed: NDArray[np.bool_]) -> None:
-        """Test those edges again whose bounding box meets that of what changed."""
+        """Test the edges again whose bounding box meets that of the ``changed`` cells (nx, ny)."""
         if not changed.any() or len(self.nodes) < 2:
             return
         cells = np.argwhere(changed)

@@ -16,13 +16,13 @@ LEVEL = 0.12
 LARGE_RAMP = 1.8
 """m; a longer straight ramp has a node in each half."""
 FOOT_DISTANCE = 0.45
-"""m of a node from the bottom edge of its inclined ramp: the whole robot stands level."""
+"""m from the bottom edge of an inclined ramp to its node, where the whole robot stands level."""
 MAX_SLOPE = np.deg2rad(35)
 """rad; a steeper plane is a ramp's side."""
 MIN_AREA = 0.1
 """m²; smaller segments have no nodes."""
 SNAP = 0.4
-"""m; a node is moved no further to where the robot can stand and turn."""
+"""m, greatest distance by which a node is moved to where the robot can stand and turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Place:
 
     Attributes:
         xy: (2,) m in ``map``.
-        label: of the segment.
+        label: of its segment.
     """
 
     xy: NDArray[np.float64]
@@ -39,7 +39,7 @@ class Place:
 
 
 def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: Cover) -> list[Place]:
-    """The places by segment, moved to where the robot can stand and turn."""
+    """The places of all segments and of terrain patches, moved to where the robot can stand and turn."""
     wanted = [(p, s.label) for s in segments for p in segment_nodes(s)]
     wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
     places = []
@@ -52,7 +52,7 @@ def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: Cove
 
 
 def label_at(point: NDArray[np.float64], segments: Segments) -> Label:
-    """What a node at a point (3,) of the ground, m, stands on: a straight ramp, or else the terrain."""
+    """The label of a node at a point (3,) of the ground, m: a straight ramp, or else the terrain."""
     for segment in segments.of(Label.STRAIGHT_RAMP):
         if segment.tree.query(point)[0] <= LEVEL:
             return Label.STRAIGHT_RAMP

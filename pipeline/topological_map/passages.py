@@ -1,4 +1,4 @@
-"""Ways with bends between neighbours that no straight drive joins, kept up where the ground changes."""
+"""Ways with bends between neighbouring nodes that no straight drive joins, updated where the ground changes."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,11 +14,11 @@ from pipeline.traversability.pose_paths import PosePaths, simplify
 from pipeline.traversability.traversability import Traversability
 
 REACH = 3.0
-"""m around what changed in which passages are found anew."""
+"""m around changed ground and nodes within which passages are found anew."""
 
 
 class Passages:
-    """The shortest ways between nodes whose shares touch; a cell of the ground is the share of the nearest node."""
+    """The shortest ways between nodes whose regions touch; a cell belongs to the region of the nearest node."""
 
     def __init__(self) -> None:
         self._edges: dict[tuple[int, int], dict[str, Any]] = {}
@@ -89,7 +89,7 @@ def _nearest(nodes: Mapping[int, Node], xy: NDArray[np.float64]) -> int:
 
 
 def _meetings(paths: PosePaths) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Of every two touching shares the two neighbouring cells (2,) where the way between their nodes is shortest."""
+    """For every two touching regions the two neighbouring cells (2,) where the way between the nodes is shortest."""
     source = paths.sources()
     cells, costs, keys = [], [], []
     for step in ((1, 0), (0, 1)):

@@ -1,7 +1,7 @@
-"""As few nodes as see all the ground and hang together: a set cover, kept up step by step.
+"""Few nodes that see all the ground and are connected: a set cover, updated step by step.
 
-A greedy cover alone commits itself to what was in view first. So nodes near new ground are thinned out after it: one
-goes when others see its share and hold the rest together, and two become one where a single place does for both.
+A greedy cover alone depends on what was in view first. So nodes near new ground are thinned out afterwards: a node is
+removed if others see its cells and stay connected, and two are merged where a single place replaces both.
 """
 
 from collections import deque
@@ -24,12 +24,11 @@ MIN_GAIN = 0.01
 PLACE_GAIN = 1.0
 """m² of ground that a place of the thesis's rules must add to become a node."""
 LINKED = 0.7
-"""A place that a straight drive joins to a node is taken before one that would add more, if it adds at least this
-share."""
+"""Share of the greatest gain; a place with at least this gain is preferred if a straight drive joins it to a node."""
 JOINT_REACH = 0.6
-"""m; so near to the shortest way between two nodes a third one is sought that joins them."""
+"""m around the shortest way between two groups of nodes within which a node that joins them is sought."""
 _SPARE = int(MIN_GAIN / CELL**2)
-"""Cells that are not worth a node."""
+"""Greatest number of cells that are not worth a node."""
 
 
 class Placement:
@@ -40,14 +39,14 @@ class Placement:
         self._nodes, self._cover, self._places, self._segments = nodes, nodes.cover, places, segments
 
     def add_places(self) -> None:
-        """Nodes by the type of segment, where they add enough."""
+        """Add nodes at the places of the thesis's rules that gain at least ``PLACE_GAIN``."""
         least = PLACE_GAIN / CELL**2
         for place in self._places:
             if self._cover.gains(self._cover.visible_from(place.xy[None]))[0] >= least:
                 self._nodes.add(place.label, place.xy)
 
     def cover_rest(self) -> None:
-        """Nodes for what no node sees, those first that add most."""
+        """Add nodes for the cells that no node sees, the node with the greatest gain first."""
         cover = self._cover
         visible = cover.visible_from(cover.candidates(cover.wanted, SIGHT))
         while len(visible.places):
@@ -59,7 +58,7 @@ class Placement:
         cover.leave_rest()
 
     def _best(self, places: NDArray[np.float64], gains: NDArray[np.int64]) -> int:
-        """The row of the place that adds most; a little less will do for one that is linked to a node."""
+        """The row of the place with the greatest gain, or of one with a little less that is linked to a node."""
         order = np.argsort(-gains, kind="stable")
         for k in order[gains[order] >= LINKED * gains.max()][:20]:
             if self._nodes.links_from(places[[k]])[0]:
@@ -67,7 +66,7 @@ class Placement:
         return int(order[0])
 
     def join(self) -> None:
-        """Where straight drives leave nodes apart, nodes near the shortest way join them."""
+        """Add nodes near the shortest way between groups of nodes that straight drives do not connect."""
         for _ in range(len(self._nodes.nodes)):
             parts = self._nodes.parts()
             if len(parts) < 2:
@@ -81,7 +80,7 @@ class Placement:
     def _joints(self, part: set[int], others: Sequence[set[int]]) -> NDArray[np.float64]:
         """(N, 2) places that join a group of nodes to another one: a single one, or else the bends of the way."""
         traversability, nodes = self._cover.traversability, self._nodes.nodes
-        # From the smaller groups, since the search then has the shorter front.
+        # From the smaller groups, since the search then has a smaller front.
         paths = PosePaths(traversability, [nodes[n].position for other in others for n in sorted(other)])
         targets = np.array([nodes[n].position for n in sorted(part)])
         nearest = paths.nearest(targets)
@@ -97,7 +96,7 @@ class Placement:
         return simplify(way, traversability)[1:-1]
 
     def thin_out(self, active: set[int]) -> None:
-        """Drop and merge nodes, of those named and their neighbours, as long as nothing is lost."""
+        """Remove and merge ``active`` nodes and their neighbours as long as no ground and no connection is lost."""
         cover = self._cover
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
             if len(cover.lost_without([n])) <= _SPARE and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
@@ -116,13 +115,13 @@ class Placement:
                 pairs.extend((new, n) for n in self._nodes.nodes if n != new)
 
     def _candidates(self, active: Collection[int]) -> NDArray[np.float64]:
-        """(K, 2) the thesis's places and those around the active nodes."""
+        """(K, 2) m, the places of the thesis's rules and candidates around the active nodes."""
         around = self._cover.grid.mask_of([self._nodes.nodes[n].position for n in active])
         lattice = self._cover.candidates(around, SIGHT)
         return np.vstack([*(place.xy[None] for place in self._places), lattice])
 
     def _merge(self, pair: tuple[int, int], candidates: NDArray[np.float64]) -> int | None:
-        """Put one node in the place of two; its id, or None if none of the candidates (K, 2) does for both."""
+        """Replace two nodes by one; returns its id, or None if none of the candidates (K, 2) replaces both."""
         a, b = (self._nodes.nodes[n].position[:2] for n in pair)
         if np.linalg.norm(a - b) > 2 * SIGHT:
             return None
@@ -136,7 +135,7 @@ class Placement:
         return None
 
     def _stand_ins(self, pair: tuple[int, int], places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(K, 2) the places that see what only these two nodes see; first the thesis's, then those that see most."""
+        """(K, 2) the places that see the cells only these two nodes see; first the thesis's, then by cells seen."""
         lost = self._cover.lost_without(pair)
         middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
         centre = self._cover.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
@@ -152,7 +151,7 @@ class Placement:
         return visible.places[good][np.argsort(-worth, kind="stable")]
 
     def _label(self, xy: NDArray[np.float64]) -> Label:
-        """Of the place itself, if it is one of the thesis's, or of the ground."""
+        """The label of a place (2,): of the thesis's place there, if there is one, or else of the ground."""
         for place in self._places:
             if (place.xy == xy).all():
                 return place.label

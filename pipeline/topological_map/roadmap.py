@@ -19,10 +19,10 @@ def collision_free_tree(free: nx.Graph) -> nx.Graph:
 
 
 def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
-    """The tree, and as many more drives as no way over the graph needs to be ``max_detour`` times the shortest one.
+    """The tree, and enough other drives that no way over the graph is over ``max_detour`` times the shortest one.
 
-    A greedy spanner (Althöfer et al. 1993) that begins with the tree: drives come in order of their weight, and one
-    is added if the way between its ends so far is longer than ``max_detour`` times its own.
+    A greedy spanner (Althöfer et al. 1993) that starts with the tree: drives come in order of their weight, and one
+    is added if the present way between its ends is longer than ``max_detour`` times the drive.
 
     Args:
         tree: all the nodes, and some of the drives.
@@ -42,6 +42,6 @@ def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
 
 
 def _open(way: NDArray[np.float64], i: int, j: int, weight: float) -> None:
-    """Let all ways (N, N) use a new edge between i and j."""
+    """Update the lengths of all shortest ways (N, N) for a new edge between i and j."""
     through = np.minimum(way[:, [i]] + way[[j]], way[:, [j]] + way[[i]]) + weight
     np.minimum(way, through, out=way)

@@ -1,4 +1,4 @@
-"""Compiled loops over the ground that places see."""
+"""Compiled loops over the cells that places see."""
 
 import numpy as np
 from numba import njit
@@ -10,8 +10,8 @@ def visible_cells(cells, target, walls, rays, reach):
 
     Args:
         cells: grid indices.
-        target: (nx, ny) bool, what there is to see.
-        walls: (nx, ny) bool, what hides it.
+        target: (nx, ny) bool, cells to be seen.
+        walls: (nx, ny) bool, cells that hide those behind them.
         rays: of a place that sees ``reach`` cells far, see ``ray_tree``.
         reach: cells.
 
@@ -35,7 +35,7 @@ def visible_cells(cells, target, walls, rays, reach):
 
 @njit(cache=True)
 def count_in(seen, corners, mask):
-    """(K,) int64, how many cells of a mask (nx, ny) places see, by their windows (K, S, S)."""
+    """(K,) int64, number of cells of a mask (nx, ny) that places see, by their windows (K, S, S)."""
     counts = np.zeros(len(seen), np.int64)
     size = seen.shape[1]
     for k in range(len(seen)):

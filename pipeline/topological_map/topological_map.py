@@ -24,18 +24,18 @@ from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 
 GraphKind = Literal["mst", "roadmap"]
-"""What plans are made on: the thesis's minimum spanning tree, or the tree and the loops that shorten detours."""
+"""The graph for plans: the thesis's minimum spanning tree, or the tree and the loops that shorten detours."""
 MAX_DETOUR = 1.1
-"""Of the roadmap: its greatest detour against all drives there are."""
+"""Greatest ratio of the shortest way over the roadmap to that over all possible drives."""
 
 
 class TopologicalMap:
-    """Nodes and edges, renewed with every step where it changed the ground.
+    """Nodes and edges, updated in every step where the ground changed.
 
     Attributes:
-        kind: of graph that plans are made on.
+        kind: of the graph for plans.
         tree: networkx graph of node ids, the minimum spanning tree: ``weight`` in s, ``length`` in m.
-        graph: what plans are made on, the tree itself or the roadmap, whose loops may have ``bends`` as well.
+        graph: the graph for plans, the tree itself or the roadmap, whose loops may have ``bends`` as well.
     """
 
     def __init__(self, graph: GraphKind = "roadmap"):
@@ -45,7 +45,7 @@ class TopologicalMap:
 
     @property
     def nodes(self) -> Mapping[int, Node]:
-        """By id."""
+        """The nodes by id."""
         return self._set.nodes
 
     def update(self, patches: Sequence[PlanePatch], segments: Segments, paths: PosePaths) -> None:
@@ -73,7 +73,7 @@ class TopologicalMap:
             self.graph = roadmap(self.tree, drives, MAX_DETOUR)
 
     def correct(self, correction: Correction) -> None:
-        """Let nodes and ways move along with the keyframes near them; :meth:`update` then fits them to the ground."""
+        """Move nodes and ways along with the keyframes near them; :meth:`update` then fits them to the ground."""
         self._set.correct(correction)
         for _, _, edge in self.graph.edges(data=True):
             if "bends" in edge:
@@ -110,7 +110,7 @@ class TopologicalMap:
             partial.write_text(json.dumps({"nodes": nodes, "edges": edges}, indent=1) + "\n")
 
     def _reachable(self, paths: PosePaths) -> NDArray[np.bool_]:
-        """(nx, ny) where the robot can go; if it stands where it reaches no node, where it could go from these."""
+        """(nx, ny) cells that the robot can reach; if it reaches no node, also cells reachable from the nodes."""
         places = [node.position for node in self.nodes.values()]
         if not places or paths.traversability.grid.at(paths.reachable, np.array(places)).any():
             return paths.reachable

@@ -1,7 +1,7 @@
 """Depth dropouts: ground that a frame ought to have shown and did not.
 
-A thin upright panel seen along its plane sends nothing back: its face is seen at a grazing angle, and its end may be
-nearer than the camera's range. All that tells of it is a stripe of the image without ground between ground.
+A thin upright panel seen along its plane gives no returns: its face is seen at a grazing angle, and its end may be
+nearer than the camera's range. Its only trace is a stripe of the image without ground between ground.
 """
 
 import numpy as np
@@ -13,13 +13,13 @@ from pipeline.transforms import transform_points
 from pipeline.traversability import depth_dropouts_kernels as kernels
 
 LEAST_ROWS = 3
-"""Rows, of those that are searched, in which a panel leaves its gap: one row of three pixels is noise."""
+"""Least number of searched rows in which a panel leaves its gap: one row of three pixels is noise."""
 
 
 def find_depth_dropouts(
     depth: NDArray[np.float32], intrinsics: Intrinsics, T_map_camera: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """(N, 3) float32 points in ``map`` where rays should have met the ground that goes on around them.
+    """(N, 3) float32 points in ``map`` where rays should have met the ground that is seen on both sides of them.
 
     Args:
         depth: (H, W) float32 m along the optical axis; 0 = no return.

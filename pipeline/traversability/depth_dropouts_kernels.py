@@ -4,13 +4,13 @@ import numpy as np
 from numba import njit
 
 MIN_GAP, MAX_GAP = 3, 60
-"""Pixels: the sensor frays edges by less, and what is wider leaves unknown ground behind it."""
+"""Pixels, width of a gap: the sensor frays edges by less, and wider gaps leave unknown ground behind them."""
 TOLERANCE = np.float32(0.06)
 """Share by which the depths to the left and to the right may differ."""
 MIN_GRAZING = np.deg2rad(12)
-"""rad; ground that is seen at a smaller angle may send nothing back itself."""
+"""rad; ground that is seen at a smaller angle may itself give no return."""
 ROW_STEP = 2
-"""Every so many rows are searched."""
+"""Rows from one searched row to the next."""
 _ROWS = 4
 """Rows above and below a pixel by which its surface's slope is measured."""
 
@@ -19,7 +19,7 @@ _ROWS = 4
 def dropout_depth(depth, focal, dropouts):
     """Write the depth of the surface on both sides of each narrow gap to the gap's pixels in ``dropouts`` (H, W), m.
 
-    A gap is pixels of a row without a return, or with one from something nearer, between two returns of nearly one
+    A gap is a run of pixels in a row without a return, or with a nearer one, between two returns of nearly equal
     depth. ``depth`` is (H, W) m, 0 without a return, and ``focal`` the vertical focal length in pixels.
     """
     height, width = depth.shape

@@ -7,18 +7,18 @@ Z_MIN, LEVELS, Z_BIN = -0.575, 53, 0.05
 """The lowest height that matters to the robot in ``map``, m, and the number and the height, m, of a column's bins.
 The returns of a bin are averaged; one bin is centred on z = 0."""
 MOST_HITS = 1000
-"""Returns of a bin that count."""
+"""Number of returns at which the count of a bin saturates."""
 MIN_HITS = 3
-"""Returns that make a bin count."""
+"""Least number of returns of a bin that counts."""
 NOISE = 0.1
 """Share of a bin's hits that may stray into the next one."""
 MAX_GAP_RISE = 0.05
-"""m; gaps that the robot rolls over are filled if the ground beyond differs by no more."""
+"""m, greatest difference in height across a gap that the robot rolls over, and that is therefore filled."""
 DROPOUT_HEIGHT = 0.1
-"""m; only a depth dropout no further above or below the ground makes it unknown."""
+"""m; a depth dropout makes the ground unknown only if it lies within this height of it."""
 COS_OTHER_SIDE = np.cos(np.deg2rad(15))
-"""Ground with a dropout is known again once it is seen from a direction whose cosine is less: a panel that sends
-nothing back is seen within 8° of its plane."""
+"""Ground with a dropout is known again once it is seen at a greater angle to the dropout's direction: a panel without
+returns is seen within 8° of its plane."""
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
@@ -41,9 +41,9 @@ def bounds(points):
 
 @njit(cache=True)
 def accumulate(points, counts, origin, cell, height, hits, returns):
-    """Fold points (N, 3), m, into the mean ``height`` of bins (nx, ny, nz), and give their cells, (K, 2) int64.
+    """Fold points (N, 3), m, into the mean ``height`` of bins (nx, ny, nz), and return their cells, (K, 2) int64.
 
-    ``counts`` (N,) is how many returns each is the mean of. ``returns`` (nx, ny), 0 before, counts these by cell.
+    Each point is the mean of ``counts`` (N,) returns. ``returns`` (nx, ny), 0 before, counts the returns by cell.
     """
     nx, ny, nz = height.shape
     cells, size = np.empty((len(points), 2), np.int64), 0
@@ -71,9 +71,9 @@ def accumulate(points, counts, origin, cell, height, hits, returns):
 def column_height(height, hits, headroom):
     """Height in m of the lowest surface with ``headroom`` m above it in a column (nz,); NaN if nothing was measured.
 
-    Adjacent filled bins are one body, and so are bodies with too little air between them. A body thinner than
-    a bin is a sloping or noisy floor whose mean counts; of a thicker one, an obstacle, the top counts. A bin with few
-    hits beside one with many is that one's noise.
+    Adjacent filled bins are one body, and so are bodies with too little air between them. Of a body thinner than
+    half a bin, a sloping or noisy floor, the mean counts; of a thicker one, an obstacle, the top counts. A bin with
+    few hits next to a bin with many is noise of the latter.
     """
     bottom, top = np.nan, np.nan
     total, weight = 0.0, 0.0
@@ -95,9 +95,9 @@ def column_height(height, hits, headroom):
 
 @njit(cache=True)
 def count_dropouts(points, counts, origin, cell, height, hits, headroom, dropouts):
-    """(K, 2) int64, the cells in which points (N, 3), m, lie near the ground; where that is unknown all count.
+    """(K, 2) int64, the cells of those points (N, 3), m, that lie near the ground or where the ground is unknown.
 
-    ``counts`` (N,) is how many dropouts each point is the mean of. ``dropouts`` (nx, ny), 0 before, counts them.
+    Each point is the mean of ``counts`` (N,) dropouts. ``dropouts`` (nx, ny), 0 before, counts the dropouts by cell.
     """
     nx, ny = dropouts.shape
     cells, size = np.empty((len(points), 2), np.int64), 0
@@ -116,11 +116,11 @@ def count_dropouts(points, counts, origin, cell, height, hits, headroom, dropout
 
 @njit(cache=True)
 def renew_dropout(direction, dropouts, returns, cells, camera, origin, cell):
-    """Mark the cells with enough dropouts, and clear those that another keyframe has shown whole.
+    """Mark the cells in which a keyframe has enough dropouts, and clear those that it shows from another direction.
 
-    ``direction`` (nx, ny, 2) is the level direction from which a cell's last dropout was seen, 0 where there is none.
-    A keyframe clears a cell if it has enough returns and no dropout there, from another direction. ``dropouts`` and
-    ``returns`` (nx, ny) count the points of the keyframe from ``camera`` (2,) in ``cells`` (K, 2).
+    ``direction`` (nx, ny, 2) is the horizontal direction in which a cell's last dropout was seen, 0 where there is
+    none. A keyframe clears a cell if it has enough returns and no dropout there. ``dropouts`` and ``returns``
+    (nx, ny) count the points of the keyframe from ``camera`` (2,) in ``cells`` (K, 2).
     """
     for i, j in cells:
         if dropouts[i, j] < MIN_HITS and returns[i, j] < MIN_HITS:
@@ -160,10 +160,10 @@ def cells_to_known(elevation, i, j, di, dj, max_gap, dropout=None):
 
 @njit(cache=True)
 def bridge_gaps(elevation, dropout, max_gap):
-    """(nx, ny) m, ``elevation`` with what is unknown between two known cells of nearly one height filled.
+    """(nx, ny) m, ``elevation`` with unknown cells between two known cells of nearly equal height filled.
 
-    Gaps run along the axes and the diagonals over at most ``max_gap`` cells; where several pairs face each other, the
-    last one counts. Nothing is filled across a ``dropout`` (nx, ny) cell.
+    Gaps run along the axes and the diagonals over at most ``max_gap`` cells; where several gaps cross, the last one
+    counts. Nothing is filled across a ``dropout`` (nx, ny) cell.
     """
     filled = elevation.copy()
     nx, ny = elevation.shape
@@ -184,8 +184,8 @@ def step_hazards(elevation, max_gap, max_step, steepest):
     """(nx, ny) bool, the higher cells of steps and drops in ``elevation`` (nx, ny), m.
 
     A step is two of eight neighbours that differ by more than ``max_step`` m. A drop is two known cells along the
-    axes or the diagonals, at most ``max_gap`` unknown cells apart, that no slope of ``steepest`` m from one cell to
-    the next joins.
+    axes or the diagonals, at most ``max_gap`` unknown cells apart, that differ by more than ``max_step`` m and a
+    slope of ``steepest`` m per cell.
     """
     nx, ny = elevation.shape
     hazard = np.zeros((nx, ny), np.bool_)
@@ -208,7 +208,7 @@ def step_hazards(elevation, max_gap, max_step, steepest):
 def gradients(elevation, cell, radius):
     """(nx, ny, 2) slope of the least-squares plane through each cell's round neighbourhood; 0 where unknown.
 
-    Neighbours beyond a slope of 50° belong to another surface (a wall, the floor under a deck) and stay out.
+    Neighbours beyond a slope of 50° belong to another surface (a wall, the floor under a deck) and are left out.
     """
     nx, ny = elevation.shape
     result = np.zeros((nx, ny, 2), np.float32)

@@ -19,7 +19,7 @@ CELL = 0.05
 """m, side of a cell."""
 
 POSE_ERROR = 0.05
-"""m by which the disc within the footprint is smaller that the robot is sure to have swept."""
+"""m by which the radius of the disc that the robot certainly swept is smaller than half the footprint's width."""
 
 _UNKNOWN = Layer(np.float32, np.nan)
 
@@ -28,8 +28,8 @@ class ElevationMap:
     """A grid map of the ground that grows where points fall.
 
     Attributes:
-        robot: gaps that it rolls over are filled, and the headroom that it needs must be free.
-        layers: the tracked ones are ``measured``, ``elevation``, ``dropout`` and ``driven``.
+        robot: its ``max_gap`` is the widest gap that is filled, its ``headroom`` the free height above the ground.
+        layers: changes are tracked of ``measured``, ``elevation``, ``dropout`` and ``driven``.
     """
 
     def __init__(self, robot: RobotModel):
@@ -49,7 +49,7 @@ class ElevationMap:
                 "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
                 "been": Layer(np.bool_, in_place=True),
                 "swept": Layer(np.bool_, in_place=True),
-                # Of the keyframe that is being added; 0 otherwise.
+                # Counts of the keyframe that is being added; 0 otherwise.
                 "returns": Layer(np.int32, in_place=True),
                 "dropouts": Layer(np.int32, in_place=True),
             },
@@ -63,17 +63,17 @@ class ElevationMap:
 
     @property
     def measured(self) -> NDArray[np.float32]:
-        """(nx, ny) m, height of the ground from returns alone; NaN where there are none."""
+        """(nx, ny) m, height of the ground where it was seen or touched; NaN elsewhere."""
         return self.layers["measured"]
 
     @property
     def elevation(self) -> NDArray[np.float32]:
-        """(nx, ny) m, the same with small gaps filled and the ground assumed at the start; NaN where unknown."""
+        """(nx, ny) m, ``measured`` with small gaps filled and the ground assumed at the start; NaN where unknown."""
         return self.layers["elevation"]
 
     @property
     def dropout(self) -> NDArray[np.bool_]:
-        """(nx, ny) where a thin panel may stand that sent nothing back: unknown, whatever the returns."""
+        """(nx, ny) where a thin panel without returns may stand: the ground is unknown there, whatever was seen."""
         return self.layers["dropout"]
 
     @property
@@ -82,11 +82,11 @@ class ElevationMap:
         return self.layers["driven"]
 
     def assume_ground(self, T_map_base: NDArray[np.float64], radius: float, ahead: float, width: float) -> None:
-        """Take the ground under the robot and just before it for flat until it is measured.
+        """Take the ground under the robot and right before it for flat until it is measured.
 
         Args:
             T_map_base: pose of the robot.
-            radius: of a disc around it, m.
+            radius: of a disc around the robot, m.
             ahead: length of a strip that runs forward from its middle, m.
             width: of the strip, m.
         """
@@ -107,7 +107,7 @@ class ElevationMap:
         self._refresh(~np.isnan(self.layers["touched"]))
 
     def add_track(self, places: NDArray[np.float64]) -> None:
-        """Mark the cells of (N, 2) places where the middle of the robot was, m; what it swept there is no panel."""
+        """Mark the cells of (N, 2) places of the robot's middle, m; the cells that it swept hold no panel."""
         if not len(places):
             return
         reach = self.robot.half_width - POSE_ERROR
@@ -124,7 +124,7 @@ class ElevationMap:
             self._refresh(swept)
 
     def _write_dropouts(self, where: tuple[NDArray, ...] | EllipsisType) -> None:
-        """Renew where a panel may stand, in cells that changed: not where the robot has been."""
+        """Renew, in cells that changed, whether a panel may stand there: never where the robot has been."""
         missing = self.layers["dropout_direction"][where].any(axis=-1)
         self.layers.write("dropout", missing & ~self.layers["swept"][where], where)
 
@@ -139,10 +139,10 @@ class ElevationMap:
         """Add the returns of a keyframe.
 
         Args:
-            points: (N, 3) in ``map``; those that are not finite are ignored.
-            dropouts: (M, 3) where ground should have been seen, if anywhere.
-            camera: (2 or 3,) from where, m.
-            hits, dropout_hits: (N,) and (M,) uint32, how many each point is the mean of; 1 if not given.
+            points: (N, 3) in ``map``, m; points that are not finite are ignored.
+            dropouts: (M, 3) m, where ground should have been seen and was not.
+            camera: (2 or 3,) position of the camera, m.
+            hits, dropout_hits: (N,) and (M,) uint32, number of pixels that each point is the mean of; 1 if not given.
         """
         box = kernels.bounds(points)
         if not len(box):
@@ -167,7 +167,7 @@ class ElevationMap:
 
     @contextmanager
     def made_anew(self) -> Iterator[None]:
-        """Forget everything; what is added in the block under it is then all that is known."""
+        """Forget everything; afterwards the map holds only what the block of the ``with`` statement adds."""
         layers = self.layers
         for name in ("height", "hits", "been", "swept", "dropout_direction"):
             layers[name].fill(0)
@@ -182,12 +182,12 @@ class ElevationMap:
         self._refresh(...)
 
     def _extract(self, cells: NDArray[np.int64]) -> None:
-        """Renew the heights in cells (K, 2)."""
+        """Renew the heights of the returns in cells (K, 2)."""
         layers = self.layers
         kernels.extract_elevation(layers["height"], layers["hits"], cells, self.robot.headroom, layers["returned"])
 
     def _refresh(self, where: tuple[NDArray, ...] | NDArray[np.bool_] | EllipsisType) -> None:
-        """Renew what follows from cells that changed, an index of a layer."""
+        """Renew ``measured`` and ``elevation`` around cells that changed, given as an index of a layer."""
         changed = np.zeros(self.grid.shape, np.bool_)
         changed[where] = True
         if self._is_making or not changed.any():
@@ -206,5 +206,5 @@ class ElevationMap:
 
 
 def _counts(points: NDArray[np.float32], hits: NDArray[np.uint32] | None) -> NDArray[np.uint32]:
-    """(N,) how many each of (N, 3) points is the mean of."""
+    """(N,) number of pixels that each of (N, 3) points is the mean of."""
     return np.ones(len(points), np.uint32) if hits is None else hits

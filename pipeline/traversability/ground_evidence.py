@@ -1,4 +1,4 @@
-"""What is known of the ground, told from the robot's pose at that moment: when the pose is corrected, it follows."""
+"""Evidence of the ground, relative to the robot's pose at that moment, so that it follows corrections of the pose."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,10 +11,10 @@ from pipeline.traversability.elevation_map import ElevationMap
 
 
 class GroundEvidence(Protocol):
-    """Something that an elevation map is made of."""
+    """Something from which an elevation map is made."""
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
-        """Put it into the map, as known from a robot at the 4×4 pose ``T_map_base``."""
+        """Put the evidence into the map for a robot at the 4×4 pose ``T_map_base``."""
         ...
 
 
@@ -24,9 +24,9 @@ class Seen:
 
     Attributes:
         points: (N, 3) float32 in ``base_link``, m.
-        hits: (N,) uint32, how many returns each is the mean of.
+        hits: (N,) uint32, number of returns that each point is the mean of.
         dropouts: (M, 3) float32 in ``base_link``, m, where ground should have been seen.
-        dropout_hits: (M,) uint32, how many pixels each is the mean of.
+        dropout_hits: (M,) uint32, number of pixels that each dropout is the mean of.
     """
 
     points: NDArray[np.float32]
@@ -35,7 +35,7 @@ class Seen:
     dropout_hits: NDArray[np.uint32]
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
-        """Add the returns, and where ground dropped out, seen from ``T_map_base``, 4×4."""
+        """Add the returns and the dropouts, seen from the 4×4 pose ``T_map_base``."""
         points, dropouts = moved(T_map_base, self.points), moved(T_map_base, self.dropouts)
         elevation_map.update(points, dropouts, T_map_base[:2, 3], self.hits, self.dropout_hits)
 
@@ -45,7 +45,7 @@ class Assumed:
     """Ground that is taken for flat where the robot was set down.
 
     Attributes:
-        T_base_start: 4×4 pose at which that was.
+        T_base_start: 4×4 pose at which the robot was set down.
         radius, ahead, width: m, see :meth:`ElevationMap.assume_ground`.
     """
 
@@ -55,7 +55,7 @@ class Assumed:
     width: float
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
-        """Assume it, from the 4×4 pose ``T_map_base``."""
+        """Assume the ground, relative to the 4×4 pose ``T_map_base``."""
         elevation_map.assume_ground(T_map_base @ self.T_base_start, self.radius, self.ahead, self.width)
 
 
@@ -64,9 +64,9 @@ class Driven:
     """What a drive has shown near a keyframe, m in its ``base_link``.
 
     Attributes:
-        track: (N, 3) float32 where the middle of the robot was.
-        obstacles: (M, 3) float32 what stood in its way.
-        touched: (K, 3) float32 what it touched.
+        track: (N, 3) float32 positions of the robot's middle.
+        obstacles: (M, 3) float32 points of what stood in its way.
+        touched: (K, 3) float32 points that the robot touched.
     """
 
     track: NDArray[np.float32]
@@ -74,7 +74,7 @@ class Driven:
     touched: NDArray[np.float32]
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
-        """Add all of it, seen from ``T_map_base``, 4×4."""
+        """Add track, obstacles and contacts, relative to the 4×4 pose ``T_map_base``."""
         track, obstacles, touched = (moved(T_map_base, p) for p in (self.track, self.obstacles, self.touched))
         elevation_map.update(obstacles)
         elevation_map.add_track(track[:, :2])

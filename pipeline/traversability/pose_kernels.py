@@ -1,4 +1,4 @@
-"""Compiled geometry of a footprint that heads somewhere: how much room it has, and what moves cost there."""
+"""Compiled geometry of a footprint with a heading: how much room it has, and what moves cost."""
 
 from typing import NamedTuple
 
@@ -10,12 +10,12 @@ from pipeline.traversability.elevation_kernels import cell_at
 
 _QUADRANT = np.array([(1, 0), (2, 1), (1, 1), (1, 2)])
 VECTORS = np.concatenate([_QUADRANT @ np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), k) for k in range(4)])
-"""(16, 2) cells that a move along each heading leads on: the headings are those of a lattice, 18 to 27° apart."""
+"""(16, 2) displacement in cells by a move along each heading: headings are those of a lattice, 18 to 27° apart."""
 HEADINGS = len(VECTORS)
 ANGLES = np.arctan2(VECTORS[:, 1], VECTORS[:, 0]) % (2 * np.pi)
-"""(16,) rad."""
+"""(16,) rad, the headings."""
 UNKNOWN, HAZARD = 1, 2
-"""What an obstacle is; 0 is none."""
+"""Kinds of obstacles; 0 is none."""
 FARTHEST = 0.2
 """m; more room than this makes no difference."""
 LENIENCY = 0.03
@@ -27,22 +27,22 @@ TICK = 0.01
 STOP = 1.5
 """s that a bend of the way takes: slow down, set off again."""
 BUCKETS = 8192
-"""Costs of a move are below so many ticks."""
+"""Number of buckets of the search's queue; a move costs fewer ticks."""
 
 
 class Terrain(NamedTuple):
-    """What a move costs where; layers are (nx, ny) on one grid.
+    """The ground on which the costs of moves depend; layers are (nx, ny) on one grid.
 
     Attributes:
         origin: (2,) corner of cell [0, 0], m.
         cell: side of a cell, m.
         obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
-        to_obstacle: float64 m to the nearest of them.
-        clearance: (nx, ny, 16) int8 cm to the nearest of them, negative inside: from the footprint by its heading, in
-            eight entries, and from what it sweeps in a turn from each of these headings to the next.
-        least: int8 cm that must be left.
+        to_obstacle: float64 m to the nearest obstacle.
+        clearance: (nx, ny, 16) int8 cm to the nearest obstacle, negative inside: from the footprint at each of eight
+            headings, and from the area that it sweeps in a turn from each of these headings to the next.
+        least: int8 cm, least clearance that is allowed.
         ramp: bool, the wheels are on a ramp or right before it.
-        uphill: (nx, ny, 2) float32, slope of that ramp; 0 where there is none.
+        uphill: (nx, ny, 2) float32, gradient of that ramp; 0 where there is none.
     """
 
     origin: NDArray[np.float64]
@@ -62,11 +62,11 @@ class Costs(NamedTuple):
         half_length, half_width: of the footprint, m.
         speed, narrow_speed, ramp_speed: m/s, on level ground with much and with no room, and on ramps.
         turn_rate, ramp_turn_rate: rad/s.
-        backward: time that a drive backwards counts for, over the same forwards.
-        stray: m that the robot may be off its way.
-        slide: m more that it may be off after a turn, over the slope.
-        across: what driving across a slope adds to the time, over the slope.
-        risk: what being sure to meet an obstacle adds to the time, over the time.
+        backward: cost of a drive backwards, relative to one forwards.
+        stray: greatest deviation of the robot from its way, m.
+        slide: additional deviation in a turn, m per unit of slope.
+        across: relative increase of the time by driving across a slope, per unit of slope.
+        risk: relative increase of the time if a collision is certain.
     """
 
     half_length: float
@@ -94,10 +94,10 @@ def distance_to_footprint(x, y, cos, sin, half_length, half_width):
 
 @njit(cache=True)
 def footprint_distances(half_length, half_width, cell):
-    """Cells around the robot, nearest first, and how far the middle of each is from its footprint.
+    """Cells around the robot, nearest first, and the distance of the middle of each from the footprint.
 
     Returns:
-        (N, 2) int64 offsets, (N, 16) int8 cm by heading and turn as in :class:`Terrain`, and (N,) the least of these.
+        (N, 2) int64 offsets, (N, 16) int8 cm by heading and turn as in :class:`Terrain`, and (N,) cm, their least.
     """
     reach = int((np.hypot(half_length, half_width) + FARTHEST) / cell) + 1
     side = 2 * reach + 1
@@ -121,7 +121,7 @@ def footprint_distances(half_length, half_width, cell):
 def clearances(obstacle, to_obstacle, half_length, half_width, cell, rows, columns):
     """(nx, ny, 16) int8, see :class:`Terrain`, for (nx, ny) obstacles; beyond the grid all is unknown.
 
-    Only the cells from the first to before the last of the ``rows`` and of the ``columns`` are looked at.
+    Only cells from the first up to but not including the last of ``rows`` and of ``columns`` are computed.
     """
     nx, ny = obstacle.shape
     offsets, distances, nearest = footprint_distances(half_length, half_width, cell)
@@ -167,7 +167,7 @@ def free_poses(clearance, least):
 
 @njit(cache=True)
 def danger(clearance, spread):
-    """How likely the robot meets something ``clearance`` m away if it may be off by ``spread`` m."""
+    """Probability that the robot meets an obstacle ``clearance`` m away if it may be off its way by ``spread`` m."""
     return max(0.0, 1.0 - max(clearance, 0.0) / spread)
 
 
@@ -179,7 +179,7 @@ def level_speed(room, speed, narrow_speed):
 
 @njit(cache=True)
 def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
-    """What a metre along (cos, sin) costs, s, with ``clearance`` m beside the footprint on a slope (2,)."""
+    """Cost of a metre along (cos, sin), s, with ``clearance`` m around the footprint on a slope (2,)."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
     speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.narrow_speed)
@@ -189,7 +189,7 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
 
 @njit(cache=True)
 def turn_seconds_per_radian(clearance, uphill, costs):
-    """What a radian on the spot costs, s, with ``clearance`` m around the footprint on a slope (2,)."""
+    """Cost of a radian of a turn in place, s, with ``clearance`` m around the footprint on a slope (2,)."""
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
     return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray + costs.slide * slope))
@@ -197,7 +197,7 @@ def turn_seconds_per_radian(clearance, uphill, costs):
 
 @njit(cache=True)
 def ticks(seconds):
-    """Whole ticks, at least one and less than the buckets hold."""
+    """The seconds in whole ticks, at least one and fewer than there are buckets."""
     return max(1, min(int(seconds / TICK + 0.5), BUCKETS - 1))
 
 
@@ -226,9 +226,9 @@ def room_at(x, y, cos, sin, terrain, costs):
 
 @njit(cache=True)
 def line_seconds(ax, ay, bx, by, backward, terrain, costs):
-    """What a straight drive between points, m, costs, s; inf where the footprint meets something.
+    """Cost of a straight drive between points, m, in s; inf if the footprint meets an obstacle.
 
-    ``backward`` only changes what it costs.
+    ``backward`` changes the cost alone.
     """
     nx, ny = terrain.least.shape
     dx, dy = bx - ax, by - ay
@@ -259,9 +259,9 @@ def lines_seconds(starts, ends, terrain, costs):
 
 @njit(cache=True)
 def turn_seconds(x, y, start, end, terrain, costs):
-    """What a turn on the spot the shorter way between two headings, rad, at (x, y) m costs, s; inf if impossible.
+    """Cost of the shorter turn in place between two headings, rad, at (x, y) m, in s; inf if it meets an obstacle.
 
-    Nothing may be met at the headings in between either; at both ends :func:`line_seconds` tells.
+    Only the headings in between are checked; :func:`line_seconds` checks those at both ends.
     """
     nx, ny = terrain.least.shape
     i, j = cell_at(x, y, terrain.origin, terrain.cell)

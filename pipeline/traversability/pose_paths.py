@@ -1,4 +1,4 @@
-"""Cheapest ways over poses: they tell what is reachable, what it costs to be there facing somewhere, and how."""
+"""Cheapest ways over poses: which poses are reachable, at what cost, and by which way."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,15 +13,15 @@ from pipeline.traversability.pose_kernels import ANGLES, BUCKETS, HEADINGS, STOP
 from pipeline.traversability.traversability import LEAST, STANDING, Traversability, costs_of
 
 SNAP = 0.5
-"""m; a place where the robot cannot stand is moved to where it can from no further."""
+"""m; a start where the robot cannot stand is moved to the nearest place where it can within this distance."""
 ESCAPE, ESCAPE_FACTOR = 0.8, 5.0
-"""m that a robot which stands where it could not have driven may go as if it could, and what each second counts."""
+"""m that a robot with too little clearance may drive despite that, and by how much such moves cost more."""
 FIRST_HORIZON, GROWTH = 4.0, 1.5
-"""s that the search for a way to a place goes on at first; so many times as far whenever it did not come there."""
+"""s, limit of the cost in the first search for a place, and the factor by which the limit grows until it is found."""
 SHORTEST = 0.95
-"""Of a straight drive at full speed: no way takes less, though each of its moves takes whole ticks."""
+"""Least time of any way relative to a straight drive at full speed: less than 1, since moves take whole ticks."""
 ENTRIES = 1 << 16
-"""Of the queue at first."""
+"""Initial size of the queue."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +29,10 @@ class Way:
     """Straight drives and turns in place.
 
     Attributes:
-        places: (N, 2) m in ``map``, the ends of the drives; at least one, if only where it turns.
+        places: (N, 2) m in ``map``, ends of the drives; a way that is only a turn has one place.
         backwards: (N,) which of the drives lead backwards.
         heading: rad, to turn to at the end.
-        seconds: that it should take, risks counted in.
+        seconds: cost of the way: expected time, increased for risks.
     """
 
     places: NDArray[np.float64]
@@ -44,19 +44,19 @@ class Way:
 class PosePaths:
     """Cheapest ways over poses from one, or from the nearest of several places.
 
-    The search goes on only as far as is asked for: what it takes depends on how far the robot looks, not on the map.
+    The search goes only as far as needed: its time depends on the distance of the places asked for, not on the map.
 
     Attributes:
         traversability: of the ground.
-        start: (2,) m, where the (first) one begins; None where the robot can stand nowhere near.
+        start: (2,) m, the (first) start; None if the robot can stand nowhere near.
     """
 
     def __init__(
         self, traversability: Traversability, start: ArrayLike, heading: float | None = None, caution: float = 1.0
     ):
-        """Begin at (2,) or (K, 2) places, m, more columns are ignored, with any heading or with one in rad.
+        """Start at (2,) or (K, 2) places, m, more columns are ignored, with any heading or with one in rad.
 
-        A robot with more ``caution`` believes to stray so many times as far as it does by what was measured.
+        The costs allow for ``caution`` times the measured deviations of the robot from its way.
         """
         self._costs = costs_of(traversability.robot, caution)
         self.traversability, self._grid = traversability, traversability.grid
@@ -69,12 +69,12 @@ class PosePaths:
         places = [xy for xy in snapped if xy is not None]
         self.start = snapped[0]
         self._search = self._begin(self._states(places))
-        # One with room to stand reaches that place at least.
+        # A robot with enough clearance reaches at least its start.
         if not places or (self._search.escape > 0 and not self.reachable.any()):
             self.start = None
 
     def _states(self, places: list[NDArray[np.float64]]) -> NDArray[np.int64]:
-        """(K, 3) the cells and headings to begin with."""
+        """(K, 3) the cells and headings to start with."""
         cells = self._grid.cell_of(np.array(places).reshape(-1, 2))
         if self._heading is not None:
             return np.column_stack([cells, np.full(len(cells), nearest_heading(self._heading))])
@@ -84,9 +84,9 @@ class PosePaths:
     def _begin(self, starts: NDArray[np.int64]) -> kernels.Search:
         t, size = self.traversability, self.traversability.clearance.size
         i, j, h = starts.T
-        # One with room need not escape, however little is left where it has been.
+        # By LEAST, not by the smaller clearance that is enough where the robot has been.
         can_escape = (t.clearance[i, j, h % STANDING] < round(100 * LEAST)).any()
-        # Zeros, for the pages of memory that the search does not reach are then never touched.
+        # Zeros, so that pages of memory that the search does not reach are never touched.
         search = kernels.Search(
             starts,
             np.zeros(size, np.int32),
@@ -102,7 +102,7 @@ class PosePaths:
         return search
 
     def _extend(self, seconds: float) -> None:
-        """Let the search go on to all poses that cost no more, s."""
+        """Extend the search to all poses that cost at most ``seconds``."""
         until = 1 + int(min(seconds, np.iinfo(np.int32).max * TICK / 2) / TICK)
         terrain = self.traversability.terrain
         while not kernels.extend(self._search, self._queue, terrain, self._costs, until):
@@ -111,22 +111,22 @@ class PosePaths:
 
     @property
     def is_complete(self) -> bool:
-        """Whether the search has come to its end."""
+        """Whether the search has reached all reachable poses."""
         return bool(self._queue.used[0] == 0)
 
     def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
-        """(..., 16) s to cells, as far as the search has come; inf where it has not."""
+        """(..., 16) s to be at cells with each heading; inf where the search has not got yet."""
         cost = self._search.cost.reshape(*self._grid.shape, HEADINGS)[where]
         is_known = (cost > 0) & ((cost <= self._search.now[0]) | self.is_complete)
         return np.where(is_known, (cost - 1) * np.float32(TICK), np.float32(np.inf))
 
     def seconds_to(self, cells: NDArray[np.int64], until: float = np.inf) -> NDArray[np.float32]:
-        """(N, 16) s to be at cells (N, 2) with each heading; inf where no way leads, or none of ``until`` s."""
+        """(N, 16) s to be at cells (N, 2) with each heading; inf if no way of up to ``until`` s leads there."""
         self._extend(until)
         return self._known(tuple(cells.T))
 
     def least_seconds_to(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(N,) s that no way from the one start to cells (N, 2) can take less than."""
+        """(N,) s, lower bound of the cost of a way from the only start to cells (N, 2)."""
         away = np.linalg.norm(cells - self._search.starts[0, :2], axis=1) * self._grid.cell
         return SHORTEST * away / self._costs.speed
 
@@ -143,7 +143,7 @@ class PosePaths:
 
     @cached_property
     def headings(self) -> NDArray[np.uint16]:
-        """(nx, ny) bits of the 16 headings with which the robot can stand, and that a way leads to."""
+        """(nx, ny) bits of the 16 headings with which the robot can stand and to which a way leads."""
         seeds = np.zeros(self._grid.shape, np.uint16)
         if self._search.escape > 0:
             self._extend(np.inf)
@@ -165,12 +165,12 @@ class PosePaths:
         return float(self._settle(xy).min())
 
     def nearest(self, places: NDArray[np.float64]) -> int | None:
-        """Which of (N, 2 or 3) places on the grid, m, is cheapest to come to; None if no way leads to any."""
+        """Index of the place (N, 2 or 3) on the grid, m, that costs least to reach; None if no way leads to any."""
         cost = self._settle(places).min(axis=1)
         return int(cost.argmin()) if np.isfinite(cost).any() else None
 
     def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
-        """(..., 16) s to points (...), m, with each heading: the least of all is known, or that of one heading."""
+        """(..., 16) s to points (...), m, with each heading; the least of all, or that of ``heading``, is known."""
         cells, horizon = self._grid.cell_of(xy), FIRST_HORIZON
         if not ((cells >= 0) & (cells < self._grid.shape)).all():
             return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
@@ -184,7 +184,7 @@ class PosePaths:
             horizon *= GROWTH
 
     def sources(self) -> NDArray[np.int64]:
-        """(nx, ny) flat index of the cell of that start from which the way to each cell comes; -1 if none leads."""
+        """(nx, ny) flat index of the cell where the cheapest way to each cell starts; -1 if no way leads there."""
         starts = self._search.starts
         if not len(starts):
             return np.full(self._grid.shape, -1)
@@ -201,7 +201,7 @@ class PosePaths:
         return self._grid.centre_of(states[moved, :2])
 
     def way_to(self, xy: ArrayLike, heading: float | None = None) -> Way:
-        """The way to a reachable point, as few straight drives as cost no more than the search found."""
+        """The way to a reachable point, found by the search and straightened by :func:`kernels.straighten`."""
         goal, cell = np.asarray(xy, np.float64)[:2], self._grid.cell_of(xy)
         wanted = None if heading is None else nearest_heading(heading)
         there = self._settle(xy, wanted)
@@ -235,17 +235,17 @@ def _queue(entries: int) -> kernels.Queue:
 
 
 def bits(headings: NDArray[np.uint16]) -> NDArray[np.bool_]:
-    """(..., 16) which of the bits of (...) are set."""
+    """(..., 16) which of the 16 bits of (...) are set."""
     return (headings[..., None] >> np.arange(HEADINGS, dtype=np.uint16)) & 1 == 1
 
 
 def nearest_heading(heading: float) -> int:
-    """Which of the 16 headings is nearest to one in rad."""
+    """Index of the nearest of the 16 headings to one in rad."""
     return int(np.cos(ANGLES - heading).argmax())
 
 
 def simplify(path: NDArray[np.float64], traversability: Traversability) -> NDArray[np.float64]:
-    """(M, 2) few points of a path (N, 2), m, that straight drives join, none dearer than what it stands for."""
+    """(M, 2) few points of a path (N, 2), m; a straight drive costs at most ``STOP`` s more than what it replaces."""
     seconds = traversability.line_seconds(path[:-1], path[1:])
     reached = np.append(0.0, np.cumsum(np.where(np.isfinite(seconds), seconds, 1e3)))
     bends = [0]

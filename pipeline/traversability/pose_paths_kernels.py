@@ -38,7 +38,7 @@ def move_from(i, j, h, move):
 
 @njit(cache=True)
 def move_ticks(h, move, room, uphill, cell, costs):
-    """Ticks of a move from a heading, with ``room`` cm around the footprint on a slope (2,)."""
+    """Cost in ticks of a move from a heading, with ``room`` cm around the footprint on a slope ``uphill`` (2,)."""
     if move <= BACKWARD:
         length = cell * np.hypot(VECTORS[h, 0], VECTORS[h, 1])
         cos, sin = np.cos(ANGLES[h]), np.sin(ANGLES[h])
@@ -49,7 +49,7 @@ def move_ticks(h, move, room, uphill, cell, costs):
 
 @njit(cache=True)
 def level_ticks(cell, costs):
-    """(5, 16, R) int32 ticks of each move from each heading on level ground, by the cm of room."""
+    """(5, 16, R) int32 cost in ticks of each move from each heading on level ground, by the cm of room."""
     level = np.zeros(2, np.float32)
     result = np.zeros((RIGHT + 1, HEADINGS, int(100 * FARTHEST) + 1), np.int32)
     for move in range(FORWARD, RIGHT + 1):
@@ -61,7 +61,7 @@ def level_ticks(cell, costs):
 
 @njit(cache=True)
 def was_near(i, j, least):
-    """Whether the robot's middle has been in a cell or beside it, by the clearance (nx, ny) int8 kept there."""
+    """Whether the robot's middle has been in a cell or next to it: there ``least`` (nx, ny), cm, is negative."""
     for a in range(max(i - 1, 0), min(i + 2, least.shape[0])):
         for b in range(max(j - 1, 0), min(j + 2, least.shape[1])):
             if least[a, b] < 0:
@@ -71,14 +71,14 @@ def was_near(i, j, least):
 
 @njit(cache=True, inline="always")
 def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, escape_factor):
-    """Ticks of a move from (i, j, h) to (a, b, k) on a way from a start (2,); -1 where it is not allowed."""
+    """Cost in ticks of a move from (i, j, h) to (a, b, k) on a way from a start (2,); -1 if it is not allowed."""
     half = HEADINGS // 2
     before, entered = terrain.clearance[i, j, h % half], terrain.clearance[a, b, k % half]
     if move <= BACKWARD:
         room = min(before, entered)
     else:
         room = terrain.clearance[i, j, half + (h if move == LEFT else k) % half]
-        # A tight turn is one of little room as well, and so is a way out.
+        # What the turn sweeps must have room as well.
         entered = min(entered, room + SWEEP)
     is_free = entered >= terrain.least[a, b]
     if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
@@ -93,18 +93,18 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, es
 
 
 class Search(NamedTuple):
-    """A search that has come so far; states are numbered (i · ny + j) · 16 + h.
+    """The state of a search; poses are numbered (i · ny + j) · 16 + h.
 
     Attributes:
         starts: (K, 3) int64 cells and headings.
-        cost: (N,) int32 1 + ticks; 0 where no way leads as yet.
-        came_by: (N,) uint8 the move that led there.
-        source: (N,) int16 from which start.
+        cost: (N,) int32 1 + ticks; 0 where no way has been found yet.
+        came_by: (N,) uint8 the move that led to each pose.
+        source: (N,) int16 index of the start from which the way comes.
         level: (5, 16, R) ticks of moves on level ground, see :func:`level_ticks`.
-        escape: m that a robot may go from its start through poses without room, as long as it is never less, or where
-            it has been.
-        factor: what each tick of that counts.
-        now: (1,) int64 the cost up to which all is known.
+        escape: m from its start within which a robot may drive through poses without room, as long as the clearance
+            does not shrink, or where the robot has been.
+        factor: factor of the cost of such moves.
+        now: (1,) int64 the cost up to which all poses are settled.
     """
 
     starts: NDArray[np.int64]
@@ -123,8 +123,8 @@ class Queue(NamedTuple):
     Attributes:
         first: (B,) int32 the first entry of each bucket; -1 where there is none.
         state: (E,) int32 of each entry.
-        after: (E,) int32 the next entry of its bucket, or of those that are not in use.
-        used: (3,) int64 the entries that wait, those that were ever in use, and the first that is not now, or -1.
+        after: (E,) int32 the next entry of the same bucket, or of the list of free entries.
+        used: (3,) int64 number of waiting entries, number of entries ever used, and the first free entry or -1.
     """
 
     first: NDArray[np.int32]
@@ -135,7 +135,7 @@ class Queue(NamedTuple):
 
 @njit(cache=True, inline="always")
 def put(state, cost, queue):
-    """Let a state wait in the bucket of a cost."""
+    """Put a state into the bucket of a cost."""
     entry = queue.used[2]
     if entry >= 0:
         queue.used[2] = queue.after[entry]
@@ -149,7 +149,7 @@ def put(state, cost, queue):
 
 @njit(cache=True, inline="always")
 def take(cost, queue):
-    """A state from the bucket of a cost, which is not empty."""
+    """Remove a state from the bucket of a cost, which is not empty, and return it."""
     entry = queue.first[cost % BUCKETS]
     queue.first[cost % BUCKETS] = queue.after[entry]
     queue.after[entry], queue.used[2] = queue.used[2], entry
@@ -173,13 +173,13 @@ def begin(search, queue, ny):
 
 @njit(cache=True)
 def extend(search, queue, terrain, costs, until):
-    """Dijkstra's algorithm over all poses, on to those that cost up to ``until``, with buckets for a queue.
+    """Continue Dijkstra's algorithm over all poses up to the cost ``until``, with a bucket queue.
 
-    A pose may be entered where enough room is left. A robot that stands where it is not may escape, see
+    A pose may be entered if its clearance is large enough. A robot that starts with less may escape, see
     :class:`Search`.
 
     Returns:
-        True if the search has come so far, or to its end; False if the queue is full: it goes on with a larger one.
+        True if the search has reached ``until`` or its end; False if the queue is full: call again with a larger one.
     """
     nx, ny = terrain.least.shape
     cost, source, level, now = search.cost, search.source, search.level, search.now[0]
@@ -211,18 +211,18 @@ def extend(search, queue, terrain, costs, until):
 
 @njit(cache=True)
 def flood(seeds, free):
-    """Which poses moves join to some, where none leads through a pose without room.
+    """Which poses are connected to the seeds by moves through poses with enough room.
 
     Args:
-        seeds: (nx, ny) uint16 bits of the 16 headings to begin with.
+        seeds: (nx, ny) uint16 bits of the 16 headings to start with.
         free: (nx, ny, 2) uint8, see ``free_poses``.
 
     Returns:
-        (nx, ny) uint16 bits of the headings that are reached; the seeds are among them.
+        (nx, ny) uint16 bits of the headings that are reached, seeds included.
     """
     nx, ny = seeds.shape
     reached, new = np.zeros((nx, ny), np.uint16), seeds.copy()
-    # A cell waits at most once.
+    # A cell is at most once among the waiting ones.
     waiting, count = np.empty(nx * ny, np.int32), 0
     for cell in range(nx * ny):
         if seeds[cell // ny, cell % ny]:
@@ -231,7 +231,7 @@ def flood(seeds, free):
     while count > 0:
         count -= 1
         i, j = waiting[count] // ny, waiting[count] % ny
-        # Both halves of the circle are alike.
+        # Opposite headings have the same footprint.
         stands, turns = 257 * np.int64(free[i, j, 0]), 257 * np.int64(free[i, j, 1])
         known = np.int64(reached[i, j])
         here, before = known | np.int64(new[i, j]), np.int64(0)
@@ -244,7 +244,7 @@ def flood(seeds, free):
         fresh = here & ~known
         reached[i, j] = here
         for h in range(HEADINGS // 2):
-            # Who heads the other way drives backwards to the same cell.
+            # A robot with the opposite heading drives backwards to the same cell.
             both = fresh & (257 << h)
             if both == 0:
                 continue
@@ -278,7 +278,7 @@ def trace(came_by, i, j, h):
 
 @njit(cache=True)
 def gear(moves, p, q):
-    """``FORWARD`` or ``BACKWARD`` if ``moves`` (N,) lead so from pose p to q of a way, 0 if it only turns there."""
+    """``FORWARD`` or ``BACKWARD``, the first drive among ``moves`` (N,) from pose p to q; 0 if all are turns."""
     for n in range(p + 1, q + 1):
         if moves[n] == FORWARD or moves[n] == BACKWARD:
             return moves[n]
@@ -287,7 +287,7 @@ def gear(moves, p, q):
 
 @njit(cache=True)
 def drive_end(moves, p, forward):
-    """The last pose of a way to which ``moves`` (N,) lead from pose p in no other gear than ``forward``."""
+    """The last pose of a way to which ``moves`` (N,) lead from pose p with no drive other than ``forward``."""
     end = p
     for n in range(p + 1, len(moves)):
         if moves[n] == forward:
@@ -299,7 +299,7 @@ def drive_end(moves, p, forward):
 
 @njit(cache=True)
 def straight_end(moves, p):
-    """The pose up to which ``moves`` (N,) of a way lead straight on from pose p, after turns there."""
+    """The last pose to which ``moves`` (N,) of a way lead straight on from pose p, after turns in place at p."""
     n = p + 1
     while moves[n] > BACKWARD:
         n += 1
@@ -312,14 +312,14 @@ def straight_end(moves, p):
 def straighten(places, headings, moves, seconds, heading, terrain, costs):
     """Indices of the bends of a way, first and last pose included, between which straight drives lead.
 
-    A straight drive takes the place of a stretch of the way if it costs no more, the turns at its ends included.
+    A straight drive replaces a stretch of the way if it costs at most ``STOP`` s more, turns at both ends included.
 
     Args:
         places: (N, 2) m.
         headings: (N,) rad.
-        moves: (N,) uint8 that led to each.
-        seconds: (N,) float64 that the way to each costs.
-        heading: rad at the first one.
+        moves: (N,) uint8, the move that led to each pose.
+        seconds: (N,) float64, cost of the way to each pose.
+        heading: rad at the first pose.
     """
     bends, p = [0], 0
     while gear(moves, p, len(places) - 1) > 0:

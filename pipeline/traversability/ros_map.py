@@ -1,4 +1,4 @@
-"""The ground as the robot judges it, as 2D maps that ROS map_server (Nav2) loads."""
+"""Writes the traversability as 2D maps that ROS map_server (Nav2) loads."""
 
 from pathlib import Path
 
@@ -10,21 +10,21 @@ from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN, 
 from pipeline.traversability.traversability import Traversability
 
 LETHAL, STEEPEST = 100, 98
-"""Costs as map_server has them: what nothing drives over, and the steepest slope that the robot drives on."""
+"""Costs of map_server: of ground that cannot be driven on, and of the steepest slope that the robot drives on."""
 SCALED = (0.005, 0.995)
-"""Thresholds of darkness, so that each shade between white and black is a cost of its own."""
+"""Thresholds of darkness, so that each shade between white and black is a different cost."""
 
 
 def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) -> None:
     """Write ``path`` (.pgm): free, lethal or unknown, and ..._cost.png: slopes as costs; a .yaml lies beside each.
 
-    Lethal is what the robot cannot take: walls, steps, slopes too steep. It is not inflated: Nav2 does that by the
-    footprint that it is given.
+    Lethal cells are those that the robot cannot drive on: walls, steps, slopes too steep. They are not inflated: Nav2
+    does that by the footprint in its settings.
 
     Args:
         path: of the image.
         traversability: the ground.
-        places: (N, 2 or 3) m where the robot has been; ground that nothing known joins to these is left unknown.
+        places: (N, 2 or 3) m where the robot has been; ground not connected to them by known ground is left unknown.
 
     Raises:
         InputError: if a file cannot be written.

@@ -16,54 +16,54 @@ from pipeline.traversability import pose_kernels
 from pipeline.traversability.elevation_map import ElevationMap
 
 STANDING = pose_kernels.HEADINGS // 2
-"""Entries of the clearance of a robot that stands; those of turns come after."""
+"""Number of entries of the clearance of a standing robot, by heading; those of turns come after."""
 FAR = 1.0
-"""m; hazards further away make no difference to the robot."""
+"""m; hazards farther away make no difference to the robot."""
 MAX_DROP_GAP = 0.6
-"""m; known ground so far apart, with unknown ground between, may be the two sides of a drop."""
+"""m, greatest width of unknown ground between the two sides of a drop."""
 RAMP_MARGIN = 0.2
-"""m; so near to a ramp the robot's wheels may already be on it."""
+"""m; this close to a ramp the robot's wheels may already be on it."""
 RAMP_SPEED, TURN_RATE, RAMP_TURN_RATE = 0.1, 0.5, 0.17
 """m/s and rad/s, expected: on ramps the robot slows down, aligns itself and slips."""
 NARROW_SPEED = 0.2
-"""m/s at most where obstacles leave no room around the footprint."""
+"""m/s, greatest speed where obstacles leave no room around the footprint."""
 BACKWARD = 2.0
-"""Time that a drive backwards counts for: the camera looks the other way."""
+"""Cost of a drive backwards, relative to one forwards: the camera looks the other way."""
 STRAY = 0.1
-"""m that the robot may be off its way."""
+"""m, greatest deviation of the robot from its way."""
 RISK = 20.0
-"""Seconds that a second counts for in which the robot is sure to meet something."""
+"""Seconds added to each second in which the robot is certain to meet an obstacle."""
 LEAST = 0.04
-"""m that the footprint keeps from hazards: a cell and the heading of a plan are only so exact."""
+"""m, least clearance of the footprint from hazards: cells and the headings of a plan are only so exact."""
 LEAST_DRIVEN = -0.03
-"""m where the middle of the robot has been: no noise of later keyframes shall shut it in."""
+"""m, least clearance where the middle of the robot has been, so that noise of later keyframes does not shut it in."""
 TALL = 0.4
-"""m above the ground around it."""
+"""m; a hazard that is higher than this above the ground around it hides what is behind it."""
 WALL_GAP = 5
-"""Cells; unseen ones between hazards so near to each other are taken for hazards by rays."""
+"""Cells along each side of a window; for rays, an unseen cell is as high as the highest hazard in its window."""
 
 
 @dataclass(frozen=True, eq=False)
 class Traversability:
-    """What follows from an elevation map for the robot; all arrays are (nx, ny) on its grid.
+    """Where the robot may drive by an elevation map; all arrays are (nx, ny) on the map's grid.
 
     Attributes:
         grid: where the cells lie.
         elevation: float32 m, NaN where unknown.
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
-        hazard: bool, steps and slopes that the robot cannot take.
+        hazard: bool, steps and slopes that the robot cannot drive over.
         to_hazard: float64 m to the nearest hazard, at most :data:`FAR`.
         obstacle: uint8, :data:`HAZARD` also where a thin panel may stand, :data:`UNKNOWN`, or 0.
-        to_obstacle: float64 m to the nearest of them.
-        clearance: (nx, ny, 16) int8 cm left to the nearest of them by heading and turn, see the kernels' ``Terrain``.
-        least: int8 cm that must be left.
-        ramp: bool, the wheels are on a ramp or just before it.
-        uphill: (nx, ny, 2) float32 gradient of the nearest ramp there; 0 away from ramps.
+        to_obstacle: float64 m to the nearest obstacle, at most :data:`FAR`.
+        clearance: (nx, ny, 16) int8 cm to the nearest obstacle by heading and turn, see the kernels' ``Terrain``.
+        least: int8 cm, least clearance that is allowed.
+        ramp: bool, the wheels are on a ramp or right before it.
+        uphill: (nx, ny, 2) float32 gradient of the nearest ramp where ``ramp`` holds; 0 elsewhere.
         free: (nx, ny, 2) uint8 bits of the eight headings with which it can stand, and of the turns it can make.
-        turnable: bool, where it may turn around, on level ground.
-        tall: bool, hazards that hide what is behind them, as decks and ramps do not.
-        sealed: float32 m, the elevation with the small gaps in what is seen of walls closed: no ray slips through.
-        robot: for which this was judged.
+        turnable: bool, where the robot may turn around, on level ground.
+        tall: bool, hazards that hide what is behind them, unlike decks and ramps.
+        sealed: float32 m, the elevation with small gaps in walls closed, so that no ray slips through.
+        robot: for which the ground was assessed.
     """
 
     grid: Grid
@@ -89,18 +89,18 @@ class Traversability:
         return self.free[..., 0] != 0
 
     def part(self, box: Box) -> "Traversability":
-        """What holds in a box of cells, whole in memory."""
+        """The part in a box of cells, with contiguous arrays."""
         layers = {name: np.ascontiguousarray(getattr(self, name)[box]) for name in LAYERS}
         return Traversability(self.grid.part(box), robot=self.robot, **layers)
 
     @property
     def terrain(self) -> pose_kernels.Terrain:
-        """What the search for poses knows of the ground."""
+        """The ground as the search over poses needs it."""
         layers = self.obstacle, self.to_obstacle, self.clearance, self.least, self.ramp, self.uphill
         return pose_kernels.Terrain(self.grid.origin, self.grid.cell, *layers)
 
     def line_seconds(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
-        """(N,) what straight drives between points (N or 1, 2 or 3), m, cost, s; inf where something is met."""
+        """(N,) s, costs of straight drives between points (N or 1, 2 or 3), m; inf where an obstacle is met."""
         a, b = np.broadcast_arrays(*(np.asarray(side, np.float64)[..., :2] for side in (starts, ends)))
         a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
         return pose_kernels.lines_seconds(a, b, self.terrain, costs_of(self.robot))
@@ -114,7 +114,7 @@ LAYERS = [field.name for field in fields(Traversability) if field.name not in ("
 
 
 def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:
-    """What moves cost a robot that believes to stray ``caution`` times as far as was measured."""
+    """Costs of moves that allow for ``caution`` times the measured deviations of a robot from its way."""
     return pose_kernels.Costs(
         half_length=robot.half_length,
         half_width=robot.half_width,
@@ -132,7 +132,7 @@ def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:
 
 
 def assess_map(elevation_map: ElevationMap) -> Traversability:
-    """Judge every cell of an elevation map for its robot."""
+    """Assess every cell of an elevation map for its robot."""
     m = elevation_map
     return assess(m.grid, m.elevation, m.dropout, m.driven, m.robot)
 
@@ -145,21 +145,21 @@ def assess(
     robot: RobotModel,
     within: Box = (slice(None), slice(None)),
 ) -> Traversability:
-    """Judge every cell of a grid, beyond which all is unknown.
+    """Assess every cell of a grid, beyond which all is unknown.
 
-    The footprint keeps ``LEAST`` from hazards and from depth dropouts, where a thin panel may stand, and nearly as
-    much from unknown ground: a wall that is only met at grazing angles stays unknown.
+    The footprint keeps ``LEAST`` from hazards and from depth dropouts, where a thin panel may stand, and ``LENIENCY``
+    less from unknown ground: a wall that is only seen at grazing angles stays unknown.
 
     Args:
         grid: where the cells lie.
         elevation: (nx, ny) float32 m, NaN where unknown.
         dropout: (nx, ny) where a thin panel may stand.
         driven: (nx, ny) where the middle of the robot has been.
-        robot: how large and how able it is.
-        within: box of cells outside of which clearances, and what follows from them, are not wanted.
+        robot: its size and abilities.
+        within: box of cells outside of which clearances, and the layers derived from them, are not computed.
 
     Raises:
-        InputError: it needs more room than :data:`FAR`.
+        InputError: the robot needs more room than :data:`FAR`.
     """
     cell, widest = grid.cell, robot.corner_radius + pose_kernels.FARTHEST
     if not widest <= FAR:

@@ -1,4 +1,4 @@
-"""The traversability of an elevation map, kept up from keyframe to keyframe."""
+"""The traversability of an elevation map, updated from keyframe to keyframe."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +24,16 @@ JUDGED = {
     "tall": _NO,
     "sealed": Layer(np.float32, np.nan),
 }
-"""The layers that follow from the elevation, from depth dropouts and from where the robot drove; the fill is what
-follows where all is unknown."""
+"""The layers computed from the elevation, from depth dropouts and from where the robot drove; ``fill`` is their value
+where all ground is unknown."""
 
 REACH = round((FAR + MAX_DROP_GAP) / CELL) + 5
-"""Cells that a change reaches: a cell decides about hazards across a gap, a hazard about what lies ``FAR`` from it,
-and slopes span four cells."""
+"""Cells within which a change has an effect: a cell affects hazards across a gap, a hazard affects cells up to
+``FAR`` from it, and slopes span four cells."""
 
 
 class TraversabilityLayer:
-    """Judges one elevation map anew only around what has changed."""
+    """Assesses one elevation map again, but only around cells that changed."""
 
     def __init__(self) -> None:
         self._layers = GridMap(CELL, JUDGED)
@@ -41,7 +41,7 @@ class TraversabilityLayer:
         self._revision = 0
 
     def update(self, elevation_map: ElevationMap) -> Traversability:
-        """The same as ``assess_map`` of the map; what was given out before stays as it was."""
+        """Return the same as ``assess_map`` of the map; results that were returned before stay as they were."""
         source, layers = elevation_map.layers, self._layers
         changed = source.changed_since(self._revision, "elevation", "dropout", "driven")
         # A hazard at the old border reaches into the cells that the grid has gained.
@@ -58,7 +58,7 @@ class TraversabilityLayer:
 
     def _assess_around(self, changed: NDArray[np.bool_], elevation_map: ElevationMap) -> None:
         here, around = box_around(changed, REACH), box_around(changed, 2 * REACH)
-        # Whole in memory, as the kernels are compiled for.
+        # Contiguous, as the kernels are compiled for.
         elevation = np.ascontiguousarray(elevation_map.elevation[around])
         dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]
         within = inside(here, around)

@@ -1,4 +1,4 @@
-"""What leads up to a surface: a deck that one can drive onto differs from a table by that alone."""
+"""Whether ground leads up to a surface: this alone distinguishes a deck to drive onto from a table."""
 
 from math import ceil
 
@@ -10,14 +10,14 @@ from pipeline.traversability.traversability import Traversability
 
 
 def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Which of the points (N, 3) that look like ramps and decks carry no robot.
+    """Which of the points (N, 3) that look like ramps and decks cannot carry the robot.
 
-    They are higher above all ways to them than it needs headroom, or further than half of its width from any place on
-    their surface where as much fits, as the feet of a chair.
+    Such a point is higher than the robot's headroom above the nearest ground that the robot can get to, or farther
+    than half of its width from any square of that side on the points' surface, as the feet of a chair are.
 
     Args:
-        ground: as the robot judges it.
-        places: (K, 3) where it stood, m.
+        ground: its traversability.
+        places: (K, 3) where the robot stood, m.
         points: (N, 3), m.
     """
     cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
@@ -32,13 +32,13 @@ def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArr
 def height_above_ways(
     ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]
 ) -> NDArray[np.float64]:
-    """(N,) m that points (N, 3) are higher than the nearest ground that no step parts from where the robot stood.
+    """(N,) m, height of points (N, 3) above the nearest ground that no hazard separates from where the robot stood.
 
-    A camera does not see where it stands, so ground as high as that place counts wherever it is.
+    The camera does not see the ground under the robot, so ground as high as that counts wherever it is.
 
     Args:
-        ground: as the robot judges it.
-        places: (K, 3) where it stood, m.
+        ground: its traversability.
+        places: (K, 3) where the robot stood, m.
         points: (N, 3), m.
     """
     pieces, _ = ndimage.label(~ground.hazard & ~np.isnan(ground.elevation), np.ones((3, 3)))

@@ -12,11 +12,11 @@ from tests.pipeline.robot_model import PIONEER
 
 
 class KinematicRobot:
-    """Implements :class:`pipeline.robot.Robot` but for its eyes.
+    """Implements :class:`pipeline.robot.Robot` except for the camera.
 
     Attributes:
-        T: its true pose.
-        commands: all that it was told.
+        T: true pose.
+        commands: all commands that it received.
     """
 
     model = PIONEER

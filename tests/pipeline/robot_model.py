@@ -1,4 +1,4 @@
-"""The body that the pipeline's tests drive: as large and as able as a Pioneer 3-AT."""
+"""The robot model of the pipeline's tests: the size and abilities of a Pioneer 3-AT."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A body that stands before a wall, for tests that need a look without a simulator."""
+"""A robot that stands before a wall, for tests that need frames without a simulator."""
 
 import numpy as np
 

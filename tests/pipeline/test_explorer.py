@@ -18,7 +18,7 @@ from tests.pipeline.still_robot import StillRobot
 
 
 class PlacedRobot(StillRobot):
-    """A robot that is where it was put, whatever it is told."""
+    """A robot that stays where it was put, whatever the commands."""
 
     def __init__(self):
         super().__init__()

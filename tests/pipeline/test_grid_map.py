@@ -100,7 +100,7 @@ changes = st.lists(
 @settings(max_examples=60, deadline=None)
 @given(changes, st.integers(0, 8))
 def test_growth_keeps_values_and_changes_are_those_of_a_comparison(changes, since):
-    """Against a large grid that does not grow, compared as a whole after every step."""
+    """Compare with a large grid that does not grow, as a whole after every step."""
     low, grid_map = np.array([-12, -12]), GridMap(0.05, LAYERS)
     height, seen = np.full((32, 32), np.nan, np.float32), np.zeros((32, 32), np.bool_)
     changed, revision = np.zeros((32, 32), np.bool_), 0

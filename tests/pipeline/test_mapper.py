@@ -32,7 +32,7 @@ MOST_BYTES = {True: 2_000_000, False: 1_000_000}
 
 
 def mapped(poses: np.ndarray) -> Mapper:
-    """A mapper whose robot was set down at the first of these poses, and drove to the third between the keyframes."""
+    """A mapper whose robot was set down at the first of these poses, with a drive up to the third."""
     mapper = Mapper(PIONEER, TruthClassifier())
     mapper.assume_ground(poses[0])
     for k, (frame, T, labelled) in enumerate(zip(FRAMES, poses, LABELLED, strict=True)):
@@ -60,7 +60,7 @@ def assert_same(one: Mapper, other: Mapper) -> None:
 
 
 def assert_same_ground(one: Mapper, other: Mapper) -> None:
-    """The same on the cells of ``one``, and nothing beyond them."""
+    """Both have the same ground on the cells of ``one``, and the other has none beyond them."""
     grid = one.elevation_map.grid
     other.elevation_map.layers.match(grid)
     box = other.elevation_map.grid.box_of(grid)

@@ -28,7 +28,7 @@ def context_at(world, here):
 
 
 def drive(world, goals, share=1.0, here=START, most=100):
-    """Follow the views, each a ``share`` of the way; the places that the robot was sent to."""
+    """Drive to each viewpoint by a ``share`` of the way; returns the places that the robot was sent to."""
     sent, here = [], np.array(here)
     while len(sent) < most:
         context = context_at(world, here)

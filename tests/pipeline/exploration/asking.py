@@ -1,4 +1,4 @@
-"""How the tests ask an exploration for viewpoints, and the camera with which it looks."""
+"""How the tests ask an exploration for viewpoints, and its camera."""
 
 import numpy as np
 
@@ -46,7 +46,7 @@ def context(world: ElevationMap, pose: np.ndarray) -> Context:
 
 
 def next_viewpoint(exploration: Exploration, world: ElevationMap, pose: np.ndarray) -> Viewpoint | None:
-    """One step: what the robot sets out for from a pose (4×4)."""
+    """One step: the viewpoint for which the robot sets out from a pose (4×4)."""
     here = context(world, pose)
     exploration.observe(here)
     viewpoint = exploration.next_viewpoint(here)

@@ -25,7 +25,7 @@ def closed_room():
 
 
 def corridor(west, east):
-    """Open at both ends, along x."""
+    """A corridor along x, open at both ends."""
     world = surface_of(ground_points(flat, (west, east), (-1, 1)))
     for y in (-1, 1):
         world.update(wall_points((west, y), (east, y)))

@@ -97,7 +97,7 @@ def test_what_was_given_up_stays_so_when_the_map_moves():
 
 @pytest.mark.parametrize("seed", range(40))
 def test_cells_are_in_view_wherever_a_gain_is_expected(seed):
-    """Also what one ray slips through to whose samples lie on the border of two cells, as every second one at 60°."""
+    """Also cells that only one ray reaches, with samples on the border of two cells, as every second one at 60°."""
     shape, camera = (140, 140), CAMERA
     pillars = np.random.default_rng(seed).random(shape) < 0.2  # few rays get through
     terrain = kernels.Terrain(
@@ -132,7 +132,7 @@ def test_from_a_ramp_it_without_room_it_looks_along_its_way_only():
 
 
 def ridge_seen_up_to_its_crest() -> ElevationMap:
-    """A corridor over a ridge of which nothing behind the crest was seen."""
+    """A corridor over a ridge, seen only up to its crest."""
     world = surface_of(ground_points(ridge, (-4, 0.05), (-0.6, 0.6)), wall_points((-4, -0.6), (-4, 0.6)))
     for y in (-0.6, 0.6):
         world.update(wall_points((-4, y), (0.05, y)))
@@ -141,8 +141,8 @@ def ridge_seen_up_to_its_crest() -> ElevationMap:
 
 def test_behind_a_crest_it_looks_from_where_rays_do_not_graze_the_slope():
     viewpoint = next_viewpoint(Exploration(PIONEER), ridge_seen_up_to_its_crest(), from_yaw(-3, 0, 0, 0))
-    # A slope of 16° sends rays back that fall by 24.5° at least: such pass a crest of 0.17 m within 0.95 m of the
-    # camera. From the ramp itself the camera looks up.
+    # A slope of 16° gives returns of rays that fall by at least 24.5°: these pass a crest of 0.17 m within 0.95 m of
+    # the camera. From the ramp itself the camera looks up.
     assert -0.95 - 0.17 < viewpoint.position[0] < -RUN
     assert abs(viewpoint.heading) < np.deg2rad(25)
 
@@ -185,7 +185,7 @@ def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall
     world.assume_ground(from_yaw(0, 0, 0, 0), 0.8, 0.0, 0.0)
     corners = [(-0.6, -1.0), (0.6, -1.0), (0.6, 1.0), (-0.6, 1.0), (-0.6, -1.0)]
     seen = ground_points(flat, (-0.6, 0.6), (-1, 1))
-    # From where it can turn the camera sees nothing nearer than 1.04 m.
+    # From where the robot can turn, its camera sees nothing nearer than 1.04 m.
     seen = seen[np.abs(seen[:, 1] + 0.375) > 0.025]
     world.update(np.vstack([seen, *(wall_points(a, b) for a, b in pairwise(corners))]))
     viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, 0))
@@ -208,7 +208,7 @@ def test_ground_taken_for_flat_before_a_ramp_is_seen_by_backing_up_the_ramp():
 
 
 class Reward:
-    """For a keyframe along x from near (1, 0)."""
+    """A reward for a keyframe along x from near (1, 0)."""
 
     def __init__(self, worth):
         self.wanted = ["keyframe"]

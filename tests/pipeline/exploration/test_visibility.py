@@ -31,7 +31,7 @@ def known_up_to(i: int) -> np.ndarray:
 
 
 def known_but_for_stripes() -> np.ndarray:
-    """Something is left to see in the reach of every place."""
+    """Ground with unknown stripes, so that every place has targets within reach."""
     known = known_up_to(203)
     known[2::40] = False
     return known
@@ -47,7 +47,7 @@ def fresh(cells: np.ndarray, terrain: kernels.Terrain) -> np.ndarray:
 
 @pytest.fixture
 def casts(monkeypatch):
-    """How many rays were cast, call by call."""
+    """Number of rays cast by each call."""
     numbers, cast = [], kernels.ray_gains
 
     def counted(places, camera, terrain, wanted, known):
@@ -72,7 +72,7 @@ def test_what_is_kept_is_what_a_fresh_cast_tells():
 
 @pytest.fixture
 def gains():
-    """With rays cast from all places over ground with stripes that are not known."""
+    """Gains with rays cast from all places over ground with unknown stripes."""
     gains = ViewpointGains()
     gains.of(CELLS, CAMERA, terrain_with(known_but_for_stripes()), NOTHING)
     return gains

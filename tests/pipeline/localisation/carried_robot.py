@@ -22,7 +22,7 @@ BARE = [
 ]
 """A room that looks the same turned by half a turn."""
 ROOM = [*BARE, wall((2, 0), (2, 1.5)), wall((3.4, 4), (3.4, 3.2)), *wedge(3.6, 1, RAMP_LENGTH, 1, RAMP_RISE)]
-"""The same with two partitions and a ramp, which tell its ends apart."""
+"""The same room with two partitions and a ramp, which distinguish its ends."""
 HALL = [
     floor(0, 6, 0, 3),
     *(wall(a, b) for a, b in (((0, 0), (6, 0)), ((6, 0), (6, 3)), ((6, 3), (0, 3)), ((0, 3), (0, 0)))),
@@ -32,7 +32,7 @@ HALL += [wall((1.5, 3), (2.5, 2)), wall((4, 0), (4, 1))]
 
 
 def on_ramp(yaw: float) -> NDArray[np.float64]:
-    """4×4 pose of a robot in the middle of ROOM's ramp, that looks up it but for ``yaw`` rad."""
+    """4×4 pose of a robot in the middle of ROOM's ramp, turned by ``yaw`` rad from uphill."""
     slope = np.arctan2(RAMP_RISE, RAMP_LENGTH)
     c, s = np.cos(slope), np.sin(slope)
     T = from_rotation([[c, 0, -s], [0, 1, 0], [s, 0, c]], (4.2, 1.0, RAMP_RISE / 2))
@@ -71,5 +71,5 @@ class Maps:
 
 
 def tour(places: Iterable[tuple[float, float]]) -> list[NDArray[np.float64]]:
-    """Poses that look around at each of some places, m."""
+    """Poses of full turns at each of some places, m."""
     return [from_yaw(x, y, 0.0, yaw) for x, y in places for yaw in np.arange(6) * np.pi / 3]

@@ -28,7 +28,7 @@ def drive(*moves: tuple[float, float]) -> list[NDArray[np.float64]]:
 
 
 def drifting(poses: list[NDArray[np.float64]], stretch: float = 1.0, veer: float = 0.0) -> list[NDArray[np.float64]]:
-    """What an odometry makes of poses: it takes ways for longer by ``stretch``, and veers by rad per move."""
+    """Poses as a drifting odometry measures them: ways times ``stretch``, and turned by ``veer`` rad per move."""
     odometry = [poses[0]]
     for a, b in pairwise(poses):
         move = inverse(a) @ b

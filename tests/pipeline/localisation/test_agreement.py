@@ -1,4 +1,4 @@
-"""A robot that was carried sees what its map denies; one that drove does not."""
+"""A robot that was carried sees what contradicts its map; a robot that drove does not."""
 
 from dataclasses import replace
 from functools import cache

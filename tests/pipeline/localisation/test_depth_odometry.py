@@ -1,4 +1,4 @@
-"""The motion of a camera by what it sees alone."""
+"""The motion of a camera by its images alone."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ WAY = drive(*[(0.1, 0.0)] * 6, *[(0.05, np.pi / 24)] * 4)
 
 
 def frames() -> list[Frame]:
-    """Of that drive; no odometry."""
+    """Frames of the drive, without odometry."""
     return [painted(seen(T, np.eye(4), time=k), T) for k, T in enumerate(WAY)]
 
 

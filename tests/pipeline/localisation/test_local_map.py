@@ -10,7 +10,7 @@ from pipeline.transforms import from_yaw
 from tests.pipeline.worlds import wall_points
 
 WALL = cloud_of(wall_points((2, -1), (2, 1)))
-"""Seen by a robot at the origin of ``base_link``."""
+"""A wall before the robot, in ``base_link``."""
 CAMERA = np.array([0.0, 0.0, 0.5])
 BEHIND = np.array([4.0, 0.0, 0.5])
 ALL = np.ones(WALL.size(), np.bool_)

@@ -26,13 +26,13 @@ def registered(T: NDArray[np.float64], information: NDArray[np.float64]) -> Regi
 
 
 def motion_of(rng: np.random.Generator) -> Motion:
-    """A keyframe's: 15° either way and up to 0.3 m ahead, on ground of up to 15°."""
+    """A random motion between keyframes: up to 15° either way and 0.3 m ahead, on ground of up to 15°."""
     up = np.append(rng.uniform(-0.18, 0.18, 2), 0.96)
     return Motion(from_yaw(rng.uniform(0, 0.3), 0, 0, rng.uniform(-0.26, 0.26)), up / np.linalg.norm(up), 1.0)
 
 
 def learnt(information: NDArray[np.float64]) -> MotionModel:
-    """After 300 keyframes that registration finds where they truly are, and says how well it knows."""
+    """The model after 300 keyframes, each registered at its true pose with the given information."""
     rng, true, model = np.random.default_rng(4), believing(TRUE), MotionModel()
     for _ in range(300):
         motion = motion_of(rng)
@@ -76,7 +76,7 @@ def test_it_learns_nothing_where_registration_tells_nothing() -> None:
 
 
 def test_the_end_of_a_blind_turn_tells_the_scale_of_the_gyro() -> None:
-    """15° of 20 keyframes that see nothing, and then one that is registered 2° short of what the odometry says."""
+    """After 20 turns of 15°, of which only the last is registered, the heading is 2° short of the odometry's."""
     model, T = MotionModel(), np.eye(4)
     motion = Motion(from_yaw(0, 0, 0, np.pi / 12), np.array([0.0, 0.0, 1.0]), 1.0)
     for k in range(20):
@@ -87,7 +87,7 @@ def test_the_end_of_a_blind_turn_tells_the_scale_of_the_gyro() -> None:
 
 
 def test_whole_turns_between_keyframes_count() -> None:
-    """1.6 turns by a gyro that tells 0.7 % too much end 4° before what it says, and not 1.5° after it."""
+    """1.6 turns by a gyro that measures 0.7 % too much end 4° before the measured heading, not 1.5° after it."""
     turned = 1.6 * 2 * np.pi
     motion = Motion(from_yaw(0, 0, 0, turned), np.array([0.0, 0.0, 1.0]), 20.0, turned)
     np.testing.assert_allclose(motion.turn, [0, 0, turned], atol=1e-9)

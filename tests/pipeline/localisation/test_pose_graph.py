@@ -1,4 +1,4 @@
-"""The pose graph against what can be worked out by hand."""
+"""The pose graph against results that can be computed by hand."""
 
 import numpy as np
 import pytest
@@ -148,7 +148,7 @@ def test_one_keyframe_is_known() -> None:
 
 
 def test_a_turn_that_closes_tells_what_is_wrong_with_the_gyro() -> None:
-    """24 steps of 15° by a gyro that tells 0.7 % too much; the last one sees what the first saw."""
+    """24 steps of 15° by a gyro that measures 0.7 % too much; a loop joins the last keyframe to the first."""
     graph = PoseGraph()
     step, true = np.pi / 12, np.pi / 12 * (1 - 0.007)
     J = np.zeros((6, 2))

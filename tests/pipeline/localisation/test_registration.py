@@ -1,4 +1,4 @@
-"""Registration recovers what surfaces determine, and leaves the rest to what else is known."""
+"""Registration recovers what surfaces determine, and leaves the rest to the priors."""
 
 import numpy as np
 import pytest
@@ -28,14 +28,14 @@ SIDES = [wall_points((-1, y), (1, y)) for y in (-1, 1)]
 
 
 def scattered(*clouds: NDArray[np.float32], seed: int) -> NDArray[np.float64]:
-    """A random third of the points of some clouds, with noise: no two looks have the same points."""
+    """A random third of the points of some clouds, with noise: no two frames have the same points."""
     rng, points = np.random.default_rng(seed), np.vstack(clouds)
     chosen = points[rng.random(len(points)) < 1 / 3]
     return chosen + rng.normal(0, 0.003, chosen.shape)
 
 
 def target_of(*parts: NDArray[np.float64]) -> Target:
-    """A target of which each part has another owner."""
+    """A target with a different owner for each part."""
     thin = [cloud_of(part).points()[:, :3] for part in parts]
     owner = np.repeat(np.arange(len(parts)), [len(part) for part in thin])
     return Target(np.vstack(thin), owner)
@@ -91,7 +91,7 @@ def test_of_the_direction_along_a_corridor_registration_claims_nothing() -> None
 @given(ratio=st.floats(0.01, 100), way=st.floats(-1, 1))
 @settings(max_examples=10, deadline=None)
 def test_priors_weigh_by_their_information(ratio: float, way: float) -> None:
-    """Where nothing corresponds, the pose is their mean."""
+    """Without corresponding points, the pose is the weighted mean of the priors."""
     priors = [Prior(np.eye(4), 9 * np.eye(6)), Prior(from_yaw(way, 0, 0, 0), 9 * ratio * np.eye(6))]
     found = register(FAR, source_of(scattered(FLOOR, seed=1), np.eye(4)), priors)
     share = ratio / (1 + ratio)
@@ -112,7 +112,7 @@ def test_a_sure_prior_holds_against_surfaces_and_chi2_tells_of_the_quarrel() -> 
 
 
 def test_each_owner_tells_what_its_own_points_know() -> None:
-    """The first owns floor and ends; the second, whose walls it has 3 cm too far along y, the sides."""
+    """The first keyframe owns the floor and the ends, the second the sides, 3 cm too far along y."""
     target = target_of(scattered(FLOOR, *ENDS, seed=0), scattered(*SIDES, seed=2) + np.array([0, 0.03, 0]))
     source = source_of(scattered(FLOOR, *ENDS, *SIDES, seed=1), np.eye(4))
     shares, _ = shares_of(target, source, np.eye(4))

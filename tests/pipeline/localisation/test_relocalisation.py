@@ -31,7 +31,7 @@ def looking_around(faces: list[Face], T_map_base: NDArray[np.float64]) -> Iterat
 
 
 def find(maps: Maps, faces: list[Face], T_map_base: NDArray[np.float64]) -> tuple[NDArray | None, NDArray]:
-    """Where the robot believes to be after as little looking around as it needs, and where it is."""
+    """The robot's pose as first found while it looks around, None if not found, and its true pose."""
     relocalisation = Relocalisation(PIONEER)
     for T, frame in looking_around(faces, T_map_base):
         relocalisation.add(frame)

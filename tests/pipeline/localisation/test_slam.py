@@ -24,7 +24,7 @@ AROUND = drive(*[(0.3, 0.0)] * 8, *TURN, *[(0.3, 0.0)] * 6, *TURN, *[(0.3, 0.0)]
 
 @cache
 def frames() -> list[Frame]:
-    """Of that drive, with an odometry that takes it for 2 % longer and veers by 0.06° from frame to frame."""
+    """Frames of that drive, with an odometry that measures 2 % too long and turns by 0.06° from frame to frame."""
     odometry = drifting(AROUND, stretch=1.02, veer=np.deg2rad(0.06))
     return [seen(*poses, time=k) for k, poses in enumerate(zip(AROUND, odometry, strict=True))]
 
@@ -40,7 +40,7 @@ def driven(number: int, slam: Slam | None = None) -> Slam:
 
 @cache
 def whole() -> Slam:
-    """After all of the drive; not to be changed."""
+    """The robot after the whole drive; tests must not change it."""
     return driven(len(AROUND))
 
 
@@ -112,7 +112,7 @@ def test_without_a_return_the_pose_is_that_of_the_odometry(depth: float) -> None
         blind = replace(frames()[k], depth=np.full_like(frames()[k].depth, depth))
         expected = slam.poses[-1] @ inverse(frames()[k - 1].T_odom_base) @ blind.T_odom_base
         T = slam.localise(blind)
-        assert 0 < distance(T, expected) < 0.005  # but for what was learnt of the odometry
+        assert 0 < distance(T, expected) < 0.005  # apart from learnt corrections of the odometry
         assert slam.covariance is None
         slam.add(blind, T)
         slam.optimise()
@@ -156,7 +156,7 @@ def test_an_odometry_that_is_not_finite_is_refused(value: float) -> None:
 
 
 def test_an_odometry_that_jumps_is_not_followed() -> None:
-    """It jumps once, and is right from then on but for its origin."""
+    """The odometry jumps once, and from then on only its origin is wrong."""
     slam, jump = driven(4), from_yaw(4.0, -3.0, 0, 2.0)
     for k in (4, 5, 6):
         frame = replace(frames()[k], T_odom_base=jump @ frames()[k].T_odom_base)
@@ -167,7 +167,7 @@ def test_an_odometry_that_jumps_is_not_followed() -> None:
 
 
 def test_wheels_that_slip_do_not_carry_the_robot_along() -> None:
-    """The odometry says 0.3 m; the robot has stayed."""
+    """The odometry measures 0.3 m, but the robot has not moved."""
     slam = driven(4)
     slipped = replace(seen(AROUND[3], AROUND[3], time=50), T_odom_base=frames()[4].T_odom_base)
     T = slam.localise(slipped)
@@ -176,7 +176,7 @@ def test_wheels_that_slip_do_not_carry_the_robot_along() -> None:
 
 
 def test_wheels_that_spin_before_a_long_wall_do_not_carry_the_robot_along() -> None:
-    """The wall tells how far ahead the robot is, and not how far to the side."""
+    """The wall determines the robot's position ahead, and not to the side."""
     slam, poses, faces = Slam(), drive(*[(0.3, 0.0)] * 4), [floor(-3, 5, -20, 20), wall((5, -20), (5, 20))]
     for k, T in enumerate(poses):
         frame = seen(T, T, time=k, faces=faces)
@@ -220,7 +220,7 @@ def test_where_loops_are_not_closed_there_are_none() -> None:
 
 
 def test_a_bare_floor_does_not_shorten_a_drive() -> None:
-    """Along a floor the nearest points always say that the robot has not moved."""
+    """Along a floor the nearest points always suggest that the robot has not moved."""
     poses, odometry = drive(*[(0.3, 0.0)] * 8), [floor(-3, 9, -9, 9)]
     slam = Slam()
     for k, T in enumerate(poses):
@@ -244,7 +244,7 @@ def test_a_robot_that_has_seen_nothing_for_long_is_blind_until_it_has_looked_aro
 
 
 def test_a_turn_made_blind_is_corrected_when_it_ends_where_it_began() -> None:
-    """A gyro that is 0.5 % off, and walls too near to be seen but at the start."""
+    """The gyro is off by 0.5 %, and walls are seen only at the start and at the end of the turn."""
     turns = drive(*[(0.0, np.pi / 12)] * 24)
     slam = Slam()
     for k, T in enumerate(turns):
@@ -259,7 +259,7 @@ def test_a_turn_made_blind_is_corrected_when_it_ends_where_it_began() -> None:
 
 @pytest.mark.parametrize("distance_m", [3.3, 3.38, 3.4, 3.42])
 def test_the_limit_of_depth_takes_no_half_of_the_noise(distance_m: float) -> None:
-    """A wall before the camera, measured with 2 cm of noise: what is taken of it is where the wall is."""
+    """A wall is measured with 2 cm of noise: the mean of the points that are used lies on the wall."""
     frame = frames()[0]
     noise = np.random.default_rng(0).normal(0, 0.02, frame.depth.shape)
     cloud = cloud_of_frame(replace(frame, depth=(distance_m + noise).astype(np.float32)))

@@ -28,7 +28,7 @@ def test_at_rest_it_tells_the_tilt_of_the_pose(roll, pitch, yaw):
 def test_the_gyro_tells_it_at_once(axis):
     attitude, rate = Attitude(), np.array(axis, float)
     for _ in range(5):
-        attitude.update(rate, np.zeros(3), DT)  # thrown up, it weighs nothing
+        attitude.update(rate, np.zeros(3), DT)  # thrown up, the robot is in free fall
     np.testing.assert_allclose(attitude.tilt, 0.2 * rate[:2], atol=0.01)
     assert attitude.tilt_in(0.1) == pytest.approx(0.3, abs=0.01)
     assert attitude.tilt_in(9.0) == pytest.approx(0.2 + MAX_LEAD, abs=0.01)

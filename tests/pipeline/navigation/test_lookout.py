@@ -1,4 +1,4 @@
-"""What a robot with eyes makes of what it sees while it drives, and when something has changed."""
+"""How a robot with a camera takes keyframes during a drive, and what it does if the map disagrees with its frames."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ PANEL = wall((3.2, 1.2), (3.2, 2.8))
 
 
 class SeeingRobot(KinematicRobot):
-    """It looks at a scene of faces; its odometry is right."""
+    """A robot that sees a scene of faces, with perfect odometry."""
 
     def __init__(self):
         super().__init__()
@@ -37,7 +37,7 @@ class SeeingRobot(KinematicRobot):
 
 
 class Outlook:
-    """A robot that looks around from where it stands, and all that it has."""
+    """A robot that looks around from where it stands, with its navigator, mapper and lookout."""
 
     def __init__(self):
         self.robot = SeeingRobot()
@@ -65,7 +65,7 @@ def looked_around():
 
 @pytest.fixture
 def outlook(looked_around, monkeypatch):
-    """The same for one test alone that adds no keyframe."""
+    """The shared outlook, restored after each test; a test must add no keyframe."""
     slam = looked_around.mapper.localisation
     for thing in (looked_around.robot, looked_around.lookout, looked_around.navigator, slam):
         for name, value in vars(thing).items():
@@ -91,7 +91,7 @@ def test_a_thing_that_was_put_in_the_way_is_no_reason_to_be_lost(outlook):
 
 
 def test_nor_is_it_where_no_place_is_found_for_sure():
-    """In the middle of the room, which looks the same turned by half a turn."""
+    """The robot stands in the middle of a room that looks the same turned by half a turn."""
     middle = from_yaw(2.5, 2.0, 0, 0)
     outlook = Outlook().look_around(middle)
     outlook.robot.faces = [*BARE, wall((3.7, 1.2), (3.7, 2.8))]

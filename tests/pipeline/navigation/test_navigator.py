@@ -105,7 +105,7 @@ def test_it_pushes_for_less_than_a_second():
     Navigator(robot).follow(np.array([(2, 0)]))
     pushing = [c for c in robot.commands[60:] if c.v > 0]
     assert len(pushing) * robot.control_period < 1
-    backing = [c for c in robot.commands if c.v < 0]  # held there too, it gives up as soon
+    backing = [c for c in robot.commands if c.v < 0]  # held while backing out as well, it gives up as soon
     assert len(backing) * robot.control_period < 1.5
 
 
@@ -273,7 +273,7 @@ def test_a_turn_ends_although_the_robot_slides_around_its_way_point():
     def slide(command):
         motion = drive(command)
         if command.omega != 0 and command.v == 0:
-            # So that the way point stays to its left, or to its right.
+            # The robot slides so that the way point stays to its left, or to its right.
             aside = yaw_of(robot.T) - np.sign(command.omega) * np.pi / 2
             robot.T[:2, 3] = np.array([0.0, 0.1]) + 0.1 * np.array([np.cos(aside), np.sin(aside)])
         return motion

@@ -12,7 +12,7 @@ FLOOR = assess_map(surface_of(ground_points(flat, (-1, 4), (-1, 1))))
 
 
 def obstacle_check(*seen, traversability=FLOOR):
-    """A check that always sees the same."""
+    """A check whose camera always sees the same points."""
     cloud = np.vstack(seen).astype(np.float32)
     return ObstacleCheck(lambda: cloud, traversability)
 
@@ -31,8 +31,8 @@ def box(x, y, height=0.4):
         (box(1.5, 0.5), True),  # beside it
         (box(2.2, 0.0), True),  # further than it looks
         (box(-0.5, 0.0), True),  # behind the robot
-        (box(1.5, 0.0, height=0.1), True),  # the robot rolls over less
-        (np.add(box(1.5, 0.0), (0, 0, 1)), True),  # and passes below what hangs
+        (box(1.5, 0.0, height=0.1), True),  # the robot rolls over it
+        (np.add(box(1.5, 0.0), (0, 0, 1)), True),  # the robot passes below it
         (box(1.5, 0.0)[::60], True),  # noise
     ],
 )

@@ -1,4 +1,4 @@
-"""Whether a robot still gets anywhere."""
+"""Whether a robot still makes progress."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ DT = 0.04
 
 
 def seconds_until_stuck(command: Velocity, v: float, omega: float, on_ramp: bool = True) -> float:
-    """Of a robot whose odometry says that it moves with ``v`` m/s and ``omega`` rad/s; inf if it is never stuck."""
+    """For a robot that moves with ``v`` m/s and ``omega`` rad/s by its odometry; inf if it is never stuck."""
     progress = Progress(PIONEER, from_yaw(0, 0, 0, 0), 0.0)
     for k in range(1, 300):
         if progress.is_stuck(from_yaw(k * DT * v, 0, 0, k * DT * omega), k * DT, command, on_ramp):
@@ -26,7 +26,7 @@ def seconds_until_stuck(command: Velocity, v: float, omega: float, on_ramp: bool
         (Velocity(0.2), 0.2, 0.0, np.inf),
         (Velocity(0.2), 0.0, 0.0, STUCK_TIME),
         (Turn(0.0, 0.3), 0.0, 0.3, np.inf),
-        # Of a robot that is held, wheels that spin on one side feign a drive.
+        # If a robot is held and the wheels of one side spin, the odometry measures a drive.
         (Turn(0.1, 0.3), 0.12, 0.0, STUCK_TIME),
     ],
 )
@@ -37,7 +37,7 @@ def test_a_robot_is_stuck_when_what_it_was_told_to_change_does_not(command, v, o
 @pytest.mark.parametrize("latency", [0.0, 0.12, 0.24])
 @pytest.mark.parametrize("turning", [-0.6, 0.0, 0.6])
 def test_a_robot_that_obeys_late_and_still_turns_the_other_way_is_not_held(latency, turning):
-    """As after a pause in which a robot on a network went on as it was told before."""
+    """This happens after a pause in which a robot on a network went on with its last command."""
     progress = Progress(PIONEER, from_yaw(0, 0, 0, 0), 0.0)
     yaw, rate, limit = 0.0, turning, PIONEER.turn_acceleration * DT
     for k in range(1, 100):
@@ -53,7 +53,7 @@ def test_a_robot_that_is_held_is_so_within_a_second(command):
 
 @pytest.mark.parametrize(("v", "turning"), [(0.3, 0.0), (-0.3, 0.0), (0.0, -0.7), (0.3, -0.7)])
 def test_a_robot_that_brakes_harder_than_it_should_is_not_held(v, turning):
-    """What it did before the turn ends 0.4 s after it began, at once."""
+    """The motion before the turn ends abruptly 0.4 s after the turn was commanded."""
     progress = Progress(PIONEER, from_yaw(0, 0, 0, 0), 0.0)
     x, yaw, rate, limit = 0.0, 0.0, turning, PIONEER.turn_acceleration * DT
     for k in range(1, 100):

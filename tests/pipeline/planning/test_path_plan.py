@@ -8,7 +8,7 @@ from pipeline.traversability.pose_paths import PosePaths
 from tests.pipeline.topological_map.grounds import U_TURN, room, topology_of
 
 BOX = [((1.0, 1.0), (2.6, 1.0)), ((2.6, 1.0), (2.6, 2.6)), ((2.6, 2.6), (1.0, 2.6)), ((1.0, 2.6), (1.0, 1.0))]
-"""Walls around ground that nobody can get into."""
+"""Walls around ground that cannot be reached."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The order of several places, against all orders."""
+"""The visiting order of several places, compared with all orders."""
 
 from itertools import permutations
 

@@ -16,7 +16,7 @@ from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 Wall = tuple[tuple[float, float], tuple[float, float]]
 
 U_TURN: list[Wall] = [((0, -2), (0, 0.8))]
-"""A wall that ends 1.2 m before the north end of the room it stands in."""
+"""A wall that ends 1.2 m before the north end of its room."""
 
 
 def patch(label: Label, points: NDArray, seen_from: tuple[float, float, float]) -> PlanePatch:

@@ -1,4 +1,4 @@
-"""What nodes see, against a line drawn to every cell."""
+"""The cells that nodes see, compared with a line drawn to every cell."""
 
 import numpy as np
 import pytest

@@ -24,7 +24,7 @@ def free_graph(points, walls) -> nx.Graph:
 
 
 def tree_by_raised_weights(points, walls) -> nx.Graph:
-    """The thesis's loop, as it stands there."""
+    """The loop as the thesis describes it."""
     graph = complete_graph(points)
     while True:
         tree = nx.minimum_spanning_tree(graph)

@@ -6,7 +6,7 @@ from pipeline.traversability.depth_dropouts import LEAST_ROWS, find_depth_dropou
 from pipeline.traversability.depth_dropouts_kernels import ROW_STEP
 
 WIDE = Intrinsics(width=101, height=8, fx=100.0, fy=100.0, cx=50.5, cy=-58.0)
-"""Every row of it looks at the ground when the camera looks level."""
+"""A camera of which every row shows the ground when it looks level."""
 LEVEL = np.array([(0.0, 0, 1, 0), (-1, 0, 0, 0), (0, -1, 0, 0.6), (0, 0, 0, 1)])
 """A camera 0.6 m above the origin that looks along x."""
 

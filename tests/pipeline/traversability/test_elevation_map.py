@@ -42,7 +42,7 @@ def test_returns_that_stray_into_the_next_slice_do_not_raise_the_ground():
     floor, stray = column(0.105, hits=100), column(0.13, hits=4)
     elevation_map = surface_of(floor, stray)
     assert elevation_map.grid.at(elevation_map.elevation, [0.025, 0.025]) == pytest.approx(0.105, abs=1e-6)
-    elevation_map.update(column(0.13, hits=96))  # as many as below are no noise
+    elevation_map.update(column(0.13, hits=96))  # as many returns as in the bin below are not noise
     assert elevation_map.grid.at(elevation_map.elevation, [0.025, 0.025]) == pytest.approx(0.13, abs=0.013)
 
 
@@ -73,7 +73,7 @@ def test_narrow_gaps_are_bridged_and_wide_ones_are_not():
 
 
 STRIPE = ground_points(flat, (-1, 1), (-0.01, 0.01))
-"""Where ground is missing behind a panel along the x axis, seen along it."""
+"""The ground that drops out behind a panel along the x axis that is seen along this axis."""
 
 
 def seen_along_a_panel() -> ElevationMap:

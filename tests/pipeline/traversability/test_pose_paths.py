@@ -1,4 +1,4 @@
-"""Cheapest ways over poses: what a Pioneer can do, and what every way must keep to."""
+"""Cheapest ways over poses: what a Pioneer can do, and what holds for every way."""
 
 import networkx as nx
 import numpy as np
@@ -45,7 +45,7 @@ def stands_in(traversability):
 
 
 def graph_of(traversability):
-    """Every pose that may be entered, and every move between two."""
+    """The graph of all poses that may be entered, and of all moves between them."""
     graph, terrain, costs = nx.DiGraph(), traversability.terrain, costs_of(PIONEER)
     stands, level = stands_in(traversability), kernels.level_ticks(terrain.cell, costs)
     for i, j, h in np.argwhere(stands).tolist():

@@ -13,11 +13,11 @@ from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
 RADIUS = 0.25
-"""m, of the robot in Nav2, which inflates what is lethal by it."""
+"""m, radius of the robot in Nav2, by which it inflates lethal cells."""
 
 
 class NavMap:
-    """What Nav2's map_server makes of a .yaml (nav2_map_server, map_io.cpp, loadMapFromFile)."""
+    """A map as Nav2's map_server reads it from a .yaml (nav2_map_server, map_io.cpp, loadMapFromFile)."""
 
     def __init__(self, path: Path) -> None:
         about = yaml.safe_load(path.read_text())
@@ -37,7 +37,7 @@ class NavMap:
         return self.cells[i, j] if i < self.cells.shape[0] else -1
 
     def ways(self) -> np.ndarray:
-        """Numbers of the places that a robot of RADIUS can drive between; 0 where it cannot be."""
+        """(nx, ny) number of the connected area in which a robot of RADIUS can drive; 0 where it cannot stand."""
         room = ndimage.distance_transform_edt(self.cells != 100) * self.resolution
         return ndimage.label((room > RADIUS) & (self.cells >= 0))[0]
 

@@ -55,7 +55,7 @@ def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point
 
 
 def drives(traversability, start, end):
-    """Whether a straight drive between two points (2,) meets nothing."""
+    """Whether a straight drive between two points (2,) meets no obstacle."""
     return bool(np.isfinite(traversability.line_seconds([start], [end])[0]))
 
 

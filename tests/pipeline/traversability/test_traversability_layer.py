@@ -18,7 +18,7 @@ pieces = st.tuples(
 
 
 def step(elevation_map, piece):
-    """Show a piece of ground, or a wall, somewhere; perhaps with a stripe of it missing."""
+    """Show a piece of ground or of a wall to the map, perhaps with a stripe of dropouts."""
     height, x, y, drops_out = piece
     points = wall_points((0, 0), (0.8, 0.3)) if height is None else ground_points(height, (-1.2, 1.2), (-0.8, 0.8))
     points = points + np.array([x, y, 0], np.float32)

@@ -1,4 +1,4 @@
-"""Decks that a ramp leads up to, and tables."""
+"""Decks with a ramp up to them, and tables."""
 
 import numpy as np
 

@@ -58,7 +58,7 @@ def lateral_source(disparity, per_column, per_row, bits, sigma, edge):
     """(H, W) int64 flat index of the pixel whose depth each pixel measures.
 
     Disparity and its slopes are (H, W) float32, ``bits`` (H, W) uint64. The source is a random neighbour (standard
-    deviation ``sigma`` pixels) if it is off the pixel's own plane by ``edge`` pixels of disparity or more, which means
+    deviation ``sigma`` pixels) if it is off the pixel's own plane by ``edge`` pixels of disparity or more, which is
     across a depth edge; else it is the pixel itself.
     """
     height, width = disparity.shape

@@ -250,7 +250,7 @@ def forget_terminal() -> None:
     """Redirect output from the terminal to /dev/null: the terminal is closed, and writing to it would fail."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
-        if stat.S_ISCHR(os.fstat(stream).st_mode):  # a closed terminal is no isatty
+        if stat.S_ISCHR(os.fstat(stream).st_mode):  # isatty is false for a closed one
             os.dup2(nowhere, stream)
 
 

@@ -17,7 +17,7 @@ DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # Elevation of the lower and upp
 VISIBLE_SHARE = 0.2  # of a victim's geoms that the camera must see from one place
 GROUND_LABELS = (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
 SPECK = 0.1  # m²; a smaller piece of ground does not count
-VIEW_SPACING = 4  # cells between the places where the camera is tried
+VIEW_SPACING = 4  # cells between the tried positions of the camera
 
 
 def failed_checks(mjcf: str) -> Iterator[str]:

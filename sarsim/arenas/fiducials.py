@@ -22,7 +22,7 @@ MOST = 50  # Largest number of tags in an arena
 THICK = 0.001  # m; a camera does not see the step
 HEIGHT = 0.5  # m of a tag's centre above the ground in front of it; the camera is at 0.6 m
 STAND = 0.8  # m in front of a tag, where the robot must be able to stand; a lane of 1.2 m is wide enough
-MAX_STEP = 0.05  # m, largest height difference between the ground there and where the wall was found from
+MAX_STEP = 0.05  # m, largest height difference between the ground there and the ground from which the wall was found
 SPACING = 0.5  # m, least distance between tags
 PLACES, DIRECTIONS = 2000, 8
 """Largest number of drivable places from which walls are searched for, and number of directions from each."""

@@ -91,8 +91,8 @@ def stand(ground, x, y, yaw, below, axles, radius, centre_of_mass):
         centre_of_mass: (3,) m in the body.
 
     Returns:
-        (z, climb, rise): height of the body's origin in m and its slopes forwards and to the left; NaN where a wheel
-        stands on nothing.
+        (z, climb, rise): height of the body's origin in m and its slopes forwards and to the left; NaN if a wheel has
+        no ground below it.
     """
     z, climb, rise = below, 0.0, 0.0
     half_length, half_width = axles[0, 0], axles[0, 1]

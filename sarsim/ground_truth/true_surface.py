@@ -1,4 +1,4 @@
-"""Ground truth of the ground: where a Pioneer 3-AT can stand and drive."""
+"""The true ground: where a Pioneer 3-AT can stand and drive."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class TrueSurface:
 
     Attributes:
         grid: of the layers.
-        height: float64 m of the ground in each cell; NaN where no steps of at most 0.08 m lead to from the start.
+        height: float64 m of the ground in each cell; NaN where it is not connected to the start by steps ≤ 0.08 m.
         drivable: bool, connected to the start, without steps above 0.08 m, tilt above 20°, walls, clutter or victims
             within 0.30 m, and with 0.65 m of headroom.
         walls: bool, a wall stands in the cell at the height of the robot's body.

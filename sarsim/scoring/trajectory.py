@@ -24,7 +24,7 @@ class TrajectoryScore:
     """Collects the keyframes, and compares the estimated trajectory with the true one."""
 
     def __init__(self, localisation: Localisation, trajectory: Sequence[Pose]):
-        """``trajectory`` grows while the robot drives. The poses in ``localisation`` are of an earlier episode."""
+        """``trajectory`` grows while the robot drives. Poses already in ``localisation`` are an earlier episode's."""
         self._localisation, self._trajectory = localisation, trajectory
         self._keyframes: list[Pose] = []
         self._loaded = localisation.poses.copy()

@@ -10,7 +10,7 @@ def thin(depth, distance, stretch, bits, extinction, speck_rate, min_range):
 
     Args:
         depth: (H, W) measured; 0 = no return.
-        distance: (H, W) true distance along the ray; 0 where there is nothing.
+        distance: (H, W) true distance along the ray; 0 where there is no surface.
         stretch: (H, W) distance over depth.
         bits: (H, W) random bits: 16 for the loss, 16 for whether there is a speck, 32 for its distance.
         extinction: 1/m.

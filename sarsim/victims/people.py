@@ -77,7 +77,7 @@ class Figure:
         return np.concatenate([shown, self.hair[hair_style].vertices]) if hair_style in self.hair else shown
 
     def only(self, parts: tuple[str, ...]) -> "Figure":
-        """Only some parts of the person; the holes where the others were are closed."""
+        """Only some parts of the person; the holes that the others leave are closed."""
         kept = np.isin(self.face_parts, [self.parts.index(part) for part in parts])
         index = np.array([parts.index(p) if p in parts else 0 for p in self.parts])
         body, face_parts = self.body.faces[kept], index[self.face_parts[kept]]

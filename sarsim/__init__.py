@@ -7,7 +7,7 @@ from importlib import import_module
 # Rendering needs no screen. MuJoCo reads this once, when it is first imported.
 os.environ.setdefault("MUJOCO_GL", "egl")
 
-# Mesa's driver offers its LLVM's symbols to all libraries loaded later, and triton, which PyTorch's builds for CUDA
-# import when they train, dies on them (as in tensorflow's issue 124205). Loaded before, in 0.15 s, it keeps its own.
+# Mesa's driver exports the symbols of its LLVM to all libraries loaded later. Triton, which PyTorch's CUDA builds
+# import for training, crashes with them (as in tensorflow's issue 124205); loaded first, in 0.15 s, it uses its own.
 with suppress(ImportError):
     import_module("triton")

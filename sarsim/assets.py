@@ -1,4 +1,4 @@
-"""Where the models and weights lie."""
+"""Paths of the models and weights."""
 
 from pathlib import Path
 
@@ -6,5 +6,5 @@ _ASSETS = Path(__file__).with_name("assets")
 
 
 def asset(*parts: str) -> Path:
-    """Path of a file in the assets folder, ``asset("robots", "pioneer3at", "scene.xml")``."""
+    """Path of a file in the assets folder, such as ``asset("robots", "pioneer3at", "scene.xml")``."""
     return _ASSETS.joinpath(*parts)

@@ -1,4 +1,4 @@
-"""A robot explores, simulated as an episode or real, builds its maps and leaves a recording and a report."""
+"""Expeditions: a robot, simulated (an episode) or real, explores, builds maps, writes a recording and a report."""
 
 import json
 from collections.abc import Callable
@@ -46,17 +46,17 @@ if TYPE_CHECKING:
 
 
 class Expedition:
-    """An explorer with a robot, simulated or real, and what watches them: the rescue report and the recorder.
+    """An explorer with a robot, simulated or real, and its observers: the rescue report and the recorder.
 
     Attributes:
         out: folder for the results.
         explorer: with all maps.
-        mission: what to do next.
-        recorder: of what Rerun shows.
-        trajectory: where the robot believes to have been.
-        situation: what rescuers need to know; known at the end.
-        report: what goes into report.json; known at the end.
-        lost: why the robot does not know where it is, if so.
+        mission: the explorer's mission.
+        recorder: writes the Rerun recording.
+        trajectory: the estimated trajectory.
+        situation: what rescuers need to know; set at the end.
+        report: the content of report.json; set at the end.
+        lost: why localisation failed; None if it did not.
     """
 
     recorder: Recorder
@@ -65,7 +65,7 @@ class Expedition:
     report: dict[str, Any]
 
     def __init__(self, config: EpisodeConfig | RosExploration, explorer: Explorer):
-        """Begin where the explorer's robot stands; InputError where an earlier map cannot be read."""
+        """Begin where the explorer's robot stands; InputError if an earlier map cannot be read."""
         self.config, self.out, self.explorer = config, config.folder, explorer
         if config.map:
             load_keyframes(config.map / KEYFRAMES, explorer.mapper)
@@ -76,12 +76,12 @@ class Expedition:
 
     @property
     def place(self) -> str:
-        """What is explored."""
+        """Name of the place that is explored."""
         return self.config.arena if isinstance(self.config, EpisodeConfig) else self.out.name
 
     @property
     def explored(self) -> str:
-        """How much is, in words."""
+        """How much is explored, as text."""
         area = np.isfinite(self.explorer.mapper.elevation_map.measured).sum() * CELL**2
         return f"{area:.0f} m² mapped"
 
@@ -93,11 +93,11 @@ class Expedition:
         """Explore, drive to the goals and home, and write the results.
 
         Args:
-            interrupted: asked before each step; the expedition ends where the answer is yes.
+            interrupted: called before each step; the expedition ends if it returns True.
             on_step: called after each step with a line on the task and how much is explored.
 
         Returns:
-            Whether it came to its own end.
+            Whether the expedition ended without an interruption.
         """
         self._wall_start, self._sim_start = perf_counter(), self._time()
         try:
@@ -113,7 +113,7 @@ class Expedition:
         return not interrupted()
 
     def _may_step(self) -> bool:
-        """Whether the task goes on; the way to goals ends by itself, exploring after so many steps."""
+        """Whether the task continues: exploration is limited to ``config.steps``, driving to goals is not."""
         self.mission.may_explore = self.explorer.steps < self.config.steps
         return self.mission.may_explore or self.mission.goals is not None
 
@@ -138,7 +138,7 @@ class Expedition:
             self.recorder.log_message("WARN", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
         self.recorder.log_message("INFO" if step.can_drive else "WARN", self._tell(step))
         if step.plan is None:
-            # Walls that were doubled, and shut what is behind them, come together when a loop is closed.
+            # Closing a loop merges doubled walls, which may have cut off the area behind them.
             return self.explorer.settle()
         if not self.explorer.drive(step):
             leg = self.explorer.navigator.legs[-1]
@@ -146,7 +146,7 @@ class Expedition:
         return True
 
     def _tell(self, step: Step) -> str:
-        """What came of a step, for the log."""
+        """The outcome of a step as a line for the log."""
         if not step.can_drive:
             return f"{self.explored}; the robot stands where it cannot drive"
         if step.viewpoint is None or step.plan is None:
@@ -183,19 +183,19 @@ class Expedition:
             write_page(self.out / "report.html", self.situation, self.report)
 
     def _add_keyframe(self, keyframe: Keyframe) -> None:
-        """Take the newest keyframe into account."""
+        """Add the newest keyframe to the results."""
         raise NotImplementedError
 
     def _add(self, step: Step) -> None:
-        """Take the newest step into account."""
+        """Add the newest step to the results."""
         raise NotImplementedError
 
     def _time(self) -> float:
-        """The robot's, s."""
+        """The robot's time, s."""
         raise NotImplementedError
 
     def _figures(self) -> dict[str, Any]:
-        """What report.json tells of the stages."""
+        """The figures of the stages for report.json."""
         raise NotImplementedError
 
 
@@ -205,7 +205,7 @@ class Episode(Expedition):
     config: EpisodeConfig
 
     def __init__(self, config: EpisodeConfig):
-        """Raises InputError where the arena, the output folder or the viewer cannot be had."""
+        """Raises InputError if the arena, the output folder or the viewer is not available."""
         if config.steps < 1 or config.seed < 0:
             raise InputError(f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed")
         if not np.isfinite(config.goals).all():
@@ -235,14 +235,14 @@ class Episode(Expedition):
         self.explorer.on_correction = self.recorder.log_correction
 
     def _recorded(self) -> Robot:
-        """The robot, or one that tells a bag and a sequence of it where they are wanted."""
+        """The robot; if a bag or a TUM sequence is wanted, wrapped so that these are recorded."""
         robot: Robot = self.robot
         if self.bag:
             robot = self.bag.robot
             robot.T_world_base = self._T_world_base
             robot.joints = lambda: Joints(WHEELS, *self.robot.wheels)
         if self.config.tum:
-            from sarsim.dataset.exports.tum import TumDrive  # with HDF5, which an episode has no other use for
+            from sarsim.dataset.exports.tum import TumDrive  # imports HDF5, which episodes do not need otherwise
 
             self.tum = TumDrive(self.config.tum, self.config.seed)
             robot = RecordedRobot(robot, self.tum)
@@ -251,7 +251,7 @@ class Episode(Expedition):
 
     @property
     def explored(self) -> str:
-        """How much is, in words."""
+        """How much is explored, as text."""
         return f"{self.score.coverage.fraction:.0%} explored"
 
     def _add_keyframe(self, keyframe: Keyframe) -> None:
@@ -269,7 +269,7 @@ class Episode(Expedition):
             self.tum.keyframe(step.keyframe.frame.time, len(step.keyframe.labels) > 0, stood=True)
 
     def _T_world_base(self) -> NDArray[np.float64]:
-        """4×4, where the robot truly is."""
+        """4×4 true pose of the robot."""
         return self.robot.trajectory[-1].T_world_base
 
     def _time(self) -> float:
@@ -292,7 +292,7 @@ def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:
     """The classifier that ``--labels`` names, with ``weights`` or the shipped ones.
 
     Raises:
-        InputError: the network's weights are missing, or not for this, or there is no such class.
+        InputError: the weights are missing or belong to another network, or there is no such class.
     """
     if labels == "truth":
         return TruthClassifier()
@@ -313,7 +313,7 @@ def run_report(
     wall_time: float,
     mapper: Mapper,
 ) -> dict[str, Any]:
-    """What report.json tells of any run: program and settings, times in s, and of each stage in ms."""
+    """The entries of report.json that any run has: version, settings, times in s, and of each stage in ms."""
     settings = {name: str(value) if isinstance(value, Path) else value for name, value in asdict(config).items()}
     detector = config.detector and [str(path) for path in config.detector]
     return {
@@ -338,7 +338,7 @@ def percentiles(seconds: list[float]) -> dict[str, float]:
 
 
 def make_folder(path: Path) -> None:
-    """Make sure that files can be written into a folder; InputError where they cannot."""
+    """Make sure that files can be written into a folder; InputError if they cannot."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         with whole_file(path / ".probe") as probe:

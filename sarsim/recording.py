@@ -1,4 +1,4 @@
-"""A simulated episode in Rerun: what the robot's software knows, and the world around the robot."""
+"""A simulated episode in Rerun: the maps and estimates of the robot's software, and the true arena."""
 
 from pathlib import Path
 from typing import Literal
@@ -24,7 +24,7 @@ from sarsim.simulated_robot import SimulatedRobot
 
 
 class EpisodeRecorder(Recorder):
-    """Logs an episode; the robot is drawn where its software believes it to be, the arena where it is."""
+    """Logs an episode; the robot is drawn at its estimated pose, the arena at its true pose."""
 
     def __init__(self, robot: SimulatedRobot, path: Path, view: ViewerKind | Literal["none"] = "none"):
         """Begin the recording with the arena and the robot's shape.
@@ -32,10 +32,10 @@ class EpisodeRecorder(Recorder):
         Args:
             robot: in its arena.
             path: of the file, which is written as the recording grows and can be read at any time.
-            view: where to show it meanwhile; the address of a ``web`` page is printed.
+            view: the viewer to show the recording live; the address of a ``web`` page is printed.
 
         Raises:
-            InputError: the file cannot be written, or the viewer cannot be had.
+            InputError: the file cannot be written, or the viewer is not available.
         """
         self._robot = robot
         self._model: mujoco.MjModel = robot.physics.model.ptr
@@ -53,20 +53,20 @@ class EpisodeRecorder(Recorder):
         self._log_robot()
 
     def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
-        """Log a step of the explorer, the ``index``-th from 0 on, and the maps after it."""
+        """Log step ``index`` of the explorer, counted from 0, and the maps after it."""
         self._true_track.add(self._T_world_base[:3, 3])
         super().log_step(index, explorer, step)
         self._log_joints()
 
     def log_motion(self, pose: Pose) -> None:
-        """Log where the robot is after a control period; thinned to 5 poses a second."""
+        """Log the robot's pose after a control period; thinned to 5 poses a second."""
         self._true_track.add(pose.T_world_base[:3, 3])
         if self.log_pose(pose.time, pose.T_odom_base):
             self._log_joints()
             self._log_error()
 
     def log_trajectory(self, localisation: Localisation) -> None:
-        """Log the way driven so far, as it is now believed and as it was."""
+        """Log the trajectory so far, as now estimated and as truly driven."""
         super().log_trajectory(localisation)
         if self._can_err:
             way = [*self._true_track.positions, self._T_world_base[:3, 3]]
@@ -82,13 +82,13 @@ class EpisodeRecorder(Recorder):
         return self._robot.trajectory[-1].T_world_base
 
     def _log_error(self) -> None:
-        """How far the robot is from where its software believes it to be."""
+        """Log the distance in m between the robot's true and estimated positions."""
         if self._can_err:
             error = np.linalg.norm((self.T_map_base - self._T_world_base)[:3, 3])
             self.stream.log("metrics/position_error_m", rr.Scalars(float(error)))
 
     def _arena_meshes(self) -> dict[Label, Mesh]:
-        """The meshes of the arena as it is now, by label."""
+        """The meshes of the arena in its current state, by label."""
         labels = geom_labels(self._model)
         geoms = self._geoms[~self._is_robot[self._model.geom_bodyid[self._geoms]]]
         meshes = {}
@@ -101,7 +101,7 @@ class EpisodeRecorder(Recorder):
         return meshes
 
     def _log_robot(self) -> None:
-        """A mesh per body, in the body's frame."""
+        """Log one mesh per body of the robot, in the body's frame."""
         for body in np.unique(self._model.geom_bodyid[self._geoms]).tolist():
             if self._is_robot[body]:
                 geoms = self._geoms[self._model.geom_bodyid[self._geoms] == body]
@@ -112,7 +112,7 @@ class EpisodeRecorder(Recorder):
                     self.stream.log(entity, drawings.transform(self._T_base_body(body)), static=True)
 
     def _log_joints(self) -> None:
-        """The poses of the bodies that turn or slide against the robot's base."""
+        """Log the poses, relative to the robot's base, of the bodies with joints."""
         moving = self._is_robot & (self._model.body_jntnum > 0)
         moving &= self._model.body_rootid != np.arange(self._model.nbody)
         for body in np.flatnonzero(moving).tolist():

@@ -1,4 +1,4 @@
-"""The simulated body that carries the pipeline."""
+"""The simulated robot that the pipeline drives."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -27,19 +27,19 @@ from sarsim.task import CONTROL_TIMESTEP, rescue_environment
 
 SENSORS = {"xtion": Xtion(), "ideal": Xtion.ideal()}
 SETTLING_TIME = 0.5
-"""s that the robot stands before the episode begins."""
+"""s that the robot stands still before the episode begins."""
 
 
 @dataclass(frozen=True)
 class SimulationConfig:
-    """What is simulated.
+    """Settings of the simulation.
 
     Attributes:
         odometry: the true pose, or dead reckoning by wheels and gyro.
-        sensor: the Xtion with its noise, or its range alone.
+        sensor: the Xtion with its noise, or only with its limited range.
         lighting: of the arena; in the dark the robot's lamp is on.
         dust: in the air, from 0 to 1; it swallows depth returns, makes false ones and veils colours.
-        speed: at which the robot is driven on level ground, m/s; by default its model's.
+        speed: at which the robot drives on level ground, m/s; by default its model's.
         robot: see :class:`sarsim.robots.skid_steered.SkidSteered`.
     """
 
@@ -53,7 +53,7 @@ class SimulationConfig:
 
 @dataclass(frozen=True, eq=False)
 class TrueFrame:
-    """What the newest frame would have been without noise and with the true pose.
+    """The newest frame without noise and with the true pose.
 
     Attributes:
         T_world_base: 4×4 true pose.
@@ -85,7 +85,7 @@ class SimulatedRobot:
     control_period = 2 * CONTROL_TIMESTEP
 
     def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):
-        """Set the robot down at the arena's start; InputError where it cannot stand there."""
+        """Set the robot down at the arena's start; InputError if it cannot stand there."""
         sensor_seed, odometry_seed = np.random.SeedSequence(seed).spawn(2)
         self.config = config
         lighting = Lighting[config.lighting]
@@ -127,7 +127,7 @@ class SimulatedRobot:
 
     @property
     def T_wheel_base(self) -> NDArray[np.float64]:
-        """4×4 pose in the world by wheels and gyro alone, also where the pipeline is told the true one."""
+        """4×4 pose in the world by wheels and gyro alone, even if the pipeline receives the true pose."""
         return self._T_world_start @ self._odometry.T_odom_base
 
     @property
@@ -136,7 +136,7 @@ class SimulatedRobot:
         return self.robot.encoders(self.physics), np.array(self.physics.bind(self.robot.wheels).qvel)
 
     def sense(self) -> Frame:
-        """Take a frame where the robot stands."""
+        """Take a frame at the robot's current pose."""
         truth = self._camera.capture(self.physics.data.ptr)
         image = self._conditions.sense(truth, self._sensor_rng)
         clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)

@@ -18,7 +18,7 @@ CONTROL_TIMESTEP = 0.02
 class RescueTask(composer.Task):
     """Drive through a rescue arena; an action is (v m/s, ω rad/s).
 
-    There is no reward: what a robot makes of an episode is told by its report.
+    There is no reward: the report of an episode scores the robot.
     """
 
     def __init__(self, arena: RescueArena, robot: SkidSteered):
@@ -64,9 +64,9 @@ class RescueTask(composer.Task):
         self._measured += 1
 
     def inertial(self) -> NDArray[np.float64]:
-        """(2, 3) mean of the gyros, rad/s, and of the accelerometers, m/s², since they were last asked.
+        """(2, 3) mean of the gyros, rad/s, and of the accelerometers, m/s², since the last call.
 
-        Inertial sensors integrate much faster than they tell (Xsens MTi: at 2 kHz), so that vibration averages out.
+        Inertial sensors sample much faster than they report (Xsens MTi: at 2 kHz), so that vibration averages out.
         """
         mean = self._inertial / self._measured
         self._inertial, self._measured = np.zeros((2, 3)), 0

@@ -1,4 +1,4 @@
-"""Driving by keyboard or gamepad in MuJoCo's viewer."""
+"""Driving the robot by keyboard or gamepad in MuJoCo's viewer."""
 
 import os
 import stat
@@ -33,14 +33,14 @@ SPACE, RIGHT, LEFT, DOWN, UP = 32, 262, 263, 264, 265
 ENDING = 10.0
 """s that the viewer may take to close its window."""
 V_STEP, OMEGA_STEP = 0.1, 0.25
-"""m/s and rad/s that a press adds."""
+"""m/s and rad/s that a key press adds."""
 
 JS_EVENT, AXIS, FULL = struct.Struct("=IhBB"), 0x02, 32767.0
 """Linux's ``js_event`` (joystick-api.rst): ms, value, type, number; the type of an axis, and its largest value."""
 SIDEWAYS, LENGTHWAYS = 0, 1
 """Axes of the left stick: positive to the right, and towards the person."""
 SLACK = 0.1
-"""Share of a stick's way about its middle where it is taken for let go."""
+"""Dead zone: a stick counts as released up to this share of its full deflection."""
 
 KEYS = """\
 up, down      faster forwards, faster backwards
@@ -51,11 +51,11 @@ Close the window to end."""
 
 @dataclass
 class Throttle:
-    """The velocity command that the keys set; the viewer tells presses but no releases, so each press is a step.
+    """The velocity command that the keys set; the viewer reports key presses only, so each press is one step.
 
     Attributes:
-        max_v, max_omega: m/s and rad/s, either way.
-        v, omega: as they are now.
+        max_v, max_omega: largest magnitudes, m/s and rad/s.
+        v, omega: the current command, m/s and rad/s.
     """
 
     max_v: float
@@ -64,7 +64,7 @@ class Throttle:
     omega: float = 0.0
 
     def press(self, key: int) -> None:
-        """Take a key, by its GLFW code, into account."""
+        """Change the command by the key with this GLFW code."""
         forwards, leftwards = (key == UP) - (key == DOWN), (key == LEFT) - (key == RIGHT)
         held = 0.0 if key == SPACE else 1.0
         self.v = _limited(held * self.v + forwards * V_STEP, self.max_v)
@@ -72,13 +72,13 @@ class Throttle:
 
 
 class Gamepad:
-    """A joystick of Linux, whose left stick drives: the further, the faster; let go, the robot stops."""
+    """A Linux joystick whose left stick drives: the further, the faster; released, it stops the robot."""
 
     def __init__(self, path: Path):
         """Open a device such as /dev/input/js0.
 
         Raises:
-            InputError: it is missing, no device, or not to be read.
+            InputError: it is missing, is no device, or cannot be read.
         """
         try:
             self._file = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
@@ -90,10 +90,10 @@ class Gamepad:
         self._rest = b""
 
     def steer(self, throttle: Throttle) -> None:
-        """Take what happened since the last call into account; a gamepad that was pulled out stops the robot."""
+        """Apply the events since the last call to the throttle; an unplugged gamepad stops the robot."""
         try:
             news = os.read(self._file, 64 * JS_EVENT.size)
-        except BlockingIOError:  # nothing happened
+        except BlockingIOError:  # no events
             return
         except OSError:
             news = b""
@@ -111,12 +111,12 @@ class Gamepad:
 
 
 class FreeDrive:
-    """A robot that is driven, and senses nothing.
+    """A robot that drives, but senses nothing.
 
     Attributes:
         physics: of the arena.
         base_body: id of the robot's body.
-        limits: fastest m/s and rad/s.
+        limits: top speed and turn rate, m/s and rad/s.
         control_period: s for which a command holds.
     """
 
@@ -130,16 +130,16 @@ class FreeDrive:
         self.limits = self._environment.task.robot.drive.limits
 
     def drive(self, command: Velocity) -> None:
-        """Obey for one control period."""
+        """Follow ``command`` for one control period."""
         self._environment.step(np.array([command.v, command.omega]))
 
 
 def drive_by_keyboard(
     driven: "FreeDrive | MappedDrive", interrupted: Callable[[], bool] = lambda: False, gamepad: Gamepad | None = None
 ) -> None:
-    """Open a window and follow keys and gamepad in real time until it is closed, or ``interrupted`` says so.
+    """Open a window and follow keys and gamepad in real time until it is closed or ``interrupted`` returns True.
 
-    An exception between two steps would leave the viewer's thread waiting for a lock that nobody gives back.
+    An exception between two steps would leave the viewer's thread waiting for a lock that is never released.
     """
     throttle, physics = Throttle(*driven.limits), driven.physics
     others = set(threading.enumerate())
@@ -156,14 +156,14 @@ def drive_by_keyboard(
             window.sync()
             time.sleep(max(0.0, due - time.monotonic()))
     for thread in set(threading.enumerate()) - others:
-        thread.join(ENDING)  # until it ends, the viewer draws from the model and the data
+        thread.join(ENDING)  # until it ends, the viewer reads the model and the data
 
 
 class MappedDrive:
-    """Maps what the robot sees while a person drives it, and records it as an episode is.
+    """Maps what the robot sees while a person drives it, and records the drive like an episode.
 
     Attributes:
-        mapper: of its keyframes; the others are those of :class:`FreeDrive`.
+        mapper: of its keyframes; the other attributes are those of :class:`FreeDrive`.
     """
 
     def __init__(self, robot: SimulatedRobot, classifier: PointClassifier, recorder: EpisodeRecorder):
@@ -176,7 +176,7 @@ class MappedDrive:
         self._add_keyframe()
 
     def drive(self, command: Velocity) -> None:
-        """Obey for one control period, and take a keyframe when the robot has come far enough."""
+        """Follow ``command`` for one control period, and take a keyframe if the robot has moved far enough."""
         motion = self._robot.drive(command)
         if is_keyframe(self._T_odom_keyframe, motion.T_odom_base):
             self._add_keyframe()
@@ -193,14 +193,14 @@ class MappedDrive:
         self._T_odom_keyframe = frame.T_odom_base
 
     def save(self, folder: Path) -> None:
-        """End the recording, and write the maps into a folder; InputError where one cannot be written."""
+        """End the recording, and write the maps into a folder; InputError if one cannot be written."""
         self.mapper.settle()
         self._recorder.close()
         save_maps(self.mapper, folder)
 
 
 def _follow(camera: mujoco.MjvCamera, body: int) -> None:
-    """Let the viewer's camera keep to a body, from above and behind where the robot starts."""
+    """Let the viewer's camera track a body, from above and from behind the robot's start."""
     camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
     camera.trackbodyid = body
     camera.distance, camera.azimuth, camera.elevation = 3.0, 0.0, -60.0

@@ -114,14 +114,14 @@ def benchmark(settings: Benchmark) -> None:
 
 
 def arguments(function: Callable[..., object], given: Mapping[str, Any]) -> dict[str, Any]:
-    """What a function is called with: its defaults, and the given values that are not None."""
+    """The arguments of a function call: its defaults, and the given values that are not None."""
     defaults = {name: parameter.default for name, parameter in inspect.signature(function).parameters.items()}
     values = defaults | {name: value for name, value in given.items() if value is not None}
     return {name: str(value) if isinstance(value, Path) else value for name, value in values.items()}
 
 
 def report(subject: str, config: Mapping[str, Any], result: "Result") -> dict[str, Any]:
-    """The figures, and what they hold for."""
+    """The figures, with the version, the machine and the settings for which they hold."""
     return {
         "subject": subject,
         "version": importlib.metadata.version("sarsim"),
@@ -133,7 +133,7 @@ def report(subject: str, config: Mapping[str, Any], result: "Result") -> dict[st
 
 
 def write(file: Path, content: Mapping[str, Any], pictures: Iterable[Path]) -> None:
-    """Write the figures, and beside them the pictures, their names after the file's.
+    """Write the figures, and beside them the pictures, whose names begin with the file's.
 
     Raises:
         InputError: they cannot be written.
@@ -146,7 +146,7 @@ def write(file: Path, content: Mapping[str, Any], pictures: Iterable[Path]) -> N
 
 
 def machine() -> dict[str, Any]:
-    """What the figures were measured on."""
+    """The machine and the packages with which the figures were measured."""
     return {
         "system": platform.platform(),
         "processor": processor(),
@@ -158,7 +158,7 @@ def machine() -> dict[str, Any]:
 
 
 def processor() -> str:
-    """The processor's name, where the system tells."""
+    """The processor's name, if the system gives it."""
     cpuinfo = Path("/proc/cpuinfo")
     lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
@@ -166,8 +166,8 @@ def processor() -> str:
 
 
 def instructions() -> str:
-    """The widest vectors that numba compiles for: the processor's, or what NUMBA_CPU_FEATURES leaves of them."""
-    from numba import config  # whose import takes too long for --help
+    """The widest vector instructions that numba uses: the processor's, unless NUMBA_CPU_FEATURES limits them."""
+    from numba import config  # imported here, because it takes too long for --help
     from numba.core.codegen import get_host_cpu_features
 
     features = get_host_cpu_features() if config.CPU_FEATURES is None else config.CPU_FEATURES
@@ -176,7 +176,7 @@ def instructions() -> str:
 
 
 def table(name: str, figures: Mapping[str, float]) -> Table:
-    """The figures, to print."""
+    """The figures as a table to print."""
     result = Table("figure", title=name, caption=f"{processor()}, {instructions()}")
     result.add_column("value", justify="right")
     for key, value in figures.items():

@@ -1,4 +1,4 @@
-"""What all commands share: flags from typed parameters, and one line on stderr for what is wrong with the input."""
+"""What all commands share: flags from typed parameters, and one line on stderr for wrong input."""
 
 import argparse
 import functools
@@ -28,11 +28,11 @@ from pipeline.errors import InputError
 
 BAD_INPUT = 2
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Ctrl-C, what a service manager or a container sends, and a terminal that is closed: all end a command alike."""
-SIGNALLED = 128  # and the number of the signal, as shells have it
+"""Ctrl-C, the signal of service managers and containers, and a closed terminal: all end a command alike."""
+SIGNALLED = 128  # plus the number of the signal, as in shells
 UNREAD = 141  # 128 + SIGPIPE
 HELP_INDENT = 8 * " "  # before the help of a flag in tyro's messages about wrong ones
-LINE_EVERY = 10.0  # s between lines of progress where there is no terminal
+LINE_EVERY = 10.0  # s between lines of progress if there is no terminal
 COMMON = (
     "Every command also takes --version, --quiet (errors alone) and --log-level LEVEL (debug, info, warning, error)."
 )
@@ -51,7 +51,7 @@ def run(command: Callable[..., object], args: Sequence[str] | None = None) -> No
         return functools.partial(command, *args, **kwargs)
 
     def action() -> None:
-        words = common(args)  # before stderr is tyro's
+        words = common(args)  # before tyro's stderr is captured
         about = f"{(inspect.getdoc(command) or '').partition('Args:')[0]}\n\n{COMMON}"
         parse(lambda: tyro.cli(bind, args=words, description=about))()
 
@@ -59,10 +59,10 @@ def run(command: Callable[..., object], args: Sequence[str] | None = None) -> No
 
 
 def common(args: Sequence[str] | None = None) -> list[str]:
-    """Do what the flags of :data:`COMMON` say; the other words of the command line.
+    """Apply the flags of :data:`COMMON`; returns the other words of the command line.
 
     Raises:
-        InputError: one of them is wrong.
+        InputError: one of these flags is wrong.
     """
     global _quiet
     flags = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
@@ -97,7 +97,7 @@ def parse(command_line: Callable[[], Any]) -> Any:
 
 
 def unboxed(text: str) -> str:
-    """What a box of tyro's says, as one line: its message, and the flags that it suggests, without their help."""
+    """The text of tyro's error box as one line: its message, and the flags that it suggests, without their help."""
     inside = [line[2:].rstrip(" │") for line in text.splitlines()[1:]]  # without the title and the border
     lines = [line.strip() for line in inside if not line.startswith(HELP_INDENT)]
     parts = [part.strip() for part in re.split("(?m)^[─-]{3,}╯?$", "\n".join(lines))]
@@ -106,14 +106,14 @@ def unboxed(text: str) -> str:
     said = [part for part in parts if part not in suggestions and not part.startswith("For full helptext")]
     wrong = [flag for part in said if part.startswith("Unrecognized") for flag in re.findall(r"--[\w.-]+", part)]
     missing = [flag for part in said if part.startswith("Missing") for flag in re.findall(r"--[\w.-]+", part)]
-    # Where one is missing, tyro does not say which was meant.
+    # If a required flag is missing, tyro does not suggest it for an unknown one.
     flags = flags or [flag for word in wrong for flag in get_close_matches(word, missing)]
     told = re.sub(r"\. Got errors: .*", "", "; ".join(" ".join(part.split()) for part in said if part))
     return told + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
 
 
 class PlainProgress(Progress):
-    """Progress as lines on stderr, one in :data:`LINE_EVERY` s and a last one, for a file or a service's log."""
+    """Progress as lines on stderr, one every :data:`LINE_EVERY` s and a last one, for a file or a service's log."""
 
     def start(self) -> None:
         """Draw nothing."""
@@ -123,19 +123,19 @@ class PlainProgress(Progress):
         """Draw nothing."""
 
     def __exit__(self, error: type[BaseException] | None, *_: Any) -> None:
-        """Tell how far every task is in the end; an error speaks for itself."""
+        """Print the final progress of every task, unless an error ended them."""
         for task in self.tasks if error is None else []:
             self._tell(task)
 
     def update(self, task_id: TaskID, **changes: Any) -> None:
-        """Note how far a task is, and tell it if it is time."""
+        """Update a task, and print its progress if a line is due."""
         super().update(task_id, **changes)
         if time.monotonic() >= self._due:
             self._due = time.monotonic() + LINE_EVERY
             self._tell(self._tasks[task_id])
 
     def advance(self, task_id: TaskID, advance: float = 1) -> None:
-        """Note that a task is farther."""
+        """Update a task by ``advance``."""
         self.update(task_id, advance=advance)
 
     def _tell(self, task: Task) -> None:
@@ -147,7 +147,7 @@ class PlainProgress(Progress):
 
 
 def progress(disable: bool = False) -> Progress:
-    """A progress bar on stderr, with counts and the time elapsed; lines where that is no terminal."""
+    """A progress bar on stderr, with counts and the time elapsed; lines if stderr is no terminal."""
     announce_compilation()
     console, disable = Console(stderr=True), disable or _quiet
     if not console.is_terminal:
@@ -158,7 +158,7 @@ def progress(disable: bool = False) -> Progress:
 
 @functools.cache
 def announce_compilation() -> None:
-    """Tell a person at a terminal when numba compiles first, which takes minutes; later runs have its cache."""
+    """Print a line in a terminal when numba first compiles, which takes minutes; later runs use its cache."""
     from numba.core import event
 
     class Announcer(event.Listener):
@@ -172,7 +172,7 @@ def announce_compilation() -> None:
                 )
 
         def on_end(self, event: event.Event) -> None:
-            """Say no more."""
+            """Print nothing."""
 
     event.register("numba:compile", Announcer())
 
@@ -181,7 +181,7 @@ def call_with(function: Callable[..., Any], given: Mapping[str, Any], name: str)
     """Call a function with those values that are not None; its own defaults hold for the others.
 
     Raises:
-        InputError: ``name``, what the user chose, has no such parameter.
+        InputError: the function has no such parameter; the message says ``name`` for what the user chose.
     """
     values = {key: value for key, value in given.items() if value is not None}
     known = inspect.signature(function).parameters
@@ -214,21 +214,21 @@ def guarded(action: Callable[[], object]) -> None:
     except BrokenPipeError:
         if not _is_unread():
             raise
-        # Python flushes what is left when it ends, and would complain.
+        # Python flushes the remaining output when it ends, which would fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(UNREAD)
 
 
 def _is_unread() -> bool:
-    """Whether stdout has no reader any more; the pipe that broke may be another one."""
+    """Whether stdout has no reader any more; the broken pipe may be another one."""
     poll = select.poll()
-    poll.register(sys.stdout.fileno(), 0)  # poll reports errors unasked
+    poll.register(sys.stdout.fileno(), 0)  # poll always reports errors
     return bool(poll.poll(0))
 
 
 @contextmanager
 def _raised_endings() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end what is under way as Ctrl-C does, unless they are ignored, as under ``nohup``."""
+    """Let SIGTERM and SIGHUP raise KeyboardInterrupt as Ctrl-C does, unless they are ignored, as under ``nohup``."""
     others = [number for number in ENDINGS[1:] if signal.getsignal(number) == signal.SIG_DFL]
     for number in others:
         signal.signal(number, interrupt)
@@ -247,18 +247,18 @@ def interrupt(number: int, frame: FrameType | None = None) -> None:
 
 
 def forget_terminal() -> None:
-    """Write to nowhere from now on: the terminal is gone, and writing to it would fail."""
+    """Redirect output from the terminal to /dev/null: the terminal is closed, and writing to it would fail."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
-        if stat.S_ISCHR(os.fstat(stream).st_mode):  # isatty knows it no more
+        if stat.S_ISCHR(os.fstat(stream).st_mode):  # isatty is false for a closed one
             os.dup2(nowhere, stream)
 
 
 class Interruptible:
-    """Holds the first of :data:`ENDINGS` back until the step under way is complete; a second one interrupts at once.
+    """Records the first signal of :data:`ENDINGS`, so that a step can be completed; a second one interrupts at once.
 
     Attributes:
-        signal: its number, None if none came since ``with``.
+        signal: number of the first signal; None if none came since ``with``.
     """
 
     def __init__(self) -> None:
@@ -288,9 +288,9 @@ def run_watched(
     description: str,
     total: float | None = None,
 ) -> int | None:
-    """Call ``run`` under a progress bar; the number of the signal that ended it, as Ctrl-C does, if one did.
+    """Call ``run`` under a progress bar; returns the number of the signal that ended it, such as Ctrl-C, if any.
 
-    ``run`` is to end where its first argument says so; it tells its second how much of ``total`` is done, and what.
+    ``run`` ends when its first argument returns True, and calls its second with the amount done and a description.
     """
     with progress() as bars, Interruptible() as control:
         bar = bars.add_task(description, total=total)

@@ -11,7 +11,7 @@ from rich.console import Console
 from sarsim.scripts.cli import call_with, progress, run
 
 EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo", "coco": "Coco", "mcap": "Mcap"}
-"""The class of each format, in the module of its name in :mod:`sarsim.dataset.exports`."""
+"""The class of each format, in the module of :mod:`sarsim.dataset.exports` with the format's name."""
 
 
 @dataclass(frozen=True)

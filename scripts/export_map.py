@@ -63,7 +63,7 @@ def export_map(
 
 
 def _export_ground(keyframes: Path, out: Path, robot: Robot) -> None:
-    """Write the ground as the robot judges it."""
+    """Write a 2D map of the ground by its traversability for the robot."""
     from pipeline.metric_map.io.plans import SAVED
     from pipeline.recording.map_file import load_elevation_map
     from pipeline.traversability.ros_map import known_costs, save_ros_map, trinary

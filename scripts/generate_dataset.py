@@ -54,7 +54,7 @@ def generate_dataset(settings: GenerateDataset) -> None:
 
 
 def make_engine(name: str, workers: int | None) -> "Engine":
-    """The engine that ``--engine`` names, with one worker a core if their number is not given.
+    """The engine that ``--engine`` names, with one worker per core if their number is not given.
 
     Raises:
         InputError: it is not installed.

@@ -40,7 +40,7 @@ def map_recording(config: MapRecording) -> None:
 
 
 def open_recording(config: MapRecording) -> "Recording":
-    """The recording that a path names; InputError where it is none, or broken."""
+    """The recording that ``config.path`` names; InputError if there is none, or it is broken."""
     from pipeline.recording.sources.recording import Calibration
     from pipeline.recording.sources.ros_bag import read_ros_bag
     from pipeline.recording.sources.tum_folder import read_tum_folder

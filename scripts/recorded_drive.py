@@ -1,4 +1,4 @@
-"""A recording that is mapped, and what it leaves: the files of an episode."""
+"""Maps a recording, and writes the files of an episode."""
 
 from collections.abc import Callable
 from time import perf_counter
@@ -24,21 +24,21 @@ from sarsim.robots.skid_steered import robot_model
 from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import MapRecording
 
-RECORDING = "episode.rrd"  # What a viewer opens
+RECORDING = "episode.rrd"  # The file for Rerun's viewer
 
 
 class RecordedDrive:
-    """A recording, a mapper, and what watches them.
+    """A recording, a mapper, and the recorder and score that observe them.
 
     Attributes:
         mapper: all maps.
-        frames: taken in so far.
-        report: what goes into report.json; empty before the first frame.
-        error: why the recording could not be mapped to its end, if so.
+        frames: number of frames so far.
+        report: the content of report.json; empty if no frame was mapped.
+        error: why the recording could not be mapped to its end; empty otherwise.
     """
 
     def __init__(self, recording: Recording, config: MapRecording):
-        """Raises InputError where the recording has no such poses, or the output folder cannot be written."""
+        """Raises InputError if the recording lacks the wanted poses, or the output folder cannot be written."""
         self.recording, self.config = recording, config
         detector = VictimDetector.load(*config.detector) if config.detector else None
         poses = config.poses or default_poses(recording)
@@ -86,7 +86,7 @@ class RecordedDrive:
         frame, keyframe, truth = replayed
         T = frame.T_odom_base
         if not self.frames and truth is not None:
-            # Nothing tells where the true poses' frame is in the map, so the first ones coincide.
+            # The pose of the true poses' frame in the map is unknown, so the first poses are made to coincide.
             self._has_truth, self._T_map_world = True, T @ inverse(truth)
         self.frames += 1
         if truth is not None or not self._has_truth:

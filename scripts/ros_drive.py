@@ -1,4 +1,4 @@
-"""An expedition of a robot of ROS 2, which nobody knows the truth of."""
+"""An expedition of a ROS 2 robot, without ground truth."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,17 +30,17 @@ class InterruptedDriveError(Exception):
 
 
 class RosDrive(Expedition):
-    """An expedition that tells the network of its maps and its plan.
+    """An expedition that publishes its maps and its plan.
 
     Attributes:
         robot: on the network.
-        stopped: why the robot was stopped before the end, if so.
+        stopped: why the robot was stopped before the end; None if it was not.
     """
 
     config: RosExploration
 
     def __init__(self, config: RosExploration, node: Node):
-        """Raises InputError where no robot is found, or something cannot be read or written."""
+        """Raises InputError if no robot is found, or a file cannot be read or written."""
         classifier = make_classifier(config.labels, config.weights)
         detector = VictimDetector.load(*config.detector) if config.detector else None
         make_folder(config.out)
@@ -62,10 +62,10 @@ class RosDrive(Expedition):
         interrupted: Callable[[], bool] = lambda: False,
         on_step: Callable[[str], object] = lambda description: None,
     ) -> bool:
-        """As every expedition, but that the robot stops at once where it is ``interrupted``.
+        """Like every expedition, except that the robot stops at once when it is ``interrupted``.
 
         Raises:
-            InputError: the robot fell silent, or does not obey; what was mapped is kept.
+            InputError: the robot sends nothing more, or does not follow commands; the maps so far are kept.
         """
         self._interrupted = interrupted
         try:
@@ -76,7 +76,7 @@ class RosDrive(Expedition):
             self.robot.stop()
 
     def step(self) -> bool:
-        """One step of the robot; InputError where the robot was stopped."""
+        """One step of the robot; InputError if the robot had to be stopped."""
         try:
             return super().step()
         except InputError as error:

@@ -1,4 +1,4 @@
-"""Explore with a robot of ROS 2: ``ros_explore.py --out DIR``."""
+"""Explore with a ROS 2 robot: ``ros_explore.py --out DIR``."""
 
 from contextlib import closing
 

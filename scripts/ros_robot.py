@@ -1,4 +1,4 @@
-"""The simulated robot as one of ROS 2: ``ros_robot.py --arena A``."""
+"""The simulated robot as a ROS 2 robot: ``ros_robot.py --arena A``."""
 
 from contextlib import closing
 

@@ -55,7 +55,7 @@ def run_episode(config: EpisodeConfig) -> None:
 
 
 def recall_answers(episode: "Episode") -> "Answers":
-    """Let the networks of an episode answer nothing twice; as long as it has not come to its end they are kept."""
+    """Store the answers of an episode's networks in its folder, so that a resumed episode need not run them again."""
     from pipeline.recording.answers import Answers, RecallingClassifier, RecallingDetector
 
     config, mapper, answers = episode.config, episode.explorer.mapper, Answers(episode.out / "answers")
@@ -68,7 +68,7 @@ def recall_answers(episode: "Episode") -> "Answers":
 
 
 def elsewhere(config: EpisodeConfig) -> EpisodeConfig:
-    """The same in a new folder, unless one is named: repeating an episode overwrites none, but going on does."""
+    """The settings with a new output folder, unless --out or --resume names one: a repetition overwrites nothing."""
     if config.out or config.resume:
         return config
     folders = (Path(f"{config.folder}-{number}") for number in count(2))

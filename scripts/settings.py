@@ -16,9 +16,9 @@ from sarsim.scripts.cli import COMMON, common, guarded, parse
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
 RESULTS = ("out", "resume", "bag", "tum", "json")
-"""Where results go: flags alone say that, for a file of settings may be a stranger's."""
+"""Where results go: only flags may set these, because a file of settings may come from a stranger."""
 OUTPUTS = (*RESULTS, "workers")
-"""Left out of a run's own file: where results go, so that repeating a run overwrites nothing, and how fast."""
+"""Settings left out of a run's own file, so that repeating a run overwrites no results, and may use other workers."""
 
 Settings = TypeVar("Settings")
 
@@ -30,7 +30,7 @@ def run_with_settings(
     prog: str | None = None,
     repeated: Callable[[Settings], Settings] = lambda settings: settings,
 ) -> None:
-    """As :func:`run`, for a command of one parameter: a dataclass, whose fields become flags beside ``--config``.
+    """Like :func:`sarsim.scripts.cli.run`, for a command with one dataclass, whose fields and ``--config`` are flags.
 
     ``repeated`` may change settings that come from such a file before the command gets them.
     """
@@ -44,7 +44,7 @@ def run_with_settings(
 
 
 def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
-    """As :func:`run_with_settings`, for the command and its settings that the command line's first word names."""
+    """Like :func:`run_with_settings`, for the command and settings that the command line's first word names."""
     name, *words = sys.argv[1:] or [""]
     if name in commands:
         run_with_settings(*commands[name], words, f"{Path(sys.argv[0]).name} {name}")
@@ -97,9 +97,9 @@ def config_file(args: Sequence[str]) -> Path | None:
 
 
 def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = ()) -> Settings:
-    """Settings from a YAML file; ``tyro.MISSING`` where neither the file nor ``kind`` gives a value.
+    """Settings from a YAML file; ``tyro.MISSING`` for fields without a value in the file and in ``kind``.
 
-    A class that labels counts only where ``args`` name it: a file runs no code.
+    A classifier's class in ``labels`` is accepted only if ``args`` name it: a file must not choose code to run.
 
     Raises:
         InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
@@ -133,7 +133,7 @@ def save_settings(settings: Any, path: Path) -> None:
 
 
 def _settings(kind: Any, content: Any, where: str) -> Any:
-    """An instance of a dataclass from a mapping; ``where`` begins the messages."""
+    """An instance of a dataclass from a mapping; ``where`` begins the error messages."""
     if not isinstance(content, dict):
         raise InputError(f"{where}: must hold names of settings with their values, as in 'steps: 20'")
     given = {str(key).replace("-", "_"): value for key, value in content.items()}
@@ -146,7 +146,7 @@ def _settings(kind: Any, content: Any, where: str) -> Any:
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:
-    """A value of a YAML file as the type that its setting has."""
+    """A value of a YAML file, converted to the type of its setting."""
     if is_dataclass(hint):
         return _settings(hint, value, where)
     if isinstance(value, dict):
@@ -168,7 +168,7 @@ def _words(value: Any) -> Iterator[str]:
 
 
 def _plain(settings: Any) -> dict[str, Any]:
-    """A dataclass as YAML knows it."""
+    """A dataclass as values that YAML can hold."""
     told = {}
     for f in fields(settings):
         value = getattr(settings, f.name)

@@ -1,4 +1,4 @@
-"""The simulated robot as a node of ROS 2, in place of a real one or of Gazebo's."""
+"""The simulated robot as a ROS 2 node, in place of a real robot or of one in Gazebo."""
 
 from collections import deque
 from collections.abc import Callable
@@ -24,24 +24,24 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig, TrueFrame
 
 COMMANDS, KEYFRAMES = "/cmd_vel", "/keyframe"
 WAIT = 0.1
-"""s of the wall's clock, at most, after each control period, for the next command."""
+"""s of wall-clock time, at most, to wait for the next command after each control period."""
 WATCHDOG = 0.5
 """s of simulated time without a command after which the robot stops."""
 KEPT = 30
-"""True frames that wait for an explorer to say that it made keyframes of them."""
+"""Number of the newest true frames that are kept until an explorer reports which of them are keyframes."""
 
 
 class SimulatedNode:
-    """A robot in an arena that senses and obeys by topics.
+    """A robot in an arena that publishes its sensors and receives commands by topics.
 
     Attributes:
-        robot: the body.
-        coverage: what the frames show of the true ground of which an explorer made keyframes.
-        commands: how many came.
+        robot: the simulated robot.
+        coverage: of the true ground, by the frames that an explorer uses as keyframes.
+        commands: number of commands received.
     """
 
     def __init__(self, config: RosRobotConfig, node: Node):
-        """Raises InputError where the arena or the folder for results cannot be had."""
+        """Raises InputError if the arena or the folder for results is not available."""
         if not 0 < config.camera_rate <= 25 or config.seed < 0:
             raise InputError(
                 f"--camera-rate {config.camera_rate:g} --seed {config.seed}: at most 25 a second, and no "
@@ -71,9 +71,9 @@ class SimulatedNode:
         self.commands += 1
 
     def run(self, interrupted: Callable[[], bool], on_period: Callable[[float], object] = lambda time: None) -> None:
-        """Simulate until ``interrupted``, and write what is true.
+        """Simulate until ``interrupted``, and write the true trajectory and the report.
 
-        ``on_period`` gets the simulated s so far, after each control period.
+        ``on_period`` is called after each control period with the simulated time so far, s.
         """
         try:
             while not interrupted():
@@ -97,7 +97,7 @@ class SimulatedNode:
         return self.commands > commands
 
     def period(self) -> None:
-        """Follow the newest command for a control period, and tell what the robot senses; odometry last."""
+        """Follow the newest command for a control period, and publish the sensors' measurements, odometry last."""
         with self._node.news:
             is_commanded = self.robot.time - self._commanded < WATCHDOG
             command = self._command if is_commanded else Velocity()
@@ -124,7 +124,7 @@ class SimulatedNode:
         self._true_frames.append((frame.time, self.robot.true_frame))
 
     def report(self) -> dict[str, Any]:
-        """What is true of the drive, under the names that an episode's report.json has."""
+        """The true figures of the drive, with the names in an episode's report.json."""
         sim_time, wall_time = self.robot.time - self._begin, self._node.now() - self._wall
         return {
             "arena": self.config.arena,

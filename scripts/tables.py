@@ -1,4 +1,4 @@
-"""Reports as tables for a person to read."""
+"""Reports as readable tables."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,7 +9,7 @@ SKIPPED = ("config", "timing_ms")
 
 
 def report_table(report: dict[str, Any]) -> Table:
-    """A row for every figure of report.json, without the settings; the stages apart."""
+    """A table with a row for every figure of report.json, without the settings; one section per stage."""
     table = Table("figure", title=f"{report['arena']}, seed {report['seed']}")
     table.add_column("value", justify="right")
     for stage, content in report.items():
@@ -23,7 +23,7 @@ def report_table(report: dict[str, Any]) -> Table:
 
 
 def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
-    """The numbers in nested dicts, with their path as name."""
+    """The values in nested dicts, with their path as name."""
     if isinstance(content, dict):
         for key, value in content.items():
             yield from figures(f"{name}.{key}", value)

@@ -52,7 +52,7 @@ def teleop(
 
 
 def map_drive(arena: "RescueArena", out: Path, labels: Labels, robot: str) -> "MappedDrive":
-    """What maps and records a drive; InputError where the folder, the labels or the viewer cannot be had."""
+    """A drive that is mapped and recorded; InputError if the folder, the labels or the viewer are not available."""
     from sarsim.episode import make_classifier, make_folder
     from sarsim.recording import EpisodeRecorder
     from sarsim.simulated_robot import SimulatedRobot, SimulationConfig

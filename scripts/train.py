@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
 VALIDATION_FRAMES = 200
-"""At most, evenly over the scenes kept for validation: as many clouds take a minute on two cores."""
+"""Largest number of clouds for validation, spread evenly over its scenes; they take a minute on two cores."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +122,7 @@ def _check(settings: TrainPoints | TrainYolo) -> None:
 
 
 def _scenes(data: Path) -> int:
-    """How many scenes a dataset has, all of which must be there."""
+    """The number of scenes of a dataset; InputError if the file of one is missing."""
     from sarsim.dataset.folder import Dataset
 
     scenes = [data / entry.file for entry in Dataset(data).entries]
@@ -135,7 +135,7 @@ def _scenes(data: Path) -> int:
 
 
 def _clouds(settings: TrainPoints, worker: "Worker", voxel_size: float) -> dict[str, list["LabelledCloud"]]:
-    """The clouds of the splits train and val, and a word on classes that are missing there."""
+    """The clouds of the splits train and val; prints which classes train lacks."""
     from pipeline.semantic_map.classifier import CLASSES
     from pipeline.semantic_map.networks.clouds import LabelledCloud
     from sarsim.dataset.folder import Dataset
@@ -182,7 +182,7 @@ def _train(
 
 
 def _events(folder: Path) -> "Callable[[TrainingLoop[Any]], None]":
-    """What writes the validations of a training that are new since it was called last."""
+    """A function that writes the validations of a training since its last call to TensorBoard."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:

@@ -34,7 +34,7 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
 
 
 def find_recording(path: Path) -> Path:
-    """The recording that ``path`` names; InputError where there is none, or the file is not one."""
+    """The recording that ``path`` names; InputError if there is none, or the file is no recording."""
     recording = path / RECORDING if path.is_dir() else path
     try:
         with recording.open("rb") as file:

@@ -1,4 +1,4 @@
-"""Draw docs/images/episode.gif: the labelled map of an episode as it grows, and the depth image of every keyframe.
+"""Draw docs/images/episode.gif: the growing labelled map of an episode, and the depth image of every keyframe.
 
 ``python docs/figures/draw_animation.py runs/nist_6x4-0`` takes the episode's keyframes.npz.
 """
@@ -21,11 +21,11 @@ from pipeline.transforms import transform_points
 from sarsim.robots.skid_steered import robot_model
 
 PIXELS = 90
-"""a metre."""
+"""Pixels per metre."""
 MARGIN = 0.3
 """m around the map."""
 FRAMES, SHOWN, LAST = 70, 160, 3000
-"""Pictures at most; ms of each, and of the last."""
+"""Largest number of images; ms that each is shown, and the last one."""
 DEPTH = 256, 192
 """Pixels of the depth image."""
 COLOURS_LEFT = 40
@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def growing(mapper: Mapper) -> Iterator[NDArray[np.uint8]]:
-    """(H, W, 3) uint8 after every keyframe, or after some of many: the map, and beside it the depth image."""
+    """(H, W, 3) uint8 images after every keyframe, or every n-th one: the map, and beside it the depth image."""
     clouds = list(map(labelled, mapper.observations, mapper.poses))
     everything = np.concatenate([points for points, _ in clouds])[:, :2]
     low, high = everything.min(axis=0) - MARGIN, everything.max(axis=0) + MARGIN
@@ -81,7 +81,7 @@ def pixel(point: NDArray[np.float64], low: NDArray[np.float64], height: int) -> 
 def drawn(
     ground: NDArray[np.uint8], way: list[NDArray[np.int32]], T: NDArray[np.float64], low: NDArray[np.float64]
 ) -> NDArray[np.uint8]:
-    """The map with the robot's way and the robot on it."""
+    """The map with the robot's trajectory and the robot on it."""
     picture = ground.copy()
     cv2.polylines(picture, [np.array(way)], False, WAY, 2, cv2.LINE_AA)
     half = np.array([robot_model().length, robot_model().width]) / 2
@@ -93,7 +93,7 @@ def drawn(
 
 
 def beside(picture: NDArray[np.uint8], depth: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Both, the depth image at the top right."""
+    """The map, with the depth image at its top right."""
     column = np.full((len(picture), depth.shape[1] + 10, 3), BACKGROUND, np.uint8)
     column[10 : 10 + len(depth), :-10] = depth
     return np.hstack([picture, column])

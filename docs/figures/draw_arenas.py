@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def draw_library() -> None:
-    """All of the element library."""
+    """Draw all elements of the library."""
     model = mujoco.MjModel.from_xml_path(str(asset("arenas", "elements.xml")))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -52,7 +52,7 @@ def draw_library() -> None:
 
 
 def overview(name: str, random: RandomArenaConfig | None = None) -> NDArray[np.uint8]:
-    """(H, W, 3) the whole arena, the robot at its start."""
+    """(H, W, 3) image of the whole arena, with the robot at its start."""
     environment = rescue_environment(load_arena(name, random=random), seed=0)
     environment.reset()
     model = environment.physics.model.ptr
@@ -65,7 +65,7 @@ def overview(name: str, random: RandomArenaConfig | None = None) -> NDArray[np.u
 def eye(
     name: str, start: tuple[float, float, float] | None, random: RandomArenaConfig | None = None, fiducials: int = 0
 ) -> NDArray[np.uint8]:
-    """(H, W, 3) what the robot sees from a place."""
+    """(H, W, 3) image of the robot's camera at a start pose."""
     arena = load_arena(name, start, random)
     hang_fiducials(arena, fiducials, seed=0)
     robot = SimulatedRobot(arena, SimulationConfig(), seed=0)
@@ -75,7 +75,7 @@ def eye(
 
 
 def save(name: str, *rows: Sequence[NDArray[np.uint8]]) -> None:
-    """Pictures in rows as one file."""
+    """Save images in rows as one file."""
     sheet = np.vstack([np.hstack(row) for row in rows])
     cv2.imwrite(str(IMAGES / name), sheet[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 85])
 

@@ -1,4 +1,4 @@
-"""Draw docs/images/camera.jpg: what the robot's camera delivers at one place of the NIST arena."""
+"""Draw docs/images/camera.jpg: the images of the robot's camera at one place of the NIST arena."""
 
 from pathlib import Path
 
@@ -12,18 +12,18 @@ from sarsim.sensors.camera import RgbdCamera
 from sarsim.sensors.xtion import Xtion
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-POSITION, YAW = (-1.55, 1.1, 0.0), np.radians(4)  # in the northern lane, before a victim, a ramp and a deck
+POSITION, YAW = (-1.55, 1.1, 0.0), np.radians(4)  # in the northern lane, in front of a victim, a ramp and a deck
 ERROR = 0.04  # m, the end of the error's colour scale
 
 
 def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Near is blue, 3.5 m red, no return black."""
+    """(H, W, 3) BGR of depths (H, W) in m: near is blue, 3.5 m red, no return black."""
     picture = cv2.applyColorMap((depth / 3.5 * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
     return np.where((depth > 0)[..., None], picture, 0).astype(np.uint8)
 
 
 def error_picture(error: NDArray[np.float32], returns: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Too near is blue, too far red, right is grey."""
+    """(H, W, 3) BGR of errors (H, W) in m: too near is blue, too far red, without error grey, no return black."""
     scaled = ((error / ERROR + 1) / 2 * 255).clip(0, 255).astype(np.uint8)
     side = np.abs(scaled.astype(np.float32) - 127.5)[..., None] / 127.5
     red_or_blue = np.where((scaled > 127)[..., None], (40, 40, 230), (230, 90, 40))
@@ -31,7 +31,7 @@ def error_picture(error: NDArray[np.float32], returns: NDArray[np.bool_]) -> NDA
 
 
 def titled(picture: NDArray[np.uint8], title: str) -> NDArray[np.uint8]:
-    """The picture under a line of text."""
+    """The image with a line of text above it."""
     bar = np.full((44, picture.shape[1], 3), 255, np.uint8)
     cv2.putText(bar, title, (8, 31), cv2.FONT_HERSHEY_SIMPLEX, 0.9, (40, 40, 40), 2, cv2.LINE_AA)
     return np.vstack([bar, picture])

@@ -25,7 +25,7 @@ PLACES = [
 
 
 def main() -> None:
-    """Draw the floor from above and aside, and what the robot sees on it."""
+    """Draw the floor from above and from the side, and images of the robot's camera on it."""
     for camera in ("overview", "top"):
         save(f"esogu-{camera}.jpg", cropped(from_above(camera)))
     save("esogu-robot.jpg", robots_eye(PLACES, SimulationConfig()))
@@ -49,7 +49,7 @@ def from_above(camera: str) -> NDArray[np.uint8]:
 
 
 def cropped(picture: NDArray[np.uint8], margin: int = 12) -> NDArray[np.uint8]:
-    """Without the empty space around, which turns white."""
+    """The image cropped to its content, with the empty background in white."""
     drawn = picture.max(axis=2) > 0
     picture = np.where(drawn[..., None], picture, np.uint8(255))
     rows, columns = np.flatnonzero(drawn.any(axis=1)), np.flatnonzero(drawn.any(axis=0))
@@ -57,7 +57,7 @@ def cropped(picture: NDArray[np.uint8], margin: int = 12) -> NDArray[np.uint8]:
 
 
 def robots_eye(places: list[tuple[float, float, float]], config: SimulationConfig) -> NDArray[np.uint8]:
-    """Colours, and under them labels, four places in a row, BGR."""
+    """(H, W, 3) BGR images of the robot's camera, with labels below, four places in a row."""
     robot = SimulatedRobot(load_arena("esogu_52x15"), config, seed=0)
     camera = RgbdCamera(robot.renderer, robot.robot.camera.full_identifier)
     pictures = []

@@ -17,7 +17,7 @@ IMAGE = Path(__file__).parents[1] / "images" / "exploration-worst.jpg"
 
 
 def pictures(file: Path, worst: dict[str, list[str]]) -> NDArray[np.uint8]:
-    """The worst run of every group, one below the other."""
+    """The images of the worst run of every group, one below the other."""
     rows = []
     for names in worst.values():
         picture = cv2.imread(str(file.with_name(f"{file.stem}-{names[0]}.png")))

@@ -1,4 +1,4 @@
-"""Draw docs/images/semantic-labels.jpg: what the robot sees, and labels: true, of the network, after the vote."""
+"""Draw docs/images/semantic-labels.jpg: colour images, and labels: true ones, the network's, and after the vote."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
 from sarsim.settings import WEIGHTS
 
 FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
-"""By arena, which frames of a drive."""
+"""By arena, the indices of the drawn frames of a drive."""
 KEYFRAMES = (2.0, 0.8)  # m and rad
 
 
@@ -24,14 +24,14 @@ def label_picture(seen: TrueFrame, labels: NDArray[np.integer]) -> NDArray[np.ui
 
 
 def column(seen: TrueFrame, networks: list[NetworkClassifier]) -> NDArray[np.uint8]:
-    """Colour, true labels and given ones, one above the other."""
+    """Colour image, true labels and the labels of each network, one above the other."""
     given = [network.classify(seen.frame, seen.points, seen.T_map_camera).argmax(axis=1) for network in networks]
     colour = seen.frame.rgb[..., ::-1]
     return np.vstack([colour, *(label_picture(seen, labels) for labels in (seen.labels, *given))])
 
 
 def main() -> None:
-    """Drive, look, draw."""
+    """Drive, take frames, and draw them."""
     networks = [NetworkClassifier(WEIGHTS, vote=False), NetworkClassifier(WEIGHTS)]
     columns = [
         column(seen, networks)

@@ -11,7 +11,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 IMAGES = Path(__file__).parents[1] / "images"
 PLACES = [(-2.2, 1.2, 0.3), (2.6, 0.5, -1.5)]
-"""x, y in m and yaw in rad in ``nist_6x4``: before the child that lies, before the woman who sits."""
+"""x, y in m and yaw in rad in ``nist_6x4``: in front of the lying child, in front of the sitting woman."""
 CONDITIONS = {
     "normal": SimulationConfig(),
     "dim": SimulationConfig(lighting="dim"),
@@ -22,7 +22,7 @@ CONDITIONS = {
 }
 
 GRAIN = (slice(60, 380), slice(1480, 1800))
-"""Rows and columns of a row of pictures: the woman at full size."""
+"""Rows and columns of a row of images that show the woman at full size."""
 
 
 def main() -> None:
@@ -50,7 +50,7 @@ def row_of(title: str, config: SimulationConfig) -> NDArray[np.uint8]:
 
 
 def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Near is blue, 3.5 m red, no return black."""
+    """(H, W, 3) BGR of depths (H, W) in m: near is blue, 3.5 m red, no return black."""
     picture = cv2.applyColorMap((depth / 3.5 * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
     return np.where((depth > 0)[..., None], picture, 0).astype(np.uint8)
 

@@ -1,4 +1,4 @@
-"""Join pictures of drives, print the table for localisation.md: ``draw_localisation.py FIGURES.json``."""
+"""Join images of drives, and print the table for localisation.md: ``draw_localisation.py FIGURES.json``."""
 
 import json
 import sys

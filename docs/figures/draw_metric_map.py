@@ -21,11 +21,11 @@ FRAMES = (40, 80, 120, 160)
 ELEVATION, AZIMUTH = np.radians(52), np.radians(-75)
 PIXELS_PER_METRE = 112
 SIZE = (800, 560)  # width, height of a panel
-BRIGHTNESS = (0.62, 0.8, 1.0)  # of faces across x, y and z
+BRIGHTNESS = (0.62, 0.8, 1.0)  # of faces whose normals are along x, y and z
 
 
 class PeriodicMaps:
-    """Maps what the robot sees every few seconds of its way, and draws the map now and then."""
+    """Maps a frame every ``PERIOD`` s while the robot drives, and draws the map after each of ``FRAMES``."""
 
     def __init__(self, robot: SimulatedRobot):
         self._robot, self._classifier = robot, TruthClassifier()
@@ -34,7 +34,7 @@ class PeriodicMaps:
         self.panels: list[NDArray[np.uint8]] = []
 
     def step(self, pose: Pose) -> None:
-        """Take a frame if it is time to."""
+        """Take a frame if one is due."""
         if pose.time < self._next or self._frames == FRAMES[-1]:
             return
         self._next = pose.time + PERIOD
@@ -56,7 +56,7 @@ class PeriodicMaps:
 
 
 def draw(metric_map: MetricMap, labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The occupied voxels as cubes in the colours of their (N,) labels, the nearest last."""
+    """The occupied voxels as cubes in the colours of their (N,) labels, drawn from far to near."""
     picture = np.full((SIZE[1], SIZE[0], 3), 255, np.uint8)
     centres, side = metric_map.occupied_centres(), metric_map.voxel_size
     colours = COLOURS[labels][:, ::-1]
@@ -69,7 +69,7 @@ def draw(metric_map: MetricMap, labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def draw_cube(
     picture: NDArray[np.uint8], centre: NDArray, side: float, colour: NDArray[np.uint8], toward: NDArray
 ) -> None:
-    """The three faces of a cube that face the viewer."""
+    """Draw the three faces of a cube that face the viewer."""
     for axis in range(3):
         corners = np.tile(centre + 0.5 * side * toward * np.eye(3)[axis], (4, 1))
         others = [other for other in range(3) if other != axis]
@@ -81,7 +81,7 @@ def draw_cube(
 
 
 def to_pixels(points: NDArray) -> NDArray[np.int32]:
-    """(N, 2) pixels of (N, 3) points, seen from afar."""
+    """(N, 2) pixels of (N, 3) points, in orthographic projection."""
     right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0])
     up = np.array([-np.sin(ELEVATION) * np.cos(AZIMUTH), -np.sin(ELEVATION) * np.sin(AZIMUTH), np.cos(ELEVATION)])
     x, y = (points - [0, 0, 0.3]) @ right, (points - [0, 0, 0.3]) @ up

@@ -1,6 +1,6 @@
 """Draw docs/images/real-*.jpg: real frames of a folder like ../shared/real_rgbd, and the labels of their maps.
 
-``python docs/figures/draw_real_frames.py FOLDER`` also tells the shares of all returns.
+``python docs/figures/draw_real_frames.py FOLDER`` also prints the shares of the labels among all returns.
 """
 
 import sys
@@ -22,18 +22,18 @@ from sarsim.robots.skid_steered import robot_model
 from sarsim.settings import NETWORK
 
 SCALE = 5000
-"""Units a metre of the depth images that are mapped."""
+"""Units per metre of the depth images that are mapped."""
 
 
 def corridor(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
-    """Colour (H, W, 3), depth (H, W), m, and intrinsics of SUN RGB-D's frame, which has the bits of depth turned."""
+    """Colour (H, W, 3), depth (H, W), m, and intrinsics of SUN RGB-D's frame, whose depth has its bits rotated."""
     depth = cv2.imread(str(folder / "SUN_depth.png"), cv2.IMREAD_UNCHANGED)
     turned = ((depth >> 3) | (depth << 13)).astype(np.uint16)
     return cv2.imread(str(folder / "SUN_color.jpg")), turned / 1000, Calibration(570.3, 570.3, 320, 240)
 
 
 def basement(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
-    """The same of NYU Depth v2's, which has disparities."""
+    """Colour (H, W, 3), depth (H, W), m, and intrinsics of NYU Depth v2's frame, which has disparities."""
     raw = (folder / "NYU_depth.pgm").read_bytes()[-2 * 640 * 480 :]
     disparity = np.frombuffer(raw, "<u2").reshape(480, 640).astype(float)
     depth = np.where(disparity < 1092, 351.3 / np.maximum(1092.5 - disparity, 1), 0)
@@ -41,13 +41,13 @@ def basement(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
 
 
 def desk(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
-    """The same of TUM RGB-D's."""
+    """Colour (H, W, 3), depth (H, W), m, and intrinsics of TUM RGB-D's frame."""
     depth = cv2.imread(str(folder / "TUM_depth.png"), cv2.IMREAD_UNCHANGED) / 5000
     return cv2.imread(str(folder / "TUM_color.png")), depth, Calibration(525, 525, 319.5, 239.5)
 
 
 def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDArray[np.uint8]:
-    """(H, W) labels that map_recording.py's map has where each pixel is; unlabelled without depth."""
+    """(H, W) labels of the map of map_recording.py at each pixel's point; unlabelled without depth."""
     with TemporaryDirectory() as name:
         for kind, image in (("rgb", colour), ("depth", np.rint(np.clip(depth, 0, 13) * SCALE).astype(np.uint16))):
             (Path(name) / kind).mkdir()
@@ -63,7 +63,7 @@ def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDAr
 
 
 def main() -> None:
-    """Map each frame, draw it beside its labels, and tell the shares."""
+    """Map each frame, draw it beside its labels, and print the labels' shares."""
     folder, images = Path(sys.argv[1]), Path(__file__).parents[1] / "images"
     for read in (corridor, basement, desk):
         colour, depth, calibration = read(folder)

@@ -1,7 +1,7 @@
 """Draw the pictures of recording.md: ``python docs/figures/draw_recording.py runs/nist_6x4-0/episode.rrd``.
 
-Needs no screen, but Debian's xvfb and mesa-vulkan-drivers; for the browser's picture Playwright, in whatever Python
-runs this, and Debian's chromium.
+Needs no screen, but Debian's xvfb and mesa-vulkan-drivers, and for the browser's image Debian's chromium, and
+Playwright in the Python that runs this script.
 """
 
 import subprocess
@@ -20,13 +20,13 @@ from pipeline.recording.viewer import HOST, Viewer
 IMAGES = Path(__file__).parents[1] / "images"
 SIZE = (1400, 900)
 MAP = (slice(36, 672), slice(0, 1080))
-"""Rows and columns of the window that show the map."""
+"""Rows and columns of the map in the window."""
 
 BROWSER_FLAGS = [
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox"
 ]  # fmt: skip
 LOADING_TIME = 60
-"""s until the picture is taken; a page that the processor draws loads slowly."""
+"""s until the screenshot is taken; the page loads slowly, because it is rendered without a GPU."""
 
 
 def main() -> None:
@@ -45,7 +45,7 @@ def in_window(recording: Path, tab: int) -> NDArray[np.uint8]:
     with tempfile.TemporaryDirectory() as folder:
         layout, picture = Path(folder, "tab.rbl"), Path(folder, "picture.png")
         blueprint(*arena_bounds(recording), tab=tab).save("sarsim", layout)
-        # On so large a screen the pointer, in its middle, is outside the window.
+        # On such a large screen the pointer, in the middle of the screen, is outside the window.
         screen = ["xvfb-run", "-a", "-s", "-screen 0 6000x4000x24"]
         viewer = [sys.executable, "-m", "rerun_cli", recording, layout, "--bind", HOST, "--port", "auto"]
         size = "x".join(map(str, SIZE))

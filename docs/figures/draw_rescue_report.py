@@ -1,6 +1,6 @@
 """Draw the picture of rescue-report.md: ``python docs/figures/draw_rescue_report.py runs/nist_6x4-0/report.html``.
 
-Needs Debian's chromium, but no screen: the page as it is on a screen, and beside it as it is on a phone.
+The image shows the page as on a screen, and beside it as on a phone. Needs Debian's chromium, but no screen.
 """
 
 import subprocess
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 IMAGE = Path(__file__).parents[1] / "images" / "rescue-report.jpg"
 HEIGHT = 1500
-"""Pixels of the picture."""
+"""Pixels of the image."""
 
 
 def main() -> None:
@@ -27,7 +27,7 @@ def main() -> None:
 
 
 def in_browser(page: Path, width: int, height: int) -> NDArray[np.uint8]:
-    """(height, width, 3) uint8 BGR, what a window of so many pixels shows of the page."""
+    """(height, width, 3) uint8 BGR screenshot of the page in a window of this size in pixels."""
     with tempfile.TemporaryDirectory() as folder:
         picture = Path(folder, "picture.png")
         flags = ["--headless", "--no-sandbox", "--hide-scrollbars", f"--user-data-dir={folder}/profile"]

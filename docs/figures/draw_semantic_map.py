@@ -1,4 +1,4 @@
-"""Draw docs/images/semantic-map.jpg: points and segments after a round of frames in the NIST arena, from above."""
+"""Draw docs/images/semantic-map.jpg: points and segments from frames all over the NIST arena, from above."""
 
 from itertools import product
 from pathlib import Path
@@ -29,7 +29,7 @@ def to_pixels(points: NDArray) -> NDArray[np.int32]:
 
 
 def blank() -> NDArray[np.uint8]:
-    """A white picture of the arena's size."""
+    """A white image of the arena's size."""
     return np.full((int(4.2 * PIXELS_PER_METRE), int(6.2 * PIXELS_PER_METRE), 3), 255, np.uint8)
 
 
@@ -44,7 +44,7 @@ def points_picture(semantic_map: SemanticMap) -> NDArray[np.uint8]:
 
 
 def segments_picture(segments: Segments) -> NDArray[np.uint8]:
-    """The outline of every box, and which way its normal points."""
+    """The outline of every box with an arrow along its normal."""
     picture = blank()
     for segment in sorted(segments, key=lambda s: s.box.T_map_box[2, 3]):
         colour = BGR[segment.label].tolist()
@@ -61,7 +61,7 @@ def main() -> None:
     classifier, semantic_map, segments = TruthClassifier(), SemanticMap(), Segments()
     for step, ((x, y), yaw) in enumerate(product(PLACES, YAWS)):
         simulation.robot.set_pose(simulation.physics, (x, y, 0.0), (np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))
-        simulation.drive(Velocity())  # settles, and tells where it stands
+        simulation.drive(Velocity())  # settles, and updates the pose
         frame = simulation.sense()
         T_map_camera = frame.T_odom_base @ frame.T_base_camera
         points = frame.points(T_map_camera)

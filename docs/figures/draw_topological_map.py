@@ -18,14 +18,14 @@ from pipeline.traversability.traversability import Traversability
 from sarsim.arenas.load import load_arena
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-CELL = 8  # pixels a cell
+CELL = 8  # pixels per cell
 MARGIN = 10  # cells around the traversable ground
 UNKNOWN, KNOWN, HAZARD, TRAVERSABLE, RAMP = (255,) * 3, (215,) * 3, (90,) * 3, (248,) * 3, (250, 225, 190)
 TREE, LOOP, PLAN = (40, 40, 40), (0, 140, 255), (60, 160, 30)
 
 
 class Picture:
-    """The ground from above, and what is drawn over it."""
+    """The ground from above, with ways, nodes and edges drawn over it."""
 
     def __init__(self, traversability: Traversability):
         """Paint the ground: unknown, hazards, traversable, ramps."""
@@ -41,18 +41,18 @@ class Picture:
         self.image = np.ascontiguousarray(np.kron(ground, np.ones((CELL, CELL, 1), np.uint8)).swapaxes(0, 1)[::-1])
 
     def line(self, way: NDArray[np.float64], colour: tuple[int, int, int], width: int) -> None:
-        """A way (N, 2 or 3)."""
+        """Draw a way (N, 2 or 3)."""
         cv2.polylines(self.image, [self._pixels(way)], False, colour, width, cv2.LINE_AA)
 
     def nodes(self, topology: TopologicalMap) -> None:
-        """The nodes in the colours of their labels."""
+        """Draw the nodes in the colours of their labels."""
         for node in topology.nodes.values():
             middle = self._pixels(node.position[None])[0].tolist()
             cv2.circle(self.image, middle, 11, (40, 40, 40), -1, cv2.LINE_AA)
             cv2.circle(self.image, middle, 9, COLOURS[node.label][::-1].tolist(), -1, cv2.LINE_AA)
 
     def edges(self, topology: TopologicalMap, graph: nx.Graph) -> None:
-        """The edges of the tree dark, loops in a colour of their own."""
+        """Draw the edges of the tree in dark, and all others in another colour."""
         for a, b in graph.edges:
             self.line(topology.way(a, b), TREE if topology.tree.has_edge(a, b) else LOOP, 3)
 
@@ -74,7 +74,7 @@ def explored() -> tuple[Explorer, Step]:
 
 
 def farthest_plan(topology: TopologicalMap, traversability: Traversability) -> NDArray[np.float64]:
-    """(N, 2) the plan between the two nodes with the longest way between them."""
+    """(N, 2) the plan between the two nodes that are farthest apart on the graph."""
     ways = dict(nx.all_pairs_dijkstra_path_length(topology.graph))
     a, b = max(((a, b) for a in ways for b in ways[a]), key=lambda pair: ways[pair[0]][pair[1]])
     paths = PosePaths(traversability, topology.nodes[a].position)

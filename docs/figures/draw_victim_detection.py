@@ -21,13 +21,13 @@ from sarsim.settings import DETECTOR
 
 IMAGE = Path(__file__).parents[1] / "images" / "victim-detections.jpg"
 SEED, FRAMES, A_ROW, LEAST = 2026, 4, 3, 3000
-"""Of the arenas; frames of each; pictures for each light; pixels that show people in a picture."""
+"""Seed of the arenas; frames of each; images for each lighting; least number of pixels of people in an image."""
 FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
-"""RGB of a box that is a person by its depth, and of one that is none; the person's pixels are tinted."""
+"""RGB of a box that is a person by its depth, and of one that is not; the person's pixels are tinted."""
 
 
 def main() -> None:
-    """Draw what a detector, the shipped one if none is given, finds in each light."""
+    """Draw the detections of a detector, the shipped one if none is given, in each lighting."""
     cfg, weights = (Path(name) for name in sys.argv[1:3] or DETECTOR)
     detector = VictimDetector.load(cfg, weights, confidence=0.5)
     rows = [np.hstack([picture(frame, detector) for frame in frames(light)]) for light in Lighting]
@@ -35,25 +35,25 @@ def main() -> None:
 
 
 def frames(light: Lighting) -> Iterator[Frame]:
-    """The frame of each arena in which people are largest, of the first arenas that show any."""
+    """From each of the first arenas that show people, the frame in which people cover most pixels."""
     arenas, shown = with_lighting(recipe(SEED, FRAMES), light), 0
     for index in count():
         scene, arena = find_scene(arenas, index)
         with World(arena, scene, Renderer, arenas.width, arenas.height) as world:
             poses = world.drive(arenas, arenas.rng(index, "drive")).poses(FRAMES)
-            intrinsics, noise = world.content().intrinsics, arenas.rng(index, "noise")
+            noise = arenas.rng(index, "noise")
             captured = [world.capture(pose, noise) for pose in poses]
         best = max(captured, key=lambda frame: frame.victim_area.sum())
         if best.victim_area.sum() < LEAST:
             continue
-        yield Frame(0.0, best.rgb, best.depth, intrinsics, best.T_base_camera, np.eye(4))
+        yield best.frame
         shown += 1
         if shown == A_ROW:
             return
 
 
 def picture(frame: Frame, detector: VictimDetector) -> NDArray[np.uint8]:
-    """(H, W, 3) the image with what was detected, and whether its depth says that it is a person."""
+    """(H, W, 3) the image with the detections, and whether each is a person by its depth."""
     result = frame.rgb.copy()
     for detection in detector.detect(frame.rgb):
         seen = observe(frame, detection, frame.T_base_camera)
@@ -68,7 +68,7 @@ def picture(frame: Frame, detector: VictimDetector) -> NDArray[np.uint8]:
 
 
 def tint(image: NDArray[np.uint8], frame: Frame, points: NDArray[np.float32]) -> None:
-    """Colour the pixels of (N, 3) points in the base's frame."""
+    """Tint the pixels of (N, 3) points, m in ``base_link``."""
     pixels, inside = frame.intrinsics.project(transform_points(inverse(frame.T_base_camera), points))
     v, u = pixels[inside].T
     image[v, u] = (0.6 * image[v, u] + 0.4 * np.array(FOUND)).astype(np.uint8)

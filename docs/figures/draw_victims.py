@@ -43,9 +43,9 @@ SHEET: list[tuple[Posture, Placement, float]] = [
     ("seated", "open", 165), ("lying", "rubble", 130), ("prone", "rubble", 50), ("side", "rubble", 250),
     ("sitting", "box", 195), ("bust", "box", 190), ("side", "hole", 180), ("sitting", "hole", 185),
 ]  # fmt: skip
-"""Posture, placement, and the direction in which the picture looks, degrees."""
+"""Posture, placement, and the camera's azimuth, degrees."""
 DISTANCE = {"box": 1.7, "hole": 2.7}
-"""m from which the sheet shows some of the placements."""
+"""m, distance of the camera for some of the placements."""
 
 
 def main() -> None:
@@ -65,7 +65,7 @@ def main() -> None:
 
 
 def picture(victim: VictimModel, azimuth: float, distance: float, size: tuple[int, int]) -> NDArray[np.uint8]:
-    """A victim seen from the height and with the lens of the robot's camera, (H, W, 3) RGB."""
+    """(H, W, 3) RGB, a victim from the height of the robot's camera and with its field of view."""
     model = stage(victim)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -78,7 +78,7 @@ def picture(victim: VictimModel, azimuth: float, distance: float, size: tuple[in
 
 
 def stage(victim: VictimModel) -> mujoco.MjModel:
-    """The victim on a floor, with the wall that it may need."""
+    """A model with the victim on a floor, and a wall if the victim needs one."""
     root: Element = fromstring(STAGE)
     if victim.needs_wall:
         wall = {"type": "box", "size": "0.02 2.5 0.6", "pos": "-0.02 0 0.6", "material": "panel"}

@@ -10,10 +10,10 @@ from sarsim.ground_truth.shapes import rotation
 
 
 class RescueArena(composer.Arena):
-    """An arena whose site ``start`` says where the robot is set down."""
+    """An arena whose site ``start`` marks where the robot is set down."""
 
     def _build(self, root: mjcf.RootElement) -> None:
-        """``root``: its MJCF; InputError where the site is missing."""
+        """``root``: its MJCF; InputError if the site is missing."""
         self._mjcf_root = root
         self._start = root.find("site", "start")
         if self._start is None:

@@ -12,19 +12,19 @@ from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 from sarsim.victims.victims import Victim, victims_of
 
 CAMERA_HEIGHT = 0.6  # m above the ground
-NEAR, FAR = 0.8, 3.5  # m that the camera sees
-DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # Lower and upper edge of its picture
-VISIBLE_SHARE = 0.2  # of a victim's parts that the camera must see from one place
+NEAR, FAR = 0.8, 3.5  # m, range of the camera
+DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # Elevation of the lower and upper edge of its image
+VISIBLE_SHARE = 0.2  # of a victim's geoms that the camera must see from one place
 GROUND_LABELS = (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
 SPECK = 0.1  # m²; a smaller piece of ground does not count
-VIEW_SPACING = 4  # cells between the places from which the camera may see victims
+VIEW_SPACING = 4  # cells between the tried positions of the camera
 
 
 def failed_checks(mjcf: str) -> Iterator[str]:
     """The checks that the MJCF of an arena with a site ``start`` fails, in words, each as soon as it is known.
 
-    The start is free; all ground on which a P3-AT can be is one part, joined for driving; a camera at the height of
-    the P3-AT's sees every victim from it.
+    The checks: the start is free; all ground on which a P3-AT can stand is connected by drivable ground; a camera at
+    the height of the P3-AT's camera sees every victim from this ground.
     """
     model = mujoco.MjModel.from_xml_string(mjcf)
     data = mujoco.MjData(model)
@@ -44,7 +44,7 @@ def failed_checks(mjcf: str) -> Iterator[str]:
 
 
 def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
-    """m² of each piece of ground, larger than a speck, but the one in which the robot starts."""
+    """m² of each piece of ground larger than ``SPECK``, except the one in which the robot starts."""
     beside = np.where(ground.pieces == piece, 0, ground.pieces)
     grounds = (apart for label in GROUND_LABELS for apart in survey.grounds(label, SPECK))
     elsewhere = (g.pieces for g in grounds if not np.array_equal(g.height, ground.height, equal_nan=True))
@@ -54,14 +54,14 @@ def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
 
 
 def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(N, 3) m, where the camera may be."""
+    """(N, 3) m, positions of the camera above drivable ground."""
     cells = np.argwhere(drivable)
     cells = cells[(cells % VIEW_SPACING == 0).all(axis=1)]
     return np.column_stack([ground.grid.centre_of(cells), ground.height[tuple(cells.T)] + CAMERA_HEIGHT])
 
 
 def is_visible(model: mujoco.MjModel, data: mujoco.MjData, victim: Victim, places: NDArray[np.float64]) -> bool:
-    """Whether enough of a victim is seen from one of the camera's places (N, 3)."""
+    """Whether enough of a victim is visible from one of the camera's positions (N, 3), m."""
     parts = data.geom_xpos[victim.geoms]
     distance = np.linalg.norm(places - parts.mean(axis=0), axis=1)
     in_range = (distance >= NEAR) & (distance <= FAR)

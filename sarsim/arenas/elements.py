@@ -1,7 +1,7 @@
 """The element library, and the builder that sets its elements down in one plain MJCF document.
 
-All that stands still belongs to the world's body, so hundreds of elements cost the physics nothing; each victim is
-a body ``victim_<id>`` of its own. The document refers to no file and opens in MuJoCo's viewer as it is.
+All static geoms belong to the world's body, so hundreds of elements cost the physics nothing; each victim is a body
+``victim_<id>`` of its own. The document refers to no file and opens in MuJoCo's viewer as it is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ _LIGHTS = (
 
 
 class ElementLibrary:
-    """The pieces of ``assets/arenas/elements.xml``.
+    """The elements of ``assets/arenas/elements.xml``.
 
     Attributes:
         types: names of the elements.
@@ -42,7 +42,7 @@ class ElementLibrary:
         self.types = frozenset(self._bodies)
 
     def header(self) -> list[Element]:
-        """Fresh copies of all but the worldbody: settings, assets, default classes."""
+        """Fresh copies of the settings, assets and default classes: all children except the worldbody."""
         return [deepcopy(child) for child in self._root if child.tag not in ("worldbody", "statistic")]
 
     def geoms(self, kind: str) -> list[Element]:
@@ -50,12 +50,12 @@ class ElementLibrary:
         return self._bodies[kind].findall("geom")
 
     def mount_points(self, kind: str) -> NDArray[np.float64]:
-        """(N, 2) shifts along the element's x and z of what hangs at its mount points, m."""
+        """(N, 2) x and z of the element's mount points in its frame, m."""
         sites = [numbers_of(site, "pos", (0, 0, 0)) for site in self._bodies[kind].iterfind("site")]
         return np.array(sites).reshape(-1, 3)[:, [0, 2]]
 
     def footprint(self, kind: str) -> NDArray[np.float64]:
-        """(4, 2) corners of the rectangle around an element, m."""
+        """(4, 2) corners of the bounding rectangle of an element, seen from above, in its frame, m."""
         model = self._model
         geoms = np.flatnonzero(model.geom_bodyid == model.body(kind).id)
         R = np.array([rotation(model.geom_quat[geom]) for geom in geoms])
@@ -105,11 +105,11 @@ class ArenaBuilder:
         self, name: str, label: str, position: ArrayLike, yaw_deg: float, middle: ArrayLike, half: ArrayLike,
         colour: tuple[float, float, float],
     ) -> None:  # fmt: skip
-        """Add a box of an element that no library has.
+        """Add a box of an element that is not in the library.
 
         Args:
-            name: what its geom's name begins with.
-            label: its class.
+            name: prefix of the geom's name.
+            label: its default class.
             position: (3,) m of the element's origin.
             yaw_deg: degrees that the element is turned to the left.
             middle: (3,) m of the box in the element's frame.
@@ -140,7 +140,7 @@ class ArenaBuilder:
             element.set(key, value if isinstance(value, str) else _text(value))
 
     def drop_covered_panels(self) -> None:
-        """Leave out the wall panels that lie inside others, whose faces coincide."""
+        """Remove the wall panels that lie inside others: their faces coincide."""
         for geom in covered_panels(self._world.findall("geom")):
             self._world.remove(geom)
 
@@ -166,7 +166,7 @@ class ArenaBuilder:
     def add_surroundings(self, low: ArrayLike, high: ArrayLike, ceiling: bool = False) -> None:
         """Add light, cameras and the model's extent for an arena between two corners (x, y).
 
-        Under a ceiling no light casts shadows: the lamps hang below it, everywhere.
+        Under a ceiling no light casts shadows: the light stands for many lamps below the ceiling.
         """
         (x, y), extent = np.add(low, high) / 2, float(np.linalg.norm(np.subtract(high, low))) / 2
         SubElement(self.root, "statistic", center=_text((x, y, 0.3)), extent=_text([extent]))
@@ -174,7 +174,7 @@ class ArenaBuilder:
             attributes = {
                 "name": name,
                 "directional": "true",
-                # From further off, the shadows of a directional light get stripes.
+                # From farther away, the shadows of a directional light get stripes.
                 "pos": _text(np.array([x, y, 0.3]) - extent * np.array(direction)),
                 "dir": _text(direction),
                 "diffuse": _text(diffuse),
@@ -190,18 +190,18 @@ class ArenaBuilder:
 
     @property
     def has_start(self) -> bool:
-        """Whether it is marked where the robot is set down."""
+        """Whether the robot's start is marked."""
         return self._world.find("site[@name='start']") is not None
 
     def set_start(self, position: ArrayLike, yaw: float) -> None:
-        """Mark where the robot is set down, and nowhere else: ``position`` (3,) m, heading ``yaw`` rad."""
+        """Mark the robot's start in place of an earlier one: ``position`` (3,) m, heading ``yaw`` rad."""
         for site in self._world.findall("site[@name='start']"):
             self._world.remove(site)
         pose = {"pos": _text(position), "quat": _text((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
         SubElement(self._world, "site", {"name": "start", "size": "0.02", "rgba": "0 0.6 0 0.5"} | pose)
 
     def to_xml(self) -> str:
-        """The document as text, without the meshes, materials and textures that nothing uses."""
+        """The document as text, without unused meshes, materials and textures."""
         for kind, user in (("mesh", "geom"), ("material", "geom"), ("texture", "material")):
             used = {element.get(kind) for element in self.root.iter(user)}
             for assets in self.root.findall("asset"):
@@ -213,7 +213,7 @@ class ArenaBuilder:
 
 @dataclass(frozen=True, eq=False)
 class _Pose:
-    """Where an element is set down.
+    """The pose of an element in the world.
 
     Attributes:
         position: (3,) m of its origin.
@@ -230,7 +230,7 @@ class _Pose:
         return xy @ np.array([(cos, sin), (-sin, cos)]) + self.position[:2]
 
     def geom(self, geom: Element) -> Element:
-        """A copy of a geom of the element, in the world."""
+        """A copy of a geom of the element, with its pose in the world."""
         x, y, z = numbers_of(geom, "pos", (0, 0, 0))
         position = [*self.points(np.array([[x, y]]))[0], self.position[2] + z]
         quat = np.empty(4)
@@ -250,9 +250,9 @@ def _turn(yaw_deg: float) -> NDArray[np.float64]:
 
 
 def _identity(geom: Element) -> tuple[object, ...]:
-    """The same for two geoms that fill the same space and look alike."""
+    """A key that is equal for two geoms that fill the same space and look alike."""
     w, x, y, z = numbers_of(geom, "quat", (1, 0, 0, 0))
-    # Half a turn about z brings an upright box back to where it was, but not a mesh.
+    # An upright box that is turned by 180° about z fills the same space; a mesh does not.
     is_box = geom.get("mesh") is None and x == y == 0
     yaw = round(np.degrees(2 * np.arctan2(z, w)), 2) % (180 if is_box else 360)
     position = np.round(numbers_of(geom, "pos", (0, 0, 0)), 4) + 0.0
@@ -261,5 +261,5 @@ def _identity(geom: Element) -> tuple[object, ...]:
 
 
 def _text(values: ArrayLike) -> str:
-    """MJCF's list of numbers, to 1 µm; so last bits that differ between machines do not show."""
+    """Numbers as MJCF text, to 1 µm, so that rounding errors that differ between machines do not show."""
     return " ".join(f"{round(float(v), 6) + 0.0:.6f}".rstrip("0").rstrip(".") for v in np.ravel(values))

@@ -1,4 +1,4 @@
-"""AprilTags on the walls of an arena, by which the map is measured as at RoboCup Rescue."""
+"""AprilTags on the walls of an arena, with which maps are scored as at RoboCup Rescue."""
 
 from collections.abc import Iterator
 
@@ -18,25 +18,25 @@ from sarsim.sensors.camera import geom_labels
 FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 SIDE = 0.16  # m of the black square, 8 modules
 MODULES = 8
-MOST = 50  # Tags in an arena
+MOST = 50  # Largest number of tags in an arena
 THICK = 0.001  # m; a camera does not see the step
-HEIGHT = 0.5  # m of a tag's middle above the ground before it; the camera is at 0.6 m
-STAND = 0.8  # m before a tag, from where it is seen: in a lane of 1.2 m the robot can drive there
-MAX_STEP = 0.05  # m by which the ground there may lie higher or lower than where the wall was found from
-SPACING = 0.5  # m between tags at least
+HEIGHT = 0.5  # m of a tag's centre above the ground in front of it; the camera is at 0.6 m
+STAND = 0.8  # m in front of a tag, where the robot must be able to stand; a lane of 1.2 m is wide enough
+MAX_STEP = 0.05  # m, largest height difference between the ground there and the ground from which the wall was found
+SPACING = 0.5  # m, least distance between tags
 PLACES, DIRECTIONS = 2000, 8
-"""Drivable places at most from which walls are looked for, and directions from each."""
-REACH = 2.5  # m that they may be away
-_SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # groups of geoms
+"""Largest number of drivable places from which walls are searched for, and number of directions from each."""
+REACH = 2.5  # m, largest distance of these walls
+_SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # the visible groups of geoms
 
 
 def hang_fiducials(arena: RescueArena, number: int, seed: int) -> NDArray[np.float64]:
-    """Hang tags 0 to ``number`` - 1 on walls, each as far from the others as can be, before drivable ground.
+    """Hang tags 0 to ``number`` - 1 on walls in front of drivable ground, each as far from the others as possible.
 
-    A tag is a part of the wall to look at, and nothing to touch.
+    A tag is labelled as wall, and collides with nothing.
 
     Returns:
-        (number, 4, 4) poses T_world_tag: the origin its middle, x right and y up as one looks at it, z at the viewer.
+        (number, 4, 4) poses T_world_tag: origin at its centre, x right and y up for a viewer, z towards the viewer.
 
     Raises:
         InputError: a number below 0 or above ``MOST``, or the walls have no room for so many.
@@ -52,7 +52,7 @@ def hang_fiducials(arena: RescueArena, number: int, seed: int) -> NDArray[np.flo
 
 
 def picture(tag: int, module: int = 16) -> NDArray[np.uint8]:
-    """(H, H) uint8 a tag and a white module around it; ``module`` pixels each."""
+    """(H, H) uint8 image of a tag with a white margin of one module; a module has ``module`` pixels."""
     black = cv2.aruco.generateImageMarker(FAMILY, tag, MODULES * module)
     return np.pad(black, module, constant_values=255)
 
@@ -71,7 +71,7 @@ def _hang(root: mjcf.RootElement, tag: int, T: NDArray[np.float64]) -> None:
 
 
 def _poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
-    """At most ``number`` places for tags: the first by chance, each next one the farthest from those before."""
+    """At most ``number`` poses of tags: the first at random, each next one the farthest from those before."""
     root = arena.mjcf_model
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
     walls = _Walls(model, arena.T_world_start[:3, 3])
@@ -88,12 +88,12 @@ def _poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterato
 
 
 def _along(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) to the right as one looks at a wall with a horizontal normal."""
+    """(3,) direction to the right for a viewer who faces a wall with this horizontal normal (3,)."""
     return np.array([-normal[1], normal[0], 0.0])
 
 
 class _Walls:
-    """An arena's upright walls as the robot sees them from where it can drive."""
+    """An arena's upright walls as seen from drivable ground."""
 
     def __init__(self, model: mujoco.MjModel, start: NDArray[np.float64]) -> None:
         self._model, self._data = model, mujoco.MjData(model)
@@ -102,7 +102,7 @@ class _Walls:
         self._surface: TrueSurface = Survey(model, self._data).surface_from(start)
 
     def hits(self, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(N, 3) points on walls at the height of tags, m, and their normals (N, 3), in an order by chance."""
+        """(N, 3) points on walls at the height of tags, m, and their normals (N, 3), in random order."""
         surface = self._surface
         cells = rng.permutation(np.argwhere(surface.drivable))[:PLACES]
         eyes = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)] + HEIGHT])
@@ -112,7 +112,7 @@ class _Walls:
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
     def _cast(self, eye: NDArray[np.float64], rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Where rays (N, 3) of length 1 from a place (3,) meet a wall that is upright, and its normal there."""
+        """Points where rays (N, 3) of length 1 from a point (3,) hit upright walls, and the normals there."""
         count = len(rays)
         geom, distance, normal = np.full(count, -1, np.int32), np.full(count, -1.0), np.zeros((count, 3))
         flat = normal.ravel()
@@ -123,7 +123,7 @@ class _Walls:
         return eye + rays[met] * distance[met, None], normal[met]
 
     def has_room(self, point: NDArray[np.float64], normal: NDArray[np.float64]) -> bool:
-        """Whether the wall is bare where a tag would be, nothing stands before it, and the robot can be there."""
+        """Whether the wall behind a tag would be flat, nothing occludes the tag, and the robot can stand there."""
         eye, surface = point + STAND * normal, self._surface
         step = surface.grid.at(surface.height, eye) + HEIGHT - eye[2]
         if not (surface.grid.at(surface.drivable, eye) and abs(step) < MAX_STEP):
@@ -134,7 +134,7 @@ class _Walls:
         return all(self._meets(start, -normal) for start in starts)
 
     def _meets(self, start: NDArray[np.float64], ray: NDArray[np.float64]) -> bool:
-        """Whether a wall stands ``STAND`` m from a place, square to the ray."""
+        """Whether a ray from a point hits a wall perpendicularly at a distance of ``STAND`` m."""
         geom, normal = np.full(1, -1, np.int32), np.zeros(3)
         distance = mujoco.mj_ray(self._model, self._data, start, ray, _SEEN, 1, -1, geom, normal)
         is_square = abs(distance - STAND) < THICK and normal @ ray < -0.9999

@@ -1,4 +1,4 @@
-"""The plan of a random arena on tiles: walls, heights and what stands where. Whole numbers only."""
+"""The plan of a random arena on tiles: walls, ground and elements, all in whole numbers."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -8,11 +8,11 @@ from typing import Literal
 Tile = tuple[int, int]  # Column and row
 Side = int  # 0 to 3: east, north, west, south, the directions +x, +y, -x, -y
 Edge = tuple[Tile, Side]
-"""Between a tile and its neighbour; of the two names of an edge the one with side east or north."""
+"""The edge between a tile and its neighbour; of its two names the one with side east or north."""
 
 STEP: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 SIDES: tuple[Side, ...] = (0, 1, 2, 3)
-YAW = (270, 0, 90, 180)  # Degrees that turn an element's +y, where its wall stands, to each side
+YAW = (270, 0, 90, 180)  # Degrees by which an element's +y, where its wall stands, is turned to each side
 
 
 def opposite(side: Side) -> Side:
@@ -28,10 +28,10 @@ def shift(front: Side, ahead: int, aside: int) -> Tile:
 
 @dataclass(frozen=True)
 class Ground:
-    """What a tile's ground is.
+    """The ground of a tile.
 
     Attributes:
-        kind: floor, a deck, a ramp, a ridge (up and down again), or something that the robot cannot drive on.
+        kind: floor, a deck, a ramp, a ridge (up and down again), or blocked for the robot.
         level: cm of a deck, of a ramp's upper end, or of a ridge.
         uphill: of a ramp; of a ridge one of the two sides over which the robot drives.
     """
@@ -71,13 +71,13 @@ class Item:
 
 
 class Layout:
-    """A grid of tiles, with walls between some of them and around all.
+    """A grid of tiles, with walls between some tiles and around the arena.
 
     Attributes:
         columns, rows: number of tiles along x and y.
         walls: edges inside the arena that have a wall.
         reserved: tiles that must stay as they are.
-        start: where the robot is set down; None until that is chosen.
+        start: where the robot is set down; None until it is chosen.
     """
 
     def __init__(self, columns: int, rows: int):
@@ -110,11 +110,11 @@ class Layout:
         return self.neighbour(tile, side) is None or self.edge(tile, side) in self.walls
 
     def ground(self, tile: Tile) -> Ground:
-        """What a tile's ground is."""
+        """The ground of a tile."""
         return self._ground.get(tile, FLOOR)
 
     def is_free(self, tile: Tile) -> bool:
-        """Whether the tile is floor that nothing needs."""
+        """Whether the tile is floor and not reserved."""
         return self.ground(tile) == FLOOR and tile not in self.reserved
 
     def passable(self, tile: Tile, side: Side) -> bool:
@@ -135,12 +135,12 @@ class Layout:
         return not open_tiles or self._reach(min(open_tiles), self.passable) == open_tiles
 
     def is_explorable(self) -> bool:
-        """Whether a robot that drives over no ground that it has not seen gets to all tiles but fields of ridges."""
+        """Whether a robot that drives only over ground it has seen reaches all tiles but ridges and blocked ones."""
         seen = set() if self.start is None else self._reach(self.start, self._in_sight)
         return all(t in seen for t in self.tiles() if self.ground(t).kind not in ("ridge", "blocked"))
 
     def _in_sight(self, tile: Tile, side: Side) -> bool:
-        """Whether the robot can drive over this side and sees the ground there before.
+        """Whether the robot can drive over this side and sees the ground behind it in advance.
 
         Its camera sees nothing nearer than 0.8 m, so before a ramp it needs two tiles in a line, one to see from
         and one to see; and the far slope of the last of several ridges is hidden.
@@ -168,14 +168,14 @@ class Layout:
         return tile[0] + STEP[side][0], tile[1] + STEP[side][1]
 
     def run(self, tile: Tile, side: Side, length: int) -> list[Tile]:
-        """So many tiles from one on in a direction, fewer at the arena's end."""
+        """``length`` tiles in a row from ``tile`` towards ``side``; fewer at the arena's border."""
         tiles = [tile]
         while len(tiles) < length and (after := self.neighbour(tiles[-1], side)) is not None:
             tiles.append(after)
         return tiles
 
     def lay(self, grounds: Iterable[tuple[Tile, Ground]], opened: Iterable[Edge] = ()) -> bool:
-        """Change the ground of tiles and open walls, unless that keeps the robot from a tile; whether it was done."""
+        """Change ground and remove walls, unless the robot then misses a tile; returns whether it was done."""
         before = (dict(self._ground), set(self.walls))
         self._ground.update(grounds)
         self.walls.difference_update(opened)
@@ -185,9 +185,9 @@ class Layout:
         return False
 
     def block(self, tiles: list[Tile]) -> bool:
-        """Take free tiles from the robot, if all others stay connected and the robot can still see them.
+        """Block free tiles if they can be seen from open floor and the robot can still explore all others.
 
-        Walls between them go.
+        Walls between the blocked tiles are removed. Returns whether it was done.
         """
         if not all(self.is_free(t) for t in tiles) or not self.views(tiles):
             return False
@@ -195,7 +195,7 @@ class Layout:
         return self.lay([(t, BLOCKED) for t in tiles], between)
 
     def views(self, tiles: list[Tile]) -> list[Edge]:
-        """Sides of tiles, as (tile, side), over which the robot can see them from open floor."""
+        """Sides of tiles, as (tile, side), through which the tiles can be seen from open floor."""
         return [
             (tile, side)
             for tile in tiles

@@ -1,4 +1,4 @@
-"""From the name of an arena to the arena."""
+"""Loads an arena by its name."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,8 +29,8 @@ def load_arena(name: str, start: StartPose | None = None, random: RandomArenaCon
 
     Args:
         name: a built-in arena, ``random:SEED``, or the path of a ``.raf`` or an MJCF file.
-        start: where to set the robot down; if not given, where the arena says or the best place that it has.
-        random: what a random arena is like.
+        start: where to set the robot down; if not given, the arena's own start, or else the best place in it.
+        random: settings of a random arena.
 
     Raises:
         InputError: no such arena, the file is missing or broken, or the robot cannot stand at the start.
@@ -68,7 +68,7 @@ def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
 
 
 def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:
-    """The arena that is built, with the start wished for, its own, or the best one."""
+    """The arena of a builder, with the wanted start, its own start, or the best one."""
     if wish is not None or not builder.has_start:
         world = _at_rest(mujoco.MjModel.from_xml_string(builder.to_xml()))
         with _naming(name):
@@ -79,7 +79,7 @@ def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> R
 
 @contextmanager
 def _naming(name: str) -> Iterator[None]:
-    """Say of which arena an error speaks."""
+    """Put the arena's name before the message of an InputError."""
     try:
         yield
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Wall panels that stand in one another: neighbouring tiles of a file may both have the wall between them."""
+"""Wall panels that lie inside others: neighbouring tiles of a file may both have the wall between them."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -7,13 +7,13 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-SLACK = 1e-4  # m that a panel may reach out of the one that it is counted to lie in
+SLACK = 1e-4  # m by which a panel may protrude from another and still counts as inside it
 
 
 def covered_panels(geoms: list[Element]) -> list[Element]:
-    """The wall panels that lie inside another one; left out, they change nothing but that faces do not coincide.
+    """The wall panels that lie inside another one; without them no faces coincide, and nothing else changes.
 
-    ``geoms``: all that stand still, in the world's frame; boxes of class ``wall`` are its panels.
+    ``geoms``: all static geoms, in the world's frame; boxes of class ``wall`` are the panels.
     """
     planes: dict[tuple[float, ...], list[tuple[Element, NDArray[np.float64]]]] = defaultdict(list)
     for geom in geoms:
@@ -24,10 +24,10 @@ def covered_panels(geoms: list[Element]) -> list[Element]:
 
 
 def _panel(geom: Element) -> tuple[tuple[float, ...], NDArray[np.float64]]:
-    """The plane of a panel, and how far it reaches in it: (4,) m back, forth, down and up."""
+    """The plane of a panel, and its extent in the plane: (4,) m backwards, forwards, down and up."""
     (x, y, z), (along, thick, up) = numbers_of(geom, "pos"), numbers_of(geom, "size")
     w, *_, sin = numbers_of(geom, "quat")
-    # Half a turn brings a panel back to where it was.
+    # A panel that is turned by 180° fills the same space.
     yaw = round(float(np.degrees(2 * np.arctan2(sin, w))), 2) % 180
     c, s = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
     middle = c * x + s * y
@@ -36,7 +36,7 @@ def _panel(geom: Element) -> tuple[tuple[float, ...], NDArray[np.float64]]:
 
 
 def _covered(panels: list[tuple[Element, NDArray[np.float64]]]) -> list[Element]:
-    """Of the panels in a plane those inside a larger one."""
+    """The panels in a plane that lie inside a larger one."""
     panels = sorted(panels, key=lambda panel: -float(panel[1].sum()))
     outlines = np.array([outline for _, outline in panels])
     inside = [(outlines[:n] >= outline - SLACK).all(axis=1).any() for n, outline in enumerate(outlines)]

@@ -1,8 +1,8 @@
 """Rescue arenas from ``.raf`` files, the XML format of the hector_nist_arena_designer.
 
-A file lists elements: a type, a tile, a rotation (clockwise, in degrees), and what else its type may have. Tiles are
-1.2 m; offsets are in tiles along the world's axes. What hangs on a wall (``victim_*``, ``start_check*``, ``hazmat*``)
-is shifted by the mount point of the wall that shares its tile and rotation.
+A file lists elements: a type, a tile, a rotation (clockwise, in degrees), and further attributes of some types. Tiles
+are 1.2 m; offsets are in tiles along the world's axes. An element that hangs on a wall (``victim_*``,
+``start_check*``, ``hazmat*``) is shifted by the mount point of the wall with the same tile and rotation.
 """
 
 import logging
@@ -26,7 +26,7 @@ MAX_BYTES = 2_000_000
 MAX_ELEMENTS = 1500
 MAX_TILES = 60  # along x or y; 72 m
 MAX_GEOMS = 15_000
-MAX_NAMED = 20  # unknown types in a message
+MAX_NAMED = 20  # types that a message names
 FLOOR_MARGIN = 0.5  # m that the floor reaches past the outermost tiles
 
 TYPES = frozenset(
@@ -46,7 +46,7 @@ FAMILIES = {
     "hazmat": "hazmat",
     "start_check": "start_check",
 }
-"""Types that begin so are of one shape, that of an element of the library."""
+"""Prefixes of types, and for each the element of the library that gives these types their shape."""
 _HANGING = ("victim_", "start_check", "hazmat")
 
 _log = logging.getLogger(__name__)
@@ -54,14 +54,14 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class RafElement:
-    """One line of a file.
+    """One element of a file.
 
     Attributes:
         type: as written.
         x, y: tile, offset included.
         rotation: degrees, clockwise.
         mount_point: index into the mount points of its wall.
-        tile: the tile and rotation as written, by which it finds its wall.
+        tile: the tile and rotation as written, which identify its wall.
     """
 
     type: str
@@ -102,7 +102,7 @@ def build_raf(path: Path) -> ArenaBuilder:
     """The arena of a file, still without a start. Elements of unknown type are left out, with a warning.
 
     Raises:
-        InputError: the file is no good, or holds no element of a known type.
+        InputError: the file is invalid, or has no element of a known type.
     """
     elements = read_raf(path)
     unknown = sorted({e.type for e in elements if e.kind is None})
@@ -126,14 +126,14 @@ def build_raf(path: Path) -> ArenaBuilder:
 
 
 def _listed(types: list[str]) -> str:
-    """Names in one line, of no more than ``MAX_NAMED`` types."""
+    """Names of at most ``MAX_NAMED`` types in one line."""
     names = [" ".join(t[:40].split()) for t in types[:MAX_NAMED]]
     more = len(types) - len(names)
     return ", ".join(names) + (f" and {more} more" if more else "")
 
 
 def _element(where: str, line: "Element") -> RafElement:
-    """Understand an ``<element>``; ``where`` it stands is named in errors."""
+    """Parse an ``<element>``; errors say ``where`` it is."""
     x, y, rotation = (_number(where, line, name) for name in ("x", "y", "rotation"))
     mount_point = _number(where, line, "mount-point", "0")
     if mount_point != int(mount_point) or mount_point < 0:
@@ -184,7 +184,7 @@ def _check_geoms(path: Path, elements: list[RafElement]) -> None:
 
 
 def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray[np.float64]]]:
-    """Every element and its origin in m; of elements that repeat, the first one."""
+    """Every element and its origin in m; repeated elements only once."""
     library = element_library()
     walls: dict[tuple[float, float, float], NDArray[np.float64]] = {}
     for element in elements:
@@ -197,7 +197,7 @@ def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray
 
 
 def _shift(element: RafElement, mounts: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """(3,) m by which an element's wall shifts it."""
+    """(3,) m from an element's tile to the mount point of its wall; 0 for elements that do not hang."""
     if mounts is None or not element.type.startswith(_HANGING) or element.mount_point >= len(mounts):
         return np.zeros(3)
     along, up = mounts[element.mount_point]

@@ -1,8 +1,8 @@
 """Random rescue arenas of NIST-like tiles: the same seed gives the same arena on any machine.
 
 The plan is made of whole numbers (:mod:`sarsim.arenas.layout`), so that by construction the start is free, the robot
-can drive to every open tile, and each victim lies next to one. The finished arena is checked on its true geometry
-all the same; one that fails is drawn again from the next numbers.
+can drive to every open tile, and each victim lies next to one. The true geometry of the finished arena is checked as
+well; an arena that fails is drawn again from the next random numbers.
 """
 
 import numpy as np
@@ -27,14 +27,14 @@ _BOUNDS = {"columns": (3, 20), "rows": (3, 20), "victims": (0, 100), "difficulty
 _BOUNDS |= dict.fromkeys(SHARES, (0, 1))  # lowest and highest value of each setting
 
 _Plan = tuple[list[Item], list[Piece], list[PlacedVictim], Tile, Side]
-"""What stands where, and the tile where the robot starts and the side that it faces."""
+"""Elements, furniture and victims, the tile where the robot starts, and the side that it faces."""
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
     """The arena of a seed, start included.
 
     Raises:
-        InputError: the configuration is out of bounds, or too much was to fit into too few tiles.
+        InputError: the configuration is out of bounds, or asks for more than fits into the tiles.
     """
     config = config or RandomArenaConfig()
     _check(seed, config)
@@ -92,7 +92,7 @@ def _draw(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Pl
 
 
 def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
-    """Set everything down; the middle of the arena is the origin."""
+    """Build the arena of a plan; its centre is the origin."""
     items, pieces, victims, tile, side = plan
     builder = ArenaBuilder(name)
     corner = -np.array([config.columns, config.rows]) * TILE / 2

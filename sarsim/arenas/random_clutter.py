@@ -1,4 +1,4 @@
-"""Draws what stands in the way in a random arena."""
+"""Draws the obstacles and the clutter of a random arena."""
 
 from sarsim.arenas.layout import SIDES, YAW, Item, Layout, Side, Tile, opposite, shift
 from sarsim.arenas.random_draws import RandomDraws
@@ -10,13 +10,13 @@ OBSTACLES: dict[int, tuple[str, ...]] = {
     2: (*DIAGONALS, "barrel", "elevated_ramps", "elevated_ramps"),
     3: (*DIAGONALS, "barrel", "elevated_ramps", "stepfield_red_diagonal", "stepfield_red_diagonal"),
 }
-"""What may take a tile, by difficulty; the last one comes first."""
+"""Elements that may take a whole tile, by difficulty; one that is listed twice is drawn more often."""
 BESIDE_WALLS = (("wooden_block", 53), ("pvc_pipe", 56))
-"""What lies along walls, and how far from the tile's middle, cm: a metre of the lane stays free."""
+"""Elements that lie along walls, and their distance from the tile's centre, cm: a metre of the lane stays free."""
 
 
 def place_obstacles(layout: Layout, draws: RandomDraws, share: float, difficulty: int) -> list[Item]:
-    """Things that take a whole tile each, until they have their share or no more tile can be spared."""
+    """Obstacles that take a whole tile each, until they have their share or no further tile can be blocked."""
     wanted = round(share * len(layout.tiles()))
     items: list[Item] = []
     for tile in draws.shuffled(layout.tiles()):

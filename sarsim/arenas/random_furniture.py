@@ -1,4 +1,4 @@
-"""Draws furniture and rescue elements that the robot cannot drive over: things that are easily taken for others."""
+"""Draws furniture and rescue elements that the robot cannot drive over, and that are easily confused with others."""
 
 from sarsim.arenas.layout import YAW, Item, Layout, Side, Tile, opposite, shift
 from sarsim.arenas.random_draws import RandomDraws
@@ -8,28 +8,28 @@ AGAINST_WALL = (
     ("crate", 29), ("column", 39), ("motor", 8), ("gas_bottles", 34), ("pipes", 4), ("sacks", 2), ("sacks", 2),
     ("simple_elev_ramp", 0), ("simple_elev_ramp", 0), ("stairs_120", 0), ("manip_storage", 0),
 )  # fmt: skip
-"""What stands with its back to a side of its tile, and how far along it it may stand, cm."""
+"""Elements that stand with their back to a side of their tile, and their largest shift along this side, cm."""
 FREESTANDING = ("raised_floor", "raised_floor", "raised_floor", "elevated_ramps", "crate_stack", "work_table")
-"""What fills the middle of its tile."""
+"""Elements for the centre of a tile."""
 RAMPS = (("half_ramp", 0), ("half_ramp", 0), ("half_ramp_shifted", 2), ("full_ramp", 2), ("full_ramp", 2))
-"""Ramps that lead nowhere, and by how many quarters they are turned so that they rise away from the robot."""
+"""Ramps that lead nowhere, and the number of quarter turns after which they rise away from the robot."""
 BULKY = (
     *("raised_floor_120",) * 4, *("simple_elev_ramp",) * 3, "wardrobe", "wardrobe", "cupboards", "machine",
     "cabinet_tall",
 )  # fmt: skip
-"""What hides much behind it. The first leaves room to drive under it, and its neighbours may be such, too."""
-SPREAD = 0.5  # Share of the neighbours of a raised floor that are
-CHAIRS = ("chair", "office_chair", "lab_chair")  # What stands at desks
+"""Elements that occlude much. The robot can drive under the first one, which may extend to neighbouring tiles."""
+SPREAD = 0.5  # Share of a raised floor's free neighbours that become raised floors as well
+CHAIRS = ("chair", "office_chair", "lab_chair")  # Chairs at desks
 SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
-"""What may stand before something else, at any angle."""
-ACCOMPANIED = 0.4  # Share of the tiles where one does
+"""Elements that may stand in front of another one, at any angle."""
+ACCOMPANIED = 0.4  # Share of the tiles with such a small element
 ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
-"""What hangs on walls."""
-OTHER_WALLS = ("partition", "partition", "veil_wall")  # Inner walls that are no panels
+"""Elements that hang on walls."""
+OTHER_WALLS = ("partition", "partition", "veil_wall")  # Inner walls other than panels
 
 
 def place_furniture(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
-    """Things that take a whole tile each, until they have their share or no more tile can be spared."""
+    """Furniture that blocks a whole tile, until it has its share or no further tile can be blocked."""
     wanted = round(share * len(layout.tiles()))
     items: list[Item] = []
     blocked = 0
@@ -59,13 +59,13 @@ def place_bulky(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
 
 
 def _under_a_floor(layout: Layout, draws: RandomDraws, tile: Tile) -> list[Tile]:
-    """A tile and some of those to which the robot can drive from there on level floor."""
+    """A tile and some of its free neighbours to which the robot can drive from there."""
     beside = [layout.next(tile, side) for side in layout.exits(tile)]
     return [tile, *(t for t in beside if layout.is_free(t) and draws.chance(SPREAD))]
 
 
 def hang_on_walls(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
-    """Barrels, boxes and signs on the one wall of a share of the tiles; two walls would leave too narrow a lane."""
+    """Barrels, boxes and signs on tiles with exactly one wall; between two walls the lane would be too narrow."""
     places = [(t, layout.walls_of(t)) for t in layout.tiles() if layout.is_free(t)]
     single = [(tile, walls[0]) for tile, walls in places if len(walls) == 1]
     wanted = round(share * len(layout.tiles()))
@@ -73,7 +73,7 @@ def hang_on_walls(layout: Layout, draws: RandomDraws, share: float) -> list[Item
 
 
 def _furnish(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
-    """Fill a tile that the robot sees over its side ``front``."""
+    """Fill a tile that the robot sees through its side ``front``."""
     back = opposite(front)
     draw = draws.pick(("middle", "middle", "ramp", *("back",) * 5, *("work",) * 3))
     if draw == "work":
@@ -93,7 +93,7 @@ def _furnish(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
 
 
 def _work_place(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
-    """A desk with one or two chairs, pushed under it or left before it."""
+    """A desk with one or two chairs under it or in front of it."""
     sides = (-1, 1) if draws.chance(0.5) else (draws.pick((-1, 1)),)
     places = [shift(front, draws.number(0, 20), side * draws.number(20, 28)) for side in sides]
     chairs = [Item(tile, draws.pick(CHAIRS), draws.number(0, 359), place) for place in places]

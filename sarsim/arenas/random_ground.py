@@ -7,15 +7,15 @@ from sarsim.arenas.random_draws import RandomDraws
 
 LEVELS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 stands for 25.5
 RIDGE = 17
-FENCED = 0.5  # Share of the sides over which the robot would fall to the floor that get a wall
-HOLED = 0.15  # Share of the inner walls with holes, where there are any
+FENCED = 0.5  # Share of the sides with a drop to the floor that get a wall
+HOLED = 0.15  # Share of the inner walls with holes, if the arena has any
 TALL = 0.25  # Share of the other walls that are twice as high
-OTHER = 0.25  # Share of the inner walls that are no panels, where there are any
-MAX_WAY = 4  # tiles; a longer open way before the start makes it no better
+OTHER = 0.25  # Share of the inner walls that are no panels, if the arena has any
+MAX_WAY = 4  # tiles; a longer open way ahead makes no start better
 
 
 def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
-    """A perfect maze by depth-first search, of whose walls only a share is left standing."""
+    """Make a perfect maze by depth-first search, and keep only a share of its inner walls."""
     layout.walls.update(layout.inner_edges())
     path = [draws.pick(layout.tiles())]
     seen = set(path)
@@ -34,9 +34,9 @@ def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
 
 
 def lay_ramps(layout: Layout, draws: RandomDraws, share: float, fields: bool) -> None:
-    """Lay runs of ramps and decks until they have their share of the tiles, or nothing fits any more.
+    """Lay runs of ramps and decks until they have their share of the tiles or nothing fits any more.
 
-    ``fields``: also continuous ones, ridge after ridge, and one of these first.
+    ``fields``: also lay fields of several ridges in a row, and one of these first.
     """
     tries, left = 10 * len(layout.tiles()), round(share * len(layout.tiles()))
     for _ in range(tries if fields else 0):
@@ -51,7 +51,7 @@ def lay_ramps(layout: Layout, draws: RandomDraws, share: float, fields: bool) ->
 
 
 def _lay_run(layout: Layout, draws: RandomDraws, kind: str, most: int) -> int:
-    """Try to lay one run straight on from some floor tile in some direction; how many tiles it took."""
+    """Try to lay one run from a random tile in a random direction; returns the number of tiles that it took."""
     first, side = draws.pick(layout.tiles()), draws.pick(SIDES)
     grounds, beyond = _draw_run(draws, kind, side), 0 if kind == "up" else 1
     tiles = layout.run(first, side, 1 + len(grounds) + beyond)
@@ -68,7 +68,7 @@ def _lay_run(layout: Layout, draws: RandomDraws, kind: str, most: int) -> int:
 
 
 def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[Ground]:
-    """Grounds in a direction: a ridge, several, over a deck, or up to a deck."""
+    """The grounds of a run: a ridge, several ridges, ramps and a deck between, or a ramp up to a deck."""
     level = draws.pick(LEVELS)
     up, down = Ground("ramp", level, side), Ground("ramp", level, opposite(side))
     decks = [Ground("deck", level)] * draws.number(1, 2)
@@ -77,7 +77,7 @@ def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[Ground]:
 
 
 def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
-    """Put walls on sides over which the robot would fall: between ramps and decks always, to the floor on some."""
+    """Put walls on sides with a drop: on all between ramps and decks, on some of those to the floor."""
     for tile in tiles:
         for side in SIDES:
             falls = not layout.has_wall(tile, side) and not layout.passable(tile, side)
@@ -86,7 +86,7 @@ def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
 
 
 def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
-    """A floor tile and a heading with as long an open way ahead as there is; its first tiles are kept free."""
+    """The floor tile and side with the longest open way ahead; the first tiles of this way are reserved."""
     places = [(t, s) for t in layout.tiles() if layout.ground(t) == FLOOR for s in SIDES]
     tile, side = max(draws.shuffled(places), key=lambda place: len(_way(layout, *place)))
     layout.start = tile
@@ -95,7 +95,7 @@ def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
 
 
 def _way(layout: Layout, tile: Tile, side: Side) -> list[Tile]:
-    """Tiles of floor in a row."""
+    """Tiles of open floor in a row from a tile towards a side, at most ``MAX_WAY``."""
     way = [tile]
     while len(way) < MAX_WAY and layout.passable(way[-1], side):
         after = layout.next(way[-1], side)
@@ -106,7 +106,7 @@ def _way(layout: Layout, tile: Tile, side: Side) -> list[Tile]:
 
 
 def ground_items(layout: Layout) -> list[Item]:
-    """Ramps and decks."""
+    """The elements of ramps, ridges and decks."""
     items = []
     for tile in layout.tiles():
         ground = layout.ground(tile)
@@ -115,7 +115,7 @@ def ground_items(layout: Layout) -> list[Item]:
         elif ground.kind == "ramp":
             items.append(Item(tile, f"ramp_{ground.level}", YAW[opposite(ground.uphill)]))
         elif ground.kind == "ridge":
-            # Two ramps, whose upper ends are drawn back from the tile's sides to its middle.
+            # Two ramps, whose upper ends are moved from the tile's sides to its centre.
             ends = (opposite(ground.uphill), ground.uphill)
             items += [Item(tile, f"ramp_{RIDGE}", YAW[end], shift(end, 60, 0)) for end in ends]
     return items

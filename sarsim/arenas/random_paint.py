@@ -1,4 +1,4 @@
-"""Random colours and patterns of what an arena is built of: a network is to learn shapes, not plywood."""
+"""Random colours and patterns of an arena's materials, so that a network learns shapes, not plywood."""
 
 import colorsys
 from collections.abc import Sequence
@@ -10,11 +10,11 @@ Colour = tuple[float, float, float]  # Red, green, blue, from 0 to 1
 _TEXTURES = {"terrain": "concrete", "wall": "osb", "straight_ramp": "plywood"}  # Of the materials that have one
 _PLAIN = ("inclined_ramp", "hole_rim", "ceiling", "board", "timber", "cardboard", "plaster", "grey")
 _PATTERNS = ("none", "random", "edge", "cross")
-"""MuJoCo's marks; edges and crosses make tiles of a wall or a floor."""
+"""MuJoCo's marks of textures; with edges and crosses a wall or a floor looks tiled."""
 
 
 def paint(builder: ArenaBuilder, draws: RandomDraws) -> None:
-    """Give floor, walls, ramps and boards of an arena other colours, and the larger ones other patterns."""
+    """Give an arena's materials random colours, and those with a texture random patterns."""
     for material, texture in _TEXTURES.items():
         colour = random_colour(draws)
         step: dict[str, str | Sequence[float]] = {
@@ -32,14 +32,14 @@ def paint(builder: ArenaBuilder, draws: RandomDraws) -> None:
 
 
 def random_colour(draws: RandomDraws) -> Colour:
-    """A pale colour more often than a strong one."""
+    """A random colour, more often pale than saturated."""
     hue, saturation = draws.number(0, 99) / 100, (draws.number(0, 9) / 10) ** 2
     value = draws.number(20, 95) / 100
     return colorsys.hsv_to_rgb(hue, saturation, value)
 
 
 def _shade(colour: Colour, draws: RandomDraws) -> Colour:
-    """The same somewhat darker or lighter."""
+    """The same colour, up to 40 % darker or 20 % lighter."""
     factor = draws.number(60, 120) / 100
     red, green, blue = (min(1.0, factor * c) for c in colour)
     return red, green, blue

@@ -1,7 +1,7 @@
-"""Draws furniture of all sizes and colours, in rows along walls: what is easily taken for walls, ramps and decks.
+"""Draws furniture of all sizes and colours, in rows along walls: easily confused with walls, ramps and decks.
 
-A piece consists of boxes in the frame of a tile, in whole cm; its back is at +y. What could be driven under has less
-air than the robot is high, and no level top is as low as a deck.
+A piece consists of boxes in the frame of a tile, in whole cm; its back is at +y. Tables have less headroom below them
+than the robot needs, and only stairs have a top as low as a deck.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from sarsim.arenas.random_paint import Colour, random_colour
 
 Box = tuple[int, int, int, int, int, int]  # x, y and z, each from and to, cm
 BACK = 59  # cm, y of the back of a piece: the wall's face is at 59.5
-HALF = 59  # cm, half of the width of a piece that meets those on the tiles beside it but for a slit
+HALF = 59  # cm, half width of a piece that touches those on the neighbouring tiles except for a slit
 LONGEST_ROW = 4  # tiles that pieces of one kind take side by side
 
 
@@ -26,7 +26,7 @@ class Piece:
         tile: on which it stands.
         yaw: degrees that it is turned to the left.
         boxes: that it consists of.
-        colours: of the boxes, in turn.
+        colours: of the boxes, used in turn.
     """
 
     tile: Tile
@@ -35,7 +35,7 @@ class Piece:
     colours: tuple[Colour, ...]
 
     def add_to(self, builder: ArenaBuilder, x: float, y: float) -> None:
-        """Set it down on the floor, the middle of its tile at ``x``, ``y``, m."""
+        """Set it down on the floor, with the centre of its tile at ``x``, ``y``, m."""
         for number, (x0, x1, y0, y1, z0, z1) in enumerate(self.boxes):
             middle = ((x0 + x1) / 200, (y0 + y1) / 200, (z0 + z1) / 200)
             half = ((x1 - x0) / 200, (y1 - y0) / 200, (z1 - z0) / 200)
@@ -44,7 +44,7 @@ class Piece:
 
 
 def furnish(layout: Layout, draws: RandomDraws, share: float) -> list[Piece]:
-    """Pieces that take a whole tile each, until they have their share or no more tile can be spared."""
+    """Pieces that block a whole tile each, until they have their share or no further tile can be blocked."""
     wanted = round(share * len(layout.tiles()))
     pieces: list[Piece] = []
     for tile in draws.shuffled(layout.tiles()):
@@ -72,7 +72,7 @@ def _row(layout: Layout, draws: RandomDraws, tile: Tile, back: Side) -> list[Til
 
 
 def _cupboard(draws: RandomDraws) -> list[Box]:
-    """Lockers, cupboards, counters: upright boxes with one to four doors, which stand out a little or are level."""
+    """Lockers, cupboards, counters: upright boxes, most with one to four doors that stand out a little."""
     half, height = draws.pick((HALF, HALF, draws.number(25, HALF))), draws.number(70, 200)
     front, doors = BACK - draws.number(25, 65), draws.number(1, 4)
     width, slit, relief = 2 * half // doors, draws.number(1, 3), draws.number(1, 3)
@@ -153,7 +153,7 @@ def _bed(draws: RandomDraws) -> list[Box]:
 
 
 def _stairs(draws: RandomDraws) -> list[Box]:
-    """Steps that rise to the back, solid or open; the second is higher than any that the robot climbs."""
+    """Steps that rise to the back, solid or open; the second one is too high for the robot to climb."""
     half, steps, rise = draws.number(35, HALF), draws.number(3, 5), draws.number(14, 22)
     tread, solid = 110 // steps, draws.chance(0.6)
     fronts = [BACK - (steps - step) * tread for step in range(steps)]
@@ -167,4 +167,4 @@ KINDS: tuple[Callable[[RandomDraws], list[Box]], ...] = (
     *(_cupboard,) * 5, _shelf, _shelf, _wall_shelf, *(_table,) * 4, _sofa, _bed, _stairs,
 )  # fmt: skip
 FREESTANDING = (_table, _table, _sofa, _bed, _shelf, _cupboard)
-"""What stands where there is no wall behind it."""
+"""Kinds of furniture for tiles without a wall behind."""

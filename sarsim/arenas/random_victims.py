@@ -1,4 +1,4 @@
-"""Draws the victims of a random arena, and finds room for them beside the robot's ways."""
+"""Draws the victims of a random arena, and finds room for them beside the tiles that the robot drives on."""
 
 from dataclasses import dataclass
 
@@ -11,14 +11,14 @@ from sarsim.arenas.random_draws import RandomDraws
 from sarsim.victims.victims import PLACEMENTS, SUITABLE, Placement, Posture, VictimModel, make_victim
 
 ROOM = 0.04  # m between a victim and the edges of its tiles
-DRAWS = 10  # people drawn until one fits
+DRAWS = 10  # Largest number of people drawn until one fits
 OPEN: tuple[Posture, ...] = ("lying", "prone", "side", "sitting", "sitting", "slumped", "seated")
-"""Postures in plain view; elsewhere all that suit."""
+"""Postures of the placement "open"; the other placements use all their postures of ``SUITABLE``."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedVictim:
-    """A victim, where its origin is set down, (3,) m from the corner of tile (0, 0), and its yaw, rad."""
+    """A victim, the position of its origin, (3,) m from the corner of tile (0, 0), and its yaw, rad."""
 
     model: VictimModel
     position: NDArray[np.float64]
@@ -27,27 +27,27 @@ class PlacedVictim:
 
 @dataclass(frozen=True, eq=False)
 class _Spot:
-    """A rectangle of tiles, and the side that the victim there faces."""
+    """A rectangle of tiles, and the side that a victim on it faces."""
 
     tiles: list[Tile]
     facing: Side
 
     @property
     def back(self) -> Tile:
-        """The hindmost of its tiles, as the victim faces."""
+        """The rearmost of its tiles behind the victim."""
         return min(self.tiles, key=lambda tile: int(np.dot(tile, STEP[self.facing])))
 
     @property
     def room(self) -> NDArray[np.float64]:
-        """(2,) m along the way that the victim faces and across."""
+        """(2,) m along the direction that the victim faces, and across it."""
         count = np.ptp(self.tiles, axis=0) + 1
         return count[[0, 1] if self.facing % 2 == 0 else [1, 0]] * TILE
 
 
 def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) -> PlacedVictim | None:
-    """Draw people until one fits somewhere and takes those tiles; None if none does.
+    """Draw people until one fits on free tiles, and block these tiles; None if none fits.
 
-    ``hidden``: some are half under rubble, in a box or behind a hole.
+    ``hidden``: some people are half under rubble, in a box or behind a hole.
     """
     spots = _spots(layout)
     for _ in range(DRAWS if spots else 0):
@@ -71,7 +71,7 @@ def _spots(layout: Layout) -> list[_Spot]:
 
 
 def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
-    """Whether there is room; a wall to lean on, if it needs one; and for those in a box open floor in front."""
+    """Whether the victim has room, a wall if it needs one, and in a box or behind a hole open floor in front."""
     # A panel with a hole may fill its tile from wall to wall.
     margin = 0.0 if victim.placement == "hole" else ROOM
     if (victim.footprint[1] - victim.footprint[0] > spot.room - 2 * margin + 1e-6).any():
@@ -83,10 +83,10 @@ def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
 
 
 def _position(victim: VictimModel, spot: _Spot) -> NDArray[np.float64]:
-    """(3,) m of the victim's origin: at the foot of its wall, or so that its footprint is in the middle."""
+    """(3,) m, the victim's origin: at the foot of its wall, or such that its footprint is centred on the tiles."""
     forward, left = np.array(STEP[spot.facing]), np.array(STEP[(spot.facing + 1) % 4])
     if victim.needs_wall:
-        # The panel's half thickness and a millimetre.
+        # Half the panel's thickness and a millimetre.
         xy = (np.array(spot.back) + 0.5) * TILE - (TILE / 2 - 0.006) * forward
     else:
         ahead, aside = victim.footprint.mean(axis=0)

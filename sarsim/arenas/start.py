@@ -1,4 +1,4 @@
-"""Where in an arena the robot is set down."""
+"""The pose at which the robot is set down in an arena."""
 
 from collections.abc import Iterator
 from itertools import islice
@@ -16,17 +16,17 @@ from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
 HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, of the robot at the start
 FAR = 3.0  # m; more open ground ahead makes no start better
-CLEAR = 0.6  # m; nor does more room around it
+CLEAR = 0.6  # m; more free room around makes no start better
 HALF_WIDTH = 0.35  # m of free floor on both sides of the way ahead
 LEVEL = 0.02  # m that the floor around the start may rise or fall
-OUTSIDE_SHARE = 0.02  # What a cell counts in the choice of the piece to start in if it lies beside the arena
-MOST_PLACES = 2000  # Places that are compared
-MOST_GROUNDS = 10  # Pieces of ground that are compared, those with the largest patches of floor
-MIN_AREA = 0.25  # m² in which the robot's middle may be; a tile between four walls has 0.35
+OUTSIDE_SHARE = 0.02  # Weight of a cell outside the arena when pieces of ground are compared by size
+MOST_PLACES = 2000  # Largest number of places that are compared
+MOST_GROUNDS = 10  # Largest number of connected grounds that are compared, those with the largest patches of floor
+MIN_AREA = 0.25  # m², least area for the robot's centre; a tile between four walls has 0.35
 
 
 class Start(NamedTuple):
-    """Where ``base_link`` is set down: x, y, z in m, and yaw in rad."""
+    """The pose at which ``base_link`` is set down: x, y, z in m, and yaw in rad."""
 
     position: tuple[float, float, float]
     yaw: float
@@ -50,7 +50,7 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
 
 
 def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
-    """A place on the floor in the largest piece of ground that the robot can drive around in.
+    """The best place on the floor of the largest connected piece of drivable ground.
 
     It has room to turn and an open view ahead: the longest strip of free, level floor, and the most clearance.
 
@@ -69,7 +69,7 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
 
 
 def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
-    """The floor of each piece, and how large the piece is."""
+    """(nx, ny) floor cells of each connected piece of ground, and the weighted number of cells of the piece."""
     weight = np.where(_is_inside(ground), 1.0, OUTSIDE_SHARE)
     for piece in range(1, int(ground.pieces.max()) + 1):
         cells = ground.pieces == piece
@@ -79,7 +79,7 @@ def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
 
 
 def _is_inside(ground: FreeGround) -> NDArray[np.bool_]:
-    """(nx, ny) cells that have something on all four sides, along the axes."""
+    """(nx, ny) cells that have an obstacle on all four sides, along the axes."""
     solid = ground.to_obstacle < CELL
     sides = np.zeros(solid.shape, np.int64)
     for axis in (0, 1):
@@ -89,13 +89,13 @@ def _is_inside(ground: FreeGround) -> NDArray[np.bool_]:
 
 
 def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
-    """The best of the cells of a floor; of a larger one, of some of them."""
+    """The best start on the cells of a floor; if there are too many, only some of them are compared."""
     inside = floor & _is_inside(ground)
     cells = _thinned(np.argwhere(inside if inside.any() else floor))
     clearance = _clearance(ground, float(np.median(ground.height[floor])))
     ahead = np.stack([_free_ahead(ground.grid, clearance, cells, h) for h in HEADINGS], axis=1)
     room = np.minimum(clearance[tuple(cells.T)], CLEAR)
-    # Rounded, so that a last bit decides nothing.
+    # Rounded, so that rounding errors decide nothing.
     score = np.round(ahead + 2 * room[:, None], 3)
     cell, heading = np.unravel_index(score.argmax(), score.shape)
     x, y = ground.grid.centre_of(cells[cell])
@@ -103,7 +103,7 @@ def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
 
 
 def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Cells (N, 2), every second one along both axes as often as there are too many."""
+    """Cells (N, 2), thinned to every second one along both axes until at most ``MOST_PLACES`` are left."""
     spacing = 1
     while len(cells) > MOST_PLACES:
         spacing *= 2
@@ -115,7 +115,7 @@ def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _clearance(ground: FreeGround, level: float) -> NDArray[np.float64]:
-    """(nx, ny) m from each cell to the nearest that is no free, level floor."""
+    """(nx, ny) m from each cell to the nearest cell that is not free, level floor."""
     free = (np.abs(ground.height - level) <= LEVEL) & (ground.to_obstacle >= CELL)
     return ndimage.distance_transform_edt(free) * CELL
 

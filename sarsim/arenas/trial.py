@@ -1,4 +1,4 @@
-"""A stranger's MJCF, tried in a process of its own, which may take only so much memory and time."""
+"""Untrusted MJCF is compiled on trial in a process of its own, with limited memory and time."""
 
 from pathlib import Path
 
@@ -9,19 +9,19 @@ from dm_control import mjcf
 from pipeline.errors import InputError
 from pipeline.files import GOOD, answer_apart
 
-MEMORY = 4_000_000_000  # bytes beyond what this process has
+MEMORY = 4_000_000_000  # bytes beyond those that this process uses
 SECONDS = 20  # of processor time
-TIMESTEP = 1e-4, 0.02  # s, from and to; the drive's period is the longest
+TIMESTEP = 1e-4, 0.02  # s, shortest and longest; the longest is the drive's period
 MOST_ITERATIONS = 1000  # of a solver; MuJoCo's own default is 100
 MOST_USER = 100  # ``user`` numbers of an element
 ZNEAR, ZFAR = (1e-6, 1.0), (1e-3, 1e6)  # of ``<visual><map>``, in extents of the model
 
 
 def try_mjcf(path: Path) -> None:
-    """Compile an MJCF file and take a step of it.
+    """Compile an MJCF file and simulate one step.
 
     Raises:
-        InputError: it is no good, holds a number that makes no sense, or takes absurdly much memory or time.
+        InputError: it is invalid, has a number that makes no sense, or needs too much memory or time.
     """
     said = answer_apart(lambda: _tried(path), SECONDS, MEMORY)
     if said != GOOD:
@@ -29,7 +29,7 @@ def try_mjcf(path: Path) -> None:
 
 
 def _tried(path: Path) -> str:
-    """What is wrong with a file, as far as MuJoCo says it."""
+    """``GOOD``, or what is wrong with a file; empty if MuJoCo ran out of memory."""
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
         check_model(model)
@@ -41,7 +41,7 @@ def _tried(path: Path) -> str:
         return str(error)
     except Exception as error:
         if "unknown exception" in str(error):
-            return ""  # so MuJoCo says that there is no memory
+            return ""  # MuJoCo's message when it runs out of memory
         return f"not a readable MJCF file: {' '.join(str(error).split()) or type(error).__name__}"
 
 
@@ -53,7 +53,7 @@ def check_model(model: mujoco.MjModel) -> None:
     _within("zfar", eye.zfar, ZFAR)
     for name in ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations", "sdf_iterations"):
         _within(name, getattr(options, name), (0, MOST_ITERATIONS))
-    for name in sorted(dir(model), key=lambda name: name.startswith("bvh")):  # of those the others tell
+    for name in sorted(dir(model), key=lambda name: name.startswith("bvh")):  # computed from others: last
         value = getattr(model, name)
         if name.startswith("nuser_"):
             _within(name, value, (0, MOST_USER))

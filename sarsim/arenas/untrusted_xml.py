@@ -35,10 +35,10 @@ def parse_xml(path: Path, max_bytes: int) -> "Element":
 
 
 def check_mjcf(path: Path) -> None:
-    """Parse an MJCF file and all MJCF files that it draws in, before anything expands them.
+    """Parse an MJCF file and all MJCF files that it includes, before anything expands them.
 
     Raises:
-        InputError: one of them is no good, or is to be copied absurdly often.
+        InputError: one of them is invalid, or replicates its geoms too often.
     """
     waiting, seen = [path], set()
     while waiting:
@@ -49,7 +49,7 @@ def check_mjcf(path: Path) -> None:
 
 
 def _drawn_in(root: "Element", main: Path, file: Path) -> list[Path]:
-    """The MJCF files that ``file`` refers to, from its own folder or from that of the main file."""
+    """The MJCF files to which ``file`` refers, relative to its own folder or to that of the main file."""
     copies, found, waiting = 0, [], [(root, 1)]
     while waiting:
         element, times = waiting.pop()
@@ -65,6 +65,6 @@ def _drawn_in(root: "Element", main: Path, file: Path) -> list[Path]:
 
 
 def _count(replicate: "Element") -> int:
-    """How often ``<replicate>`` copies; 1 if it does not say so in a number, which MuJoCo refuses."""
+    """The number of copies of ``<replicate>``; 1 if ``count`` is no number, which MuJoCo refuses."""
     text = replicate.get("count", "")
     return int(text) if text.isdecimal() else 1

@@ -1,1 +1,1 @@
-"""Labelled RGB-D datasets: scenes rendered along drives through arenas, and what other tools read of them."""
+"""Labelled RGB-D datasets: scenes rendered along drives through arenas, and exports for other tools."""

@@ -1,4 +1,4 @@
-"""Drives through an arena: the robot's poses at the keyframes, tilted as the ground under its wheels tilts it."""
+"""Drives through an arena: the robot's poses at the keyframes, tilted by the ground under its wheels."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -26,15 +26,15 @@ PERIOD = 0.3
 TILT_VIBRATION, HEIGHT_VIBRATION = 0.003, 0.001
 """rad and m, standard deviations of roll, pitch and height at a keyframe."""
 CANDIDATES = 12
-"""Places of which the one farthest from where the robot has been is driven to."""
+"""Number of random places, of which the robot drives to the one farthest from those it has visited."""
 MAX_FAILURES = 50
-"""Drives in a row that bring no keyframe."""
+"""Largest number of legs in a row without a keyframe."""
 WHEEL_RADIUS = 0.1105
-"""m; any would do, for what the wheels turn is computed by it as well."""
+"""m; any value would do, because the wheel angles are computed from it as well."""
 
 
 class Drive:
-    """A drive of a robot that goes on and on to places where it has not been."""
+    """An endless drive of a robot, leg by leg, to places that it has not visited."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class Drive:
     ):
         """``T_world_start``: 4×4 pose of ``base_link`` on drivable ground; ``keyframes``: m and rad between two.
 
-        With ``frames_per_second`` there is a keyframe that often instead, wherever the robot is.
+        With ``frames_per_second``, keyframes are taken at this rate instead, wherever the robot is.
         """
         self._distance, self._turn_angle = (0.0, 0.0) if frames_per_second else keyframes
         self._period = 1 / frames_per_second if frames_per_second else PERIOD
@@ -63,7 +63,7 @@ class Drive:
         """The poses of the first ``count`` keyframes.
 
         Raises:
-            InputError: the robot cannot stand at the start, or is locked in.
+            InputError: the robot cannot stand at the start, or cannot leave it.
         """
         found: list[Pose] = []
         failures = 0
@@ -90,19 +90,19 @@ class Drive:
             self._time = round(self._time + self._period, 6)
 
     def _is_due(self, last: NDArray[np.float64]) -> bool:
-        """Whether the robot has come far enough for another keyframe."""
+        """Whether the robot has moved or turned far enough for another keyframe."""
         moved = np.linalg.norm(self._at[:2] - last[:2, 3])
         turned = abs(wrap_angle(self._at[2] - yaw_of(last)))
         return bool(moved >= self._distance or turned >= self._turn_angle)
 
     def _vibration(self) -> NDArray[np.float64]:
-        """4×4 offset of a shaking robot from its pose at rest."""
+        """4×4 random offset of a vibrating robot from its pose at rest."""
         roll, pitch = TILT_VIBRATION * self._rng.standard_normal(2)
         height = HEIGHT_VIBRATION * self._rng.standard_normal()
         return from_rotation(Rotation.from_euler("xyz", [roll, pitch, 0]).as_matrix(), (0, 0, height))
 
     def _leg(self, visited: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """(K, 3) x, y, yaw a period apart: to another place, and a turn there."""
+        """(K, 3) poses x, y, yaw, one per period: a path to another place, and a turn there."""
         path = self._path(visited)
         parts, yaw = [self._at[None]], float(self._at[2])
         for a, b in pairwise(path):
@@ -113,7 +113,7 @@ class Drive:
         return np.concatenate(parts)
 
     def _path(self, visited: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """(K, 2) corners of the way to the candidate that is farthest from the places visited."""
+        """(K, 2) corners of the path to the candidate that is farthest from the visited places."""
         here = self._at[:2]
         paths = PosePaths(self._roads, here)
         # A robot does not turn on a ramp, so the drive does not end there.
@@ -124,18 +124,18 @@ class Drive:
         been = np.array([here, *visited])
         nearest = np.linalg.norm(places[:, None] - been, axis=2).min(axis=1)
         path = simplify(paths.path_to(places[nearest.argmax()]), self._roads)
-        # The path begins in the middle of the robot's cell, or of the nearest one that is free.
+        # The path begins at the centre of the robot's cell, or of the nearest free cell.
         return np.concatenate([here[None], path[1:]])
 
     def _turn(self, at: NDArray[np.float64], yaw: float, heading: float) -> NDArray[np.float64]:
-        """(K, 3) the shorter way from one heading to another."""
+        """(K, 3) poses x, y, yaw of a turn on the spot, the shorter way from one heading to another."""
         angle = wrap_angle(heading - yaw)
         steps = int(np.ceil(abs(angle) / (TURN_RATE * self._period)))
         share = np.arange(1, steps + 1) / max(steps, 1)
         return np.column_stack([np.tile(at, (steps, 1)), yaw + share * angle])
 
     def _straight(self, a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
-        """(K, 3) from one place to another."""
+        """(K, 3) poses x, y, yaw on a straight line from one place to another."""
         steps = int(np.ceil(np.linalg.norm(b - a) / (SPEED * self._period)))
         share = np.arange(1, steps + 1)[:, None] / max(steps, 1)
         return np.column_stack([a + share * (b - a), np.full(steps, heading)])
@@ -153,7 +153,7 @@ class DeadReckoning:
         self._T_world_odom = np.eye(4)
 
     def update(self, T_world_base: NDArray[np.float64]) -> NDArray[np.float64]:
-        """4×4 pose in the world that the robot believes to have after a move; where it begins it knows."""
+        """4×4 pose in the world by dead reckoning after a move to ``T_world_base``; the first pose is exact."""
         R, gyro = T_world_base[:3, :3], np.zeros(3)
         if self._last is None:
             x, y, z = T_world_base[:3, 3]
@@ -168,7 +168,7 @@ class DeadReckoning:
 
 
 def _roads(surface: TrueSurface) -> Traversability:
-    """The true ground as the robot's own planner sees a measured one: ramps are met head-on."""
+    """The true ground in the form of the robot's planner, which takes ramps head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
     roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, robot_model())
     return replace(roads, least=np.where(surface.drivable, roads.least, np.int8(127)))

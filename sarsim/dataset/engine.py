@@ -1,4 +1,4 @@
-"""What an engine is: something that makes the scenes of a dataset, each as if it were alone."""
+"""The interface of engines, which make the scenes of a dataset independently of each other."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.recipe import Recipe
 
-ATTEMPTS = 3  # How often a scene is begun whose workers die
+ATTEMPTS = 3  # Largest number of attempts at a scene whose workers die
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class FrameDone:
 
 @dataclass(frozen=True)
 class SceneDone:
-    """A scene's file is whole."""
+    """A scene's file is complete."""
 
     entry: SceneEntry
 
@@ -40,9 +40,9 @@ class Engine(Protocol):
     """Makes scenes."""
 
     def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
-        """Make scenes, in any order, and put their files into a dataset's folder; closing the iterator stops it all.
+        """Make scenes, in any order, and put their files into a dataset's folder; closing the iterator stops this.
 
-        Every process that writes there is to hold the ``lock``.
+        Every process that writes there must hold the ``lock``.
 
         Raises:
             InputError: a scene cannot be made or written.

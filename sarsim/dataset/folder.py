@@ -1,4 +1,4 @@
-"""A dataset's folder, to read."""
+"""Reading a dataset's folder."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,13 +12,13 @@ class Dataset:
     """Reads a dataset, scene by scene.
 
     Attributes:
-        folder: where it lies.
-        entries: what ``dataset.json`` says of its scenes, by index.
-        recipe, generator: what made them, and by what program.
+        folder: of the dataset.
+        entries: of the scenes in ``dataset.json``, by index.
+        recipe, generator: recipe of the scenes, and the program that made them.
     """
 
     def __init__(self, folder: Path):
-        """Raises InputError where there is no dataset."""
+        """Raises InputError if there is no dataset."""
         self.folder = folder
         manifest = Manifest.read(folder)
         self.recipe, self.generator = manifest.recipe, manifest.generator
@@ -28,10 +28,10 @@ class Dataset:
         return len(self.entries)
 
     def __iter__(self) -> Iterator[tuple[SceneEntry, Scene]]:
-        """Every scene, open until the next one; InputError where its file is missing, changed or broken."""
+        """Every scene, open until the next one; InputError if its file is missing, changed or broken."""
         for entry in self.entries:
             path = self.folder / entry.file
-            # Before HDF5 opens it: of some files that were damaged on the way its library never comes back.
+            # Checked before HDF5 opens the file, because its library hangs on some damaged files.
             if entry.sha256 and path.is_file() and sha256_of(path) != entry.sha256:
                 raise InputError(f"{path}: changed or damaged: its checksum is not the one in {FILE}")
             with Scene(path) as scene:

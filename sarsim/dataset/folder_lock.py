@@ -1,4 +1,4 @@
-"""One generator at a time in a folder."""
+"""A lock that allows one generator at a time in a folder."""
 
 import fcntl
 import os
@@ -15,7 +15,7 @@ PATIENCE = 10.0  # s to wait for the workers of a generator that was killed; the
 
 
 class FolderLock(ExitStack):
-    """Held by this process and by every process that it is sent to, until the last of them has ended."""
+    """A lock held by this process and by every process that it is sent to, until the last of them has ended."""
 
     def __init__(self, descriptor: int):
         super().__init__()
@@ -24,7 +24,7 @@ class FolderLock(ExitStack):
 
     @classmethod
     def take(cls, folder: Path) -> Self:
-        """Wait until no other process holds it.
+        """Take the lock of a folder; waits until no other process holds it.
 
         Raises:
             InputError: another process holds it for longer than ``PATIENCE``.

@@ -1,4 +1,4 @@
-"""Makes a dataset, or what is still missing of it."""
+"""Makes a dataset, or those of its scenes that are still missing."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -18,13 +18,13 @@ _log = logging.getLogger(__name__)
 def generate(
     recipe: Recipe, scenes: int, folder: Path, engine: Engine, on_frames: Callable[[int], object] = lambda count: None
 ) -> Manifest:
-    """Make the first ``scenes`` scenes of a recipe; those that are already whole are kept.
+    """Make the first ``scenes`` scenes of a recipe; those that are already complete are kept.
 
     The folder gets dataset.json, which is returned, the scenes' files and index.html. ``on_frames`` is called often,
-    with the number of frames that are made.
+    with the number of frames made so far.
 
     Raises:
-        InputError: the recipe cannot be followed, the folder cannot be written, or it holds something else.
+        InputError: the recipe cannot be followed, the folder cannot be written, or it holds other files.
     """
     with _folder(folder) as lock:
         manifest = _begun(recipe, folder)
@@ -47,7 +47,7 @@ def generate(
 
 @contextmanager
 def _folder(folder: Path) -> Iterator[FolderLock]:
-    """Have the folder to oneself, and leave no half-written files in it."""
+    """Lock the folder, and in the end delete half-written files in it."""
     try:
         (folder / SCENES).mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -62,7 +62,7 @@ def _folder(folder: Path) -> Iterator[FolderLock]:
 
 
 def _begun(recipe: Recipe, folder: Path) -> Manifest:
-    """The dataset as far as it is whole; InputError where the folder holds another dataset, or something else."""
+    """The complete scenes of the dataset; InputError if the folder holds another dataset, or other files."""
     new = Manifest.new(recipe)
     if not (folder / FILE).exists():
         if others := sorted(p.name for p in folder.iterdir() if p.name != SCENES):

@@ -1,4 +1,4 @@
-"""HDF5 files that are written whole or fail aloud, and read with one line for what is wrong."""
+"""HDF5 files that are written completely or raise an error, and that are checked before they are read."""
 
 import io
 import zlib
@@ -15,17 +15,17 @@ from pipeline.errors import InputError
 from pipeline.files import GOOD, answer_apart
 
 FAST = {"compression": "gzip", "compression_opts": 1}
-"""HDF5's other fast filter, LZF, makes other bytes of the same data each time."""
+"""HDF5's other fast filter, LZF, makes different bytes of the same data each time."""
 SECONDS, MEMORY = 3, 1_000_000_000
-"""of processor time and bytes, to find out what is in a file: hundredths, and a few MB, for one of ours."""
-_RAW = -15  # zlib's word for a stream without head and checksum, with the largest window
+"""of processor time and bytes, to check a file; sarsim's own files need hundredths of a second and a few MB."""
+_RAW = -15  # zlib's code for a stream without header and checksum, with the largest window
 _ZLIB_HEAD = b"\x78\x01"  # RFC 1950: deflate, the largest window, fastest
 
 
 def write_noisy(dataset: h5py.Dataset, index: int, image: NDArray[np.uint16]) -> None:
-    """Write one image as the filters shuffle and gzip would, in a fifth of their time.
+    """Write one image in the format of the filters shuffle and gzip, in a fifth of their time.
 
-    The low bytes of a noisy image hardly shrink, so they stand in gzip's stream as they are (RFC 1951, 3.2.4).
+    The low bytes of a noisy image hardly shrink, so they are stored uncompressed in gzip's stream (RFC 1951, 3.2.4).
 
     Args:
         dataset: (M, H, W) of uint16 with these filters, in chunks of one image.
@@ -44,7 +44,7 @@ class NewFile(ExitStack):
 
     Attributes:
         file: h5py's; create datasets with ``track_times=False``.
-        check: raises the OSError of an earlier write, as the end of the ``with`` block does.
+        check: raises the OSError of an earlier write; the end of the ``with`` block raises it as well.
     """
 
     def __init__(self, path: Path):
@@ -58,9 +58,9 @@ class NewFile(ExitStack):
 
 
 class FileSink(io.FileIO):
-    """A file for HDF5 to write to, which keeps what went wrong.
+    """A file for HDF5 to write to, which keeps the first error.
 
-    Where a disk is full, HDF5 itself drops data without a word when it empties its cache.
+    If a disk is full, HDF5 itself drops data without an error when it flushes its cache.
     """
 
     _error: OSError | None = None
@@ -71,7 +71,7 @@ class FileSink(io.FileIO):
             raise self._error
 
     def write(self, data: Any) -> int:
-        """Write all of it; after an error write nothing any more."""
+        """Write all data; after an error write nothing more."""
         view = memoryview(data).cast("B")
         written = 0
         try:
@@ -82,7 +82,7 @@ class FileSink(io.FileIO):
         return len(view)
 
     def truncate(self, size: int | None = None, /) -> int:
-        """Cut off or extend with zeros."""
+        """Truncate the file, or extend it with zeros."""
         try:
             return super().truncate(size)
         except OSError as error:
@@ -91,11 +91,11 @@ class FileSink(io.FileIO):
 
 
 def open_file(path: Path) -> h5py.File:
-    """A file to read.
+    """Open a file to read.
 
     Raises:
-        InputError: it is missing, no HDF5 file, or one that was damaged or forged: of some, HDF5's library never
-            comes back, or they unpack to all memory.
+        InputError: it is missing, no HDF5 file, damaged, or forged: on some such files HDF5's library hangs, and
+            others fill all memory when they are unpacked.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file")
@@ -108,7 +108,7 @@ def open_file(path: Path) -> h5py.File:
 
 
 def _looked_through(path: Path) -> str:
-    """What is wrong with the parts of a file and their indices, all but the data; :data:`GOOD` if nothing is."""
+    """What is wrong with a file's attributes, datasets and chunk indices, without the data; else :data:`GOOD`."""
     try:
         with h5py.File(path, "r") as file:
             dict(file.attrs)
@@ -119,7 +119,7 @@ def _looked_through(path: Path) -> str:
 
 
 def _check_chunks(name: str, part: h5py.Dataset | h5py.Group) -> None:
-    """Raises ValueError where chunks are longer than what does not shrink at all."""
+    """Raises ValueError if a dataset's chunks are longer than incompressible data would be."""
     if isinstance(part, h5py.Dataset) and part.chunks:
         most, longest = 1.1 * prod(part.chunks) * part.id.get_type().get_size() + 1024, 0
 

@@ -6,13 +6,13 @@ from numba import njit
 
 @njit(cache=True)
 def victim_boxes(instance, victim_of_geom, boxes, areas):
-    """Where each victim is seen.
+    """Find the bounding box and the number of visible pixels of each victim.
 
     Args:
         instance: (H, W) int32 geom ids, -1 = none.
         victim_of_geom: (G,) int16 index of the victim that a geom belongs to, -1 = none.
-        boxes: (V, 4) int32 first column and row, last column and row + 1 of the victims in view; others are left.
-        areas: (V,) int32, 0; gets the number of pixels that show each victim.
+        boxes: (V, 4) int32, filled: first column and row, last column and row + 1; unchanged for victims out of view.
+        areas: (V,) int32, initially 0; filled: the number of pixels that show each victim.
     """
     for v in range(instance.shape[0]):
         for u in range(instance.shape[1]):
@@ -34,7 +34,7 @@ def to_millimetres(depth, label, millimetres, label_points):
         depth: (H, W) float32 m, 0 = no return.
         label: (H, W) uint8.
         millimetres: (H, W) uint16, filled.
-        label_points: (L,) int64; each return adds 1 to its label's.
+        label_points: (L,) int64; each return adds 1 to the count of its label.
     """
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):

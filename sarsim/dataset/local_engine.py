@@ -1,4 +1,4 @@
-"""Workers on this machine, each a process with an OpenGL context of its own."""
+"""An engine with workers on this machine, each a process with its own OpenGL context."""
 
 import traceback
 from collections import Counter, deque
@@ -16,7 +16,7 @@ from sarsim.dataset.render import make_scene
 
 
 class LocalEngine:
-    """Makes scenes in worker processes; one that dies is replaced."""
+    """Makes scenes in worker processes; a worker that dies is replaced."""
 
     def __init__(self, workers: int):
         self._count = workers
@@ -53,8 +53,8 @@ class Worker:
     """A process that makes one scene after the other.
 
     Attributes:
-        index: of the scene that it makes.
-        process: in which it works.
+        index: of the current scene.
+        process: of the worker.
     """
 
     def __init__(self, recipe: Recipe, folder: Path, lock: FolderLock):
@@ -64,11 +64,11 @@ class Worker:
     def begin(self, index: int) -> None:
         """Let it make a scene."""
         self.index = index
-        with suppress(OSError):  # the next event tells that it is dead
+        with suppress(OSError):  # if it is dead, the next event is SceneLost
             self.connection.send(index)
 
     def event(self) -> Event:
-        """What it has to tell; InputError where the scene cannot be made or written."""
+        """The worker's next event; InputError if the scene cannot be made or written."""
         try:
             message = self.connection.recv()
         except (EOFError, OSError):
@@ -78,7 +78,7 @@ class Worker:
         return message
 
     def end(self) -> int | None:
-        """Stop it; return its exit code, negative for a signal."""
+        """Stop the process; return its exit code, negative for a signal."""
         self.process.join(0.1)
         self.process.kill()
         self.process.join()
@@ -87,13 +87,13 @@ class Worker:
 
 
 def wait_for(workers: Sequence[Worker]) -> list[Worker]:
-    """Those that have something to tell, of which there is at least one."""
+    """Wait for events, and return the workers that have one, at least one worker."""
     ready = wait([worker.connection for worker in workers])
     return [worker for worker in workers if worker.connection in ready]
 
 
 def _serve(connection: Connection, lock: FolderLock, recipe: Recipe, folder: Path) -> None:
-    """What a worker process does; ``lock`` is held as long as it lives."""
+    """The loop of a worker process, which holds the ``lock`` as long as it lives."""
     while True:
         index = connection.recv()
         try:

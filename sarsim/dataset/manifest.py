@@ -1,4 +1,4 @@
-"""``dataset.json``: what a dataset holds, and the checksums by which its files are known to be whole."""
+"""``dataset.json``: the scenes of a dataset, with checksums that show whether their files are complete."""
 
 import hashlib
 import json
@@ -19,7 +19,7 @@ VERSION = 1
 SPLITS = ("train", "val", "test")
 MOST_SCENES = 10**9
 _HELD_OUT = {4: "val", 9: "test"}
-"""By the last digit of a scene's index, so that a dataset may grow without a scene changing sides."""
+"""Split by the last digit of a scene's index, so that no scene changes its split when a dataset grows."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class SceneEntry:
         frames: their number.
         arena: name or path.
         lighting: normal, dim or dark.
-        points: depth returns by the name of their label.
+        points: number of depth returns by the name of their label.
     """
 
     index: int
@@ -49,11 +49,11 @@ class SceneEntry:
 
 @dataclass
 class Manifest:
-    """What is in ``dataset.json``.
+    """The content of ``dataset.json``.
 
     Attributes:
-        recipe: what decides every byte of the scenes, as JSON has it.
-        scenes: that are whole, by index.
+        recipe: what decides every byte of the scenes, as JSON values.
+        scenes: the complete scenes, by index.
         generator: program and version that made them.
     """
 
@@ -63,12 +63,12 @@ class Manifest:
 
     @classmethod
     def new(cls, recipe: Recipe) -> Self:
-        """Of a dataset that has no scenes yet."""
+        """The manifest of a dataset without scenes."""
         return cls(json.loads(json.dumps(asdict(recipe))), {}, f"sarsim {version('sarsim')}")
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Of a dataset's folder; InputError where it holds no dataset of this version."""
+        """Read the manifest in a dataset's folder; InputError if there is no dataset of this version."""
         path = folder / FILE
         try:
             content = json.loads(path.read_text())
@@ -90,7 +90,7 @@ class Manifest:
             raise InputError(f"{path}: broken: {error}") from error
 
     def write(self, folder: Path) -> None:
-        """Replace the file; InputError where it cannot be written."""
+        """Replace the file; InputError if it cannot be written."""
         content = {
             "format": FORMAT,
             "version": VERSION,
@@ -106,7 +106,7 @@ class Manifest:
             partial.write_text(json.dumps(content, indent=1) + "\n")
 
     def check_same(self, other: "Manifest", folder: Path) -> None:
-        """Raises InputError if the other one's scenes would not be the same."""
+        """Raises InputError if the other manifest's scenes would differ."""
         if self.generator != other.generator:
             raise InputError(f"{folder}: made by {self.generator}, this is {other.generator}: choose another folder")
         for name in other.recipe:
@@ -118,7 +118,7 @@ class Manifest:
 
 
 def _entry(row: dict[str, Any]) -> SceneEntry:
-    """A scene as the file has it; ValueError where a field is none of ours: exports make paths of them."""
+    """A scene from the file; ValueError if a field is not valid, because exports make paths of the fields."""
     entry = SceneEntry(**row)
     if not (type(entry.index) is int and 0 <= entry.index < MOST_SCENES and entry.file == scene_path(entry.index)):
         raise ValueError(f"scene {entry.index!r:.40} is not in a file of its number: {entry.file!r:.80}")
@@ -138,12 +138,12 @@ def scene_path(index: int) -> str:
 
 
 def split_of(index: int) -> str:
-    """train, val or test: eight, one and one of ten scenes."""
+    """train, val or test, in the ratio 8 : 1 : 1."""
     return _HELD_OUT.get(index % 10, "train")
 
 
 def sha256_of(path: Path) -> str:
-    """Of a file's bytes."""
+    """SHA-256 of a file's bytes, in hexadecimal digits."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -1,4 +1,4 @@
-"""Processes that work for this one."""
+"""Child processes."""
 
 import multiprocessing
 import os
@@ -12,7 +12,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 ONE_THREAD = {
-    "LP_NUM_THREADS": "0",  # Mesa's software renderer
+    "LP_NUM_THREADS": "0",  # for Mesa's software renderer
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "NUMBA_NUM_THREADS": "1",
@@ -21,10 +21,10 @@ ONE_THREAD = {
 
 
 def start(function: Callable[..., object], *args: Any, environment: Mapping[str, str] = ONE_THREAD) -> BaseProcess:
-    """Call a function in a new process, which ends with this one, however that ends.
+    """Call a function in a new process, which ends with this one, however this one ends.
 
-    It has one thread by its environment, leaves Ctrl-C and a closed terminal to this one, and tidies up (``finally``,
-    ``with``) when it is ended by SIGTERM.
+    By default its environment limits it to one thread. It leaves Ctrl-C and a closed terminal to this process, and
+    runs its clean-up code (``finally``, ``with``) when SIGTERM ends it.
     """
     context = multiprocessing.get_context("spawn")
     process = context.Process(target=_call, args=(function, args), daemon=True)
@@ -44,14 +44,14 @@ def connected(
 
 
 def _call(function: Callable[..., object], args: tuple[Any, ...]) -> None:
-    """What the new process does."""
+    """The main function of the new process."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     function(*args)
 
 
 def _end_with_parent() -> None:
-    """A parent that is killed cannot end this process itself."""
+    """End this process when its parent has ended, because a killed parent cannot do that."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
@@ -60,7 +60,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _environment(values: Mapping[str, str]) -> Iterator[None]:
-    """Set variables that a process started meanwhile inherits."""
+    """Set environment variables, which a process that is started within the context inherits."""
     before = {name: os.environ[name] for name in values if name in os.environ}
     os.environ.update(values)
     try:
@@ -73,7 +73,7 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def _ignored_interrupts() -> Iterator[None]:
-    """A process started meanwhile inherits that Ctrl-C and a closed terminal are ignored."""
+    """Ignore Ctrl-C and a closed terminal, also in a process that is started within the context."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,4 +1,4 @@
-"""Workers on a Ray cluster; sarsim must be installed on its machines."""
+"""An engine with workers on a Ray cluster; sarsim must be installed on its machines."""
 
 import os
 import tempfile
@@ -17,10 +17,10 @@ from sarsim.dataset.render import make_scene
 
 
 class RayEngine:
-    """Makes scenes as Ray's tasks and fetches their files; Ray itself begins a task again whose worker dies."""
+    """Makes scenes as Ray tasks and fetches their files; Ray itself restarts a task whose worker dies."""
 
     def __init__(self, workers: int, address: str | None = None):
-        """At most ``workers`` tasks at a time, on the cluster at ``address`` or on one that is started here.
+        """Run at most ``workers`` tasks at a time, on the cluster at ``address`` or on one that is started here.
 
         Raises:
             InputError: Ray is not installed, or there is no cluster at the address.
@@ -40,7 +40,7 @@ class RayEngine:
             raise InputError(f"RAY_ADDRESS {address}: no Ray cluster there") from error
 
     def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
-        """See :class:`sarsim.dataset.engine.Engine`; here one process alone writes into the folder."""
+        """See :class:`sarsim.dataset.engine.Engine`; only this process writes into the folder."""
         task = self._ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_make)
         todo = list(indices)
         running: list[Any] = []
@@ -56,7 +56,7 @@ class RayEngine:
             self._ray.shutdown()
 
     def _store(self, done: Any, folder: Path) -> SceneEntry:
-        """Write the file of a scene that is made."""
+        """Write the file of a finished scene."""
         try:
             entry, content = self._ray.get(done)
         except self._ray.exceptions.RayTaskError as error:
@@ -69,7 +69,7 @@ class RayEngine:
 
 
 def _make(recipe: Recipe, index: int) -> tuple[SceneEntry, bytes]:
-    """A scene and the bytes of its file, which the task's machine does not keep."""
+    """Make a scene; returns its entry and the bytes of its file, which the task's machine does not keep."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / SCENES).mkdir()

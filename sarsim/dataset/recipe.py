@@ -1,4 +1,4 @@
-"""What a dataset is made of, and what one of its scenes is made of."""
+"""The recipe of a dataset, and of each of its scenes."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -17,19 +17,19 @@ from sarsim.sensors.xtion import Xtion
 RANDOM = "random"
 PREFIX = "random:"  # of the names of random arenas; the seed follows
 LATERAL_SIGMA = (0.5, 1.0)
-"""pixels, of the Xtion's frayed edges, drawn evenly between these values for each scene."""
-DROPOUT = (0.0, 0.02)  # Share of the pixels that return nothing for no reason, likewise
-Purpose = Literal["conditions", "arena", "drive", "noise"]  # Of random numbers
+"""pixels, range of the Xtion's ``lateral_sigma``, which is drawn uniformly for each scene."""
+DROPOUT = (0.0, 0.02)  # Range of the Xtion's ``dropout``, drawn likewise
+Purpose = Literal["conditions", "arena", "drive", "noise"]  # Purposes of random numbers
 
 
 @dataclass(frozen=True)
 class SceneRecipe:
-    """What one scene is made of.
+    """The recipe of one scene.
 
     Attributes:
         index: of the scene.
         arena: name or path.
-        random: what a random arena is like.
+        random: settings of a random arena.
         conditions: of light, air and sensors.
     """
 
@@ -39,7 +39,7 @@ class SceneRecipe:
     conditions: Conditions
 
     def as_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
+        """The recipe as JSON values."""
         conditions = self.conditions
         return {
             "index": self.index,
@@ -71,11 +71,11 @@ class Recipe(DatasetConfig):
             Air(dust)
 
     def rng(self, index: int, purpose: Purpose) -> np.random.Generator:
-        """The random numbers for one purpose in scene ``index``: each purpose has its own."""
+        """The generator of the random numbers for one purpose in scene ``index``; each purpose has its own."""
         return np.random.default_rng([self.seed, index, get_args(Purpose).index(purpose)])
 
     def conditions(self, index: int) -> Conditions:
-        """Of scene ``index``."""
+        """The conditions of scene ``index``."""
         rng = self.rng(index, "conditions")
         noisy = Xtion(lateral_sigma=round(rng.uniform(*LATERAL_SIGMA), 3), dropout=round(rng.uniform(*DROPOUT), 4))
         sensor = Xtion.ideal() if rng.random() < self.ideal else noisy
@@ -85,7 +85,7 @@ class Recipe(DatasetConfig):
         return Conditions(sensor, lighting, Air() if rng.random() < self.clear else dusty)
 
     def scenes(self, index: int, count: int) -> Iterator[SceneRecipe]:
-        """The first of these that can be built is scene ``index``; only of random arenas there are several."""
+        """Candidates for scene ``index``: the first that can be built is used. Random arenas have up to ``count``."""
         conditions, name = self.conditions(index), self.arenas[index % len(self.arenas)]
         if name != RANDOM:
             yield SceneRecipe(index, name, None, conditions)

@@ -12,7 +12,7 @@ from sarsim.dataset.scene_file import Scene
 
 
 def read_scene(path: Path) -> Recording:
-    """The frames, dead reckoning and true poses of a scene's file; InputError where it is missing or broken."""
+    """The frames, dead reckoning and true poses of a scene's file; InputError if it is missing or broken."""
 
     def frames() -> Iterator[Frame]:
         with Scene(path) as scene:

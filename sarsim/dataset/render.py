@@ -1,4 +1,4 @@
-"""Makes one scene: an arena, a drive through it, and what the robot sees at each keyframe."""
+"""Makes one scene: an arena, a drive through it, and the robot's images at each keyframe."""
 
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
@@ -33,11 +33,11 @@ from sarsim.sensors.rendering import Renderer, hidden
 from sarsim.victims.victims import victims_of
 
 ATTEMPTS = 10
-"""Random arenas that are drawn for a scene before it is given up."""
+"""Largest number of random arenas that are drawn for a scene."""
 
 
 def make_scene(recipe: Recipe, index: int, folder: Path, on_frame: Callable[[], object] = lambda: None) -> SceneEntry:
-    """Make a scene's file in a dataset's folder, from beginning to end or not at all; ``on_frame`` after every frame.
+    """Make a scene's file in a dataset's folder, completely or not at all; calls ``on_frame`` after every frame.
 
     Raises:
         InputError: the scene cannot be made or written.
@@ -67,10 +67,10 @@ def render_scene(
 ) -> tuple[SceneRecipe, NDArray[np.int64]]:
     """Write scene ``index`` of a dataset to a file; the bytes depend on the recipe and the index alone.
 
-    Returns what the scene is made of, and (8,) depth returns by label; ``on_frame`` is called after every frame.
+    Returns the recipe of the scene, and (8,) depth returns by label; ``on_frame`` is called after every frame.
 
     Raises:
-        InputError: the arena cannot be had, or the robot cannot drive in it.
+        InputError: the arena cannot be loaded or built, or the robot cannot drive in it.
     """
     scene, arena = find_scene(recipe, index)
     with World(arena, scene, renderer, recipe.width, recipe.height) as world:
@@ -85,17 +85,17 @@ def render_scene(
 
 @dataclass(frozen=True)
 class ArenaText:
-    """An arena as MJCF, and the contents of the files that it names."""
+    """An arena as MJCF, and the contents of the files to which it refers."""
 
     mjcf: str
     assets: dict[str, bytes]
 
 
 def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, ArenaText]:
-    """What scene ``index`` is made of, and its arena: the first one drawn whose parts fit into its tiles.
+    """The recipe of scene ``index`` and its arena: the first one drawn whose parts fit into its tiles.
 
     Raises:
-        InputError: the arena cannot be had.
+        InputError: the arena cannot be loaded or built.
     """
     *tried, last = recipe.scenes(index, ATTEMPTS)
     for scene in tried:
@@ -105,16 +105,16 @@ def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, ArenaText]:
 
 
 def arena_of(scene: SceneRecipe) -> ArenaText:
-    """The arena of a scene; InputError where it cannot be had."""
+    """The arena of a scene; InputError if it cannot be loaded or built."""
     if scene.random is not None:
-        # What load_arena would make, without the tenths of a second that PyMJCF takes to read and write it.
+        # The same as by load_arena, without the tenths of a second that PyMJCF takes to read and write it.
         return ArenaText(build_random(int(scene.arena.removeprefix(PREFIX)), scene.random).to_xml(), {})
     root = load_arena(scene.arena).mjcf_model
     return ArenaText(root.to_xml_string(), root.get_assets())
 
 
 class World(ExitStack):
-    """An arena with a robot that is moved by hand, and what the robot's camera sees.
+    """An arena with a robot that is set to poses without physics, and the images of the robot's camera.
 
     Attributes:
         model: of arena and robot.
@@ -151,7 +151,7 @@ class World(ExitStack):
         return Drive(surface, wheel_contact, self._T_world_start, rng, recipe.keyframes, recipe.frames_per_second)
 
     def capture(self, pose: Pose, rng: np.random.Generator) -> SceneFrame:
-        """What the robot sees from there; ``rng`` draws the errors of its sensors."""
+        """The robot's frame at a pose; ``rng`` draws the errors of its sensors."""
         self._move(pose.T_world_base)
         true = self.camera.capture(self.data)
         seen = self._scene.conditions.sense(true, rng)
@@ -161,7 +161,7 @@ class World(ExitStack):
         return SceneFrame(seen.frame(pose.time, pose.T_odom_base), pose.T_world_base, boxes, areas)
 
     def areas_alone(self) -> NDArray[np.int32]:
-        """(V,) pixels that would show each victim in the last image if nothing stood before it."""
+        """(V,) pixels that would show each victim in the last image if nothing occluded it."""
         areas = np.zeros(len(self._victims), np.int32)
         for number, victim in enumerate(self._victims):
             with hidden(self.model, ~np.isin(np.arange(self.model.ngeom), victim.geoms)):
@@ -170,7 +170,7 @@ class World(ExitStack):
         return areas
 
     def content(self) -> SceneContent:
-        """What the scene's file says but for the frames."""
+        """The content of the scene's file without the frames."""
         model, victims = self.model, self._victims
         return SceneContent(
             settings=self._scene.as_json(),
@@ -185,7 +185,7 @@ class World(ExitStack):
         )
 
     def _move(self, T_world_base: NDArray[np.float64]) -> None:
-        """Put the robot down and find out where its camera and lamp are; nothing is simulated."""
+        """Set the robot's pose, and compute those of its camera and lamp; nothing is simulated."""
         seat = self.data.qpos[self._seat : self._seat + 7]
         seat[:3] = T_world_base[:3, 3]
         mujoco.mju_mat2Quat(seat[3:], np.ascontiguousarray(T_world_base[:3, :3]).ravel())
@@ -195,10 +195,10 @@ class World(ExitStack):
 
 
 def _with_robot(text: ArenaText) -> mujoco.MjModel:
-    """Arena and robot; the robot's parts are named as dm_control names them."""
+    """Compile arena and robot into one model; the robot's parts have the names that dm_control gives them."""
     arena = mujoco.MjSpec.from_string(text.mjcf, assets=text.assets)
     robot = mujoco.MjSpec.from_file(str(robot_file(ROBOTS[0])))
-    # How contacts are solved is of no concern here; where the two differ, MuJoCo would warn.
+    # Contacts are not simulated here; if arena and robot differed in how to solve them, MuJoCo would warn.
     robot.option.cone, robot.option.impratio = arena.option.cone, arena.option.impratio
     arena.attach(robot, prefix=f"{robot.modelname}/", frame=arena.worldbody.add_frame())
     arena.body(f"{robot.modelname}/base_link").add_freejoint()

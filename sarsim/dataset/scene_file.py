@@ -24,12 +24,12 @@ MILLIMETRE = np.float32(0.001)
 NO_BOX = -1
 
 _IMAGES = {"rgb": ((3,), np.uint8), "depth": ((), np.uint16), "label": ((), np.uint8), "instance": ((), np.int16)}
-"""By name: what a pixel is, and its type. Noise makes colour all but incompressible, so it is kept as it is."""
+"""Shape and type of a pixel by image. Colour images are stored uncompressed, because noise hardly compresses."""
 
 _CONTENT = {
     name: name.replace("s/", "_")
     for name in ("geoms/name", "geoms/label", "geoms/victim", "victims/id", "victims/pose", "victims/box")
-}  # by name in the file: what :class:`SceneContent` calls it
+}  # by name in the file: the attribute of :class:`SceneContent`
 
 _LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "rgb": ("u1", "M", "H", "W", 3),
@@ -51,18 +51,18 @@ _LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "victims/pose": ("f8", "V", 4, 4),
     "victims/box": ("f8", "V", 2, 3),
 }
-"""Type and shape of all that is in a file; what a letter stands for is the same everywhere."""
+"""Type and shape of all datasets of a file; a letter stands for the same size everywhere."""
 MOST_BYTES = 2**28
-"""of a frame's image, and of any other part: a file of some bytes may claim to hold terabytes."""
+"""of a frame's image, and of any other dataset: a file of some bytes may claim to hold terabytes."""
 MOST_FRAMES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
 class SceneContent:
-    """What a scene has but for its frames.
+    """The content of a scene without its frames.
 
     Attributes:
-        settings: what it was made from, as JSON can hold it.
+        settings: recipe of the scene, as JSON values.
         mjcf: the arena's MJCF, without the robot.
         intrinsics: of all images.
         geom_name: (G,) of the geoms, by instance.
@@ -86,13 +86,13 @@ class SceneContent:
 
 @dataclass(frozen=True, eq=False)
 class SceneFrame:
-    """One frame of a scene and what is true of it.
+    """One frame of a scene with its ground truth.
 
     Attributes:
         frame: with label and instance.
         pose_true: 4×4 T_world_base.
-        victim_pixels: (V, 4) int32 first and last column and row + 1 (u0, v0, u1, v1) of what is seen of each victim;
-            -1 where nothing is.
+        victim_pixels: (V, 4) int32 first column and row, last column and row + 1 (u0, v0, u1, v1) of the visible part
+            of each victim; -1 if nothing is visible.
         victim_area: (V,) int32 pixels that show each victim.
     """
 
@@ -102,7 +102,7 @@ class SceneFrame:
     victim_area: NDArray[np.int32]
 
     def row(self) -> dict[str, Any]:
-        """All but the images, by name in the file."""
+        """All values except the images, by name in the file."""
         return {
             "time": self.frame.time,
             "pose_true": self.pose_true,
@@ -121,7 +121,7 @@ class SceneWriter(ExitStack):
     """
 
     def __init__(self, path: Path, frames: int, content: SceneContent):
-        """OSError here or later where the file cannot be written."""
+        """Raises OSError, here or later, if the file cannot be written."""
         super().__init__()
         self._new = self.enter_context(NewFile(path))
         self._file = self._new.file
@@ -157,12 +157,12 @@ class SceneWriter(ExitStack):
             self._dataset(name, np.array([row[name] for row in self._rows]))
 
     def _dataset(self, name: str, data: NDArray, **filters: Any) -> None:
-        # A time of writing would make every file another one.
+        # With a time of writing, the same data would not make the same bytes.
         self._file.create_dataset(name, data=data, track_times=False, **filters)
 
 
 def _fixed(values: NDArray | list[str]) -> NDArray:
-    """Arrays as they are, and names as bytes of one length."""
+    """Arrays unchanged, and names as bytes of one length."""
     if isinstance(values, np.ndarray):
         return values
     return np.array([name.encode() for name in values], dtype=np.bytes_ if values else "S1")
@@ -173,18 +173,18 @@ class Scene(ExitStack):
 
     Attributes:
         path: of the file.
-        settings: what the scene was made from.
+        settings: recipe of the scene.
         intrinsics: of all images.
         pose_true: (M, 4, 4) T_world_base.
         pose_odom: (M, 4, 4) T_odom_base.
         T_base_camera: (M, 4, 4).
         time: (M,) s.
-        victim_pixels: (M, V, 4) int32 boxes u0, v0, u1, v1 around what is seen of each victim; -1 where nothing is.
+        victim_pixels: (M, V, 4) int32 boxes u0, v0, u1, v1 around the visible part of each victim; -1 if none is.
         victim_area: (M, V) int32 pixels that show each victim.
     """
 
     def __init__(self, path: Path):
-        """Open a file; InputError where it is missing, broken, or no scene of this version."""
+        """Open a file; InputError if it is missing, broken, or no scene of this version."""
         super().__init__()
         self.path = path
         self._file = self.enter_context(open_file(path))
@@ -197,7 +197,7 @@ class Scene(ExitStack):
 
     @contextmanager
     def _telling(self) -> Iterator[None]:
-        """Turn what the file's content does to its reader into InputError."""
+        """Turn the exceptions that a broken file causes into InputError."""
         try:
             yield
         except InputError:
@@ -224,7 +224,7 @@ class Scene(ExitStack):
         self._check_numbers()
 
     def _check_layout(self) -> dict[str, int]:
-        """Sizes by letters; ValueError where a part is missing, elsewhere, huge, or of another type or shape."""
+        """Sizes by letters; ValueError if a dataset is in another file, huge, or of another type or shape."""
         sizes: dict[str, int] = {}
         for name, (kind, *shape) in _LAYOUT.items():
             part = self._file[name]
@@ -244,7 +244,7 @@ class Scene(ExitStack):
         return sizes
 
     def _check_numbers(self) -> None:
-        """Raises ValueError where a number makes no sense."""
+        """Raises ValueError if a number makes no sense."""
         k, content = self.intrinsics, self.content
         if not np.isfinite([k.fx, k.fy, k.cx, k.cy]).all() or min(k.fx, k.fy) <= 0:
             raise ValueError("intrinsics are of no camera")
@@ -268,7 +268,7 @@ class Scene(ExitStack):
         return map(self.frame, range(len(self)))
 
     def frame(self, index: int) -> Frame:
-        """One frame, with its labels; InputError where the file is broken."""
+        """One frame, with its labels; InputError if the file is broken."""
         return Frame(
             time=float(self.time[index]),
             rgb=self._image("rgb", index),
@@ -281,11 +281,11 @@ class Scene(ExitStack):
         )
 
     def rgb(self, index: int) -> NDArray[np.uint8]:
-        """(H, W, 3) colour image of a frame; InputError where the file is broken."""
+        """(H, W, 3) colour image of a frame; InputError if the file is broken."""
         return self._image("rgb", index)
 
     def label(self, index: int) -> NDArray[np.uint8]:
-        """(H, W) labels of a frame; InputError where the file is broken."""
+        """(H, W) labels of a frame; InputError if the file is broken."""
         return self._numbers("label", index, 0, len(Label))
 
     def T_world_camera(self, index: int) -> NDArray[np.float64]:
@@ -294,7 +294,7 @@ class Scene(ExitStack):
 
     @cached_property
     def content(self) -> SceneContent:
-        """All but the frames; InputError where the file is broken."""
+        """The content without the frames; InputError if the file is broken."""
         with self._telling():
             arrays = {attribute: self._file[name][:] for name, attribute in _CONTENT.items()}
             for names in ("geom_name", "victim_id"):

@@ -1,4 +1,4 @@
-"""What a user may ask of a dataset; apart from what makes it, for ``--help`` needs no more than this."""
+"""Settings of a dataset, in a module of their own, because ``--help`` needs no more than these."""
 
 import math
 from dataclasses import dataclass, field
@@ -61,7 +61,7 @@ class ArenaRange:
             victims=int(rng.integers(*self.victims, endpoint=True)),
             difficulty=int(rng.integers(*self.difficulty, endpoint=True)),
             ceiling=bool(rng.random() < self.ceilings),
-            # No number is drawn for nothing: datasets without furniture or paint stay as they are.
+            # Numbers are drawn only if they are used: datasets without furniture or paint stay unchanged.
             furniture=round(rng.uniform(*self.furniture), 3) if self.furniture[1] else 0.0,
             bulky=round(rng.uniform(*self.bulky), 3) if self.bulky[1] else 0.0,
             furnished=round(rng.uniform(*self.furnished), 3) if self.furnished[1] else 0.0,
@@ -112,13 +112,13 @@ class DatasetConfig:
 
 
 def check_order(flag: str, bounds: tuple[float, float]) -> None:
-    """Raises InputError where bounds are not in order."""
+    """Raises InputError if bounds are not in order."""
     if not bounds[0] <= bounds[1]:
         raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: the lower value comes first")
 
 
 def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
-    """Raises InputError where a flag's value is not between two bounds."""
+    """Raises InputError if a flag's value is not between two bounds."""
     if not low <= value <= high:
         limits = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
         raise InputError(f"--{flag} {value:g}: {limits}")

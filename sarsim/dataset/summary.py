@@ -1,4 +1,4 @@
-"""``index.html``: a dataset at a glance, in one file that needs no other."""
+"""``index.html``: an overview of a dataset in one self-contained file."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from sarsim.dataset.manifest import SPLITS
 from sarsim.dataset.scene_file import Scene
 
 FILE = "index.html"
-MAX_PICTURED = 12  # Scenes of which the page shows a frame
+MAX_PICTURED = 12  # Largest number of scenes of which the page shows a frame
 SIZE = (320, 240)  # Width and height of the pictures in pixels
 FAR = 3.5  # m, the end of the depth pictures' colours
 
@@ -46,7 +46,7 @@ def write_summary(folder: Path) -> None:
 
 
 def _splits(dataset: Dataset) -> Iterator[dict[str, Any]]:
-    """How much each split holds, and by which light."""
+    """Numbers of scenes and frames of each split, and its lighting."""
     for split in SPLITS:
         entries = [entry for entry in dataset.entries if entry.split == split]
         lights = Counter(entry.lighting for entry in entries)
@@ -69,7 +69,7 @@ def _balance(dataset: Dataset) -> Iterator[dict[str, Any]]:
 
 
 def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
-    """Of some scenes, the frame that shows most labels."""
+    """For some scenes, the images of the frame that shows the most labels."""
     step = -(-len(dataset) // MAX_PICTURED)
     for entry in dataset.entries[:: max(step, 1)]:
         with Scene(dataset.folder / entry.file) as scene:
@@ -89,7 +89,7 @@ def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
 
 
 def with_boxes(rgb: NDArray[np.uint8], boxes: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """(H, W, 3) the picture with (N, 4) boxes u0, v0, u1, v1 in the colour of victims."""
+    """(H, W, 3) the image with (N, 4) boxes u0, v0, u1, v1 in the colour of victims."""
     picture, thickness = rgb.copy(), max(1, rgb.shape[1] // 200)
     for u0, v0, u1, v1 in boxes.tolist():
         cv2.rectangle(picture, (u0, v0), (u1 - 1, v1 - 1), COLOURS[Label.VICTIM].tolist(), thickness)

@@ -1,4 +1,4 @@
-"""The frames of a dataset as images to learn from in which people are."""
+"""The frames of a dataset as images to train a detector of people."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -12,14 +12,14 @@ from pipeline.victims.detection.labelled_image import LabelledImage
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.scene_file import Scene
 
-MIN_AREA = 100  # pixels that must show of a person who is to be found; one who shows fewer is ignored
+MIN_AREA = 100  # visible pixels of a person who is to be found; people with fewer are ignored
 
 
 class VictimImages(ExitStack):
-    """All frames of one split, read when asked for."""
+    """All frames of one split, which are read on access."""
 
     def __init__(self, folders: Sequence[Path], split: str, stride: int = 1) -> None:
-        """Of datasets' folders; every ``stride``-th frame of a scene.
+        """``folders``: of datasets; ``stride``: use every ``stride``-th frame of a scene.
 
         Raises:
             InputError: no dataset, or a scene is missing or broken.
@@ -46,7 +46,7 @@ class VictimImages(ExitStack):
         return LabelledImage(scene.rgb(frame), boxes, area[seen] < MIN_AREA, shown)
 
     def people(self, index: int) -> NDArray[np.floating]:
-        """(N, 2) widths and heights of the people to be found in one, as shares of the image's."""
+        """(N, 2) widths and heights of the people to be found in an image, as shares of the image's."""
         scene, frame = self._frames[index]
         boxes = scene.victim_pixels[frame][scene.victim_area[frame] >= MIN_AREA]
         return (boxes[:, 2:] - boxes[:, :2]) / (scene.intrinsics.width, scene.intrinsics.height)

@@ -1,4 +1,4 @@
-"""How a Pioneer 3-AT stands on the ground, from the places where its wheels touch."""
+"""The pose of a Pioneer 3-AT at rest on the ground, from the contacts of its wheels."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,19 +9,19 @@ from sarsim.dataset import wheel_contact_kernels as kernels
 from sarsim.ground_truth.columns import ConvexBodies
 
 AXLES = np.array([(0.135, 0.199, 0.111), (0.135, -0.199, 0.111), (-0.135, 0.199, 0.111), (-0.135, -0.199, 0.111)])
-"""(4, 3) m in ``base_link``: front left, front right, rear left, rear right."""
+"""(4, 3) m, wheel centres in ``base_link``: front left, front right, rear left, rear right."""
 RADIUS = 0.110  # m; a tyre of 0.111 m sinks in by 1 mm under the robot's weight
 CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])  # (3,) m in ``base_link``
 UNDERSIDE = np.array([(x, y, 0.08) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.1, 0.0, 0.1)])
 """(N, 3) m in ``base_link``: the lowest points of the chassis."""
-REACH = 0.2  # m; a surface that much higher than the middle of the robot does not count as its ground
+REACH = 0.2  # m; a surface higher than this above the ground at the robot's centre does not count as ground
 
 
 class WheelContact:
-    """The ground of an arena as the robot's wheels meet it."""
+    """The contact of the robot's wheels with the ground of an arena."""
 
     def __init__(self, bodies: ConvexBodies, grid: Grid):
-        """``bodies``: of the arena without the robot, here listed by the cell of the ``grid`` that they lie over."""
+        """``bodies``: of the arena without the robot; they are indexed by the cells of ``grid`` that they cover."""
         number = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape)
         cells = [number[i0:i1, j0:j1].ravel() for i0, i1, j0, j1 in bodies.windows(grid)]
         cell, body = np.concatenate(cells), np.repeat(np.arange(len(cells)), [len(c) for c in cells])
@@ -33,7 +33,7 @@ class WheelContact:
     def stand(self, x: float, y: float, yaw: float, height: float) -> NDArray[np.float64] | None:
         """4×4 pose of ``base_link`` at (x, y) m that faces along ``yaw`` rad, at rest and without play in the tyres.
 
-        None where the robot cannot stand: a wheel is over nothing, or the chassis would touch the ground.
+        None if the robot cannot stand: a wheel has no ground, or the chassis would touch the ground.
         ``height``: m of the ground near (x, y).
         """
         below = height + REACH

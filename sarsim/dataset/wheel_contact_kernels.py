@@ -10,11 +10,11 @@ from sarsim.ground_truth.columns_kernels import vertical_cut
 
 _ITERATIONS = 20
 _SETTLED = 1e-6
-"""m that the wheels may still be off the ground."""
+"""m, largest remaining gap between wheels and ground."""
 _SAMPLES = 20
-"""Places before and behind the axle where a tyre may touch."""
+"""Number of places in front of and behind the axle where contact of a tyre is tested."""
 _REACH = 0.75
-"""Of the radius: slopes of 48° and steps of 4 cm touch a tyre within it."""
+"""Share of the radius over which these places extend: slopes of 48° and steps of 4 cm touch a tyre within it."""
 
 
 class Ground(NamedTuple):
@@ -22,8 +22,8 @@ class Ground(NamedTuple):
 
     Attributes:
         planes: (M, 4) (n, d), n·p ≤ d inside.
-        first: (N + 1,) where the planes of each body begin.
-        start, number: (nx, ny) the part of ``bodies`` that lies over each cell.
+        first: (N + 1,) index of each body's first plane.
+        start, number: (nx, ny) first index and length of the part of ``bodies`` that lies over each cell.
         bodies: (K,) indices of bodies.
         origin: (2,) m, corner of cell [0, 0].
         cell: m.
@@ -40,7 +40,7 @@ class Ground(NamedTuple):
 
 @njit(cache=True)
 def ground_height(ground, x, y, below):
-    """Height in m of the highest place at (x, y) that is not above ``below``; -inf if there is none."""
+    """Height in m of the highest surface at (x, y) that is not above ``below``; -inf if there is none."""
     i = int(np.floor((x - ground.origin[0]) / ground.cell))
     j = int(np.floor((y - ground.origin[1]) / ground.cell))
     highest = -np.inf
@@ -56,7 +56,7 @@ def ground_height(ground, x, y, below):
 
 @njit(cache=True)
 def axle_height(ground, x, y, c, s, radius, below):
-    """Height in m of the centre of a wheel over (x, y) that rolls along (c, s); -inf where nothing bears it."""
+    """Height in m of the centre of a wheel over (x, y) that rolls along (c, s); -inf without ground below."""
     highest = -np.inf
     for k in range(-_SAMPLES, _SAMPLES + 1):
         along = radius * _REACH * k / _SAMPLES
@@ -80,19 +80,19 @@ def attitude(yaw, climb, rise):
 
 @njit(cache=True)
 def stand(ground, x, y, yaw, below, axles, radius, centre_of_mass):
-    """Where four wheels on a rigid body come to rest: on three of them, the three around the centre of mass.
+    """Find the rest pose of a rigid body with four wheels: it stands on the three around the centre of mass.
 
     Args:
         ground: see :class:`Ground`.
         x, y, yaw: of the body, m and rad.
-        below: m; what is higher than that is no ground.
+        below: m; higher surfaces do not count as ground.
         axles: (4, 3) m in the body, front left, front right, rear left, rear right.
         radius: of the wheels, m.
         centre_of_mass: (3,) m in the body.
 
     Returns:
-        (z, climb, rise): height of the body's origin in m and its slopes forwards and to the left; NaN where a wheel
-        stands on nothing.
+        (z, climb, rise): height of the body's origin in m and its slopes forwards and to the left; NaN if a wheel has
+        no ground below it.
     """
     z, climb, rise = below, 0.0, 0.0
     half_length, half_width = axles[0, 0], axles[0, 1]
@@ -118,9 +118,9 @@ def stand(ground, x, y, yaw, below, axles, radius, centre_of_mass):
 
 @njit(cache=True)
 def _lift(gap, axles, forward, left):
-    """Let the wheel hang that is off the ground when the weight rests at (forward, left) of the body."""
+    """Set the gap of the wheel that is off the ground if the centre of mass is at (forward, left) of the body."""
     twist = gap[0] + gap[3] - gap[1] - gap[2]
-    # The two wheels of the higher diagonal touch; the weight lies on one side of it.
+    # The two wheels of the higher diagonal touch the ground; the centre of mass is on one side of it.
     high = axles[0] if twist > 0 else axles[1]
     weight_is_left = high[0] * left - high[1] * forward > 0
     if twist > 0:
@@ -133,7 +133,7 @@ def _lift(gap, axles, forward, left):
 
 @njit(cache=True)
 def is_clear(ground, x, y, z, R, below, underside):
-    """Whether points (N, 3) m of the body's underside are above the ground."""
+    """Whether all points (N, 3) m of the body's underside are above the ground."""
     for n in range(len(underside)):
         p = R @ underside[n]
         if ground_height(ground, x + p[0], y + p[1], below) > z + p[2]:

@@ -1,1 +1,1 @@
-"""The true world: its surfaces, its geoms as triangles, its columns of air and matter, and contacts."""
+"""Ground truth: the drivable surface, plane faces, geoms as triangles, columns of bodies, and contacts."""

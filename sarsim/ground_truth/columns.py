@@ -1,4 +1,4 @@
-"""What stands above every cell of a grid: the arena as vertical columns of matter and air."""
+"""The arena as vertical columns: the convex bodies above each cell of a grid."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,22 +13,22 @@ from sarsim.ground_truth import columns_kernels as kernels
 from sarsim.ground_truth.shapes import CUBE, SQUARE, hull_planes, mesh_vertices, swept
 from sarsim.sensors.camera import geom_labels
 
-ENDLESS = 25.0  # m from its middle that an endless plane counts
-SEGMENTS = 32  # Sides of the polygon that stands for a circle
-_GAP = 1e-3  # m; bodies that lie nearer to each other stand on each other
+ENDLESS = 25.0  # m, half size assumed for an infinite plane
+SEGMENTS = 32  # Sides of the polygon that approximates a circle
+_GAP = 1e-3  # m; bodies with a smaller vertical gap are merged
 _GEOM = mujoco.mjtGeom
 
 
 @dataclass(frozen=True, eq=False)
 class ConvexBodies:
-    """The convex hulls of geoms in the world: what the robot's wheels meet.
+    """The convex hulls of geoms in world coordinates.
 
     Attributes:
         planes: (M, 4) float64 (n, d), n·p ≤ d inside.
-        first: (N + 1,) where the planes of each body begin.
+        first: (N + 1,) index of each body's first plane.
         corners: (K, 2) float64 m, outlines seen from above, counter-clockwise.
-        first_corner: (N + 1,) where the outline of each body begins.
-        low, high: (N, 3) float64 m, the box around each.
+        first_corner: (N + 1,) index of each outline's first corner.
+        low, high: (N, 3) float64 m, the bounding box of each body.
         label: (N,) uint8.
     """
 
@@ -48,9 +48,9 @@ class ConvexBodies:
 
 
 def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None) -> ConvexBodies:
-    """The bodies of all geoms but the robot's and those that nothing touches.
+    """The convex bodies of all geoms that can collide, except the robot's.
 
-    A height field counts as the box around it, and a round shape as a polyhedron within 0.5 % of it.
+    A height field is replaced by its bounding box, and a round shape by a polyhedron within 0.5 % of it.
     """
     labels = geom_labels(model)
     other = model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body)
@@ -75,13 +75,13 @@ def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The bodies over each cell's centre, joined where they touch; cell [i, j] has ``count`` of them from ``start``.
+    """The bodies over each cell's centre, merged where they touch; cell [i, j] has ``count`` from index ``start``.
 
     Attributes:
         start, count: (nx, ny) int64.
         bottom, top: (N,) float64 m.
-        normal_z: (N,) float64 of the surface at the top.
-        owner: (N,) int64 index of the convex body whose top it is.
+        normal_z: (N,) float64 z of the surface normal at the top.
+        owner: (N,) int64 index of the convex body that has this top.
     """
 
     start: NDArray[np.int64]
@@ -111,7 +111,7 @@ _Shape = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class _TurnedShape:
-    """A convex body in the world's directions, around the geom's position."""
+    """A convex body along the world's axes, relative to the geom's position."""
 
     planes: NDArray[np.float64]
     outline: NDArray[np.float64]
@@ -120,7 +120,7 @@ class _TurnedShape:
 
 
 def _turned_shapes(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.int64]) -> list[_TurnedShape]:
-    """One for each geom; an arena repeats few shapes and rotations, so each is computed once."""
+    """The shape of each geom; an arena repeats few shapes and rotations, so each pair is computed once."""
     kinds = [model.geom_type[geoms], model.geom_dataid[geoms], model.geom_size[geoms], data.geom_xmat[geoms]]
     _, first, which = np.unique(np.column_stack(kinds), axis=0, return_index=True, return_inverse=True)
     turned = [_turned(*_shape(model, int(g)), data.geom_xmat[g].reshape(3, 3)) for g in geoms[first]]
@@ -133,7 +133,7 @@ def _turned(planes: NDArray[np.float64], vertices: NDArray[np.float64], R: NDArr
 
 
 def _outline(xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 2) the convex outline of points, counter-clockwise; of points on a line, its ends."""
+    """(N, 2) convex hull of points, counter-clockwise; two end points if all points are on a line."""
     try:
         return xy[ConvexHull(xy).vertices]
     except QhullError:
@@ -157,7 +157,7 @@ def _shape(model: mujoco.MjModel, geom: int) -> _Shape:
 
 
 def _plane(half: NDArray[np.float64]) -> _Shape:
-    """Everything below a rectangle."""
+    """The prism below a rectangle, without a bottom."""
     normals = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], np.float64)
     distances = np.array([0, half[0], half[0], half[1], half[1]])
     return np.column_stack([normals, distances]), SQUARE * [*half, 0]
@@ -195,4 +195,4 @@ _ROUND: dict[mujoco.mjtGeom, Callable[[NDArray[np.float64]], NDArray[np.float64]
     _GEOM.mjGEOM_SPHERE: lambda size: _ball() * size[0],
     _GEOM.mjGEOM_ELLIPSOID: lambda size: _ball() * size,
 }
-"""Points on the round shapes."""
+"""For each round geom type, the function that gives (N, 3) points on its surface."""

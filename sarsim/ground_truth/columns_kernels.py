@@ -1,4 +1,4 @@
-"""Compiled loops over the columns of air and matter above the cells of a grid."""
+"""Compiled loops over the columns of bodies above the cells of a grid."""
 
 import numpy as np
 from numba import njit
@@ -9,9 +9,9 @@ _UPRIGHT = 1e-4
 
 @njit(cache=True)
 def vertical_cut(planes, x, y):
-    """Lowest and highest point of a vertical line in a convex body n·p ≤ d, and the normal's z where it leaves it.
+    """Lowest and highest point of a vertical line in a convex body n·p ≤ d, and z of the normal at the highest.
 
-    Empty, lowest above highest, where the line misses the body. ``planes``: (F, 4) n and d.
+    If the line misses the body, the lowest point is above the highest. ``planes``: (F, 4) n and d.
     """
     low, high, normal_z = -np.inf, np.inf, 1.0
     for k in range(planes.shape[0]):
@@ -44,7 +44,7 @@ def count_bodies(planes, first, window, origin, cell, count):
 
 @njit(cache=True)
 def fill_bodies(planes, first, window, origin, cell, start, bottom, top, normal_z, owner):
-    """Write the bodies over each cell to the places from ``start`` (nx, ny) on, which moves on by their number."""
+    """Write the bodies over each cell from index ``start`` (nx, ny) on, and advance ``start`` by their number."""
     for n in range(len(window)):
         for i in range(window[n, 0], window[n, 1]):
             for j in range(window[n, 2], window[n, 3]):
@@ -60,7 +60,7 @@ def fill_bodies(planes, first, window, origin, cell, start, bottom, top, normal_
 def merge_bodies(start, count, bottom, top, normal_z, owner, gap):
     """Sort the bodies (B,) of every cell from below to above and join those less than ``gap`` m apart, in place.
 
-    What is joined keeps the highest top, and its normal and owner. ``count`` becomes the number that is left.
+    A joined body has the highest top, with its normal and owner. ``count`` becomes the number of joined bodies.
     """
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):
@@ -100,7 +100,7 @@ def place_near(start, count, bottom, top, i, j, height, reach, headroom):
 
 @njit(cache=True)
 def _is_blocked(start, count, bottom, top, owner, is_obstacle, i, j, low, high):
-    """Whether the first thing between two heights is an obstacle."""
+    """Whether the lowest body between two heights is an obstacle."""
     for k in range(start[i, j], start[i, j] + count[i, j]):
         if bottom[k] < high and top[k] > low:
             return is_obstacle[owner[k]]
@@ -112,10 +112,10 @@ def flood(
     start, count, bottom, top, normal_z, owner, is_obstacle, first_i, first_j, first_body, max_step, headroom,
     min_normal_z, height, edge
 ):  # fmt: skip
-    """Follow the ground from a first place over steps of at most ``max_step``.
+    """Flood-fill the ground from a first cell over steps of at most ``max_step``.
 
     Fills ``height`` (nx, ny), NaN where the ground does not reach, and ``edge``: cells where the ground ends in a
-    step, a drop or too little headroom, and those too steep to go on. What ends at an obstacle ends in no edge.
+    step, a drop or too little headroom, and those too steep to go on. Ground that ends at an obstacle has no edge.
     """
     nx, ny = height.shape
     queue = np.empty((nx * ny, 2), np.int32)
@@ -150,7 +150,7 @@ def flood(
 
 @njit(cache=True)
 def lowest_places(start, count, bottom, top, owner, chosen, headroom, height):
-    """Write the lowest top with headroom that a chosen body owns to ``height`` (nx, ny); leaves other cells."""
+    """Write the lowest top with headroom of a chosen body to ``height`` (nx, ny); other cells stay unchanged."""
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):
             end = start[i, j] + count[i, j]
@@ -162,7 +162,7 @@ def lowest_places(start, count, bottom, top, owner, chosen, headroom, height):
 
 @njit(cache=True)
 def owners(start, count, top, owner, height, result):
-    """Write the owner of the ground at ``height`` (nx, ny) to ``result``; leaves cells without ground."""
+    """Write the owner of the ground at ``height`` (nx, ny) to ``result``; cells without ground stay unchanged."""
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):
             for k in range(start[i, j], start[i, j] + count[i, j]):
@@ -172,16 +172,16 @@ def owners(start, count, top, owner, height, result):
 
 @njit(cache=True)
 def lower_distance(corners, first, window, low, high, origin, cell, height, max_step, headroom, distance):
-    """Lower ``distance`` (nx, ny) to that of the nearest convex outline which is in the way on the cell's ground.
+    """Lower ``distance`` (nx, ny), m, to that of the nearest convex outline that obstructs the cell's ground.
 
     Outline n has the corners ``first[n]:first[n + 1]`` of (M, 2), counter-clockwise, and reaches from low[n] to
-    high[n]. What ends at the height of a step or begins above the headroom is not in the way.
+    high[n]. A body that ends below the height of a step or begins above the headroom does not obstruct.
     """
     for n in range(len(window)):
         for i in range(window[n, 0], window[n, 1]):
             for j in range(window[n, 2], window[n, 3]):
                 ground = height[i, j]
-                # A cell without known ground counts as in the way: the body itself covers it.
+                # Where the ground is NaN, every body obstructs: the cell may be covered by the body itself.
                 if high[n] <= ground + max_step or low[n] >= ground + headroom:
                     continue
                 x, y = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell
@@ -191,7 +191,7 @@ def lower_distance(corners, first, window, low, high, origin, cell, height, max_
 
 @njit(cache=True)
 def _distance_to_outline(corners, x, y):
-    """m from a point to a convex polygon, 0 inside."""
+    """Distance in m from a point to a convex polygon, 0 inside."""
     inside, nearest = True, np.inf
     m = len(corners)
     for k in range(m):

@@ -52,7 +52,7 @@ def _vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64] | None:
 
 
 def _faces(geom: int, label: Label, vertices: NDArray[np.float64]) -> list[Face]:
-    """The faces of the convex hull of vertices; of four vertices in a plane, that one face upwards."""
+    """The faces of the convex hull of vertices; four vertices are a plane geom, whose one face is its upper side."""
     if len(vertices) == 4:
         normal = np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0])
         return [Face(geom, label, normal / np.linalg.norm(normal), vertices)]
@@ -60,7 +60,7 @@ def _faces(geom: int, label: Label, vertices: NDArray[np.float64]) -> list[Face]
 
 
 def _outline(vertices: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The vertices on a plane, in order around their middle."""
+    """The vertices on a plane, in order around their mean."""
     on_plane = vertices[np.abs(vertices @ plane[:3] - plane[3]) < 1e-4]
     x, y = plane_axes(plane[:3])
     offset = on_plane - on_plane.mean(axis=0)

@@ -12,13 +12,13 @@ from sarsim.ground_truth.shapes import SQUARE, rotation, swept
 
 SEGMENTS = 24  # Sides of a drawn circle
 
-CREASE = np.cos(np.deg2rad(30))  # Where a face and the smoothed surface differ by more, there is an edge
+CREASE = np.cos(np.deg2rad(30))  # At larger angles between face normal and smoothed normal there is an edge
 
 DRAWN_GROUPS = (0, 1, 2)
-"""Geoms of these groups are seen; collision shapes stand in others (MuJoCo's own viewer agrees)."""
+"""Groups of the visible geoms, as in MuJoCo's own viewer; collision geoms are in other groups."""
 
 _PLAIN = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
-"""A geom's colour unless its MJCF gives another: then its material's counts."""
+"""MuJoCo's default colour of a geom; a geom that has it takes the colour of its material."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +52,13 @@ class _Shape:
 
 
 def drawn_geoms(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the geoms that are seen."""
+    """(ngeom,) bool, the visible geoms."""
     colour = np.array([geom_colour(model, geom) for geom in range(model.ngeom)]).reshape(-1, 4)
     return np.isin(model.geom_group, DRAWN_GROUPS) & (colour[:, 3] > 0)
 
 
 def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[NDArray[np.float64]]:
-    """4×4 poses of geoms in their bodies."""
+    """4×4 poses of geoms in the frames of their bodies."""
     return [from_rotation(rotation(model.geom_quat[geom]), model.geom_pos[geom]) for geom in geoms]
 
 
@@ -97,7 +97,7 @@ def geom_colour(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
 
 def _plane(model: mujoco.MjModel, geom: int) -> _Shape:
     half = model.geom_size[geom, :2]
-    x, y = np.where(half > 0, half, 10 * model.stat.extent)  # 0 stands for endless
+    x, y = np.where(half > 0, half, 10 * model.stat.extent)  # 0 means infinite
     return _Shape(SQUARE * [x, y, 0], np.tile([0.0, 0, 1], (4, 1)), np.array([(0, 1, 2), (0, 2, 3)]))
 
 
@@ -154,7 +154,7 @@ def _revolved(outline: NDArray[np.float64], normals: NDArray[np.float64]) -> _Sh
 def _mesh(model: mujoco.MjModel, geom: int) -> _Shape:
     mesh = model.geom_dataid[geom]
     faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
-    # A vertex has another normal in each face that it belongs to, so every face gets corners of its own.
+    # A vertex can have a different normal in each of its faces, so every face gets its own corners.
     corner = model.mesh_vertadr[mesh] + model.mesh_face[faces]
     vertices = model.mesh_vert[corner].astype(np.float64)
     smooth = model.mesh_normal[model.mesh_normaladr[mesh] + model.mesh_facenormal[faces]]

@@ -21,7 +21,7 @@ def rotation(quat: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def mesh_vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
-    """(N, 3) m, the vertices of a geom that is a mesh."""
+    """(N, 3) m, the vertices of a mesh geom."""
     mesh = model.geom_dataid[geom]
     first = model.mesh_vertadr[mesh]
     return model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
@@ -34,12 +34,12 @@ def hull_planes(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @lru_cache(256)
 def _hull_planes(vertices: bytes) -> NDArray[np.float64]:
-    """Kept, because arenas repeat few shapes and are surveyed again and again."""
+    """Cached, because arenas repeat few shapes and are surveyed again and again."""
     return np.unique(ConvexHull(np.frombuffer(vertices).reshape(-1, 3)).equations.round(6), axis=0) * [1, 1, 1, -1]
 
 
 def swept(outline: NDArray[np.float64], segments: int) -> NDArray[np.float64]:
-    """(K · segments, 3) the points that (K, 2) points (r, z), m, sweep around the z axis, point by point."""
+    """(K · segments, 3) points m: each of the (K, 2) points (r, z), m, in turn, rotated around the z axis."""
     angle = np.arange(segments) * 2 * np.pi / segments
     xy = outline[:, None, :1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     z = np.broadcast_to(outline[:, None, 1:], (*xy.shape[:2], 1))

@@ -1,4 +1,4 @@
-"""The ground as it is: where a Pioneer 3-AT may truly stand and be driven to."""
+"""The true ground: where a Pioneer 3-AT can stand and drive."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ CLEARANCE = 0.30
 HEADROOM = 0.65
 MARGIN = 0.5  # m of grid around the arena
 MOST_AREA = 6000.0  # m² of an arena; a .raf file's may be 72 m long and wide
-START_REACH = 0.3  # m; a start so far above or below the ground is taken to stand on it
+START_REACH = 0.3  # m; a start at most this far above or below the ground counts as on the ground
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +30,10 @@ class TrueSurface:
     """The true ground on a grid of 5 cm cells; layers are (nx, ny).
 
     Attributes:
-        grid: where the cells lie.
-        height: float64 m of the ground in each cell; NaN where the robot cannot come over the neighbouring cells.
-        drivable: bool, connected to the start, and from 0.30 m around free of steps above 0.08 m, tilt above 20°,
-            walls and clutter, with 0.65 m of headroom.
+        grid: of the layers.
+        height: float64 m of the ground in each cell; NaN where it is not connected to the start by steps ≤ 0.08 m.
+        drivable: bool, connected to the start, without steps above 0.08 m, tilt above 20°, walls, clutter or victims
+            within 0.30 m, and with 0.65 m of headroom.
         walls: bool, a wall stands in the cell at the height of the robot's body.
     """
 
@@ -45,14 +45,14 @@ class TrueSurface:
 
 @dataclass(frozen=True, eq=False)
 class FreeGround:
-    """Ground that steps of at most ``MAX_STEP`` join; layers are (nx, ny).
+    """Ground connected by steps of at most ``MAX_STEP``; layers are (nx, ny).
 
     Attributes:
-        grid: where the cells lie.
+        grid: of the layers.
         height: float64 m, NaN where this ground does not reach.
         label: uint8 of the ground.
-        pieces: int32, 0 where the robot may not be; where it may, the number of the piece it can drive around in.
-        to_obstacle: float64 m to the nearest wall, clutter or victim in the robot's way, exact up to ``CLEARANCE``.
+        pieces: int32, the number of the connected drivable piece; 0 where the robot cannot stand.
+        to_obstacle: float64 m to the nearest obstructing wall, clutter or victim, exact up to ``CLEARANCE``.
         walls: bool, a wall stands in the cell at the height of the robot's body.
     """
 
@@ -65,15 +65,15 @@ class FreeGround:
 
 
 class Survey:
-    """The arena cut into cells, ready to be searched for ground.
+    """The arena's columns on a grid, in which connected ground can be searched.
 
     Attributes:
-        bodies: of the arena.
-        grid: where the cells lie.
+        bodies: the convex bodies of the arena.
+        grid: of the columns.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None = None):
-        """``robot_body``: id of the robot's root body, which is transparent; None if there is no robot."""
+        """``robot_body``: id of the robot's root body, which is left out; None if there is no robot."""
         self.bodies = convex_bodies(model, data, robot_body)
         self.grid = _grid_around(self.bodies)
         self._columns = columns(self.bodies, self.grid)
@@ -85,7 +85,7 @@ class Survey:
         return None if body is None else float(self._columns.top[body])
 
     def grounds(self, label: Label, min_area: float) -> Iterator[FreeGround]:
-        """All ground that is joined to a patch of a label larger than ``min_area`` m², the largest patch first."""
+        """All ground connected to a patch of a label larger than ``min_area`` m², the largest patch first."""
         height = self._lowest(label)
         unseen = ~np.isnan(height)
         patches, _ = ndimage.label(unseen, np.ones((3, 3)))
@@ -102,14 +102,14 @@ class Survey:
                     cells &= unseen
 
     def _lowest(self, label: Label) -> NDArray[np.float64]:
-        """(nx, ny) m of the lowest place of a label with headroom in each cell; NaN where there is none."""
+        """(nx, ny) height in m of the lowest top with headroom and this label in each cell; NaN without one."""
         c, height = self._columns, np.full(self.grid.shape, np.nan)
         chosen = self.bodies.label == label
         kernels.lowest_places(c.start, c.count, c.bottom, c.top, c.owner, chosen, HEADROOM, height)
         return height
 
     def ground_from(self, start: NDArray[np.float64]) -> FreeGround | None:
-        """The ground that is joined to the one at ``start`` (3,) m; None if there is no ground."""
+        """The ground connected to the ground at ``start`` (3,) m; None if there is none at ``start``."""
         body = self._place(start, START_REACH)
         if body is None:
             return None
@@ -141,7 +141,7 @@ class Survey:
         return None if body < 0 else int(body)
 
     def _flood(self, first: NDArray[np.int64], body: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Heights of the joined ground, and where it ends in a step."""
+        """Heights of the connected ground, and the cells where it ends in a step."""
         c = self._columns
         height, edge = np.full(self.grid.shape, np.nan), np.zeros(self.grid.shape, np.bool_)
         kernels.flood(
@@ -151,14 +151,14 @@ class Survey:
         return height, edge
 
     def _label(self, height: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """(nx, ny) of the ground; 0 where there is none."""
+        """(nx, ny) labels of the ground; 0 where there is none."""
         c = self._columns
         owner = np.full(self.grid.shape, -1)
         kernels.owners(c.start, c.count, c.top, c.owner, height, owner)
         return np.append(self.bodies.label, np.uint8(Label.UNLABELLED))[owner]
 
     def _to_obstacle(self, height: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(nx, ny) m to the nearest of the chosen bodies that is in the way; inf beyond ``CLEARANCE``."""
+        """(nx, ny) m to the nearest of the chosen bodies that obstructs the ground; inf beyond ``CLEARANCE``."""
         b, distance = self.bodies, np.full(self.grid.shape, np.inf)
         windows = b.windows(self.grid, CLEARANCE + CELL)
         windows[~chosen, 1] = 0
@@ -170,20 +170,20 @@ class Survey:
 
 
 def _grid_around(bodies: ConvexBodies) -> Grid:
-    """A grid over all that the arena is made of."""
+    """A grid that covers all bodies and ``MARGIN`` around them."""
     low, high = bodies.low[:, :2].min(axis=0), bodies.high[:, :2].max(axis=0)
-    # Rounding errors must not add a row of cells.
     if not np.prod(high - low) <= MOST_AREA:
         raise InputError(
             f"an arena of {' × '.join(f'{x:.3g}' for x in high - low)} m: at most {MOST_AREA:g} m² are built"
         )
+    # Rounding errors must not add a row of cells.
     first = np.floor((low - MARGIN) / CELL + 1e-6).astype(np.int64)
     nx, ny = np.ceil((high + MARGIN - first * CELL) / CELL - 1e-6).astype(int)
     return Grid(first, CELL, (int(nx), int(ny)))
 
 
 def _tilt(height: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(nx, ny) rad of the ground; the gentler of the two sides counts, so that an edge tilts nothing."""
+    """(nx, ny) tilt in rad; along each axis the gentler of both sides' slopes counts, so an edge adds no tilt."""
     slopes = []
     for axis in (0, 1):
         forward = np.diff(height, axis=axis, append=np.nan) / CELL

@@ -1,4 +1,4 @@
-"""Where a robot is, and where it believes to be."""
+"""True and estimated poses of a robot."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A moment of a trajectory.
+    """One sample of a trajectory.
 
     Attributes:
         time: s.
         T_world_base: 4×4 true pose.
-        T_odom_base: 4×4 what the odometry believes.
+        T_odom_base: 4×4 pose by odometry.
     """
 
     time: float

@@ -1,4 +1,4 @@
-"""The drive's firmware: from a velocity command to the speed of the wheels."""
+"""The drive's firmware: from velocity commands to wheel speeds."""
 
 import math
 from dataclasses import dataclass
@@ -9,28 +9,28 @@ from numpy.typing import NDArray
 from pipeline.robot import Velocity
 
 SURPLUS = 1.2
-"""Over the wheels' speed at ``top_speed``, for feedback."""
+"""Highest wheel speed over that at ``top_speed``; the surplus is for feedback."""
 HEADING_GAIN = 4.0
 """1/s, turn rate per radian of heading error."""
 MAX_HEADING_ERROR = 0.2
-"""rad remembered while the robot cannot turn as commanded."""
+"""rad, the largest heading error that accumulates while the robot cannot turn as commanded."""
 WHEEL_GAIN = 10.0
 """1/s, wheel speed per radian by which a wheel lags."""
 MAX_WHEEL_LAG = 0.03
-"""rad remembered while a wheel cannot turn as commanded."""
+"""rad, the largest lag that accumulates while a wheel cannot turn as commanded."""
 SETTLED = math.radians(0.2)
 """rad of heading error below which a stopped robot stops correcting."""
 
 
 @dataclass(frozen=True)
 class DriveModel:
-    """What a drive's firmware is set to.
+    """Parameters of a drive's firmware.
 
     Attributes:
-        wheel_radius: rolling, m.
-        effective_track: m. A skid-steered vehicle turns as a two-wheeled one with a wider track would, for its tyres
+        wheel_radius: rolling radius, m.
+        effective_track: m. A skid-steered vehicle turns like a two-wheeled one with a wider track, because its tyres
             slip sideways: with equal loads and Coulomb friction ``track + wheelbase² / track``.
-        top_speed, top_turn_rate: faster commands are cut to these, m/s and rad/s.
+        top_speed, top_turn_rate: faster commands are clipped to these, m/s and rad/s.
         acceleration, turn_acceleration: m/s² and rad/s².
     """
 
@@ -43,18 +43,18 @@ class DriveModel:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Fastest m/s and rad/s."""
+        """Top speed and turn rate, m/s and rad/s."""
         return self.top_speed, self.top_turn_rate
 
 
 class SkidSteer:
     """Follows a commanded velocity with limited acceleration; the gyro holds the heading, the encoders the wheels.
 
-    One ``command`` a control period. The heading error is the integral of the turn rate asked for less the one felt,
-    so a turn ends where it should although the tyres slip.
+    Call ``command`` once per control period. The heading error is the integral of the commanded minus the measured
+    turn rate, so a turn ends at the commanded heading although the tyres slip.
 
     Attributes:
-        heading_error: how far it has still to turn to be where the commands so far should have brought it, rad.
+        heading_error: rad that the robot still has to turn to reach the heading commanded so far.
     """
 
     def __init__(self, drive: DriveModel) -> None:
@@ -68,10 +68,10 @@ class SkidSteer:
     def command(
         self, velocity: Velocity, wheel_speed: NDArray[np.float64], gyro_z: float, dt: float
     ) -> NDArray[np.float64]:
-        """(2,) rad/s that the left and right wheels shall turn at for the next ``dt`` seconds.
+        """(2,) rad/s, target speeds of the left and right wheels for the next ``dt`` seconds.
 
         Args:
-            velocity: the command; beyond the limits it is cut to them.
+            velocity: the command, which is clipped to the limits.
             wheel_speed: (2,) rad/s of the left and right wheels, measured.
             gyro_z: rad/s about the robot's vertical axis, measured.
             dt: s since the last call.
@@ -97,7 +97,7 @@ class SkidSteer:
             self.heading_error = 0.0
 
     def _wheels(self) -> NDArray[np.float64]:
-        """(2,) rad/s; where one would be too fast both are slowed alike, which keeps the curvature."""
+        """(2,) rad/s; if one side is too fast, both are scaled down alike, which keeps the curvature."""
         turn = self._omega + HEADING_GAIN * self.heading_error
         side = turn * self._drive.effective_track / 2
         sides = np.array([self._v - side, self._v + side])
@@ -109,5 +109,5 @@ def _clip(value: float, limit: float) -> float:
 
 
 def _approach(value: float, target: float, limit: float, step: float) -> float:
-    """``value``, moved towards ``target`` cut to ±``limit``, by no more than ``step``."""
+    """``value``, moved by at most ``step`` towards ``target`` clipped to ±``limit``."""
     return value + _clip(_clip(target, limit) - value, step)

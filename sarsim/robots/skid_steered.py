@@ -1,4 +1,4 @@
-"""A skid-steered robot as a dm_control entity, told by its MJCF alone."""
+"""A skid-steered robot as a dm_control entity, defined by its MJCF alone."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -25,9 +25,9 @@ PARTS = [
     *(("joint", wheel) for wheel in WHEELS),
     *(("actuator", side) for side in SIDES),
 ]
-"""Kinds and names of what the MJCF of a robot must have."""
+"""Kinds and names of the elements that the MJCF of a robot must have."""
 ROBOTS = ("pioneer3at", "jackal")
-"""Those that come along."""
+"""Names of the robots that sarsim ships."""
 Model = TypeVar("Model", RobotModel, DriveModel)
 
 
@@ -35,15 +35,15 @@ class SkidSteered(composer.Robot):
     """A robot with four wheels that cannot steer and an RGB-D camera; attach it with ``arena.add_free_entity``.
 
     Attributes:
-        model: what the pipeline knows of it.
-        drive: what its firmware knows of it.
+        model: parameters for the pipeline.
+        drive: parameters for its firmware.
     """
 
     def _build(self, robot: str = ROBOTS[0]) -> None:
-        """``robot``: one of ``ROBOTS``, or the path of an MJCF file that names its parts and numbers as theirs do.
+        """``robot``: one of ``ROBOTS``, or the path of an MJCF file with the same names of parts and numbers.
 
         Raises:
-            InputError: there is no such robot, or something that it must have is missing.
+            InputError: there is no such robot, or a required part or number is missing.
         """
         path = robot_file(robot)
         try:
@@ -84,12 +84,12 @@ class SkidSteered(composer.Robot):
 
     @cached_property
     def camera(self) -> mjcf.Element:
-        """The camera, colour and depth alike."""
+        """The camera, for both colour and depth."""
         return self._mjcf_root.find("camera", "camera")
 
     @cached_property
     def lamp(self) -> mjcf.Element:
-        """The lamp below it, off until ``active`` is set."""
+        """The lamp below the camera, off until ``active`` is set."""
         return self._mjcf_root.find("light", "lamp")
 
     def encoders(self, physics: mjcf.Physics) -> NDArray[np.float64]:
@@ -113,7 +113,7 @@ class SkidSteered(composer.Robot):
         return np.array(physics.bind(self._mjcf_root.find("sensor", "accelerometer")).sensordata)
 
     def set_wheel_speed(self, physics: mjcf.Physics, left: float, right: float) -> None:
-        """Order the wheels of each side to turn at this speed, rad/s."""
+        """Set the target speed of the wheels of each side, rad/s."""
         physics.bind(self.actuators).ctrl = left, right
 
     def T_world_base(self, physics: mjcf.Physics) -> NDArray[np.float64]:
@@ -123,7 +123,7 @@ class SkidSteered(composer.Robot):
 
 
 class SkidSteeredObservables(composer.Observables):
-    """What the robot's own sensors tell, off until enabled."""
+    """Measurements of the robot's own sensors, off until enabled."""
 
     @composer.observable
     def encoders(self) -> observable.Generic:
@@ -152,18 +152,18 @@ def _per_side(wheels: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def robot_file(robot: str) -> Path:
-    """The MJCF of one of ``ROBOTS``, or the path that ``robot`` is."""
+    """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path."""
     return asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
 
 
 @cache
 def robot_model(robot: str = ROBOTS[0]) -> RobotModel:
-    """What the pipeline knows of a robot; InputError as of :class:`SkidSteered`."""
+    """Parameters of a robot for the pipeline; raises InputError as :class:`SkidSteered` does."""
     return SkidSteered(robot).model
 
 
 def _filled(kind: type[Model], numbers: Mapping[str, NDArray[np.float64]], robot: str) -> Model:
-    """A dataclass of the positive numbers that have its fields' names: two of a range, else one."""
+    """A ``kind`` whose fields are the positive numbers of the same names: two for a range, else one."""
     values = {f.name: numbers.get(f.name, np.empty(0)) for f in fields(kind)}
     for name, value in values.items():
         if len(value) != 1 + name.endswith("_range") or not ((value > 0) & np.isfinite(value)).all():

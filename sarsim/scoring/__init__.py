@@ -1,1 +1,1 @@
-"""What the robot made of an episode, against the ground truth that it never saw."""
+"""Scores of an episode against ground truth, which the robot never sees."""

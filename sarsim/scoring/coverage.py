@@ -1,4 +1,4 @@
-"""How much of the drivable ground was seen."""
+"""Coverage: the share of the drivable ground that was seen."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.simulated_robot import SimulatedRobot
 
-SEEN_HEIGHT = 0.15  # m; a return this near to a cell's ground has seen the cell
+SEEN_HEIGHT = 0.15  # m; a cell counts as seen if a return is nearer than this to its ground
 
 
 class Coverage:
-    """Marks what returns show of the true ground.
+    """Marks the cells of the true ground that returns show.
 
     Attributes:
         surface: the true ground.
@@ -18,7 +18,7 @@ class Coverage:
     """
 
     def __init__(self, robot: SimulatedRobot):
-        """Of the ground that a robot can drive to from where it stands."""
+        """The ground is the one to which the robot can drive from its current pose."""
         survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
         self.surface: TrueSurface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)

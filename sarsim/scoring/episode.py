@@ -21,17 +21,17 @@ from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot
 
-MOST = 0.9  # Share of the drivable area whose time to be seen is told
+MOST = 0.9  # Share of the drivable area for which the time until it was seen is reported
 
 
 class EpisodeScore:
-    """Watches an episode from outside, with the truth at hand.
+    """Scores an episode from outside, by ground truth.
 
     Attributes:
-        coverage: what noise-free returns show of the true ground, or in an earlier episode those that were kept.
-        victims: which of them came into view.
+        coverage: true ground seen by noise-free returns and by the kept returns of an earlier episode.
+        victims: which victims came into view.
         fiducials: where the tags on the walls were seen.
-        trajectory: where the robot believes to have been.
+        trajectory: the estimated trajectory against the true one.
         progress: at each keyframe, s since the start and the share of the drivable area that was seen.
     """
 
@@ -57,7 +57,7 @@ class EpisodeScore:
         self.progress: list[tuple[float, float]] = []
 
     def add_keyframe(self, keyframe: Keyframe) -> None:
-        """Take the newest keyframe into account."""
+        """Add the newest keyframe to the scores."""
         truth = self._robot.true_frame
         assert truth is not None
         points = truth.points()
@@ -72,7 +72,7 @@ class EpisodeScore:
             self._semantics.add(keyframe)
 
     def add(self, step: Step) -> None:
-        """Take the newest step into account."""
+        """Add the newest step to the scores."""
         truth = self._robot.true_frame
         assert truth is not None
         self._kidnaps += step.was_kidnapped
@@ -83,7 +83,7 @@ class EpisodeScore:
             )
 
     def report(self) -> dict[str, Any]:
-        """All stages of which there is something to say; the commands add what ran and how long it took."""
+        """The figures of all stages that have any; the commands add settings and times."""
         explorer = self._explorer
         stages = {
             "metric_map": self._voxels.report(),
@@ -102,17 +102,17 @@ class EpisodeScore:
 
     @property
     def position_errors(self) -> list[float]:
-        """m of each victim that was found."""
+        """Position error in m of each victim that was found."""
         errors = self.victims.matches(self._confirmed)
         return errors[np.isfinite(errors)].tolist()
 
     @property
     def _confirmed(self) -> NDArray[np.float64]:
-        """(N, 3) where the robot reports victims."""
+        """(N, 3) m, positions of the victims that the robot confirmed."""
         return np.array([victim.position for victim in self._explorer.mapper.victims.confirmed]).reshape(-1, 3)
 
     def _optimum(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:
-        """Length in m of the shortest way on the true grid; NaN if the truth has none."""
+        """Length in m of the shortest path on the grid of true ground; NaN if there is none."""
         grid, drivable = self.surface.grid, self.surface.drivable
         first, last = grid.nearest(drivable, start, 0.3), grid.nearest(drivable, goal, 0.3)
         if first is None or last is None:
@@ -121,7 +121,7 @@ class EpisodeScore:
         return max(float(grid.at(lengths, last)) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:
-        """``seen90_s`` is missing where less was seen."""
+        """``seen90_s`` is missing if less was seen."""
         times = [time for time, share in self.progress if share >= MOST]
         return {
             "explored_fraction": self.coverage.fraction,

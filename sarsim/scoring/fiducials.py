@@ -1,7 +1,7 @@
 """How well distances in the map agree with the truth, by tags on the walls, as RoboCup Rescue scores maps.
 
-The robot knows nothing of the tags. They are read in the keyframes' colour images, and go into ``map`` with the
-keyframes' poses at the end.
+The robot does not use the tags. They are detected in the keyframes' colour images, and located in ``map`` by the
+keyframes' final poses.
 """
 
 from collections.abc import Sequence
@@ -16,16 +16,16 @@ from pipeline.transforms import transform_points
 from sarsim.arenas.fiducials import FAMILY, SIDE
 
 CORNERS = SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
-"""(4, 3) m of the black square as OpenCV numbers them, x right, y up, z at the viewer."""
+"""(4, 3) m, corners of the black square in OpenCV's order: x right, y up, z towards the viewer."""
 NEAR = 1.0
-"""m up to which the corners tell the distance within some millimetres; the depth camera sees from 0.8 m."""
+"""m up to which the corners give the distance within some millimetres; the depth camera sees from 0.8 m."""
 
 
 def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
-    """The tags in a colour image and where the middle of each is, (3,) m in ``camera_optical``.
+    """The tags in a colour image and the centre of each, (3,) m in ``camera_optical``.
 
-    The way to it by the tag's corners, how far by the depth there; where it is too near for the depth camera, by the
-    corners too (Collins and Bartoli 2014). A tag farther away without depth is left out.
+    The direction is given by the tag's corners, the distance by its depth; for a tag too near for the depth camera,
+    the distance by its corners, too (Collins and Bartoli 2014). A tag farther away without depth is left out.
     """
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -38,7 +38,7 @@ def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
 
 
 def _middle(corners: NDArray[np.float32], frame: Frame) -> NDArray[np.float64] | None:
-    """(3,) m in ``camera_optical`` where the diagonals of (4, 2) pixels cross, whose centres are at integers."""
+    """(3,) m in ``camera_optical``, where the diagonals of (4, 2) corners cross; pixel centres are at integers."""
     a, b, c, d = np.column_stack([corners.astype(np.float64), np.ones(4)])
     middle = np.cross(np.cross(a, c), np.cross(b, d))
     u, v = middle[:2] / middle[2] + 0.5
@@ -53,7 +53,7 @@ def _middle(corners: NDArray[np.float32], frame: Frame) -> NDArray[np.float64] |
 
 
 class FiducialScore:
-    """Collects where each tag was seen, and compares the distances between them."""
+    """Collects the observations of tags, and compares the distances between tags with the true ones."""
 
     def __init__(self, T_world_tag: NDArray[np.float64]) -> None:
         """``T_world_tag``: (N, 4, 4) true poses of the tags 0 to N - 1."""
@@ -62,7 +62,7 @@ class FiducialScore:
         self._seen: list[tuple[int, int, NDArray[np.float64], float]] = []
 
     def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
-        """Read the tags in the next keyframe, which was taken at a 4×4 pose as far as is known by now."""
+        """Read the tags in the next keyframe; ``T_map_base``: its 4×4 pose as estimated now."""
         for tag, middle in read_fiducials(frame) if len(self._true) else ():
             if tag < len(self._true):
                 in_base = transform_points(frame.T_base_camera, middle[None])[0]
@@ -70,7 +70,7 @@ class FiducialScore:
         self._poses.append(T_map_base)
 
     def positions(self, T_map_base: Sequence[NDArray[np.float64]] | None = None) -> dict[int, NDArray[np.float64]]:
-        """(3,) m in ``map`` of each tag that was seen: the mean, in which near views count more.
+        """(3,) m in ``map`` of each tag that was seen: the mean, weighted by the inverse square of the distance.
 
         ``T_map_base``: 4×4 poses of all keyframes so far; by default those at which they were added.
         """
@@ -81,9 +81,9 @@ class FiducialScore:
         return {tag: np.average([p for p, _ in v], axis=0, weights=[w for _, w in v]) for tag, v in views.items()}
 
     def report(self, T_map_base: Sequence[NDArray[np.float64]] | None = None) -> dict[str, float]:
-        """How many tags were found and the RMS error of the distances between them; nothing where there are none.
+        """The number of tags found and the RMS error of the distances between them; empty if the arena has no tags.
 
-        ``fiducial_error_m`` is missing where fewer than two were found. ``T_map_base`` as for :meth:`positions`.
+        ``fiducial_error_m`` is missing if fewer than two were found. ``T_map_base`` as for :meth:`positions`.
         """
         if not len(self._true):
             return {}

@@ -14,23 +14,23 @@ from pipeline.segments.segments import Segment, Segments
 from sarsim.ground_truth.faces import Face, plane_axes
 
 MAX_ANGLE = np.deg2rad(20)
-MAX_DISTANCE = 0.15  # m; a segment is compared with surfaces whose plane is no further from its middle
+MAX_DISTANCE = 0.15  # m, largest distance from a segment's centre to the planes that it is compared with
 ONE_PLANE = 0.01
-"""m of the offset, and of the unit normal, between faces of one surface: nothing shows where a wall's panels end."""
-SHIFT = 0.37  # Of the classes that this makes, so that round numbers, as of panels, are not on the bound of two
-NEAR = 0.005  # m from a true face, of noise-free points on it
-STRIDE = 4  # Every how many returns surfaces are marked as seen
+"""Bin size, for offsets in m and for unit normals, of faces that form one surface, such as a wall's panels."""
+SHIFT = 0.37  # of these bins, so that round numbers, as those of panels, are not on the border of two bins
+NEAR = 0.005  # m, largest distance from a true face of noise-free points on it
+STRIDE = 4  # Only every fourth return marks surfaces as seen
 CELL = 0.025  # m, of a surface
 CORNERS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])  # Of a cell
-GAP = 2  # Cells; parts of a surface that were seen no further from each other are one piece
+GAP = 2  # Cells; seen parts of a surface that are at most this far from each other are one piece
 LEVEL = 0.99  # Vertical part of a normal beyond which a plane has no direction of ascent
 
 
 class SegmentScore:
-    """Collects what came into view of the true surfaces, and holds the robot's segments against it."""
+    """Collects which parts of the true surfaces came into view, and compares the robot's segments with them."""
 
     def __init__(self, faces: list[Face], are_whole: bool = False) -> None:
-        """``are_whole``: take them for seen, because what an earlier episode saw of them is not known."""
+        """``are_whole``: take all faces as seen, because what an earlier episode saw of them is not known."""
         self._whole = faces if are_whole else []
         self._surfaces: dict[tuple[float, ...], _Surface] = {}
         self._of_geom: dict[int, set[_Surface]] = defaultdict(set)
@@ -40,7 +40,7 @@ class SegmentScore:
             self._of_geom[face.geom].add(surface)
 
     def add(self, points: NDArray[np.float32], geoms: NDArray[np.int32]) -> None:
-        """Take noise-free returns into account, (N, 3) m in the world, and the geom (N,) that each is from."""
+        """Mark what noise-free returns show: (N, 3) m in the world, and the geom (N,) that each comes from."""
         points, geoms = points[::STRIDE], geoms[::STRIDE]
         for geom in np.intersect1d(geoms, list(self._of_geom)):
             of_geom = points[geoms == geom]
@@ -60,7 +60,7 @@ class SegmentScore:
 
 
 class _Surface:
-    """All faces of one label in one plane, and which cells of it came into view."""
+    """All faces of one label in one plane, and the cells of the plane that came into view."""
 
     def __init__(self, face: Face) -> None:
         self._face = face
@@ -69,12 +69,12 @@ class _Surface:
         self._seen: set[complex] = set()
 
     def see(self, points: NDArray[np.float32]) -> None:
-        """Mark the cells of those of (N, 3) points that lie on it."""
+        """Mark the cells of those (N, 3) points that lie on the plane."""
         on = points[np.abs(points @ self._face.normal - self._offset) < NEAR]
         self._seen.update(np.unique(np.floor(on @ self._axes / CELL) @ [1, 1j]).tolist())
 
     def pieces(self) -> Iterator[Face]:
-        """Rectangles around what was seen of it: upright ones, or on level ground those of least area."""
+        """Rectangles around the seen parts: upright rectangles, or on level planes those of least area."""
         seen = np.array(list(self._seen), complex)
         cells = np.column_stack([seen.real, seen.imag]).astype(np.int64)
         low = cells.min(axis=0, initial=0) - GAP

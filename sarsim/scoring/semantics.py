@@ -1,4 +1,4 @@
-"""How right the labels of the semantic map are."""
+"""Accuracy of the labels of the semantic map."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,11 +16,11 @@ from pipeline.semantic_map.voxels import VoxelCloud
 
 
 class KeyframeTruth:
-    """The true labels of keyframes, which follow their poses."""
+    """The true labels of keyframes, mapped at the keyframes' current poses."""
 
     def __init__(self, loaded: Sequence[Observation] = ()) -> None:
-        """Of the keyframes of an earlier episode the truth is unknown; their voxels are in the robot's map."""
-        # So little that any true label outweighs it.
+        """``loaded``: keyframes of an earlier episode, in the robot's map; their true labels are unknown."""
+        # A weight so small that any true label outweighs it.
         unknown = 1e-6 * np.eye(1, len(Label), int(Label.UNLABELLED), dtype=np.float32)
         self._added: list[tuple[int, VoxelCloud, NDArray[np.float32]]] = [
             (k, VoxelCloud(o.points, o.hits, np.zeros(0, np.int64)), np.repeat(unknown, len(o.points), axis=0))
@@ -29,7 +29,7 @@ class KeyframeTruth:
         ]
 
     def add(self, keyframe: Keyframe) -> None:
-        """Keep the true labels of a keyframe, thinned as the robot does it."""
+        """Keep the true labels of a keyframe, thinned to voxels as in the robot's map."""
         frame = keyframe.frame
         if frame.label is not None:
             cloud = VoxelCloud.of(frame.points(frame.T_base_camera), VOXEL)
@@ -37,7 +37,7 @@ class KeyframeTruth:
             self._added.append((keyframe.index, replace(cloud, voxel_of_point=np.zeros(0, np.int64)), shares))
 
     def map_at(self, poses: NDArray[np.float64]) -> SemanticMap:
-        """The robot's map with the true labels, of keyframes at these (N, 4, 4) poses, ``T_map_base``."""
+        """The semantic map with the true labels, of keyframes at (N, 4, 4) ``poses``, ``T_map_base``."""
         truth = SemanticMap()
         for index, cloud, shares in self._added:
             truth.update(moved(poses[index], cloud.points), shares, cloud.hits)
@@ -45,12 +45,12 @@ class KeyframeTruth:
 
 
 def compared(truth: SemanticMap, semantic_map: SemanticMap) -> dict[str, Any]:
-    """The figures of a map against one of the same voxels that has the true labels; nothing without points."""
+    """The figures of a map against one of the same voxels with the true labels; empty without points."""
     return label_figures(confusion_matrix(truth.labels(), semantic_map.labels()))
 
 
 def label_figures(confusion: NDArray[np.int64]) -> dict[str, Any]:
-    """Intersection over union by label, its means, and the share of right points, by a confusion (8, 8)."""
+    """Intersection over union by label, its means, and the accuracy, from a confusion matrix (8, 8)."""
     if not confusion.any():
         return {}
     iou = iou_by_label(confusion)
@@ -73,6 +73,6 @@ def confusion_matrix(truth: NDArray[np.uint8], predicted: NDArray[np.uint8]) -> 
 
 
 def iou_by_label(confusion: NDArray[np.int64]) -> dict[Label, float]:
-    """Intersection over union, by a confusion (L, L), of the labels that are true of any pixel or point."""
+    """Intersection over union, from a confusion matrix (L, L), of the labels that occur in the truth."""
     values = iou(confusion)
     return {label: float(values[label]) for label in Label if confusion[label].any()}

@@ -1,4 +1,4 @@
-"""How well nodes and edges express the true environment."""
+"""How well the topological map's nodes and edges represent the true environment."""
 
 from itertools import pairwise
 from typing import Any
@@ -12,8 +12,8 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
 from sarsim.scoring.topology_kernels import cells_in_sight, line_is_free
 
-SIGHT = 2.0  # m from which a node covers a cell that it sees
-MIN_GAIN = 0.01  # m²; less is not worth a node of the greedy cover
+SIGHT = 2.0  # m, largest distance at which a node covers a cell that it sees
+MIN_GAIN = 0.01  # m², least gain of a node of the greedy cover
 
 
 def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, An
 
 
 def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> NDArray[np.bool_]:
-    """(nx, ny) the drivable cells that nodes at positions (P, 2) see."""
+    """(nx, ny) the drivable cells that nodes at positions (P, 2), m, see."""
     seen = np.zeros(truth.grid.shape, np.bool_)
     for window, corner in zip(*_views(positions, truth.drivable, truth), strict=True):
         seen[tuple((np.argwhere(window) + corner).T)] = True
@@ -47,13 +47,13 @@ def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> NDArray[np
 def _views(
     places: NDArray[np.float64], target: NDArray[np.bool_], truth: TrueSurface
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """What places (K, 2) see of a target (nx, ny): see :func:`cells_in_sight`."""
+    """The cells of a target (nx, ny) that places (K, 2), m, see, as returned by :func:`cells_in_sight`."""
     grid = truth.grid
     return cells_in_sight(places, target, grid.origin, grid.cell, SIGHT, ~truth.walls)
 
 
 def _greedy_cover(truth: TrueSurface, area: NDArray[np.bool_]) -> int:
-    """Nodes that a greedy cover by every fourth drivable cell along x and y needs for an area (nx, ny)."""
+    """Number of nodes of a greedy cover of an area (nx, ny), chosen from every fourth drivable cell along x and y."""
     cells = np.argwhere(truth.drivable)
     fourth = cells[(cells % 4 == 0).all(axis=1)]
     seen, corners = _views(truth.grid.centre_of(fourth if len(fourth) else cells), area, truth)

@@ -1,4 +1,4 @@
-"""Compiled loops: which cells places see along straight lines."""
+"""Compiled loops: lines of sight and shortest paths on a grid."""
 
 import heapq
 
@@ -10,7 +10,7 @@ from pipeline.traversability.elevation_kernels import cell_at
 
 @njit(cache=True)
 def line_is_free(ax, ay, bx, by, origin, cell, free):
-    """Whether a straight line between points, m, lies on cells of a mask ``free`` (nx, ny) alone."""
+    """Whether a straight line between two points, m, lies only on cells of a mask ``free`` (nx, ny)."""
     steps = int(np.ceil(2 * np.hypot(bx - ax, by - ay) / cell)) + 1
     for s in range(steps + 1):
         i, j = cell_at(ax + (bx - ax) * s / steps, ay + (by - ay) * s / steps, origin, cell)
@@ -21,7 +21,7 @@ def line_is_free(ax, ay, bx, by, origin, cell, free):
 
 @njit(cache=True)
 def way_lengths(i, j, free):
-    """(nx, ny) cells from cell (i, j) over the eight neighbours of cells of a mask ``free``; inf where none leads."""
+    """(nx, ny) length in cells of the shortest 8-connected path on ``free`` from cell (i, j); inf without a path."""
     length = np.full(free.shape, np.inf)
     length[i, j] = 0.0
     heap = [(0.0, i, j)]
@@ -40,14 +40,14 @@ def way_lengths(i, j, free):
 
 @njit(cache=True)
 def cells_in_sight(places, target, origin, cell, sight, free):
-    """Which target cells lie within ``sight`` m of each place, with nothing on the line to their centre.
+    """Which target cells lie within ``sight`` m of each place, with a free line to their centre.
 
     Args:
         places: (K, 2) float64, m.
-        target: (nx, ny) bool, what there is to see.
+        target: (nx, ny) bool, the cells to see.
         origin, cell: of the grid, m.
         sight: m.
-        free: (nx, ny) bool, what lines may cross.
+        free: (nx, ny) bool, the cells that lines may cross.
 
     Returns:
         (K, S, S) bool, a window around each place, and the (K, 2) int64 grid indices of the windows' corners.

@@ -1,4 +1,4 @@
-"""Where the robot was, where it believed to be, and how far it leaned."""
+"""Errors of the estimated trajectory, and the distance and tilt of the true one."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -14,23 +14,23 @@ from pipeline.transforms import inverse, tilt_of, wrap_angle, yaw_of
 from sarsim.robots.pose import Pose
 
 TIPPED = np.deg2rad(45)
-LIFT = 0.15  # m from one pose to the next
+LIFT = 0.15  # m from one pose to the next; in a larger step the robot was carried
 
 
 FALSE_LOOP = 0.2, np.deg2rad(5)  # m and rad by which the relative pose of a false loop is off
 
 
 class TrajectoryScore:
-    """Collects the keyframes, and holds where the robot believes to have been against where it was."""
+    """Collects the keyframes, and compares the estimated trajectory with the true one."""
 
     def __init__(self, localisation: Localisation, trajectory: Sequence[Pose]):
-        """``trajectory`` grows while the robot drives. What the localisation has now is of an earlier episode."""
+        """``trajectory`` grows while the robot drives. Poses already in ``localisation`` are an earlier episode's."""
         self._localisation, self._trajectory = localisation, trajectory
         self._keyframes: list[Pose] = []
         self._loaded = localisation.poses.copy()
 
     def add(self, pose: Pose | None = None) -> None:
-        """Take in the pose of a new keyframe, by default the newest of the trajectory."""
+        """Add the pose of a new keyframe, by default the newest of the trajectory."""
         self._keyframes.append(pose or self._trajectory[-1])
 
     def estimated(self) -> list[NDArray[np.float64]]:
@@ -50,13 +50,13 @@ class TrajectoryScore:
             write_tum(folder / "trajectory_true.tum", times, [pose.T_world_base for pose in self._trajectory])
 
     def report(self) -> dict[str, float]:
-        """Errors without alignment, since ``map`` is the world's frame at the start; the drift is that at the end."""
+        """Errors without alignment, as ``map`` is the world's frame at the start; drift is the error at the end."""
         true = np.array([pose.T_world_base for pose in self._trajectory])
         estimated = np.array(self.estimated())
         error = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
         heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
         distance = driven(self._trajectory)
-        # Where the robot was in an earlier episode is taken from its map.
+        # The poses of an earlier episode are those of its map, because its true ones are unknown.
         loops, poses = self._localisation.loops, [*self._loaded, *(pose.T_world_base for pose in self._keyframes)]
         return {
             "ate_rmse_m": float(np.sqrt(np.mean(error**2))),
@@ -78,14 +78,14 @@ def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDA
 def driven(trajectory: Sequence[Pose]) -> float:
     """Metres along the true trajectory.
 
-    Steps below half a millimetre are the springs', not the wheels', and one beyond ``LIFT`` is the work of a hand.
+    Left out are steps below half a millimetre, which springs cause, not wheels, and steps beyond ``LIFT``.
     """
     steps = np.linalg.norm(np.diff([p.T_world_base[:2, 3] for p in trajectory], axis=0), axis=1)
     return float(steps[(steps > 5e-4) & (steps < LIFT)].sum())
 
 
 def motion_figures(trajectory: Sequence[Pose]) -> dict[str, float]:
-    """What report.json tells of a true trajectory."""
+    """The figures of a true trajectory for report.json."""
     roll, pitch = greatest_tilt(trajectory)
     return {
         "tipped": times_tipped(trajectory),

@@ -1,4 +1,4 @@
-"""Compiled ray traversal for the scores, written apart from the map's own."""
+"""Compiled ray traversal for the scores, independent of the map's own."""
 
 import numpy as np
 from numba import njit
@@ -6,7 +6,7 @@ from numba import njit
 
 @njit(cache=True)
 def mark_crossed(points, origin, crossed):
-    """Mark every voxel that the straight way from ``origin`` to each of ``points`` leads through, its end left out.
+    """Mark every voxel on the straight line from ``origin`` to each of ``points``, except its last one.
 
     Args:
         points: (N, 3) float64, in voxels from the corner of ``crossed``.
@@ -14,7 +14,7 @@ def mark_crossed(points, origin, crossed):
         crossed: (nx, ny, nz) bool; origin and points lie inside.
     """
     for n in range(len(points)):
-        # All parameters at which the ray meets a face of the grid, taken in order (Siddon's way of tracing).
+        # Cross the faces of the grid in the order in which the ray meets them (Siddon's method).
         i, j, k = int(origin[0]), int(origin[1]), int(origin[2])
         a, b, c = int(points[n, 0]), int(points[n, 1]), int(points[n, 2])
         dx, dy, dz = points[n, 0] - origin[0], points[n, 1] - origin[1], points[n, 2] - origin[2]

@@ -1,4 +1,4 @@
-"""How right the metric map is."""
+"""Accuracy of the metric map."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from sarsim.scoring.voxel_kernels import mark_crossed
 
 
 class VoxelScore:
-    """Collects what noise-free rays at the true poses cross and where they end, and holds the map against it."""
+    """Collects the voxels that noise-free rays at true poses cross and end in, and compares the map with them."""
 
     def __init__(self, metric_map: MetricMap):
         self._map = metric_map
@@ -32,7 +32,7 @@ class VoxelScore:
         self._surface[i, j, k] = True
 
     def report(self) -> dict[str, float]:
-        """The figures of the map, none if nothing was seen.
+        """The figures of the map; empty if nothing was seen.
 
         A voxel with a surface counts as surface even where other rays cross it.
         """
@@ -43,7 +43,7 @@ class VoxelScore:
         occupied, free = log_odds > 0, log_odds < 0
         crossed = self._crossed & ~self._surface
         near_surface = ndimage.binary_dilation(self._surface, np.ones((3, 3, 3)))
-        # Occupied voxels beyond the window are wrong, too, but for those of an earlier episode.
+        # Occupied voxels beyond the window are wrong, too, except for those of an earlier episode.
         loaded = np.floor((self._loaded - self._corner) / self._size).astype(np.int64) - self._lower
         within = loaded[((loaded >= 0) & (loaded < occupied.shape)).all(axis=1)]
         reached = np.count_nonzero((near_surface | self._crossed)[tuple(within.T)])
@@ -56,7 +56,7 @@ class VoxelScore:
         }
 
     def _reserve(self, voxels: NDArray[np.float64]) -> None:
-        """Make room for points, with a voxel to spare on every side."""
+        """Make room for points (N, 3), in voxels, with a spare voxel on every side."""
         low = np.floor(voxels.min(axis=0)).astype(np.int64) - 1
         high = np.floor(voxels.max(axis=0)).astype(np.int64) + 2
         if self._surface.size == 0:

@@ -1,4 +1,4 @@
-"""Dust in the air: it takes depth returns away, gives false ones, and veils colours."""
+"""Dust in the air: it swallows depth returns, causes false ones, and veils colours."""
 
 from dataclasses import dataclass, replace
 
@@ -14,8 +14,8 @@ from sarsim.sensors.xtion_kernels import random_bits
 MAX_EXTINCTION = 0.5
 """1/m in the densest dust: contrast falls to 2 % over 3.9 / 0.5 = 8 m (Koschmieder), like thick fog."""
 GREY = np.array((0.62, 0.60, 0.56), np.float32)  # Colour of dust in white light
-LAMP_VEIL = 0.5  # Radiance of endless dust in the lamp's beam, of a white surface's at 1 m
-SPECK_RATE = 0.05  # Chance, in the densest dust, that a ray without end returns from a speck
+LAMP_VEIL = 0.5  # Radiance of infinitely deep dust in the lamp's beam over that of a white surface at 1 m
+SPECK_RATE = 0.05  # Probability, in the densest dust, that an infinite ray returns from a speck
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,13 @@ class Air:
 
     @property
     def extinction(self) -> float:
-        """Share of light that a metre takes away, for thin layers: β in Beer and Lambert's e^(−β r), 1/m."""
+        """Share of light lost per metre in thin layers, 1/m: β in Beer and Lambert's e^(−β r)."""
         return MAX_EXTINCTION * self.dust
 
     def veil(self, radiance: NDArray[np.float32], truth: LabelledImage, lighting: Lighting) -> NDArray[np.float32]:
-        """(H, W, 3) float32 radiance seen through the dust: blended by distance, m, to the light that it scatters.
+        """(H, W, 3) float32 radiance seen through the dust: blended, by distance in m, with the scattered light.
 
-        What the lamp lights loses on the way there as well, and dust in the beam shines back.
+        The lamp's light is attenuated on its way to the surface as well, and dust in its beam scatters light back.
         """
         if self.dust == 0:
             return radiance
@@ -58,12 +58,12 @@ class Air:
     def thin(
         self, measured: LabelledImage, truth: LabelledImage, min_range: float, rng: np.random.Generator
     ) -> LabelledImage:
-        """The measured image without the returns that dust swallows, and with those that it makes.
+        """The measured image without the returns that dust swallows, and with false returns from specks of dust.
 
-        A return from distance r comes through with probability e^(−2 β r). A ray that travels r returns from a
-        speck before that with probability ``dust * SPECK_RATE`` (1 − e^(−2 β r)), by the same law; specks are
-        unlabelled, and nearer than ``min_range`` m they do not return. ``truth`` is the image before the depth sensor
-        measured it; ``rng`` is drawn from once.
+        A return from distance r survives with probability e^(−2 β r). A ray of length r returns from a speck
+        nearer than r with probability ``dust * SPECK_RATE`` (1 − e^(−2 β r)), by the same law; specks are
+        unlabelled, and those nearer than ``min_range`` m do not return. ``truth`` is the image before the depth
+        sensor measured it; ``rng`` is drawn from once.
         """
         key = rng.integers(1 << 64, dtype=np.uint64)
         if self.dust == 0:

@@ -6,19 +6,19 @@ from numba import njit, uint64
 
 @njit(cache=True)
 def thin(depth, distance, stretch, bits, extinction, speck_rate, min_range):
-    """Take returns away and put specks of dust before them.
+    """Remove returns, and replace some by nearer returns from specks of dust.
 
     Args:
         depth: (H, W) measured; 0 = no return.
-        distance: (H, W) true distance along the ray; 0 where there is nothing.
+        distance: (H, W) true distance along the ray; 0 where there is no surface.
         stretch: (H, W) distance over depth.
-        bits: (H, W) random: 16 for the loss, 16 for whether there is a speck, 32 for where.
+        bits: (H, W) random bits: 16 for the loss, 16 for whether there is a speck, 32 for its distance.
         extinction: 1/m.
-        speck_rate: chance of a speck in a ray without end.
-        min_range: nearer depths do not return.
+        speck_rate: probability of a speck in an infinite ray.
+        min_range: m; nearer specks do not return.
 
     Returns:
-        (H, W) float32 depth, and (H, W) bool where it is a speck's.
+        (H, W) float32 depth, and (H, W) bool, the pixels whose depth is that of a speck.
     """
     thinned = depth.copy()
     specks = np.zeros(depth.shape, np.bool_)

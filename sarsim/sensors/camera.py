@@ -1,4 +1,4 @@
-"""The robot's RGB-D camera as it would be without noise, and the true label of every pixel."""
+"""The robot's RGB-D camera without noise, and the true label of every pixel."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ _MUJOCO_OPTICAL = np.diag([1.0, -1.0, -1.0])
 
 @dataclass(frozen=True, eq=False)
 class LabelledImage:
-    """What the camera sees from one place.
+    """An RGB-D image with true labels, from one pose of the camera.
 
     Attributes:
         rgb: (H, W, 3) uint8.
@@ -39,7 +39,7 @@ class LabelledImage:
     T_base_camera: NDArray[np.float64]
 
     def frame(self, time: float, T_odom_base: NDArray[np.float64]) -> Frame:
-        """The image with the labels, as the robot's software takes it: at ``time`` s from a 4×4 odometry pose."""
+        """The image and its labels as a frame of the robot's software, at ``time`` s with a 4×4 odometry pose."""
         return Frame(
             time=time,
             rgb=self.rgb,
@@ -53,9 +53,9 @@ class LabelledImage:
 
 
 class RgbdCamera:
-    """A camera of a model, seen through a renderer.
+    """A camera of a model, whose images a renderer draws.
 
-    What carries the camera, the whole tree of bodies that moves with it, gives no return and has no label.
+    The robot that carries the camera, all bodies under the same root, gives no return and has no label.
     """
 
     def __init__(self, renderer: Renderer, camera: int | str) -> None:
@@ -69,14 +69,14 @@ class RgbdCamera:
         self.base_body = int(model.body_rootid[model.cam_bodyid[self.camera_id]])
         self.intrinsics = camera_intrinsics(model, self.camera_id, renderer.width, renderer.height)
         self._renderer = renderer
-        # A camera that no robot carries sees everything.
+        # A camera that is fixed to the world sees all geoms.
         other = (model.body_rootid[model.geom_bodyid] != self.base_body) | (self.base_body == 0)
-        # Indexed by geom id; the last element is what -1, no geom, stands for.
+        # Indexed by geom id; the last element belongs to id -1, no geom.
         self._label = np.append(np.where(other, geom_labels(model), np.uint8(0)), np.uint8(Label.UNLABELLED))
         self._instance = np.append(np.where(other, np.arange(model.ngeom), -1), -1).astype(np.int32)
 
     def capture(self, data: mujoco.MjData) -> LabelledImage:
-        """The image without noise or limit of range."""
+        """The image without noise and without a limit of range."""
         geom, depth = self._renderer.segmentation_and_depth(data, self.camera_id)
         instance = self._instance.take(geom)
         return LabelledImage(
@@ -101,10 +101,10 @@ class RgbdCamera:
 
 
 def camera_intrinsics(model: mujoco.MjModel, camera_id: int, width: int, height: int) -> Intrinsics:
-    """Intrinsics of a model's camera for pictures of ``width`` × ``height`` pixels.
+    """Intrinsics of a model's camera for images of ``width`` × ``height`` pixels.
 
-    A camera with a ``sensorsize`` has its focal lengths and principal point (an offset from the middle, to the
-    left and upwards) in metres on the sensor; any other one has ``fovy`` and square pixels.
+    A camera with a ``sensorsize`` has its focal lengths and principal point (an offset from the centre, to the
+    left and upwards) in metres on the sensor; any other camera has ``fovy`` and square pixels.
     """
     sensor = model.cam_sensorsize[camera_id]
     if np.all(sensor > 0):

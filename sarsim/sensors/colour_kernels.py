@@ -10,8 +10,8 @@ from sarsim.sensors.xtion_kernels import NORMAL
 def expose(radiance, bits, gain, full_well, read_noise):
     """(H, W, 3) uint8 values of (H, W, 3) float32 radiance, by a sensor that counts ``full_well`` electrons at 1.
 
-    Photon noise is Poisson's, here normal of the same variance; ``read_noise`` is in electrons. ``bits``: (H, W)
-    uint64 random numbers.
+    Photon noise has a Poisson distribution, approximated by a normal one of the same variance; ``read_noise`` is in
+    electrons. ``bits``: (H, W) uint64 random numbers.
     """
     height, width, channels = radiance.shape
     values = np.empty((height, width, channels), np.uint8)

@@ -1,7 +1,7 @@
-"""The colour sensor: exposure, gain, and the noise that they cannot hide.
+"""The colour sensor: exposure, gain, and noise.
 
-A small sensor exposes no longer than a video frame and then turns its gain up. The numbers are those of a 1/4 inch
-VGA sensor with pixels of 3 µm, the kind that such cameras carry.
+A small sensor exposes for at most one video frame; in less light it raises its gain. The numbers are those of a
+1/4 inch VGA sensor with pixels of 3 µm, the kind that such cameras have.
 """
 
 import numpy as np
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from sarsim.sensors import colour_kernels
 from sarsim.sensors.xtion_kernels import random_bits
 
-FULL_WELL = 4000.0  # electrons of white in normal light
+FULL_WELL = 4000.0  # electrons for white in normal light
 READ_NOISE = 6.0  # electrons, standard deviation
-MAX_GAIN = 8.0  # How much the signal is amplified at most
-TARGET = 0.3  # Mean value, of 1, that the gain aims at
+MAX_GAIN = 8.0  # Largest amplification of the signal
+TARGET = 0.3  # Mean value, in 0..1, that the gain aims at
 
 
 def expose(radiance: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""What the robot's sensors make of a true image: light, air, and their own errors."""
+"""The robot's sensors applied to a true image: lighting, air, and the sensors' own errors."""
 
 from dataclasses import dataclass, field, replace
 
@@ -17,8 +17,8 @@ class Conditions:
 
     Attributes:
         depth_sensor: its range and errors.
-        lighting: which the model must be set to, see :func:`sarsim.sensors.lighting.set_lighting`.
-        air: and the dust in it.
+        lighting: to which the model must be set by :func:`sarsim.sensors.lighting.set_lighting`.
+        air: its dust.
     """
 
     depth_sensor: Xtion = field(default_factory=Xtion)
@@ -29,7 +29,7 @@ class Conditions:
         """The image as the sensors see it.
 
         The depth sensor draws from ``rng`` itself, dust and colours from its children, so that neither light nor dust
-        changes what the depth sensor's own errors are.
+        changes the depth sensor's own errors.
         """
         dust_rng, colour_rng = rng.spawn(2)
         measured = self.depth_sensor.apply(truth, rng)

@@ -1,4 +1,4 @@
-"""Which geoms a picture needs. Most of a picture's time goes into the vertices of geoms that are not in it."""
+"""The geoms that an image needs: rendering spends most of its time on vertices of geoms outside the image."""
 
 import mujoco
 import numpy as np
@@ -6,34 +6,34 @@ from numpy.typing import NDArray
 
 
 def in_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the geoms that may be seen between the ``planes`` of :func:`frustum`."""
+    """(ngeom,) bool, the geoms that may be visible between the ``planes`` of :func:`frustum`."""
     return np.logical_not(_outside(data.geom_xpos, _radius(model), planes).any(axis=1))
 
 
 def in_lit_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the geoms that may be seen, themselves or by a shadow that they cast."""
+    """(ngeom,) bool, the geoms of which the geom itself or its shadow may be visible."""
     centre, radius = data.geom_xpos, _radius(model)
     outside = _outside(centre, radius, planes)
     needed = np.logical_not(outside.any(axis=1))
     floor = np.min(centre[:, 2] - np.where(np.isfinite(radius), radius, 0), initial=0)
     for light in np.flatnonzero(model.light_active & model.light_castshadow):
-        # A shadow fills the hull of two spheres, the geom's and that at its end: it is out if one plane has both out.
+        # A shadow fills the hull of two spheres, the geom's and its end: it is outside if both are beyond a plane.
         shadow_outside = outside & _outside(*_shadow_end(model, data, int(light), floor), planes)
         needed |= np.logical_not(shadow_outside.any(axis=1))
     return needed
 
 
 def floors(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the planes that face up and have no geom (its middle) below: nothing is in their shadow."""
+    """(ngeom,) bool, the planes that face up and have no geom's centre below: their shadow falls on nothing."""
     upright = data.geom_xmat[:, 8] > 1 - 1e-9
     height = data.geom_xpos[:, 2]
     return (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & upright & (height <= height.min(initial=np.inf))
 
 
 def frustum(camera: mujoco.MjvGLCamera, aspect: float) -> NDArray[np.float64]:
-    """(5, 4) planes (n, d) around what a perspective camera sees, with n·p + d ≥ 0 inside.
+    """(5, 4) planes (n, d) around the view frustum of a perspective camera, with n·p + d ≥ 0 inside.
 
-    ``aspect`` is the picture's width over its height.
+    ``aspect`` is the image's width over its height.
     """
     forward, up = np.array(camera.forward, np.float64), np.array(camera.up, np.float64)
     right = np.cross(forward, up)
@@ -53,23 +53,23 @@ def frustum(camera: mujoco.MjvGLCamera, aspect: float) -> NDArray[np.float64]:
 
 
 def _radius(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """(ngeom,) bounding spheres' radii in metres; endless for a plane, to which MuJoCo gives none."""
+    """(ngeom,) radii of the bounding spheres in metres; infinite for a plane, which has none in MuJoCo."""
     return np.where(model.geom_rbound > 0, model.geom_rbound, np.inf)
 
 
 def _outside(
     centre: NDArray[np.float64], radius: NDArray[np.float64], planes: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """(N, P) bool, spheres that lie wholly outside a plane."""
+    """(N, P) bool, whether a sphere lies wholly outside a plane."""
     return centre @ planes[:, :3].T + planes[:, 3] < -radius[:, None]
 
 
 def _shadow_end(
     model: mujoco.MjModel, data: mujoco.MjData, light: int, floor: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(ngeom, 3) centres and (ngeom,) radii of the geoms' shadows where the last of them reaches the floor.
+    """(ngeom, 3) centres and (ngeom,) radii of the spheres in which the geoms' shadows end, on or below the floor.
 
-    Endless where it never does, because the geom is as high as the light or the light points upwards.
+    A radius is infinite if the shadow has no end, because the geom is as high as the light or the light points up.
     """
     centre, radius = data.geom_xpos, _radius(model)
     top = centre[:, 2] + radius

@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 GRAVITY = 9.81  # m/s²
 DRIFT_TIME = 100.0
-"""s in which a bias forgets; chosen where the Allan deviation of MEMS sensors is flat, for data sheets do not say."""
+"""s, correlation time of a bias; chosen where the Allan deviation of MEMS sensors is flat, as data sheets omit it."""
 CALIBRATION_TIME = 10.0
-"""s that the robot stands still before it sets off, in which it measures the gyros' bias."""
+"""s that the robot stands still before it sets off, to measure the gyros' bias."""
 
 
 @dataclass(frozen=True)
 class DataSheet:
-    """Of each axis; the unit is rad/s or m/s².
+    """Errors of each axis; the unit is rad/s or m/s².
 
     Attributes:
         noise: density, unit/√Hz, one-sided.
@@ -30,9 +30,9 @@ class DataSheet:
 
 
 # Xsens MTi-300, data sheet of Movella, May 2023: 0.01 °/s/√Hz, 10 °/h, 60 µg/√Hz, 15 µg, roll and pitch 0.2° RMS.
-# Switched on, its gyros are up to 0.5 °/s off (Xsens, "Bias repeatability of gyroscopes"); a robot that stands still
-# measures that, but for the noise meanwhile. The accelerometers' bias cannot be told from a tilt: it is what makes
-# roll and pitch wrong at rest. The sheet is silent on the error of the scale; 0.2 % is chosen.
+# At power-on, its gyros have a bias of up to 0.5 °/s (Xsens, "Bias repeatability of gyroscopes"); a robot that stands
+# still measures it, up to the noise meanwhile. The accelerometers' bias cannot be told apart from a tilt: it causes
+# the error of roll and pitch at rest. The data sheet does not give the error of the scale; 0.2 % is chosen.
 MTI_300_GYRO = DataSheet(
     noise=np.radians(0.01),
     drift=np.radians(10) / 3600,
@@ -45,9 +45,9 @@ MTI_300_ACCELEROMETER = DataSheet(
 
 
 class InertialTriad:
-    """Three axes that measure with noise, a constant bias and one that wanders, and a wrong scale.
+    """Three axes that measure with noise, a constant and a drifting bias, and a scale error.
 
-    The bias wanders as a Gauss-Markov process of first order, whose Allan deviation has its maximum, 0.62 times the
+    The drifting bias is a Gauss-Markov process of first order, whose Allan deviation has its maximum, 0.62 times the
     standard deviation, after 1.9 ``DRIFT_TIME`` (IEEE Std 952-1997, annex B and C).
     """
 
@@ -59,7 +59,7 @@ class InertialTriad:
         self._bias = sheet.offset * rng.standard_normal(3) - self._drift
 
     def measure(self, true: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-        """(3,) mean over the last ``dt`` seconds of what is truly (3,) ``true``, in ``base_link``."""
+        """(3,) measured mean over the last ``dt`` seconds, given the (3,) ``true`` mean, both in ``base_link``."""
         memory = np.exp(-dt / DRIFT_TIME)
         renewal, noise = self._rng.standard_normal((2, 3))
         self._drift = memory * self._drift + self._sheet.drift / 0.62 * np.sqrt(1.0 - memory**2) * renewal

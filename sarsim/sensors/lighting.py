@@ -1,4 +1,4 @@
-"""How bright the arena is, and by what."""
+"""Lighting: the arena's own lights and the robot's lamp."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -13,18 +13,18 @@ from sarsim.robots.skid_steered import SkidSteered
 from sarsim.sensors.camera import LabelledImage
 
 NEAREST = 0.15
-"""m; the lamp lights nothing better than what is so near."""
+"""m; nearer surfaces get no more of the lamp's light than surfaces at this distance."""
 
 
 @dataclass(frozen=True)
 class Light:
-    """What lights a scene.
+    """The light sources of a scene.
 
     Attributes:
         arena: radiance of a white surface under the arena's own light; 1 in normal light.
-        rendered: share of the arena's light that the renderer is given. In 8 bits the true share of a dim scene
-            would leave a few grey levels.
-        lamp: radiance in the lamp's beam of a white surface that faces it from 1 m.
+        rendered: share of the arena's light that the renderer gets. With the true share, a dim scene would have only
+            a few grey levels in 8 bits.
+        lamp: radiance of a white surface that faces the lamp from 1 m away, in its beam.
     """
 
     arena: float
@@ -33,7 +33,7 @@ class Light:
 
 
 class Lighting(Enum):
-    """Daylight, the emergency lights of a building, or nothing but the robot's lamp."""
+    """Daylight, the emergency lights of a building, or only the robot's lamp."""
 
     normal = Light(1, 1, 0)
     dim = Light(0.03, 0.2, 0)
@@ -41,18 +41,18 @@ class Lighting(Enum):
 
 
 BEAM_EXPONENT = 4
-"""The lamp's beam falls as this power of the cosine off its axis: to a half at 33°, so that it fills the view.
+"""The lamp's intensity falls with this power of the cosine off its axis: to a half at 33°, so it fills the view.
 
-With that, 1,000 lm (an LED of 10 W) are 1000 (4 + 1) / 2π = 796 cd along the axis: at 1 m, 1.6 times the 500 lux that
-EN 12464-1 asks of a lit workplace, the normal light here.
+With this exponent, 1,000 lm (an LED of 10 W) are 1000 (4 + 1) / 2π = 796 cd along the axis: at 1 m, 1.6 times the
+500 lux that EN 12464-1 requires at a lit workplace, which is the normal light here.
 """
 
 
 def set_lighting(physics: mjcf.Physics, robot: SkidSteered, lighting: Lighting) -> None:
     """Dim the arena's lights and the headlight, and switch the robot's lamp.
 
-    The renderer has the lamp shine evenly and without loss: how it really falls off depends on each pixel's
-    distance, which :func:`radiance` knows.
+    In the renderer the lamp shines evenly and without attenuation: :func:`radiance` applies the falloff, which
+    depends on each pixel's distance.
     """
     light, model = lighting.value, physics.model
     lamp = physics.bind(robot.lamp).element_id
@@ -68,9 +68,9 @@ def set_lighting(physics: mjcf.Physics, robot: SkidSteered, lighting: Lighting) 
 
 
 def radiance(image: LabelledImage, lighting: Lighting) -> NDArray[np.float32]:
-    """(H, W, 3) float32 radiance of what an image shows; 1 for white in normal light.
+    """(H, W, 3) float32 radiance of the surfaces in an image; 1 for white in normal light.
 
-    ``image`` is a true one, of a model that :func:`set_lighting` has set to the same lighting.
+    ``image`` is free of noise, from a model that :func:`set_lighting` has set to the same lighting.
     """
     light, rendered = lighting.value, image.rgb * np.float32(1 / 255)
     if light.lamp > 0:
@@ -79,9 +79,9 @@ def radiance(image: LabelledImage, lighting: Lighting) -> NDArray[np.float32]:
 
 
 def lamp_light(image: LabelledImage, lamp: float) -> NDArray[np.float32]:
-    """(H, W) float32 light of the lamp on what each pixel shows: inverse square, in a beam along the optical axis.
+    """(H, W) float32 light of the lamp on each pixel's surface: inverse square, in a beam along the optical axis.
 
-    0 where the pixel shows nothing. The lamp is 4 cm below the camera; the beam is the camera's all the same.
+    0 where the pixel shows no surface. The beam starts at the camera, although the lamp is 4 cm below it.
     """
     range_squared = np.square(distances(image))
     lit = range_squared > 0
@@ -90,7 +90,7 @@ def lamp_light(image: LabelledImage, lamp: float) -> NDArray[np.float32]:
 
 
 def distances(image: LabelledImage) -> NDArray[np.float32]:
-    """(H, W) float32 m from the camera along each pixel's ray; 0 where it shows nothing."""
+    """(H, W) float32 distance in m from the camera along each pixel's ray; 0 where there is no surface."""
     return image.depth * stretch(image.intrinsics)
 
 
@@ -102,5 +102,5 @@ def stretch(intrinsics: Intrinsics) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=4)
 def beam(intrinsics: Intrinsics) -> NDArray[np.float32]:
-    """(H, W) float32 share of the lamp's strength in the direction of each pixel."""
+    """(H, W) float32 intensity of the lamp in the direction of each pixel, relative to the one along its axis."""
     return stretch(intrinsics) ** np.float32(-BEAM_EXPONENT)  # 1 / stretch is the cosine off the axis

@@ -1,4 +1,4 @@
-"""Where the robot believes to be, by its wheels and its inertial sensors."""
+"""The robot's pose by dead reckoning with its wheel encoders and inertial sensors."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,23 +8,23 @@ from pipeline.transforms import from_rotation, level
 from sarsim.sensors.inertial import GRAVITY, MTI_300_ACCELEROMETER, MTI_300_GYRO, InertialTriad
 
 TICKS = 34_000
-"""Of an encoder in a turn of the wheel, 49 a millimetre (Pioneer 3 operations manual, P3-AT); chosen for others."""
+"""Encoder ticks per wheel turn, 49 a millimetre (Pioneer 3 operations manual, P3-AT); assumed for other robots."""
 LEVELLING_TIME = 5.0
-"""s in which roll and pitch follow the accelerometer."""
+"""s, time constant with which roll and pitch follow the accelerometer."""
 TYRE_ERROR = 0.01
 """Standard deviation of the relative error of the tyres' rolling radius, which their pressure, load and wear change.
-This one, the next and the slip are chosen; the manual only says to measure the ticks per millimetre anew."""
+``TYRE_ERROR``, ``SIDE_ERROR`` and ``SLIP`` are chosen; the manual only says to measure the ticks per millimetre."""
 SIDE_ERROR = 0.003
-"""Standard deviation by which the radius of each side's tyres differs from that."""
+"""Standard deviation of the additional relative error of the radius of each side's tyres."""
 SLIP = 0.01
-"""m/√m, random walk of each side's way: dust and bumps, which the physics' smooth floor does not have. How the tyres
-scrub in a turn is in the physics."""
+"""m/√m, random walk of the distance of each side, for dust and bumps, which the smooth floor of the physics lacks.
+The physics itself simulates how the tyres scrub in a turn."""
 
 
 class WheelOdometry:
     """Dead reckoning in 3D: the encoders give the distance, the gyros the direction, the accelerometers the level.
 
-    ``odom`` begins where the robot stands at the first update, turned so that its z is up and its x the robot's yaw.
+    The origin of ``odom`` is the robot's position at the first update; its z is up and its x along the robot's yaw.
     """
 
     def __init__(self, rng: np.random.Generator, wheel_radius: float) -> None:
@@ -49,7 +49,7 @@ class WheelOdometry:
         accelerometer: NDArray[np.float64],
         dt: float,
     ) -> NDArray[np.float64]:
-        """Take one set of measurements and return ``T_odom_base``; the first one only says where to begin.
+        """Take one set of measurements and return ``T_odom_base``; the first one only sets the initial pose.
 
         Args:
             wheel_angle: (2,) rad, unwrapped, of the left and right wheels.
@@ -75,12 +75,12 @@ class WheelOdometry:
         self._R = R @ half @ half
 
     def _distance(self, ticks: NDArray[np.float64]) -> float:
-        """Metres forward, the mean of both sides, as the encoders tell them."""
+        """Distance forward in m, the mean of both sides, from (2,) encoder ticks."""
         way = ticks * (2 * np.pi / TICKS) * self._radius
         return float(np.mean(way + SLIP * np.sqrt(np.abs(way)) * self._rng.standard_normal(2)))
 
     def _levelling(self, R: NDArray[np.float64], accelerometer: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(3,) rad/s that turn the believed vertical towards the felt one; none while the robot is being shaken.
+        """(3,) rad/s that turn the estimated vertical towards the measured one; 0 while the robot is shaken.
 
         The proportional part of a complementary filter (Mahony, Hamel and Pflimlin 2008).
         """

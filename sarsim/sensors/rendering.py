@@ -1,4 +1,4 @@
-"""Pictures of a model: colour, and geom ids with the depth that belongs to them."""
+"""Rendered images of a model: colour, and geom ids with depth."""
 
 import importlib
 import os
@@ -14,10 +14,10 @@ from pipeline.errors import InputError
 from sarsim.sensors import culling
 
 COLOUR_QUALITY = {"offsamples": 0, "shadowsize": 1024, "numslices": 24, "numstacks": 12}
-"""A picture with the default shadow map of 4096 texels takes three times as long and looks much the same."""
+"""An image with the default shadow map of 4096 texels takes three times as long and looks much the same."""
 ID_QUALITY = {"offsamples": 0, "shadowsize": 0, "numslices": 48, "numstacks": 24}
-"""Multisampling would blend ids and depths at edges (MuJoCo issue 1121). With so many faces a ball or cylinder of
-0.3 m radius stays within 1 mm of the round one, the default is off by 2 mm."""
+"""Multisampling would blend ids and depths at edges (MuJoCo issue 1121). With so many faces a sphere or cylinder of
+0.3 m radius deviates by at most 1 mm from the round one; with the default number it is off by 2 mm."""
 
 _RENDER = mujoco.mjtRndFlag
 _NOT_DRAWN = 5  # a group of geoms
@@ -27,12 +27,12 @@ _SCENE = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
 class Renderer(ExitStack):
     """Draws one model in one OpenGL context, without a screen.
 
-    Two contexts in one process get in each other's way, so there is one renderer for all the cameras of a model.
-    It belongs to the thread that made it. Geoms of groups 0 to 2 are drawn, as the viewer does; sites are not.
+    Two contexts in one process interfere with each other, so there is one renderer for all the cameras of a model.
+    Only the thread that made it may use it. Geoms of groups 0 to 2 are drawn, as in the viewer; sites are not.
     """
 
     def __init__(self, model: mujoco.MjModel, width: int = 640, height: int = 480) -> None:
-        """Pictures are ``width`` × ``height`` pixels, whatever the model's own offscreen size."""
+        """Images have ``width`` × ``height`` pixels, whatever the model's own offscreen size."""
         super().__init__()
         self.model = model
         self.width = width
@@ -41,7 +41,7 @@ class Renderer(ExitStack):
         self._gl.make_current()
         self._colours = _resources(model, width, height, COLOUR_QUALITY)
         self._ids = _resources(model, width, height, ID_QUALITY)
-        # MuJoCo draws with reversed z in a float buffer: read as it is, depth keeps its precision far away.
+        # MuJoCo draws with reversed z in a float buffer: read without conversion, far depths keep their precision.
         self._ids.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 1000)
@@ -60,7 +60,7 @@ class Renderer(ExitStack):
     def segmentation_and_depth(
         self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera
     ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """The geom that every pixel shows and how far it is, from one render pass without multisampling.
+        """The geom id and depth of every pixel, from one render pass without multisampling.
 
         Both come from the same fragment, so they agree at edges too.
 
@@ -76,7 +76,7 @@ class Renderer(ExitStack):
         return geom, np.where(geom < 0, np.float32(0), self._metres(buffer[::-1]))
 
     def _update(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera, *, ids: bool) -> None:
-        """Take over from ``data`` what the picture needs."""
+        """Update the scene from ``data`` with the geoms that the image needs."""
         self._gl.make_current()
         view = camera if isinstance(camera, mujoco.MjvCamera) else fixed_camera(self.model, camera)
         mujoco.mjv_updateCamera(self.model, data, view, self._scene)
@@ -90,7 +90,7 @@ class Renderer(ExitStack):
         self._flags(ids)
 
     def _flags(self, ids: bool) -> None:
-        """Draw ids as flat colours, or what a camera sees: light and shadow, but no reflections and no haze."""
+        """Draw ids as flat colours, or a camera image with light and shadow, but without reflections and haze."""
         flags = self._scene.flags
         flags[_RENDER.mjRND_SEGMENT] = flags[_RENDER.mjRND_IDCOLOR] = ids
         flags[_RENDER.mjRND_SHADOW] = flags[_RENDER.mjRND_SKYBOX] = not ids
@@ -99,13 +99,13 @@ class Renderer(ExitStack):
     def _draw(
         self, resources: mujoco.MjrContext, pixels: NDArray[np.uint8], depth: NDArray[np.float32] | None
     ) -> None:
-        """Draw the scene, the lowest row of the picture first."""
+        """Draw the scene into ``pixels`` and ``depth``, the lowest row of the image first."""
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, resources)
         mujoco.mjr_render(self._rectangle, self._scene, resources)
         mujoco.mjr_readPixels(pixels, depth, self._rectangle, resources)
 
     def _geom_ids(self, pixels: NDArray[np.uint8]) -> NDArray[np.int32]:
-        """(H, W) int32 geom ids from colours that count the scene's geoms from 1; 0 is the background."""
+        """(H, W) int32 geom ids from colours that number the scene's geoms from 1; 0 is the background."""
         table = np.full(self._scene.ngeom + 1, -1, np.int32)
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
@@ -116,9 +116,9 @@ class Renderer(ExitStack):
         return table.take(index)
 
     def _metres(self, buffer: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Depth in metres of a reversed-z buffer, which holds 1 at the near plane and 0 at the far one.
+        """Depth in metres of a reversed-z buffer, which holds 1 at the near plane and 0 at the far plane.
 
-        There perspective is b = near (far - z) / (z (far - near)). Nothing cancels in its inverse.
+        The buffer holds b = near (far - z) / (z (far - near)). The inverse is free of cancellation.
         """
         near = np.float32(self.model.vis.map.znear * self.model.stat.extent)
         far = np.float32(self.model.vis.map.zfar * self.model.stat.extent)
@@ -126,7 +126,7 @@ class Renderer(ExitStack):
 
 
 def fixed_camera(model: mujoco.MjModel, camera: int | str) -> mujoco.MjvCamera:
-    """A camera of the model, by id or name; InputError where the model has no such camera."""
+    """A camera of the model, by id or name; InputError if the model has no such camera."""
     index = model.camera(camera).id if isinstance(camera, int) and 0 <= camera < model.ncam else -1
     if isinstance(camera, str):
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
@@ -141,7 +141,7 @@ def fixed_camera(model: mujoco.MjModel, camera: int | str) -> mujoco.MjvCamera:
 def _offscreen_context(width: int, height: int) -> Any:
     """An OpenGL context of the platform that MUJOCO_GL names.
 
-    ``mujoco.GLContext`` would be another one if mujoco was imported before sarsim, which sets MUJOCO_GL.
+    ``mujoco.GLContext`` would use another platform if mujoco was imported before sarsim, which sets MUJOCO_GL.
     """
     platform = os.environ["MUJOCO_GL"].strip().lower()
     if platform not in ("egl", "osmesa", "glfw"):
@@ -151,7 +151,7 @@ def _offscreen_context(width: int, height: int) -> Any:
 
 @contextmanager
 def hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
-    """Put geoms, (ngeom,) bool, into a group that is not drawn, for a while."""
+    """Within the context, put ``geoms``, (ngeom,) bool, into a group that is not drawn."""
     groups = model.geom_group.copy()
     model.geom_group[geoms] = _NOT_DRAWN
     try:
@@ -161,22 +161,22 @@ def hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
 
 
 def _leave_out_shadows(scene: mujoco.MjvScene, floors: NDArray[np.bool_]) -> None:
-    """Leave out the shadows that no picture shows: of lights that are out, and of floors, (ngeom,) bool.
+    """Leave out the shadows that no image shows: of lights that are off, and of floors, (ngeom,) bool.
 
-    Shadows take most of a picture's time, even where none falls into it.
+    Shadows take most of the time of an image, even if none is visible in it.
     """
     for light in scene.lights[: scene.nlight]:
         if not (light.ambient.any() or light.diffuse.any() or light.specular.any()):
             light.castshadow = 0
     for geom in scene.geoms[: scene.ngeom]:
         if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and floors[geom.objid]:
-            geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # MuJoCo's word for what casts no shadow
+            geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # MuJoCo's category of geoms that cast no shadow
 
 
 def _resources(model: mujoco.MjModel, width: int, height: int, quality: dict[str, int]) -> mujoco.MjrContext:
-    """What one kind of picture needs in the OpenGL context: buffers, textures and meshes of a ``quality``.
+    """The OpenGL resources of one kind of image: buffers, textures and meshes of a ``quality``.
 
-    MuJoCo reads size and quality from the model, which gets its own values back.
+    MuJoCo reads size and quality from the model; afterwards the model's own values are restored.
     """
     settings = [(model.vis.quality, name, value) for name, value in quality.items()]
     settings += [(model.vis.global_, "offwidth", width), (model.vis.global_, "offheight", height)]

@@ -1,4 +1,4 @@
-"""The ASUS Xtion PRO LIVE: what a structured-light sensor makes of the true depth."""
+"""The ASUS Xtion PRO LIVE: a noise model of a structured-light depth sensor."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -10,11 +10,11 @@ from pipeline.frame import Intrinsics
 from sarsim.sensors import xtion_kernels as kernels
 from sarsim.sensors.camera import LabelledImage
 
-EDGE = 0.25  # pixels of disparity, two of the sensor's steps: what breaks less is no edge to it
+EDGE = 0.25  # pixels of disparity, two of the sensor's steps: a smaller break counts as no edge
 DISPARITY_STEP = np.float32(1 / 8)  # pixels
 BASELINE = 0.075  # m from the camera to the projector, which stands to its right
 MAX_INCIDENCE = 82.0
-"""degrees between the line of sight and the surface's normal beyond which nothing returns."""
+"""degrees between the line of sight and the surface's normal; at larger angles there is no return."""
 
 
 @dataclass(frozen=True)
@@ -22,28 +22,28 @@ class Xtion:
     """The sensor's range and its errors, each of which can be switched off.
 
     Sources: axial noise from Nguyen, Izadi & Lovell, "Modeling Kinect sensor noise for improved 3D reconstruction
-    and tracking" (3DIMPVT 2012), a sensor of the same make; steps of disparity from Khoshelham & Elberink,
+    and tracking" (3DIMPVT 2012), for a sensor of the same make; steps of disparity from Khoshelham & Elberink,
     "Accuracy and resolution of Kinect depth data" (Sensors 2012); range from the maker's data sheet.
     """
 
     min_range: float = 0.8
-    """m along the optical axis; nothing nearer returns."""
+    """m along the optical axis; nearer surfaces give no return."""
     max_range: float = 3.5
-    """m along the optical axis; nothing farther returns."""
+    """m along the optical axis; farther surfaces give no return."""
     axial_noise: bool = True
     """Gaussian noise of depth that grows with distance, and steeply past 60° of incidence."""
     lateral_noise: bool = True
-    """Frayed edges: near one, a pixel may see what lies across it."""
+    """Frayed edges: near a depth edge, a pixel may measure the surface on its other side."""
     lateral_sigma: float = 0.8
-    """pixels."""
+    """pixels, standard deviation of the lateral noise."""
     quantisation: bool = True
-    """Depth in steps of disparity, so coarser the farther."""
+    """Depth in steps of disparity, which get coarser with distance."""
     grazing: bool = True
     """No return from surfaces that are seen at a grazing angle."""
     shadow: bool = True
     """No return where the projector's light does not reach: left of near edges."""
     dropout: float = 0.0
-    """Share of the pixels that return nothing for no reason."""
+    """Share of the pixels that give no return at random."""
 
     @classmethod
     def ideal(cls, min_range: float = 0.8, max_range: float = 3.5) -> Self:
@@ -52,7 +52,7 @@ class Xtion:
         return cls(min_range=min_range, max_range=max_range, **off)
 
     def apply(self, image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
-        """The image with measured depth; label and instance are of the surface that each depth comes from."""
+        """The image with measured depth; label and instance are those of the surface that each depth comes from."""
         depth, source = self.measure(image.depth, image.intrinsics, rng)
         if not self.lateral_noise:
             return replace(image, depth=depth)
@@ -62,16 +62,16 @@ class Xtion:
     def measure(
         self, depth: NDArray[np.float32], intrinsics: Intrinsics, rng: np.random.Generator
     ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """Measured depth, and where in the picture each value was taken.
+        """Measured depth, and for each value the pixel at which it was measured.
 
         Args:
-            depth: (H, W) float32 true depth in metres; 0 = nothing there.
+            depth: (H, W) float32 true depth in metres; 0 = no surface.
             intrinsics: of ``depth``.
-            rng: drawn from once a call, whatever is switched on.
+            rng: drawn from once per call, whichever errors are switched on.
 
         Returns:
             (H, W) float32 depth in metres, 0 = no return, and (H, W) int64 flat index of the pixel whose true
-            depth was measured: another one than the pixel itself only beside a depth edge.
+            depth was measured: a pixel other than itself only beside a depth edge.
         """
         key = rng.integers(1 << 64, dtype=np.uint64)
         source = np.arange(depth.size).reshape(depth.shape)
@@ -96,7 +96,7 @@ class Xtion:
     def _returns(
         self, disparity: NDArray[np.float32], cosine: NDArray[np.float32], bits: NDArray[np.uint64]
     ) -> NDArray[np.bool_]:
-        """(H, W) bool, the pixels whose surface sends the projector's light back."""
+        """(H, W) bool, the pixels whose surface returns the projector's light."""
         returns = disparity > 0
         if self.grazing:
             returns &= cosine > np.cos(np.radians(MAX_INCIDENCE))

@@ -10,9 +10,9 @@ NORMAL = ndtri((np.arange(1 << 16) + 0.5) / (1 << 16)).astype(np.float32)
 
 @njit(cache=True)
 def random_bits(key, height, width):
-    """(H, W) uint64: the stream of ``key`` by splitmix64 (Steele, Lea & Flood, OOPSLA 2014).
+    """(H, W) uint64 random bits: the stream of ``key`` by splitmix64 (Steele, Lea & Flood, OOPSLA 2014).
 
-    What a pixel draws depends on its place alone, not on the order in which the pixels are visited.
+    A pixel's bits depend on its position alone, not on the order in which the pixels are visited.
     """
     bits = np.empty((height, width), np.uint64)
     for v in range(height):
@@ -28,8 +28,8 @@ def random_bits(key, height, width):
 def slopes(values):
     """(H, W) float32 change of an image per column and per row, each on the smoother side of the pixel.
 
-    Beside an edge that is the side of the surface itself. Disparity is linear over the picture of a plane: there
-    the slopes are exact.
+    Beside an edge, the smoother side belongs to the pixel's own surface. The disparity of a plane is linear over the
+    image, so its slopes are exact.
     """
     height, width = values.shape
     per_column = np.empty_like(values)
@@ -49,7 +49,7 @@ def slopes(values):
 
 @njit(cache=True)
 def smaller(a, b):
-    """The one of the smaller magnitude."""
+    """The number with the smaller magnitude."""
     return a if abs(a) < abs(b) else b
 
 
@@ -57,9 +57,9 @@ def smaller(a, b):
 def lateral_source(disparity, per_column, per_row, bits, sigma, edge):
     """(H, W) int64 flat index of the pixel whose depth each pixel measures.
 
-    Disparity and its slopes are (H, W) float32, ``bits`` (H, W) uint64. The source is a random neighbour, ``sigma``
-    pixels away, if that lies off the pixel's own plane by ``edge`` pixels of disparity or more, so across a depth
-    edge. On its own plane a pixel keeps its place.
+    Disparity and its slopes are (H, W) float32, ``bits`` (H, W) uint64. The source is a random neighbour (standard
+    deviation ``sigma`` pixels) if it is off the pixel's own plane by ``edge`` pixels of disparity or more, which is
+    across a depth edge; else it is the pixel itself.
     """
     height, width = disparity.shape
     source = np.empty((height, width), np.int64)
@@ -79,8 +79,8 @@ def lateral_source(disparity, per_column, per_row, bits, sigma, edge):
 def projector_shadow(disparity):
     """(H, W) bool, the pixels of (H, W) float32 disparity that the projector's light does not reach.
 
-    The projector stands to the camera's right and has the point of column u at its own column u - disparity. Its
-    light ends on another surface if one further right in the image has that column, or one left of it.
+    The projector is to the camera's right and sees the point of image column u at its own column u - disparity. Its
+    light ends on another surface if a pixel further right in the image has the same projector column or a lower one.
     """
     height, width = disparity.shape
     shadow = np.zeros((height, width), np.bool_)
@@ -97,12 +97,12 @@ def projector_shadow(disparity):
 def cosine_of_incidence(disparity, per_column, per_row, rays, fx, fy):
     """(H, W) float32 cosine between the line of sight and the surface's normal.
 
-    A plane a X + b Y + c Z = 1 has, but for a factor, the disparity a x + b y + c at the picture point
+    A plane a X + b Y + c Z = 1 has, up to a factor, the disparity a x + b y + c at the image point
     x = X / Z, y = Y / Z. Disparity and its slopes per column and row are (H, W) float32, ``rays`` (H, W, 3).
     """
     height, width = disparity.shape
     cosine = np.empty((height, width), np.float32)
-    columns = rays[0, :, 0].copy()  # side by side in memory, so that the inner loop is SIMD
+    columns = rays[0, :, 0].copy()  # contiguous in memory, so that the inner loop is vectorised
     for v in range(height):
         y = rays[v, 0, 1]
         here, across, down, result = disparity[v], per_column[v], per_row[v], cosine[v]
@@ -131,7 +131,7 @@ def axial_sigma(depth, cosine):
 
 @njit(cache=True)
 def add_noise(depth, sigma, bits):
-    """Add normal noise of so many m to the returns of (H, W) float32 depth, in place."""
+    """Add normal noise with (H, W) standard deviation ``sigma``, m, to the returns of (H, W) depth, in place."""
     for v in range(depth.shape[0]):
         z, spread, row = depth[v], sigma[v], bits[v]
         for u in range(len(z)):

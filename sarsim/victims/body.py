@@ -34,10 +34,10 @@ SHOES = ((0.08, 0.07, 0.07), (0.30, 0.19, 0.11), (0.85, 0.85, 0.85), (0.60, 0.12
 SPACING = {"stripes": 0.11, "bands": 0.24}  # m from one stripe or band to the next of its colour
 CHECK, CLOTH = 0.11, 0.4  # m that a texture of checks, or of plain cloth, covers
 PATTERNS, PATTERN_SHARES = ("plain", "stripes", "checks"), (0.6, 0.25, 0.15)
-"""Of the tops that are no overalls, and how often each is worn."""
+"""Patterns of the tops that are no overalls, and their probabilities."""
 REFLECTIVE = (0.92, 0.95, 0.35)
 EYE, IRIS = (0.93, 0.92, 0.90), (0.12, 0.09, 0.07)
-LIPS = np.array((0.85, 0.55, 0.52))  # What lips take from the skin's colour
+LIPS = np.array((0.85, 0.55, 0.52))  # Factors from the skin's colour to that of the lips
 SHORT_SLEEVE = ("left_sleeve", "right_sleeve", "chest", "belly")
 LONG_SLEEVE = (*SHORT_SLEEVE, "left_upper_arm", "right_upper_arm", "left_forearm", "right_forearm")
 SHORTS = ("hips", "left_thigh", "right_thigh")
@@ -48,7 +48,7 @@ UPPER_BODY = ("head", "chest", "left_sleeve", "right_sleeve")  # The parts of a 
 
 @dataclass(frozen=True)
 class Outfit:
-    """What a person looks like.
+    """The look of a person.
 
     Attributes:
         skin, hair, top, bottom, shoes: colours.
@@ -69,7 +69,7 @@ class Outfit:
 
     @classmethod
     def random(cls, build: str, rng: np.random.Generator) -> "Outfit":
-        """What people of a build wear; one in five adults an overall."""
+        """A random outfit for people of a build; one in five adults wears an overall."""
 
         def one_of(colours: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
             colour = np.array(colours[int(rng.integers(len(colours)))]) * rng.uniform(0.85, 1.1)
@@ -92,7 +92,7 @@ class Outfit:
         )
 
     def material(self, part: str) -> str:
-        """What a part of the body shows."""
+        """The material of a part of the body."""
         if part in (LONG_SLEEVE if self.long_sleeves else SHORT_SLEEVE):
             return "top"
         if part in (TROUSERS if self.long_legs else SHORTS):
@@ -119,7 +119,7 @@ def person_mjcf(name: str, figure: Figure, outfit: Outfit) -> tuple[list[Element
 
 
 def _materials(name: str, outfit: Outfit) -> list[Element]:
-    """Cloth with a texture, and the rest in plain colours."""
+    """The materials of a person: clothes with a texture, the rest in plain colours."""
     bottom = {"builtin": "flat", "rgb1": numbers(outfit.bottom), "mark": "random", "random": "0.2"}
     bottom["markrgb"] = numbers(np.array(outfit.bottom) * 0.85)
     materials = []
@@ -161,7 +161,7 @@ def _texture_places(rest: NDArray[np.float64], part: str, pattern: str) -> NDArr
 def _mesh(
     name: str, shape: Shape, normals: NDArray[np.float64], texture_places: NDArray[np.float64] | None = None
 ) -> Element:
-    """A mesh of those vertices that the faces use."""
+    """An MJCF mesh of the vertices that the faces use."""
     used, faces = np.unique(shape.faces, return_inverse=True)
     corners = {"vertex": numbers(shape.vertices[used]), "normal": numbers(normals[used], 3)}
     mesh = Element("mesh", {"name": name, "inertia": "shell"} | corners)
@@ -172,7 +172,7 @@ def _mesh(
 
 
 def _face(name: str, figure: Figure) -> list[Element]:
-    """Eyes, brows and mouth: what a face is recognized by, on the surface of the head at rest."""
+    """Eyes, brows and mouth, by which a face is recognised; their places are on the surface of the head at rest."""
     features = [("lips", "lips", (0.0, 0.662, 0.1165), (0.024, 0.0075, 0.006))]
     for side, sign in (("left", 1), ("right", -1)):
         features += [

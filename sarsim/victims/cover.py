@@ -1,4 +1,4 @@
-"""What a victim is in or under: rubble, a box, a wall panel with a hole."""
+"""Covers of a victim: rubble, a box, a wall panel with a hole, and the block under a seated one."""
 
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
@@ -10,19 +10,19 @@ from pipeline.labels import Label
 from sarsim.victims.mjcf import about_z, geom, quaternion
 
 PANEL = 0.02  # m thickness of boards and panels
-MAX_SLOPE = np.radians(28)  # How steeply a board of the rubble leans
+MAX_SLOPE = np.radians(28)  # Steepest slope of a board of the rubble
 WALL, HOLE = 1.2, (0.28, 0.24)  # m: the least size of a wall panel, and half sizes of its hole
 GAP, RIM = 0.03, 0.05  # m between a person and what surrounds it, and between a hole and the panel's edge
-MAX_DEPTH = 0.6  # m; what of a person is further out sticks out of the box
+MAX_DEPTH = 0.6  # m, largest depth of a box; a person who needs more sticks out of it
 BOARDS = (("back", 0, -1), ("left", 1, 1), ("right", 1, -1), ("top", 2, 1), ("bottom", 2, -1))
-"""Of a box: name, axis, and on which side of the middle."""
+"""The boards of a box: name, axis, and side of its centre."""
 WOOD = (0.62, 0.48, 0.33)
 CONCRETE = (0.55, 0.54, 0.52)
 
 
 @dataclass(frozen=True, eq=False)
 class Cover:
-    """Geoms around a person, and places on their surfaces that tell how far they reach.
+    """Geoms around a person, and points in them that show their extent.
 
     Attributes:
         geoms: of the body ``cover_<id>``.
@@ -34,9 +34,9 @@ class Cover:
 
 
 def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> Cover:
-    """Boards that lean on the half of a person that is further from the head, and blocks beside it.
+    """Boards that lean on the half of a person that is farther from the head, and blocks beside this half.
 
-    ``person``: (N, 3) m, places on the person, whose head is towards +x; ``name``: what the geoms' names begin with.
+    ``person``: (N, 3) m, points on the person, whose head is towards +x; ``name``: prefix of the geoms' names.
     """
     cover = joined([])
     low, high = person.min(axis=0), person.max(axis=0)
@@ -68,7 +68,7 @@ def box(name: str, person: NDArray[np.float64]) -> Cover:
 
 
 def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.float64]) -> Cover:
-    """A wall panel before (N, 3) a person, 1.2 m high and wide or wider, with a hole before head and chest."""
+    """A wall panel before a person, (N, 3) points in m, 1.2 m high, at least as wide, with a hole before the chin."""
     left = max(WALL / 2, person[:, 1].max() + RIM)
     right = min(-WALL / 2, person[:, 1].min() - RIM)
     x = person[:, 0].max() + GAP + PANEL
@@ -97,7 +97,7 @@ def seat(name: str, half_sizes: NDArray[np.float64]) -> Cover:
 
 
 def joined(covers: list[Cover]) -> Cover:
-    """All of them as one."""
+    """All covers as one."""
     return Cover(
         [g for c in covers for g in c.geoms], np.concatenate([np.empty((0, 3)), *(c.points for c in covers)])
     )
@@ -106,15 +106,15 @@ def joined(covers: list[Cover]) -> Cover:
 def _board(
     name: str, middle: NDArray[np.float64], yaw: float, rng: np.random.Generator, under: NDArray[np.float64]
 ) -> Cover | None:
-    """A board over ``middle`` with one end on the floor that rests on the highest of the places ``under`` it.
+    """A board over ``middle`` with one end on the floor that rests on the highest of the points ``under`` it.
 
-    None if it would lean too steeply.
+    None if its slope would be too steep.
     """
     length, width = rng.uniform(0.8, 1.2), rng.uniform(0.12, 0.26)
     along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
     t = (under[:, :2] - middle) @ across
     strip = under[np.abs(t) < width / 2 + 0.02]
-    # From the end on the floor to the middle of what it lies on.
+    # ``reach``: m from the board's end on the floor to ``middle``.
     for reach in np.arange(0.45, 0.8, 0.05) * length:
         s = (strip[:, :2] - middle) @ along + reach
         rise = np.max(strip[:, 2] / np.maximum(s, 0.02), where=(s > 0) & (s < length), initial=0.0)
@@ -132,7 +132,7 @@ def _board(
 
 
 def _block(name: str, person: NDArray[np.float64], others: NDArray[np.float64], rng: np.random.Generator) -> Cover:
-    """A block on the floor close to the far half of a person, clear of everything."""
+    """A block on the floor close to the half of a person away from the head; nothing if there is no free place."""
     low, high = person.min(axis=0), person.max(axis=0)
     taken = np.concatenate([person, others])
     for _ in range(40):
@@ -155,7 +155,7 @@ def _block_of(
     colour: tuple[float, ...],
     rng: np.random.Generator | None = None,
 ) -> Cover:
-    """A box geom and a grid of places on it, 5 cm apart or closer."""
+    """A box geom and a grid of points in it, 5 cm apart or closer."""
     rgba = (*np.array(colour) * (rng.uniform(0.75, 1.15) if rng else 1), 1)
     axes = [np.linspace(-half, half, 2 + int(2 * half / 0.05)) for half in size]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Numbers, geoms and rotations as MJCF writes them."""
+"""Numbers, geoms and rotations in the form of MJCF."""
 
 from collections.abc import Iterable
 from xml.etree.ElementTree import Element
@@ -11,14 +11,14 @@ from pipeline.labels import Label
 
 
 def numbers(values: float | Iterable[float] | NDArray[np.floating], decimals: int = 4) -> str:
-    """A number, or a list (N,) of them."""
+    """A number, or (N,) numbers, as text."""
     return " ".join(
         f"{value:.{decimals}f}".rstrip("0").rstrip(".") for value in np.ravel(np.asarray(values, np.float64))
     )
 
 
 def geom(name: str, label: Label, **attributes: str | int | Iterable[float] | NDArray[np.floating]) -> Element:
-    """A geom that carries a label; attributes are words or numbers (N,)."""
+    """A geom with a label; attributes are strings or (N,) numbers."""
     words = {key: value if isinstance(value, str) else numbers(value) for key, value in attributes.items()}
     return Element("geom", {"name": name, "user": str(int(label)), **words})
 

@@ -1,6 +1,6 @@
 """The library of bodies and of the postures in which they came to rest: ``assets/victims/people.npz``.
 
-``scripts/assets/make_victims.py`` makes it: surfaces around dm_control's CMU humanoid, which falls as a ragdoll.
+``scripts/assets/make_victims.py`` makes it: body surfaces around dm_control's CMU humanoid, which falls as a ragdoll.
 """
 
 from collections.abc import Iterator
@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 from sarsim.assets import asset
 from sarsim.victims.mjcf import about_z
 
-UNIT = 1e-4  # m; vertices are kept as whole numbers of it
-HEIGHT = 2.01  # m that the library's people measure when they stand
-NECK = np.array([0, 0.63, 0.01])  # m at rest; what a child's larger head grows from
+UNIT = 1e-4  # m; vertices are stored as whole multiples of it
+HEIGHT = 2.01  # m, stature of the library's people
+NECK = np.array([0, 0.63, 0.01])  # m at rest; the point about which a child's larger head is scaled
 CHIN = np.array([[0, 0.6, 0.03]])  # m at rest; between head and chest
 AGAINST_WALL = ("sitting", "slumped", "seated")  # The postures in which a wall at x = 0 holds the person up
 
@@ -36,7 +36,7 @@ class Shape:
     faces: NDArray[np.int64]
 
     def moved(self, R: NDArray[np.float64], shift: NDArray[np.float64]) -> "Shape":
-        """Turned by a (3, 3) rotation, then shifted."""
+        """The shape turned by a (3, 3) rotation, then shifted."""
         return Shape(self.vertices @ R.T + shift, self.faces)
 
 
@@ -45,14 +45,14 @@ class Figure:
     """A person in a posture, in the victim's own frame.
 
     Attributes:
-        body: the whole surface but for the hair.
-        rest: (N, 3) where the body's vertices are when the arms are stretched out, x to the left, y up, m.
+        body: the whole surface without the hair.
+        rest: (N, 3) m, the body's vertices at rest, with the arms stretched out: x to the left, y up.
         face_parts: (M,) index of the part of each face of the body.
-        parts: their names.
-        hair: by style.
-        turn: (3, 3) of the head from rest to the posture.
-        offset: (3,) m of the head, likewise.
-        head_scale: how large the head is, of an adult's.
+        parts: names of the parts.
+        hair: surfaces by style.
+        turn: (3, 3) rotation of the head from rest to the posture.
+        offset: (3,) m, translation of the head from rest to the posture.
+        head_scale: size of the head relative to an adult's.
         scale: stature over ``HEIGHT``.
     """
 
@@ -67,17 +67,17 @@ class Figure:
     scale: float
 
     def on_head(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 3) places at rest on an adult's head, in the posture."""
+        """(N, 3) m, points on an adult's head at rest moved to this head in the posture."""
         grown = points + (self.head_scale - 1) * (points - NECK)
         return self.scale * grown @ self.turn.T + self.offset
 
     def places(self, hair_style: str) -> NDArray[np.float64]:
-        """(N, 3) vertices of the parts and the hair, if there is any."""
+        """(N, 3) m, vertices of the body and of the hair, if there is any."""
         shown = self.body.vertices[np.unique(self.body.faces)]
         return np.concatenate([shown, self.hair[hair_style].vertices]) if hair_style in self.hair else shown
 
     def only(self, parts: tuple[str, ...]) -> "Figure":
-        """Some parts of the person, closed where the others were."""
+        """Only some parts of the person; the holes that the others leave are closed."""
         kept = np.isin(self.face_parts, [self.parts.index(part) for part in parts])
         index = np.array([parts.index(p) if p in parts else 0 for p in self.parts])
         body, face_parts = self.body.faces[kept], index[self.face_parts[kept]]
@@ -101,7 +101,7 @@ class Figure:
         )
 
     def centred(self) -> "Figure":
-        """The person with its middle above the origin and its lowest place on the floor."""
+        """The person with its centre above the origin and its lowest point on the floor."""
         shown = self.places("bald")
         low, high = shown.min(axis=0), shown.max(axis=0)
         return self.moved(0, -np.array([*(low + high)[:2] / 2, low[2]]))
@@ -111,13 +111,13 @@ class People:
     """The library.
 
     Attributes:
-        postures: (P,) of the poses.
-        builds: (P,) of the poses: man, woman, stout or child.
-        block: (3,) half sizes of what the seated ones sit on, in library metres.
+        postures: (P,) posture of each pose.
+        builds: (P,) build of each pose: man, woman, stout or child.
+        block: (3,) half sizes of the block that seated people sit on, m for people of stature ``HEIGHT``.
     """
 
     def __init__(self, arrays: dict[str, NDArray]):
-        """``arrays``: as in the file."""
+        """``arrays``: those of the file."""
         self._arrays = arrays
         self.postures, self.builds = arrays["postures"], arrays["builds"]
         self.block = arrays["block"]
@@ -143,7 +143,7 @@ class People:
         return figure
 
     def _pressed(self, places: NDArray[np.float64], pose: int) -> NDArray[np.float64]:
-        """Places that are pressed flat where they would be in the floor or in the wall at x = 0."""
+        """Points, moved to the surface where they would be in the floor or in the wall at x = 0."""
         wall = 0 if self.postures[pose] in AGAINST_WALL else -np.inf
         return np.maximum(places, [wall, -np.inf, 0])
 
@@ -160,7 +160,7 @@ def bone_motions(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(B, 3, 3) rotations and (B, 3) translations, m, that take bones from rest to a pose.
 
-    Both are (B, 7): place and quaternion w x y z.
+    ``rest`` and ``pose`` are (B, 7): position in m and quaternion w x y z.
     """
     before, after = (Rotation.from_quat(p[:, [4, 5, 6, 3]]).as_matrix() for p in (rest, pose))
     turns = after @ before.transpose(0, 2, 1)
@@ -180,7 +180,7 @@ def skinned(
 
 
 def vertex_normals(shape: Shape) -> NDArray[np.float64]:
-    """(N, 3) outward normals of length 1: of the faces around each vertex, weighed by area."""
+    """(N, 3) outward normals of length 1: means over the faces around each vertex, weighted by area."""
     a, b, c = (shape.vertices[shape.faces[:, n]] for n in range(3))
     normals = np.zeros_like(shape.vertices)
     np.add.at(normals, shape.faces, np.cross(b - a, c - a)[:, None])
@@ -188,7 +188,7 @@ def vertex_normals(shape: Shape) -> NDArray[np.float64]:
 
 
 def _holes(faces: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
-    """The holes of a surface: a face beside each, and the (K, 2) edges around it, as the faces have them."""
+    """The holes of a surface: a face beside each, and the (K, 2) edges around it, directed as in the faces."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
     rim = np.sort(first[count == 1])

@@ -1,11 +1,11 @@
-"""Victims: people who lie, sit or lean in an arena, and where they truly are.
+"""Victims: people who lie, sit or lean in an arena, and their true poses.
 
 An arena builder asks for one, ``make_victim("3", rng, "sitting", "open")``, and sets it down,
 ``victim.add_to(mujoco_element, position=(1.2, 0.6, 0.0), yaw=0.5)``; a score asks ``victims_of(model, data)`` where
-they are. A victim is one body ``victim_<id>`` of the world, without joints, all of whose geoms carry label 6; what
-covers or surrounds it (rubble, a box, a wall with a hole) is a second body ``cover_<id>`` with labels 7 and 1. Names
-of geoms, meshes, materials and textures begin with ``victim_<id>_``. Nothing refers to a file or a default class, so
-that the MJCF opens anywhere.
+they are. A victim is one body ``victim_<id>`` of the world, without joints, all of whose geoms carry label 6; its
+cover (rubble, a box, a wall with a hole) is a second body ``cover_<id>`` with labels 7 and 1. Names of its geoms,
+meshes, materials and textures begin with ``victim_<id>_``. Nothing refers to a file or a default class, so that the
+MJCF opens anywhere.
 
 A victim's own frame: x, y on the floor, z up. Its footprint is around the origin, unless ``needs_wall``: then the
 origin is at the foot of the wall against which it leans, the wall is the plane x = 0 and the person is on its +x
@@ -39,14 +39,14 @@ Placement = Literal["open", "rubble", "box", "hole"]
 
 POSTURES: tuple[Posture, ...] = get_args(Posture)
 PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
-PREFIX, COVER = "victim_", "cover_"  # What the names of the two bodies begin with
+PREFIX, COVER = "victim_", "cover_"  # Prefixes of the names of the two bodies
 SUITABLE: dict[Placement, tuple[Posture, ...]] = {
     "open": POSTURES,
     "rubble": ("lying", "prone", "side"),
     "box": ("bust", "sitting"),
     "hole": ("side", "sitting", "seated"),
 }
-"""The postures that a placement may have; without a choice, those of them that need no wall."""
+"""The postures that a placement may have; a random posture is one of those that need no wall."""
 STATURE = {"man": (1.65, 1.88), "woman": (1.55, 1.75), "stout": (1.62, 1.82), "child": (1.0, 1.4)}
 """m, by build."""
 
@@ -61,7 +61,7 @@ class VictimModel:
         placement: what it is in or under.
         needs_wall: whether it leans against a wall at x = 0, which the arena must have there.
         figure: the person.
-        outfit: what it looks like.
+        outfit: the look of the person.
         cover: what it is in, under or on.
         box: (2, 3) lowest and highest corner of the person in its own frame, m.
         footprint: (2, 2) lowest and highest x, y of the person and what covers it, m.
@@ -82,7 +82,7 @@ class VictimModel:
     def add_to(self, root: Element, position: Sequence[float], yaw: float) -> None:
         """Set it down in a ``<mujoco>`` element: its origin at ``position`` (m), turned left by ``yaw`` (rad)."""
         pose = {"pos": numbers(position), "quat": numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
-        # Not before now: most of the people that an arena draws fit nowhere, and are never written down.
+        # Made only here: most of the people that are drawn for an arena fit nowhere, and are never added.
         assets, person = person_mjcf(PREFIX + self.id, self.figure, self.outfit)
         bodies = []
         for body, geoms in ((PREFIX + self.id, person), (COVER + self.id, self.cover.geoms)):
@@ -96,13 +96,13 @@ class VictimModel:
 
 @dataclass(frozen=True, eq=False)
 class Victim:
-    """Where a victim truly is.
+    """The true pose and extent of a victim.
 
     Attributes:
         id: in the arena.
         T_world_victim: 4×4 pose of its own frame.
         box: (2, 3) lowest and highest corner in its own frame, m.
-        geoms: ids of its geoms, the instances that a camera sees.
+        geoms: ids of its geoms, which are the instances in a camera's image.
     """
 
     id: str
@@ -129,7 +129,7 @@ def make_victim(
     Args:
         id: unique in the arena; letters, digits and underscores.
         rng: drawn from.
-        posture: one that needs no wall, at random, if not given.
+        posture: if not given, a random one that needs no wall.
         placement: what it is in or under.
         stature: m that the person would measure standing; suits the build if not given.
         room: m along x and y that the person must not exceed.
@@ -206,7 +206,7 @@ def _cover(
 
 
 def _extremes(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(2, 3) lowest and highest corner of places."""
+    """(2, 3) lowest and highest corner of points (N, 3)."""
     return np.stack([places.min(axis=0), places.max(axis=0)])
 
 

@@ -1,1 +1,1 @@
-"""What writes the files in assets/ that no hand writes: the laboratory floor and the people."""
+"""Generates files of assets/: the laboratory floor and the people."""

@@ -18,11 +18,11 @@ from sarsim.victims.victims import make_victim
 
 SEED = 52  # of the victims' builds, clothes and poses
 HALF_TILE = 0.6
-FLOOR_GRID = 0.8  # m; the robot's lamp shines on the corners of such squares
-QUADS = "2"  # in a row on each face of a box; most of a picture's time goes into their corners
-CEILING_GROUP = "2"  # MuJoCo's viewer hides it on the key 2
+FLOOR_GRID = 0.8  # m, size of the floor's rendered squares; the lamp's light is computed at their corners
+QUADS = "2"  # per row on each face of a box; rendering spends most of its time on their vertices
+CEILING_GROUP = "2"  # MuJoCo's viewer hides it with the key 2
 LIGHTS = (
-    # name, direction, diffuse: what comes from the lamps, from the windows, and back from the floor
+    # name, direction, diffuse: light from the lamps, from the windows, and reflected by the floor
     ("lamps", (-0.25, 0.4, -0.88), (0.52, 0.52, 0.5)),
     ("windows", (0.45, -0.75, -0.5), (0.26, 0.27, 0.29)),
     ("floor_bounce", (0.2, 0.3, 0.93), (0.3, 0.3, 0.29)),
@@ -36,7 +36,7 @@ VICTIMS = "esogu_52x15_victims.xml"
 
 
 TEXTURES = (
-    # 2d textures lie in the plane of a geom's x and y: right for floors.
+    # 2D textures lie in the plane of a geom's x and y, which suits floors.
     {"name": "floor_tiles", "rgb1": "0.62 0.63 0.64", "mark": "edge", "markrgb": "0.48 0.49 0.50"},
 )
 TILES_PER_METRE = "3.3333 3.3333"
@@ -51,7 +51,7 @@ COLOURS = {
     "terracotta": (0.66, 0.34, 0.22), "leaf": (0.20, 0.44, 0.18), "book_red": (0.56, 0.17, 0.15),
     "book_blue": (0.20, 0.29, 0.50),
 }  # fmt: skip
-"""Of materials; they stand for those of the element library of the same name."""
+"""Colours of materials, which replace those of the same name in the element library."""
 
 
 def make_esogu(folder: Path = TARGET.parent) -> None:
@@ -108,7 +108,7 @@ def _add_materials(root: Element) -> None:
 
 
 def _add_surroundings(root: Element) -> None:
-    """Light and cameras. A shadow would take a picture of its own, and the ceiling would keep the light out."""
+    """Add light and cameras. No light casts shadows: each costs a render pass, and the ceiling would block it."""
     SubElement(root, "statistic", center="0 0 0.5", extent="15")
     quality, world = root.find("visual/quality"), root.find("worldbody")
     assert quality is not None and world is not None

@@ -1,7 +1,7 @@
 """A labelled RGB-D frame against the three passes of ``mujoco.Renderer``.
 
-Every contender draws in a process of its own, because two OpenGL contexts in one process get in each other's way. The
-processes take turns frame by frame, so other load on the machine slows all alike.
+Every contender draws in a process of its own, because two OpenGL contexts in one process interfere with each other.
+The processes take turns frame by frame, so other load on the machine slows all alike.
 """
 
 from collections.abc import Callable
@@ -23,12 +23,12 @@ POSES = [
     (-2.4, -1.35, 0.0), (-1.2, -1.4, 0.2), (2.3, -1.2, 2.4), (0.0, -0.1, 0.0), (2.2, 1.2, 3.0), (-1.5, 1.3, -0.2),
 ]  # fmt: skip
 """x, y in m and yaw in rad in ``nist_6x4``: at the start, before a ramp, at a victim, on both decks, in a lane."""
-HEIGHT = 0.75  # m; above the decks as high as the robot's mast
+HEIGHT = 0.75  # m; the height of the robot's mast above the decks
 WARM_UP = 2  # rounds that are not counted
 
 
 class WithoutMultisampling(ThreePasses):
-    """Each pixel drawn once."""
+    """``mujoco.Renderer`` that draws each pixel once."""
 
     QUALITY: ClassVar[dict[str, int]] = {"offsamples": 0}
 
@@ -38,10 +38,10 @@ Times = dict[str, float]  # ms of one "frame", and of each of its parts alone
 
 
 def measure(frames: int = 60, width: int = 640, height: int = 480) -> Result:
-    """Medians over so many frames, and how many times faster than mujoco.Renderer a frame is.
+    """Medians over ``frames`` frames, and how many times faster than mujoco.Renderer a frame is.
 
     Raises:
-        InputError: there is nothing to draw.
+        InputError: a number is below 1.
     """
     at_least(1, frames=frames, width=width, height=height)
     times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
@@ -56,7 +56,7 @@ def measure(frames: int = 60, width: int = 640, height: int = 480) -> Result:
 
 
 def summary(times: dict[str, list[Times]]) -> dict[str, float]:
-    """Medians: of the ratio between two frames of a round, and of frames and parts in milliseconds."""
+    """Medians of the ratios between the frames of a round, and of the times of frames and parts in milliseconds."""
     frame = {name: np.array([row["frame"] for row in rows]) for name, rows in times.items()}
     figures = {
         f"frame_vs_{name}": float(np.median(frame[name] / frame["ours"])) for name in CONTENDERS if name != "ours"
@@ -67,7 +67,7 @@ def summary(times: dict[str, list[Times]]) -> dict[str, float]:
 
 
 def _serve(connection: Connection, name: str, width: int, height: int) -> None:
-    """What a contender's process does: it receives a pose and sends the times of its frame; None ends it."""
+    """The loop of a contender's process: it receives a pose and sends the times of its frame; None ends it."""
     model = _model(width, height)
     data = mujoco.MjData(model)
     renderer = CONTENDERS[name](model, width, height)
@@ -81,7 +81,7 @@ def _serve(connection: Connection, name: str, width: int, height: int) -> None:
 
 
 def _model(width: int, height: int) -> mujoco.MjModel:
-    """The arena, with a camera of the Xtion's field of view on a body that can be put anywhere, 15° nose down."""
+    """The arena, with a camera of the Xtion's field of view on a mocap body, pitched down by 15°."""
     spec = mujoco.MjSpec.from_file(str(asset("arenas", "nist_6x4.xml")))
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     rig = spec.worldbody.add_body(name="rig", mocap=True)
@@ -92,7 +92,7 @@ def _model(width: int, height: int) -> mujoco.MjModel:
 
 
 def _ours(renderer: Renderer, data: mujoco.MjData) -> Callable[[], Times]:
-    """Colour, depth, label and instance of every pixel, by the ideal sensor."""
+    """A function that times colour, depth, label and instance of every pixel, by the ideal sensor."""
     camera = RgbdCamera(renderer, "camera")
     rng = np.random.default_rng(0)
     image = camera.capture(data)
@@ -111,7 +111,7 @@ def _ours(renderer: Renderer, data: mujoco.MjData) -> Callable[[], Times]:
 
 
 def _theirs(renderer: ThreePasses, data: mujoco.MjData) -> Callable[[], Times]:
-    """Colour, depth and ids in three passes."""
+    """A function that times colour, depth and ids in three passes."""
     passes = {"colour": renderer.colour, "depth": renderer.depth, "segmentation": renderer.segmentation}
 
     def frame() -> Times:

@@ -1,4 +1,4 @@
-"""What the subjects of the benchmark share."""
+"""Code that the subjects of the benchmark share."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -20,12 +20,12 @@ CameraName: TypeAlias = int | str | mujoco.MjvCamera
 
 @dataclass(frozen=True)
 class Result:
-    """What a subject measured.
+    """The results of a subject.
 
     Attributes:
         figures: by name; a ratio says how many times faster than the other in this run.
-        details: what else belongs into the file, under its own keys.
-        table: to print, where all figures would be too many.
+        details: further content of the file, under its own keys.
+        table: to print instead of all figures, if these are too many.
         pictures: files to be copied beside the file of the figures.
     """
 
@@ -36,14 +36,14 @@ class Result:
 
 
 def at_least(least: int, **flags: int | None) -> None:
-    """Raises InputError if the value of a flag is smaller; None is no value."""
+    """Raises InputError if the value of a flag is below ``least``; None is no value."""
     for name, value in flags.items():
         if value is not None and value < least:
             raise InputError(f"--{name.replace('_', '-')} {value}: give at least {least}")
 
 
 def seconds(action: Callable[..., object], *args: object) -> float:
-    """Wall time of a call."""
+    """Wall-clock time of a call, s."""
     start = time.perf_counter()
     action(*args)
     return time.perf_counter() - start
@@ -52,18 +52,18 @@ def seconds(action: Callable[..., object], *args: object) -> float:
 class ThreePasses(Renderer):
     """``mujoco.Renderer``: colour, depth and segmentation one after the other.
 
-    Its pictures are of MuJoCo's default quality but for ``QUALITY``, and stay valid until the next one.
+    Its images have MuJoCo's default quality except for ``QUALITY``, and stay valid until the next one.
     """
 
     QUALITY: ClassVar[Mapping[str, int]] = {}
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int):
-        ExitStack.__init__(self)  # and not the renderer's own, which would draw in a second OpenGL context
+        ExitStack.__init__(self)  # without Renderer.__init__, which would make a second OpenGL context
         self.model, self.width, self.height = model, width, height
         default = mujoco.MjSpec().visual.quality
         for name in ("offsamples", "shadowsize", "numslices", "numstacks", "numquads"):
             setattr(model.vis.quality, name, self.QUALITY.get(name, getattr(default, name)))
-        # A larger framebuffer, as arenas have for the viewer, would only cost it time.
+        # A larger framebuffer, which arenas have for the viewer, would only cost time.
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._renderer = mujoco.Renderer(model, height, width)
         self.callback(self._renderer.close)
@@ -97,7 +97,7 @@ class ThreePasses(Renderer):
 
 
 class ThreePassesAtOurQuality(ThreePasses):
-    """With the quality of our own colour picture."""
+    """``ThreePasses`` with the quality of our own colour images."""
 
     QUALITY = COLOUR_QUALITY
 

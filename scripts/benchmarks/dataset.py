@@ -1,8 +1,8 @@
 """The dataset generator against one that draws with ``mujoco.Renderer``'s three passes, and two workers against one.
 
-Both generators make the same scenes from beginning to end, arena, drive, sensor's errors and file included; they take
-turns frame by frame. Each generator and each worker is one thread; the seconds in which other programs keep it from a
-processor do not count, those in which it waits for a disk or a graphics card do.
+Both generators make the same complete scenes: arena, drive, sensor's errors and file. They take turns frame by frame.
+Each generator and each worker is one thread; the time in which it waits for a processor that other programs use does
+not count, the time in which it waits for a disk or a graphics card does.
 """
 
 import os
@@ -28,13 +28,13 @@ from sarsim.scripts.benchmarks.common import RENDERERS, Result, at_least
 
 
 def measure(scenes: int = 4, frames: int = 100, rounds: int = 5, seed: int = 0) -> Result:
-    """How many times faster.
+    """Times of each contender, and how many times faster ours and two workers are.
 
-    Each contender makes so many ``scenes``, after one that is not counted; for so many ``rounds`` one worker and two
-    make a scene each.
+    Each contender makes ``scenes`` scenes, after one that is not counted; in each of ``rounds`` rounds, one worker
+    and then two workers make a scene each.
 
     Raises:
-        InputError: there is nothing to make.
+        InputError: a number is below 1.
     """
     at_least(1, scenes=scenes, rounds=rounds)
     recipe = Recipe(seed=seed, frames=frames)
@@ -69,7 +69,7 @@ def _contest(recipe: Recipe, scenes: int) -> dict[str, list[float]]:
 
 
 def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
-    """(rounds, 2) how many times as much two workers do as one: undisturbed, and by the clock on the wall."""
+    """(rounds, 2) throughput of two workers over that of one: by undisturbed time, and by wall-clock time."""
     with tempfile.TemporaryDirectory() as name:
         folders = [Path(name, part) for part in "ab"]
         for folder in folders:
@@ -85,7 +85,7 @@ def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
 
 
 def _make(workers: Sequence[Worker], index: int) -> NDArray[np.float64]:
-    """(2,) seconds in which all of them make the same scene, each for itself: undisturbed, and by the clock."""
+    """(2,) seconds in which all workers make the same scene, each for itself: undisturbed, and by the wall clock."""
     start, starts = time.perf_counter(), {worker: seconds_of(worker.process.pid) for worker in workers}
     for worker in workers:
         worker.begin(index)
@@ -95,12 +95,12 @@ def _make(workers: Sequence[Worker], index: int) -> NDArray[np.float64]:
             if isinstance(worker.event(), SceneDone):
                 took[worker] = seconds_of(worker.process.pid) - starts[worker]
     clock = time.perf_counter() - start
-    # Where there are not so many processors they keep each other waiting, and that does count.
+    # With fewer than two processors the workers wait for each other, and this time counts.
     return np.array([max(took.values()) if len(os.sched_getaffinity(0)) >= 2 else clock, clock])
 
 
 def seconds_of(pid: int | None) -> float:
-    """A clock that stands still while a process of one thread waits for a processor, as far as Linux tells."""
+    """A clock in s that stops while a single-threaded process waits for a processor, if Linux gives this time."""
     try:
         waited = int(Path(f"/proc/{pid}/schedstat").read_text().split()[1])
     except OSError:
@@ -109,7 +109,7 @@ def seconds_of(pid: int | None) -> float:
 
 
 def _serve(connection: Connection, name: str, recipe: Recipe) -> None:
-    """What a contender's process does: whenever it is told to, a frame, of which it sends the undisturbed seconds."""
+    """The loop of a contender's process: on each message it makes a frame, and sends its undisturbed seconds."""
     connection.recv()
     start = seconds_of(os.getpid())
 

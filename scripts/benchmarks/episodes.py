@@ -1,6 +1,6 @@
-"""Whole episodes for the benchmark: a process of one thread each, kept as one JSON file and one picture.
+"""Whole episodes for the benchmark: each runs in a process of one thread, and writes one JSON file and one picture.
 
-What an episode leaves stays in a folder, so that a long run can be interrupted and continued.
+Results stay in a folder, so that a long run can be interrupted and continued.
 """
 
 import json
@@ -33,8 +33,8 @@ from sarsim.scripts.benchmarks.top_view import top_view
 from sarsim.scripts.cli import progress
 from sarsim.settings import EpisodeConfig
 
-GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")  # Arenas whose episodes are summed up together
-STEPS = 1000  # At most; an episode ends before when no viewpoint is left
+GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")  # Groups of arenas whose episodes are summarised together
+STEPS = 1000  # At most; an episode ends earlier when no viewpoint is left
 
 Strategy = Literal["ours", "nearest_frontier", "random_walk"]
 Results = Sequence[dict[str, Any] | None]  # of jobs, None where a process failed
@@ -45,7 +45,7 @@ class Job:
     """An episode to run.
 
     Attributes:
-        group: of arenas that it belongs to.
+        group: of arenas, one of ``GROUPS``.
         strategy: that chooses the viewpoints.
         config: of the episode; its folder is not used.
     """
@@ -56,18 +56,18 @@ class Job:
 
     @property
     def name(self) -> str:
-        """Of its files."""
+        """Name of its files, without suffix."""
         arena = Path(self.config.arena).stem.replace(":", "_")
         return f"{self.strategy}-{arena}-{self.config.seed}"
 
     @property
     def settings(self) -> dict[str, Any]:
-        """All that its result depends on, as JSON knows it."""
+        """Everything on which its result depends, as JSON values."""
         told = {"group": self.group, "strategy": self.strategy, "config": asdict(self.config)}
         return json.loads(json.dumps(told | {"version": version("sarsim")}, default=str))
 
     def result(self, folder: Path) -> dict[str, Any] | None:
-        """What an earlier run left, None if there is nothing; InputError where it is something else."""
+        """The result of an earlier run, None if there is none; InputError if it has other settings or is broken."""
         file = folder / f"{self.name}.json"
         if not file.exists():
             return None
@@ -85,7 +85,7 @@ def configs(
 ) -> Iterator[tuple[str, EpisodeConfig]]:
     """Group and settings of each episode, the longest first.
 
-    ``base`` has what is common to all; ``nist`` and ``esogu`` are numbers of seeds, ``random`` that of the arenas of
+    ``base`` has the common settings; ``nist`` and ``esogu`` are numbers of seeds, ``random`` the number of arenas of
     difficulties 0, 1 and 2, ``raf`` a folder of files.
 
     Raises:
@@ -95,7 +95,7 @@ def configs(
     rafs = sorted(raf.glob("*.raf")) if raf else []
     if raf and not rafs:
         raise InputError(f"--raf {raf}: no .raf file is there")
-    # A random arena's difficulty is the remainder of its seed on division by 4.
+    # A random arena's difficulty is its seed modulo 4.
     seeds = islice((seed for seed in count() if seed % 4 != 3), random)
     arenas = [("esogu_52x15", "esogu_52x15", seed) for seed in range(esogu)]
     arenas += [("raf", str(file), 0) for file in rafs]
@@ -110,9 +110,9 @@ def run_jobs(
 ) -> list[dict[str, Any] | None]:
     """The result of every job, in their order; None for one whose process failed.
 
-    ``run``, by default :func:`run_job`, is called with the job, the folder and ``args``, by so many ``workers`` at a
-    time, None for one a core. Ctrl-C ends it and the jobs under way; those that are finished stay in the folder and
-    are not run again.
+    ``run``, by default :func:`run_job`, is called with the job, the folder and ``args``, in up to ``workers``
+    processes at a time, None for one per core. Ctrl-C ends it and the running jobs; results of finished jobs stay in
+    the folder, and these jobs are not run again.
 
     Raises:
         InputError: the folder cannot be made, or holds results of other settings.
@@ -136,10 +136,10 @@ def run_jobs(
 
 
 class BenchmarkEpisode(Episode):
-    """An episode with one of the strategies, which remembers where the robot touched something.
+    """An episode with one of the strategies, which records where the robot was when it collided.
 
     Attributes:
-        contacts: (2,) m where it was then.
+        contacts: (2,) m, the robot's position at each collision.
     """
 
     def __init__(self, job: Job, out: Path):
@@ -155,7 +155,7 @@ class BenchmarkEpisode(Episode):
         self.robot.on_motion = self._watch
 
     def step(self) -> bool:
-        """As every episode's, but that a random walk ends when ``MOST`` of the arena was seen."""
+        """Like the step of every episode, except that a random walk ends when ``MOST`` of the arena was seen."""
         return super().step() and not (self._is_random and self.score.coverage.fraction >= MOST)
 
     def _watch(self, pose: Pose) -> None:
@@ -165,7 +165,7 @@ class BenchmarkEpisode(Episode):
             self.contacts.append(pose.T_world_base[:2, 3])
 
     def picture(self) -> NDArray[np.uint8]:
-        """The run from above."""
+        """(H, W, 3) uint8 RGB, the run from above."""
         track = np.array([pose.T_world_base[:2, 3] for pose in self.robot.trajectory])
         failed = [leg.target for leg in self.explorer.navigator.legs if leg.outcome is not Outcome.REACHED]
         end = self.score.progress[-1][0]
@@ -178,9 +178,9 @@ class BenchmarkEpisode(Episode):
 
 
 def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> None:
-    """Leave in a folder what a job's process makes, unless that is None; what it says goes to a log beside it.
+    """Write the result of ``make`` to a folder, unless it is None; stderr goes to a log beside it.
 
-    The process ends with status 1 where it fails.
+    The process ends with status 1 if ``make`` fails.
     """
     with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
         try:
@@ -194,7 +194,7 @@ def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> 
 
 
 def run_job(job: Job, folder: Path) -> None:
-    """Run an episode and leave its JSON and its picture in a folder."""
+    """Run an episode and write its JSON file and its picture to a folder."""
     leave(job, folder, lambda: _run(job, folder))
 
 

@@ -24,8 +24,8 @@ from sarsim.scripts.benchmarks.exploration_table import (
 from sarsim.settings import EpisodeConfig, Labels, LightingName, Odometry
 
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
-"""The parts of a baseline's report that are summed up."""
-PICTURES = 2  # Runs of each group, the worst ones, whose pictures go beside the file of the figures
+"""The parts of a baseline's report that are summarised."""
+PICTURES = 2  # Number of worst runs of each group whose pictures are copied beside the file of the figures
 _DEFAULT = EpisodeConfig()
 
 Runs = Mapping[tuple[str, Strategy], Results]  # Results by group and strategy, None where a process failed
@@ -45,12 +45,12 @@ def measure(
     workers: int | None = None,
     runs: Path = Path("runs/benchmark-exploration"),
 ) -> Result:
-    """Run the episodes that have not been run yet, and sum up; only the robot itself looks for victims.
+    """Run the episodes that have not been run yet, and summarise all; the baselines have no victim detector.
 
-    The parameters are explained by ``benchmark.py --help``.
+    ``benchmark.py --help`` explains the parameters.
 
     Raises:
-        InputError: nothing is to be run, or a folder cannot be had.
+        InputError: there is nothing to run, or a folder cannot be used.
     """
     at_least(0, nist=nist, esogu=esogu, random=random)
     at_least(1, workers=workers)
@@ -73,7 +73,7 @@ def measure(
 def jobs_of(
     base: EpisodeConfig, nist: int, esogu: int, random: int, raf: Path | None, baselines: Sequence[Strategy]
 ) -> list[Job]:
-    """The episodes of ours and of each baseline."""
+    """The episodes of our strategy and of each baseline."""
     strategies: tuple[Strategy, ...] = ("ours", *baselines)
     return [
         Job(group, strategy, config if strategy == "ours" else replace(config, detector=None))
@@ -83,7 +83,7 @@ def jobs_of(
 
 
 def figures_of(runs: Runs) -> dict[str, float]:
-    """Every figure of every group, those of the baselines after their name."""
+    """Every figure of every group; those of baselines begin with the baseline's name."""
     figures: dict[str, float] = {}
     for (group, strategy), results in runs.items():
         told = reports(results)
@@ -108,14 +108,14 @@ def figures_of(runs: Runs) -> dict[str, float]:
 
 
 def _ratios(runs: Runs, group: str) -> list[float]:
-    """Of the pairs in which the nearest frontier's robot saw enough."""
+    """Our time to see 90 % over the nearest frontier's, of each pair in which the nearest frontier got there."""
     both = pairs(runs.get((group, "ours"), ()), runs.get((group, "nearest_frontier"), ()))
     ratios = [seen90_ratio(ours, theirs) for ours, theirs in both]
     return [ratio for ratio in ratios if ratio is not None]
 
 
 def _details(jobs: Sequence[Job], results: Results) -> dict[str, Any]:
-    """What does not fit into numbers."""
+    """The results that are no numbers: arenas left out, failed runs, and the worst runs of each group."""
     told = list(zip(jobs, results, strict=True))
     return {
         "left_out": {job.config.arena: r["left_out"] for job, r in told if r and "left_out" in r},
@@ -129,7 +129,7 @@ def _details(jobs: Sequence[Job], results: Results) -> dict[str, Any]:
 
 
 def _worst(told: Sequence[tuple[Job, dict[str, Any] | None]]) -> list[str]:
-    """The names of the worst runs: first by whether the robot tipped, then by what it saw and what it touched."""
+    """The names of the worst runs: first by how often the robot tipped, then by explored fraction and collisions."""
 
     def goodness(report: Mapping[str, Any]) -> tuple[float, ...]:
         navigation = report["navigation"]
@@ -140,7 +140,7 @@ def _worst(told: Sequence[tuple[Job, dict[str, Any] | None]]) -> list[str]:
 
 
 def _caption(figures: Mapping[str, float], details: Mapping[str, Any]) -> str:
-    """What no column tells."""
+    """The text below the table: left out arenas, failed runs, and the median ratio of times."""
     told = [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
     told += [f"{name} failed, see its log" for name in details["failed"]]
     if RATIO in figures:

@@ -1,4 +1,4 @@
-"""From the reports of many episodes to figures of each group, and their table: ours first, then the baselines."""
+"""Figures of each group from the reports of many episodes, and their table: ours first, then the baselines."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -17,9 +17,9 @@ MORE_IS_BETTER = {
     "iou", "accuracy", "matched", "boxes_iou", "coverage", "reached", "recovered", "explored_fraction",
     "found",
 }  # fmt: skip
-"""Parts of names of figures whose worst value is the lowest; of all others it is the highest."""
+"""Parts of names of figures whose worst value is the lowest; the worst of all others is the highest."""
 
-PENALTY = 10.0  # A run that never saw enough counts as if it had taken so many times its duration (PAR10)
+PENALTY = 10.0  # A run that never saw enough counts as if it had taken this multiple of its duration (PAR10)
 
 
 def reports(results: Sequence[Mapping[str, Any] | None]) -> list[Report]:
@@ -30,7 +30,7 @@ def reports(results: Sequence[Mapping[str, Any] | None]) -> list[Report]:
 def pairs(
     ours: Sequence[Mapping[str, Any] | None], theirs: Sequence[Mapping[str, Any] | None]
 ) -> list[tuple[Report, Report]]:
-    """Reports of the same arena and seed, where both were run."""
+    """Pairs of reports of the same arena and seed, if both episodes were run."""
     both = [reports(pair) for pair in zip(ours, theirs, strict=False)]
     return [(pair[0], pair[1]) for pair in both if len(pair) == 2]
 
@@ -60,7 +60,7 @@ def group_figures(reports: Sequence[Report]) -> dict[str, float]:
 def seen90_ratio(ours: Report, theirs: Report) -> float | None:
     """Our time to see 90 % of the drivable area over theirs, in the same arena with the same seed.
 
-    If we did not see it, ten times our duration counts. None if they did not: there is nothing to compare with.
+    If we did not see it, ten times our duration counts. None if they did not, as there is nothing to compare with.
     """
     t_ours, t_theirs = (report["exploration"].get("seen90_s") for report in (ours, theirs))
     if t_theirs is None:
@@ -96,7 +96,7 @@ ROWS: Mapping[str, str] = {
     "false alarms": "victims.false_alarms.sum",
     "real-time factor, worst": "real_time_factor.worst",
 }
-"""And the figures in them."""
+"""Names of the rows, and the figures in them."""
 
 BASELINE_ROWS = (
     "explored, median",
@@ -110,13 +110,13 @@ RATIO_ROWS = {
     f"time to 90 % over nearest frontier, {what}": f"{RATIO}.{what}" for what in ("median", "worst", "pairs")
 }
 
-Rows = list[tuple[str, list[str]]]  # Of a name and a cell for each group
+Rows = list[tuple[str, list[str]]]  # Each has a name, and a cell for each group
 
 
 def rows_of(figures: Mapping[str, float], keys: Mapping[str, str], baseline: str = "") -> Rows:
-    """Rows of those figures that are there for any group, in four digits; a dash stands for none.
+    """Rows of the figures that at least one group has, in four digits; a dash stands for a missing one.
 
-    ``keys``, without the group, by the names of the rows; ``baseline`` that the figures are of, empty for ours.
+    ``keys``: of figures, without the group, by the names of the rows; ``baseline``: of the figures, empty for ours.
     """
     groups = groups_in(figures)
     label, prefix = (f"{baseline.replace('_', ' ')}: ", f"{baseline}.") if baseline else ("", "")
@@ -129,19 +129,19 @@ def rows_of(figures: Mapping[str, float], keys: Mapping[str, str], baseline: str
 
 
 def groups_in(figures: Mapping[str, float]) -> list[str]:
-    """The groups that figures are of, in their order."""
+    """The groups that have figures, in the order of ``GROUPS``."""
     return [group for group in GROUPS if f"{group}.runs" in figures]
 
 
 def sections(figures: Mapping[str, float], baselines: Sequence[str]) -> list[Rows]:
-    """Rows of ours, of each baseline, and of the ratio."""
+    """Rows of our strategy, of each baseline, and of the ratio."""
     few = {row: ROWS[row] for row in BASELINE_ROWS}
     theirs = [rows_of(figures, few, baseline) for baseline in baselines]
     return [rows_of(figures, ROWS), *theirs, rows_of(figures, RATIO_ROWS)]
 
 
 def rich_table(title: str, figures: Mapping[str, float], sections: Sequence[Rows]) -> Table:
-    """For the terminal."""
+    """A table of the sections for the terminal."""
     table = Table("", *groups_in(figures), title=title)
     for section in sections:
         for name, cells in section:

@@ -1,4 +1,4 @@
-"""What the robot sees on a drive through an arena, with the true labels."""
+"""Frames of a drive through an arena, with true labels."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from sarsim.sensors.rendering import Renderer
 
 @dataclass(frozen=True, eq=False)
 class TrueFrame:
-    """A frame whose pose is known.
+    """A frame with its true pose.
 
     Attributes:
         frame: with the Xtion's noise and the true labels.
@@ -34,7 +34,7 @@ class TrueFrame:
 
     @property
     def labels(self) -> NDArray[np.uint8]:
-        """(N,) uint8 their true labels."""
+        """(N,) uint8 true labels of the returns."""
         assert self.frame.label is not None
         return self.frame.label[self.frame.returns]
 
@@ -46,12 +46,12 @@ def drive_through(
     lighting: Lighting = Lighting.normal,
     keyframes: tuple[float, float] = KEYFRAMES,
 ) -> Iterator[TrueFrame]:
-    """So many frames of a drive from the arena's start; the seed decides on the way and on the sensor's errors.
+    """``frames`` frames of a drive from the arena's start; the seed determines the path and the sensor's errors.
 
     ``keyframes``: m driven and rad turned from one frame to the next.
 
     Raises:
-        InputError: the arena cannot be had, or the robot cannot drive in it.
+        InputError: the arena cannot be loaded, or the robot cannot drive in it.
     """
     recipe = Recipe(seed=seed, frames=frames, keyframes=keyframes)
     scene = SceneRecipe(0, arena, None, Conditions(lighting=lighting))

@@ -1,6 +1,6 @@
 """Localisation on recorded drives, beside odometry, KISS-ICP and Open3D's RGB-D odometry.
 
-Every method follows the same frames, one after the other, in a process of one thread; its processor time counts.
+Every method gets the same frames, one after the other, in a process of one thread; its processor time counts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
 REGISTERING = PEERS[1:]
 NEEDED = ("evo", "kiss_icp")  # Packages that come with ``pip install -e '.[dev]'``
 KIDNAPPED_IN = {"nist_6x4": "nist_6x4", "random": "random:1"}
-"""By group the arena in which robots are carried elsewhere."""
+"""For each group, the arena in which the robot is kidnapped."""
 ROWS: Mapping[str, str] = {
     "ATE, m, median": "ate_m.median",
     "ATE, m, worst": "ate_m.worst",
@@ -35,7 +35,7 @@ ROWS: Mapping[str, str] = {
     "error over 1 m, °, median": "rpe_deg.median",
     "time of a frame, ms": "frame_ms.median",
 }
-"""Of the table, for each method, and the figures in them."""
+"""Names of the table's rows for each method, and the figures in them."""
 
 
 def measure(
@@ -50,12 +50,12 @@ def measure(
     runs: Path = Path("runs/benchmark-localisation"),
     kidnappings: int = 0,
 ) -> Result:
-    """Record the drives that are not there yet, of at most so many ``frames`` each, and replay all of them.
+    """Record the missing drives, each of at most ``frames`` frames, and replay all of them.
 
-    The parameters are explained by ``benchmark.py --help``.
+    ``benchmark.py --help`` explains the parameters.
 
     Raises:
-        InputError: nothing is to be driven, a package is missing, or a folder cannot be had.
+        InputError: there is no drive, a package is missing, or a folder cannot be used.
     """
     at_least(0, nist=nist, esogu=esogu, random=random, kidnappings=kidnappings)
     at_least(1, frames=frames, workers=workers)
@@ -81,7 +81,7 @@ def measure(
 
 
 def _replay(jobs: Sequence[Job], runs: Path, workers: int | None, peers: bool) -> dict[Job, dict[str, Any] | None]:
-    """The result of every drive. Earlier ones do not count, for they are of other code."""
+    """The result of every drive. Earlier results are deleted, because other code may have made them."""
     folder = runs / "replays"
     for job in jobs:
         (folder / f"{job.name}.json").unlink(missing_ok=True)
@@ -90,7 +90,7 @@ def _replay(jobs: Sequence[Job], runs: Path, workers: int | None, peers: bool) -
 
 
 def figures_of(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, float]:
-    """Every figure of every group, what holds for all, and the ratios to the peers."""
+    """Every figure of every group, the ratios to the peers, and the figures over all drives."""
     figures: dict[str, float] = {}
     for group in GROUPS:
         told = reports([result for job, result in replayed.items() if job.group == group])
@@ -105,7 +105,7 @@ def figures_of(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, fl
 
 
 def _overall(told: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Times, loops and trust of all drives together."""
+    """Times, loops and NEES over all drives."""
     figures: dict[str, float] = {}
     for key in ("keyframe_ms", "correction_ms", "nees"):
         if values := [report["ours"][key] for report in told if key in report["ours"]]:
@@ -122,7 +122,7 @@ def _overall(told: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 
 
 def _kidnapped(base: EpisodeConfig, times: int, runs: Path) -> dict[str, float]:
-    """What became of a robot that was carried elsewhere so often in the map of each of some arenas."""
+    """Numbers of outcomes after a robot was kidnapped ``times`` times in the map of each of some arenas."""
     figures: dict[str, float] = {}
     for group, arena in KIDNAPPED_IN.items() if times else ():
         config = replace(base, arena=arena, odometry="wheel")
@@ -132,7 +132,7 @@ def _kidnapped(base: EpisodeConfig, times: int, runs: Path) -> dict[str, float]:
 
 
 def _worst(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, str]:
-    """By group the name of the drive on which ours was worst."""
+    """For each group, the name of the drive on which our ATE was worst."""
     worst: dict[str, tuple[float, str]] = {}
     for job, result in replayed.items():
         if result:
@@ -141,7 +141,7 @@ def _worst(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, str]:
 
 
 def sections_of(figures: Mapping[str, float]) -> list[Rows]:
-    """Rows for each method and of the ratios."""
+    """Rows of the drives, of each method, of the kidnappings and of the ratios."""
     sections = [rows_of(figures, {"drives": "runs", "way of a drive, m, median": "way_m.median"})]
     for method in (*OURS, *PEERS):
         rows = {f"{method.replace('_', ' ')}: {row}": f"{method}.{key}" for row, key in ROWS.items()}
@@ -154,7 +154,7 @@ def sections_of(figures: Mapping[str, float]) -> list[Rows]:
 
 
 def _table(figures: Mapping[str, float], details: Mapping[str, Any]) -> Table:
-    """A section for each method; what is of all drives together below."""
+    """A table with a section for each method; below it the figures over all drives."""
     table = rich_table("localisation", figures, sections_of(figures))
     told = [f"{name} {value:.4g}" for name, value in figures.items() if name.split(".")[0] not in groups_in(figures)]
     told += [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]

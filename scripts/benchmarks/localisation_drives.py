@@ -1,6 +1,6 @@
-"""Drives for the localisation's benchmark: what the robot saw and how its wheels turned, beside where it truly was.
+"""Drives for the localisation's benchmark: the robot's frames, its wheel odometry and its true poses.
 
-Decisions are made by the true pose, so that a drive does not depend on what is to be measured with it.
+The robot decides by its true pose, so that a drive does not depend on the method that is measured with it.
 """
 
 import json
@@ -33,8 +33,8 @@ from sarsim.scripts.benchmarks.episodes import Job, leave
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 SPACING, TURN = 0.1, np.deg2rad(5)  # m and rad from one frame to the next
-JPEG_QUALITY = 95  # Of colour, which noise makes all but incompressible otherwise
-_GROUND = ("height", "drivable", "walls")  # What a file keeps of the true ground
+JPEG_QUALITY = 95  # of colour images, whose noise hardly compresses without loss
+_GROUND = ("height", "drivable", "walls")  # Layers of the true ground that a file keeps
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class DriveJob(Job):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """All that the drive depends on; no network has a part in it."""
+        """Everything on which the drive depends, which no network influences."""
         told = super().settings
         config = {name: value for name, value in told["config"].items() if name not in ("weights", "detector", "out")}
         return told | {"config": config, "frames": self.frames}
@@ -59,7 +59,7 @@ class DriveWriter(ExitStack):
     """Writes a drive's file, frame by frame."""
 
     def __init__(self, path: Path, settings: dict[str, Any], surface: TrueSurface):
-        """OSError here or later where the file cannot be written."""
+        """Raises OSError, here or later, if the file cannot be written."""
         super().__init__()
         self._new = self.enter_context(NewFile(path))
         self._file = self._new.file
@@ -73,7 +73,7 @@ class DriveWriter(ExitStack):
         return len(self._rows["time"])
 
     def write(self, frame: Frame, T_world_base: NDArray[np.float64]) -> None:
-        """Add the next frame, taken at that true pose."""
+        """Add the next frame with its true pose."""
         self._new.check()
         if not len(self):
             self._make_images(frame.intrinsics)
@@ -100,7 +100,7 @@ class DriveWriter(ExitStack):
 
 
 class Drive(ExitStack):
-    """Reads a drive's file; iterating gives its frames, whose ``T_odom_base`` is of wheels and gyro.
+    """Reads a drive's file; iterating gives its frames, whose ``T_odom_base`` is by wheels and gyro.
 
     Attributes:
         settings: of the job that recorded it.
@@ -111,7 +111,7 @@ class Drive(ExitStack):
     """
 
     def __init__(self, path: Path):
-        """Open a file; InputError where it is missing or broken."""
+        """Open a file; InputError if it is missing or broken."""
         super().__init__()
         file = self._file = self.enter_context(open_file(path))
         try:
@@ -146,12 +146,12 @@ class Drive(ExitStack):
 
 
 def drive_file(job: Job, folder: Path) -> Path:
-    """Where a job's drive is kept."""
+    """Path of the file of a job's drive."""
     return folder / f"{job.name}.h5"
 
 
 def record_job(job: DriveJob, folder: Path) -> None:
-    """Explore by the true pose, and leave a drive in a folder and a JSON file that says it is whole."""
+    """Explore by the true pose, and write a drive to a folder, with a JSON file that shows that it is complete."""
 
     def made() -> dict[str, Any]:
         try:
@@ -163,7 +163,7 @@ def record_job(job: DriveJob, folder: Path) -> None:
 
 
 def _record(job: DriveJob, path: Path) -> int:
-    """The number of frames."""
+    """Record a drive; returns the number of frames."""
     config = job.config
     simulation = SimulationConfig("truth", config.sensor, config.lighting, config.dust, config.speed)
     robot = SimulatedRobot(load_arena(config.arena), simulation, config.seed)
@@ -184,21 +184,21 @@ def _record(job: DriveJob, path: Path) -> int:
 
 
 class _Recorder:
-    """Takes a frame wherever the robot is ``SPACING`` or ``TURN`` from where it took the last one."""
+    """Takes a frame whenever the robot is ``SPACING`` or ``TURN`` away from its pose at the last frame."""
 
     def __init__(self, robot: SimulatedRobot, writer: DriveWriter):
         self._robot, self._writer = robot, writer
         self._last = robot.trajectory[-1]
 
     def watch(self, pose: Pose) -> None:
-        """Take a frame if it is time to."""
+        """Take a frame if the robot has moved or turned far enough."""
         moved = inverse(self._last.T_world_base) @ pose.T_world_base
         turned = Rotation.from_matrix(moved[:3, :3]).magnitude()
         if np.linalg.norm(moved[:3, 3]) >= SPACING or turned >= TURN:
             self.take(self._robot.sense())
 
     def take(self, frame: Frame) -> None:
-        """Keep a frame that was just taken, with the pose by the wheels, unless one of that moment is there."""
+        """Write a frame that was just taken, with the pose by wheel odometry, unless one of this time was written."""
         pose = self._robot.trajectory[-1]
         if pose.time > self._last.time or not len(self._writer):
             self._writer.write(replace(frame, T_odom_base=self._robot.T_wheel_base), pose.T_world_base)

@@ -1,4 +1,4 @@
-"""A robot that is carried elsewhere, again and again: whether it notices, and whether it finds its place."""
+"""A robot that is kidnapped again and again: whether it notices, and whether it relocalises."""
 
 from collections import Counter
 from dataclasses import replace
@@ -19,19 +19,19 @@ from pipeline.transforms import inverse
 from sarsim.episode import KEYFRAMES, Episode
 from sarsim.settings import EpisodeConfig
 
-ROOM = 0.4  # m around the robot's middle that is free where it is set down
-CARRIED = 0.5  # m at least from where it was
-STANDS = 10.0  # s after it was set down, in which its level settles
+ROOM = 0.4  # m of free ground around the robot's centre where it is set down
+CARRIED = 0.5  # m, least distance from where it was
+STANDS = 10.0  # s that it stands after it was set down, while its roll and pitch settle
 GOOD, WRONG = 0.05, 0.3
-"""m from the true position up to which a place is found, and beyond which it is a wrong one."""
+"""m of position error: below the first the place counts as found, from the second on as wrong."""
 OUTCOMES = "found", "found_worse", "wrong", "in_doubt", "not_noticed"
 
 
 def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
-    """How often each of ``OUTCOMES`` came of it.
+    """The number of kidnappings with each of ``OUTCOMES``.
 
-    An episode explores first, unless its map is there; then a robot in its map is carried to a random mapped place,
-    ``times`` in all. One that is lost or does not notice begins anew in the map, at its true pose.
+    An episode explores first, unless its map exists; then a robot in this map is carried to a random mapped place,
+    ``times`` times. If its place is wrong or in doubt, or it does not notice, it begins anew at its true pose.
     """
     if not (folder / KEYFRAMES).exists():
         Episode(replace(config, out=folder)).run()
@@ -50,7 +50,7 @@ def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
 
 
 def placed(episode: Episode, folder: Path) -> Explorer:
-    """One that knows where it is in the map."""
+    """An explorer that knows its true pose in the map."""
     robot, config = episode.robot, episode.config
     mapper = Mapper(robot.model, episode.explorer.mapper.classifier, seed=config.seed, localisation=Slam())
     explorer, frame = Explorer(robot, mapper), robot.sense()
@@ -62,7 +62,7 @@ def placed(episode: Episode, folder: Path) -> Explorer:
 
 
 def carry(episode: Episode, rng: np.random.Generator) -> None:
-    """Set the robot down elsewhere and let it stand; InputError if there is nowhere."""
+    """Set the robot down elsewhere and let it stand; InputError if there is no free place."""
     robot, surface = episode.robot, episode.score.surface
     free = ndimage.binary_erosion(surface.drivable, iterations=round(ROOM / surface.grid.cell))
     cells = np.argwhere(free & episode.score.coverage.seen)
@@ -80,7 +80,7 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
 
 
 def look(explorer: Explorer, episode: Episode) -> str:
-    """One of ``OUTCOMES``: what a step makes of where the robot is."""
+    """One of ``OUTCOMES``, by the pose that the explorer finds in its next step."""
     found = explorer.lookout.relocalised
     try:
         T_map_base = explorer.step().keyframe.T_map_base

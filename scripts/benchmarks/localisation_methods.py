@@ -1,4 +1,4 @@
-"""What localises a robot in the localisation's benchmark: ours, and peers that are told the first true pose."""
+"""The methods in the localisation's benchmark: ours, and peers that start at the first true pose."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -21,20 +21,20 @@ from sarsim.scoring.trajectory import is_false
 from sarsim.scripts.benchmarks.localisation_scores import errors_of, nees, trajectory_scores
 
 STRIDE = 4
-"""Pixels between the points that KISS-ICP is given: they lie closer than the voxels of which it keeps one each."""
+"""Pixels between the points that KISS-ICP gets: they are closer than its voxels, of which each keeps one point."""
 
 LEAST_RETURNS = 0.1
-"""Share of the pixels; with fewer, before a wall that is nearer than the camera sees, the peers lose themselves."""
+"""Share of the pixels; with fewer, in front of a wall below the camera's least range, the peers get lost."""
 STRAYED = 0.1, np.deg2rad(5)
-"""m and rad; where they find themselves farther off the odometry after one frame, they are lost, and it counts."""
+"""m and rad; a peer that deviates more from the odometry in one frame is lost, and the odometry is used instead."""
 
-CORRECTED = 3  # Keyframes from one of our corrections to the next; as many lie between the steps of an episode
+CORRECTED = 3  # Keyframes from one of our corrections to the next; an episode has as many between two steps
 
 RgbdImage = o3d.t.geometry.RGBDImage
 
 
 def is_blind(frame: Frame) -> bool:
-    """Whether there is too little in a frame to register it."""
+    """Whether a frame has too few returns to register it."""
     return bool(np.mean(frame.returns) < LEAST_RETURNS)
 
 
@@ -43,14 +43,14 @@ class Method(ABC):
 
     @abstractmethod
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` when the next frame was taken."""
+        """4×4 pose of ``base_link`` in ``map`` at the next frame."""
 
     def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 4, 4) what the method believes in the end of the poses that it told on the way."""
+        """(N, 4, 4) final estimates of the poses, of which ``online`` are the estimates on the way."""
         return online
 
     def report(self, true: NDArray[np.float64], online: NDArray[np.float64]) -> dict[str, float]:
-        """What else there is to say of it, beside (N, 4, 4) true poses and those that it told on the way."""
+        """Further figures of the method, from (N, 4, 4) true poses and the estimates on the way."""
         return {}
 
 
@@ -67,7 +67,7 @@ class Ours(Method):
         self._correction_s: list[float] = []
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """Localise, make a keyframe of what is far enough from the last one, and correct the poses now and then."""
+        """Localise; make a keyframe if the frame is far enough from the last one, and regularly correct the poses."""
         start = process_time()
         T_map_base = self._slam.localise(frame)
         if self._slam.covariance is not None:
@@ -89,14 +89,14 @@ class Ours(Method):
         self._correction_s.append(process_time() - start)
 
     def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Each pose beside its last keyframe, where that is now believed to have been."""
+        """Each pose relative to its last keyframe, at the corrected pose of this keyframe."""
         self._correct()
         keyframes = np.array(self._keyframes)
         last = np.searchsorted(keyframes, np.arange(len(online)), side="right") - 1
         return (self._slam.poses @ np.linalg.inv(online[keyframes]))[last] @ online
 
     def report(self, true: NDArray[np.float64], online: NDArray[np.float64]) -> dict[str, float]:
-        """Times of keyframes and corrections, loops, the error on the way, and how far it may be trusted."""
+        """Times of keyframes and corrections, loops, the ATE on the way, and NEES."""
         poses, loops = true[self._keyframes], self._slam.loops
         report = {
             "keyframes": float(len(poses)),
@@ -119,19 +119,19 @@ class Odometry(Method):
         pass
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """As the frame says."""
+        """The frame's odometry pose."""
         return frame.T_odom_base
 
 
 class Guided(Method):
-    """A peer that corrects what the odometry says of the motion since the last frame, where it can."""
+    """A peer that corrects the odometry's motion since the last frame if it can register the frame."""
 
     def __init__(self, T_map_start: NDArray[np.float64]):
         self._T_map_base = T_map_start
         self._last: Frame | None = None
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """Register the frame, or where it is all but blind leave the motion to the odometry."""
+        """Register the frame; use the odometry's motion if the frame has too few returns or the peer gets lost."""
         last, self._last = self._last, frame
         guess = self._T_map_base @ inverse(last.T_odom_base) @ frame.T_odom_base if last else self._T_map_base
         found = guess if is_blind(frame) else self._register(frame, last, guess)
@@ -142,7 +142,7 @@ class Guided(Method):
 
     @abstractmethod
     def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
-        """4×4 pose of a frame's ``base_link`` in ``map``, where the last one's is ``_T_map_base``."""
+        """4×4 pose of a frame's ``base_link`` in ``map``; the pose of the last frame is ``_T_map_base``."""
 
 
 class Kiss(Guided):
@@ -162,7 +162,7 @@ class Kiss(Guided):
         self._kiss = KissICP(config)
 
     def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
-        """With the local map."""
+        """Register the frame with the local map."""
         depth, rays = frame.depth[::STRIDE, ::STRIDE], frame.intrinsics.rays[::STRIDE, ::STRIDE]
         points = transform_points(frame.T_base_camera, rays[depth > 0] * depth[depth > 0, None])
         self._kiss.last_pose, self._kiss.last_delta = guess, np.eye(4)
@@ -178,7 +178,7 @@ class Open3d(Guided):
         self._image: tuple[Frame | None, RgbdImage | None] = None, None
 
     def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
-        """With the last frame, unless that was all but blind."""
+        """Register the frame with the last one, unless that had too few returns."""
         colour, depth = (o3d.t.geometry.Image(np.ascontiguousarray(image)) for image in (frame.rgb, frame.depth))
         image = RgbdImage(colour, depth)
         (seen, target), self._image = self._image, (frame, image)
@@ -191,8 +191,8 @@ class Open3d(Guided):
     def _motion(
         self, source: RgbdImage, target: RgbdImage | None, k: Intrinsics, guess: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """4×4 pose of the source's camera in the target's; the guess where Open3D finds none."""
-        # Open3D has the centres of pixels at whole numbers.
+        """4×4 pose of the source's camera in the target's; the guess if Open3D finds none."""
+        # In Open3D, pixel centres are at integers.
         matrix = np.array([[k.fx, 0, k.cx - 0.5], [0, k.fy, k.cy - 0.5], [0, 0, 1]])
         try:
             result = o3d.t.pipelines.odometry.rgbd_odometry_multi_scale(
@@ -216,4 +216,4 @@ METHODS: dict[str, Callable[[NDArray[np.float64]], Method]] = {
     "kiss_icp": Kiss,
     "open3d": Open3d,
 }
-"""Each begins at a 4×4 ``T_map_base``."""
+"""The methods, each made from its first pose, a 4×4 ``T_map_base``."""

@@ -1,4 +1,4 @@
-"""A recorded drive through every method: its trajectories as TUM files, its scores, its times, and a picture."""
+"""Replays a recorded drive with every method: trajectories as TUM files, scores, times, and a picture."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ from sarsim.scripts.benchmarks.localisation_methods import METHODS, Method, is_b
 from sarsim.scripts.benchmarks.localisation_scores import evo_ate, trajectory_scores, way_driven
 from sarsim.scripts.benchmarks.top_view import BAND, caption, ground_picture, pixels
 
-AGREEMENT = 1e-6  # m by which our absolute trajectory error may differ from evo's, which reads rounded files
+AGREEMENT = 1e-6  # m by which our ATE may differ from evo's, which reads rounded files
 COLOURS = {
     "odometry": (150, 150, 150),
     "open3d": (230, 140, 0),
@@ -30,7 +30,7 @@ COLOURS = {
 
 
 def replay_job(job: Job, folder: Path, drives: Path, names: Sequence[str]) -> None:
-    """Replay a drive, and leave scores as JSON, trajectories as TUM files, and a picture in a folder."""
+    """Replay a drive, and write scores as JSON, trajectories as TUM files, and a picture to a folder."""
 
     def made() -> dict[str, Any]:
         with Drive(drive_file(job, drives)) as drive:
@@ -41,10 +41,10 @@ def replay_job(job: Job, folder: Path, drives: Path, names: Sequence[str]) -> No
 
 
 def replay(drive: Drive, methods: Mapping[str, Method], stem: Path) -> dict[str, Any]:
-    """Scores of every method by its name; leaves ``<stem>-<name>.tum``, ``<stem>-true.tum`` and ``<stem>.png``.
+    """Scores of every method by its name; writes ``<stem>-<name>.tum``, ``<stem>-true.tum`` and ``<stem>.png``.
 
     Raises:
-        ArithmeticError: our absolute trajectory error is not evo's.
+        ArithmeticError: our ATE is not evo's.
     """
     online, seconds = follow(drive, methods)
     believed = {name: method.corrected(online[name]) for name, method in methods.items()}
@@ -68,7 +68,7 @@ def replay(drive: Drive, methods: Mapping[str, Method], stem: Path) -> dict[str,
 def follow(
     drive: Drive, methods: Mapping[str, Method]
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
-    """By method, (N, 4, 4) poses as told on the way, and s of processor time for each frame that was not blind."""
+    """By method, (N, 4, 4) poses estimated on the way, and processor time in s of each frame with enough returns."""
     poses: dict[str, list[NDArray[np.float64]]] = {name: [] for name in methods}
     seconds: dict[str, list[float]] = {name: [] for name in methods}
     for frame in drive:
@@ -86,7 +86,7 @@ def picture_of(surface: TrueSurface, ways: Mapping[str, NDArray[np.float64]], te
     Args:
         surface: the true ground.
         ways: (N, 2 or 3) m in the world, by the names of ``COLOURS``.
-        text: for the line below, under that which names the colours.
+        text: for the last line, below the legend of the colours.
     """
     picture, scale = ground_picture(surface, surface.drivable)
     for name, colour in COLOURS.items():
@@ -98,7 +98,7 @@ def picture_of(surface: TrueSurface, ways: Mapping[str, NDArray[np.float64]], te
 
 
 def _legend(names: list[str], width: int) -> NDArray[np.uint8]:
-    """(BAND, width, 3) the names in their colours."""
+    """(BAND, width, 3) uint8 RGB, the names in their colours."""
     band = np.full((BAND, width, 3), 255, np.uint8)
     font, size, x = cv2.FONT_HERSHEY_SIMPLEX, 0.45, 6
     for name in names:

@@ -1,4 +1,4 @@
-"""How far a trajectory is from the true one; nothing is aligned, for ``map`` is the world's frame at the start."""
+"""Errors of a trajectory, without alignment, because ``map`` is the world's frame at the start."""
 
 from pathlib import Path
 
@@ -8,15 +8,15 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.transforms import wrap_angles
 
-SECTION = 1.0  # m driven over which relative pose errors are taken
+SECTION = 1.0  # m driven between the two poses of a relative pose error
 
 
 def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> dict[str, float]:
-    """Errors of (N, 4, 4) poses of the same moments.
+    """Errors of (N, 4, 4) poses at the same times.
 
     Absolute: ``ate_m``, root mean square of the distance, ``max_m``, the greatest, and ``heading_deg``, root mean
     square of the yaw's error. Relative: ``rpe_m`` and ``rpe_deg``, root mean squares over ``SECTION`` (Sturm et al.,
-    IROS 2012). ``drift_percent``: distance at the end over the way driven.
+    IROS 2012). ``drift_percent``: distance at the end over the length driven.
     """
     distance = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
     yaw, believed = (np.arctan2(T[:, 1, 0], T[:, 0, 0]) for T in (true, estimated))
@@ -47,7 +47,7 @@ def relative(poses: NDArray[np.float64], first: NDArray[np.int64], last: NDArray
 
 
 def errors_of(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 6) rad turned, then m moved, from (N, 4, 4) estimates to the truth, in the estimates' frames."""
+    """(N, 6) rotation vectors, rad, and translations, m, from (N, 4, 4) estimates to the truth, in the former."""
     E = np.linalg.inv(estimated) @ true
     return np.hstack([Rotation.from_matrix(E[:, :3, :3]).as_rotvec(), E[:, :3, 3]])
 
@@ -60,14 +60,14 @@ def rms(values: NDArray[np.floating]) -> float:
 def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float:
     """Normalised estimation error squared of (N, 6) errors with (N, 6, 6) covariances, per dimension.
 
-    It is 1 where errors are as large as the covariances say; more says that the estimate trusts itself too much
+    It is 1 if errors are as large as the covariances say; a larger value means that the covariances are too small
     (Bar-Shalom, Li and Kirubarajan 2001, 5.4.2).
     """
     return float(np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]).mean() / 6)
 
 
 def evo_ate(true: Path, estimated: Path) -> float:
-    """Root mean square of the distance in m between two TUM files, by evo's own measure and without alignment."""
+    """Root mean square of the distance in m between the trajectories of two TUM files, by evo, without alignment."""
     from evo.core.metrics import APE, PoseRelation, StatisticsType
     from evo.tools.file_interface import read_tum_trajectory_file
 

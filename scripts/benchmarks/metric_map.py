@@ -1,6 +1,6 @@
 """The metric map against exact rays and against OctoMap, on the same recorded frames.
 
-All of them use one thread; its processor time is what counts, so that other work on the machine does not.
+All of them use one thread; its processor time is measured, so that other work on the machine does not count.
 """
 
 import time
@@ -20,17 +20,17 @@ from sarsim.scripts.benchmarks.recorded_frames import Recording, record
 
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
-"""m; environments whose frame times are compared."""
-TILE = 8  # Frames that fill each 6 m × 4 m of an environment before anything is timed
+"""m; sizes of the environments whose frame times are compared."""
+TILE = 8  # Frames that fill each 6 m × 4 m of an environment before frames are timed
 WARM_UP = 5  # Frames that are not counted
 
 
 def measure(
     frames: int = 160, seed: int = 0, arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"), baselines: bool = True
 ) -> Result:
-    """Times, memory, accuracy, and times over the size of the environment.
+    """Times, memory, accuracy, and times by the size of the environment.
 
-    Accuracy is measured in all ``arenas``, times are of the first one's frames; ``baselines``: also measure OctoMap
+    Accuracy is measured in all ``arenas``, times on the frames of the first one; ``baselines``: also measure OctoMap
     without ``discretize``, which takes a tenth of a second per frame.
 
     Raises:
@@ -50,7 +50,7 @@ def measure(
 
 
 def _speed(recording: Recording, slow: bool) -> dict[str, float]:
-    """Milliseconds a frame and bytes of each contender, and the ratios."""
+    """Milliseconds per frame and bytes of each contender, and the ratios."""
     contenders: dict[str, Callable[[], Contender]] = {
         "ours": lambda: Projective(0.1),
         "ours_5cm": lambda: Projective(0.05),
@@ -91,7 +91,7 @@ def _timed(action: Callable[[], object]) -> float:
 
 
 def _sizes(recording: Recording) -> list[dict[str, Any]]:
-    """Frame times in the middle of environments of several sizes that have been mapped whole before."""
+    """Frame times in the middle of environments of several sizes that have been mapped completely before."""
     maps = [_mapped_environment(recording, size) for size in SIZES]
     times = np.array([_timed_in_all(maps, recording, n) for n in range(len(recording.xtion))])
     median = np.median(times, axis=0)
@@ -103,14 +103,14 @@ def _sizes(recording: Recording) -> list[dict[str, Any]]:
 
 
 def _timed_in_all(maps: list[MetricMap], recording: Recording, n: int) -> list[float]:
-    """Seconds of one frame in each map, in turn, so that whatever else the machine does falls on all alike."""
+    """Seconds of one frame in each map, in turn, so that other load on the machine affects all maps alike."""
     frame = recording.xtion[n], recording.intrinsics, recording.T_map_camera[n]
     maps[0].integrate(*frame)
     return [_timed(partial(metric_map.integrate, *frame)) for metric_map in maps]
 
 
 def _mapped_environment(recording: Recording, size: tuple[float, float]) -> MetricMap:
-    """A map of the 6 m × 4 m arena, again and again beside itself."""
+    """A map that repeats the 6 m × 4 m arena side by side."""
     metric_map = MetricMap()
     chosen = np.linspace(0, len(recording.xtion) - 1, TILE).astype(int)
     columns, rows = (int(np.ceil(length / tile)) for length, tile in zip(size, SMALL, strict=True))
@@ -124,7 +124,7 @@ def _mapped_environment(recording: Recording, size: tuple[float, float]) -> Metr
 
 
 def _accuracy(recording: Recording) -> dict[str, float]:
-    """The report's four figures of each map and sensor, and how far the map and exact rays agree."""
+    """The report's four figures of each map and sensor, and the agreement of the map with exact rays."""
     scored = MetricMap()
     score = VoxelScore(scored)
     for n in track(range(len(recording.ideal)), "following noise-free rays", transient=True):
@@ -180,7 +180,7 @@ class Rays(Projective):
     """The metric map from points, by following every ray."""
 
     def __init__(self, voxel_size: float):
-        # The range that the images are clipped to is a depth; the rays to it are longer.
+        # Images are clipped at a depth of the sensor's range; rays to this depth are longer.
         self._map = MetricMap(voxel_size=voxel_size, max_range=10)
 
     def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
@@ -190,7 +190,7 @@ class Rays(Projective):
 
 
 class OctoMap:
-    """OctoMap at its defaults, on a grid laid out like the metric map's."""
+    """OctoMap with its default settings, on a grid aligned with the metric map's."""
 
     def __init__(self, voxel_size: float, discretize: bool):
         self._tree = pyoctomap.OcTree(voxel_size)
@@ -204,7 +204,7 @@ class OctoMap:
         return lambda: self._tree.insertPointCloud(points, origin, -1.0, False, self._discretize)
 
     def metric_map(self) -> MetricMap:
-        """Its leaves, each as large as it is."""
+        """The occupied and free voxels of its leaves, as a metric map."""
         size = self._like.voxel_size
         for leaf in self._tree.begin_leafs():
             side = round(leaf.getSize() / size)
@@ -215,9 +215,9 @@ class OctoMap:
 
     @property
     def nbytes(self) -> int:
-        """What it says of itself."""
+        """Memory of the tree, as OctoMap reports it."""
         return self._tree.memoryUsage()
 
 
 Contender = Projective | OctoMap
-"""A way to map: ``prepare`` gives what adds a frame, and alone is timed; then the map and its memory."""
+"""A mapping method: ``prepare`` gives a function that adds a frame; only this function is timed."""

@@ -26,7 +26,7 @@ from sarsim.scripts.benchmarks.semantic_speed import THREADS, classifier_of, the
 from sarsim.settings import WEIGHTS, LightingName
 
 FIRST_RANDOM = 90_000
-"""Seed of the first random arena: those of datasets have seeds drawn from two thousand million."""
+"""Seed of the first random arena: datasets draw the seeds of theirs from two thousand million."""
 
 
 def measure(
@@ -43,8 +43,8 @@ def measure(
 ) -> Result:
     """Every network's size, time, and accuracy in arenas that none was trained on.
 
-    The parameters are explained by ``benchmark.py --help``; so many ``timed_frames`` of nist_6x4 are timed, and
-    ``arenas`` have figures of their own. No frames, no .raf files or no weights are no figures of them.
+    ``benchmark.py --help`` explains the parameters; ``timed_frames`` frames of nist_6x4 are timed, and each of
+    ``arenas`` has figures of its own. Without frames, .raf files or weights there are no figures of them.
 
     Raises:
         InputError: there is nothing to measure, or an arena or weights are broken.
@@ -74,14 +74,14 @@ def measure(
 
 
 def voted(frame: TrueFrame, given: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N, 8) what the points of a frame are after those of a plane have voted, given (N, 8) probabilities."""
+    """(N, 8) probabilities of a frame's points after the vote of each plane's points, from (N, 8) ``given`` ones."""
     result = given.copy()
     result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES])
     return result
 
 
 VOTES: Mapping[str, Change] = {"": voted, ".alone": lambda frame, given: given}
-"""By what is appended to the names of figures, whether the points of a plane vote."""
+"""With and without the vote of a plane's points, by the suffix of the figures' names."""
 
 
 def group_figures(group: str, of_arenas: Sequence[Scores]) -> dict[str, float]:
@@ -100,7 +100,7 @@ def group_figures(group: str, of_arenas: Sequence[Scores]) -> dict[str, float]:
 
 
 def _sizes(files: dict[str, Path]) -> dict[str, float]:
-    """Parameters, and processor time of the training where the file tells it."""
+    """Number of parameters, and processor time of the training in s if the file gives it."""
     figures: dict[str, float] = {}
     for name, kind in NETWORKS.items():
         figures[f"{name}.parameters"] = sum(p.numel() for p in kind(CHANNELS, len(CLASSES)).parameters())
@@ -111,7 +111,7 @@ def _sizes(files: dict[str, Path]) -> dict[str, float]:
 
 
 def _times(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
-    """A block's ms and a frame's s, planes included, the networks in turn; random weights cost the same."""
+    """ms of a block and s of a frame, with planes, the networks in turn; random weights take the same time."""
     torch.manual_seed(0)
     written = {name: kind(CHANNELS, len(CLASSES)).eval() for name, kind in NETWORKS.items()}
     ready = {name: for_inference(network, THREADS) for name, network in written.items()}
@@ -130,7 +130,7 @@ def _times(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
 
 
 def table(figures: dict[str, float], groups: Sequence[str]) -> Table:
-    """A column for each network: what it costs, and mean IoU over the four of frames and of the fused map."""
+    """A column for each network: size, times, and mean IoU over the four classes of frames and of the fused map."""
     rows = {"parameters": "{:,.0f}", "train_s": "{:,.0f}", "block_ms": "{:.1f}", "frame_s": "{:.2f}"}
     rows |= {f"miou_four.{group}.{kind}": "{:.3f}" for group in groups for kind in ("frame", "fused")}
     result = Table("", *NETWORKS)

@@ -1,8 +1,7 @@
-"""How long a step takes to plan on a floor that is mapped whole, stage by stage, on a small floor and on a large one.
+"""Time to plan a step on a completely mapped floor, stage by stage, on a small floor and on a large one.
 
-The robot stands in one place after the other, where a keyframe shows a box that was not there before and changes the
-ground in view by the camera's noise. One thread's processor time is what counts, so that other work on the machine
-does not.
+The robot stands at one place after the other, where a keyframe shows a new box and changes the ground in view by the
+camera's noise. The processor time of one thread is measured, so that other work on the machine does not count.
 """
 
 import time
@@ -28,12 +27,12 @@ from sarsim.ground_truth.true_surface import Survey
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-WARM_UP = 2  # Steps that are not counted: in the first the whole floor is new
-NOISE = 0.003  # m, of heights from keyframe to keyframe
-HALF_VIEW = np.deg2rad(29)  # Of the camera, to either side
+WARM_UP = 2  # Steps that are not counted: in the first one the whole floor is new
+NOISE = 0.003  # m, standard deviation of heights from keyframe to keyframe
+HALF_VIEW = np.deg2rad(29)  # Half the camera's horizontal field of view
 HITS = 9  # Returns of a cell in a keyframe
-WALL_TOPS = np.arange(0, 1.01, 0.1)  # m, heights that are seen of walls and of what is new
-AWAY, SIDE = 1.3, 0.3  # m, of a box that is new
+WALL_TOPS = np.arange(0, 1.01, 0.1)  # m, heights of the points of walls and of the new box
+AWAY, SIDE = 1.3, 0.3  # m, distance and side of the new box
 
 
 def measure(frames: int = 24, seed: int = 0, arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15")) -> Result:
@@ -50,7 +49,7 @@ def measure(frames: int = 24, seed: int = 0, arenas: tuple[str, ...] = ("nist_6x
 
 
 class _Floor:
-    """All that plans are made of, on the true ground of an arena."""
+    """The maps from which plans are made, on the true ground of an arena."""
 
     def __init__(self, arena: str, seed: int):
         robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
@@ -68,7 +67,7 @@ class _Floor:
         self._exploration = Exploration(model)
 
     def steps(self, count: int) -> dict[str, list[float]]:
-        """Seconds of each stage in each of so many steps, in places all over the floor."""
+        """Seconds of each stage in each of ``count`` steps, at places all over the floor."""
         seconds: dict[str, list[float]] = defaultdict(list)
         self._step(self._start, defaultdict(list))
         for place in track(self._places(count + WARM_UP), "planning", transient=True):
@@ -79,13 +78,13 @@ class _Floor:
         return {stage: times[WARM_UP:] for stage, times in seconds.items()}
 
     def _places(self, count: int) -> NDArray[np.float64]:
-        """(N, 2) m, where the robot can go and turn."""
+        """(N, 2) m, random places that the robot can reach and where it can turn."""
         paths = PosePaths(self._layer.update(self._elevation_map), self._start[:2, 3], yaw_of(self._start))
         cells = np.argwhere(paths.reachable & paths.traversability.turnable)
         return paths.traversability.grid.centre_of(self._rng.choice(cells, count))
 
     def _see(self, T_map_base: NDArray[np.float64]) -> None:
-        """Let the ground in view be seen once more, and a box on it that was not there before."""
+        """Add returns of the ground in view, and of a new box on it, to the elevation map."""
         ahead = (self._ground[:, :2] - T_map_base[:2, 3]) @ T_map_base[:2, :2]
         away = np.hypot(*ahead.T)
         near, far = self._elevation_map.robot.camera_range
@@ -96,11 +95,11 @@ class _Floor:
         self._show(np.vstack([seen, box]))
 
     def _show(self, points: NDArray[np.float64]) -> None:
-        """Let the camera have several returns near each of (N, 3) points."""
+        """Add ``HITS`` returns at each of (N, 3) points to the elevation map."""
         self._elevation_map.update(points.astype(np.float32), hits=np.full(len(points), HITS, np.uint32))
 
     def _step(self, T_map_base: NDArray[np.float64], seconds: dict[str, list[float]]) -> None:
-        """What the explorer does between two drives, timed."""
+        """Do and time the explorer's work between two drives."""
         with _timed(seconds["traversability"]):
             traversability = self._layer.update(self._elevation_map)
         with _timed(seconds["reachable"]):

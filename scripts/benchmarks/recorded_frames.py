@@ -1,4 +1,4 @@
-"""Frames of an episode, kept to be shown to one mapper after the other."""
+"""Frames of an episode, recorded to give them to several mappers."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.robots.pose import Pose
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-STEPS = 160  # Of an episode, at most
+STEPS = 160  # Largest number of steps of an episode
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +42,10 @@ class Recording:
 
 
 def record(arena: str, seed: int, frames: int) -> Recording:
-    """Let the robot explore for an episode, and keep frames evenly spaced over the whole way.
+    """Let the robot explore for an episode, and keep frames that are evenly spaced in time.
 
     Raises:
-        InputError: the arena cannot be had.
+        InputError: the arena cannot be loaded.
     """
     robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
     explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=seed))
@@ -64,7 +64,7 @@ def record(arena: str, seed: int, frames: int) -> Recording:
 
 
 class _Album:
-    """Frames at a constant period, which doubles whenever they have become too many."""
+    """Frames at a constant period, which doubles whenever there are twice as many as wanted."""
 
     def __init__(self, robot: SimulatedRobot, wanted: int):
         self._robot, self._wanted = robot, wanted
@@ -72,7 +72,7 @@ class _Album:
         self._frames: list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]] = []
 
     def take(self, pose: Pose) -> None:
-        """Take a frame if it is time to."""
+        """Take a frame if one is due."""
         if pose.time < self._next:
             return
         self._next += self._period
@@ -84,6 +84,6 @@ class _Album:
             self._period *= 2
 
     def chosen(self) -> list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]]:
-        """As many frames as wanted, if there are."""
+        """As many evenly spaced frames as wanted, or all if there are fewer."""
         places = np.linspace(0, len(self._frames) - 1, min(self._wanted, len(self._frames)))
         return [self._frames[n] for n in np.rint(places).astype(int)]

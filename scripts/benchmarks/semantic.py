@@ -1,4 +1,4 @@
-"""The semantic map: how fast and how right the robot's network is, beside DGCNN as written and a baseline."""
+"""The semantic map: speed and accuracy of the robot's network, beside plain DGCNN and a baseline."""
 
 from pathlib import Path
 from statistics import mean
@@ -15,9 +15,9 @@ from sarsim.sensors.lighting import Lighting
 from sarsim.settings import WEIGHTS
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data beside the checkout
-LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By what is appended to the names of the figures
+LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By the suffix of the figures' names
 KEYFRAMES = (2.0, 0.8)
-"""m and rad between the frames whose labels are compared: far apart, to show more than where an arena begins."""
+"""m and rad between the frames whose labels are compared: far apart, to show more of an arena than its start."""
 
 
 def measure(
@@ -33,9 +33,9 @@ def measure(
 ) -> Result:
     """DGCNN's speed and agreement with a published checkpoint; the network's accuracy in arenas never trained on.
 
-    The parameters are explained by ``benchmark.py --help``; so many ``timed_frames`` of nist_6x4 are timed,
-    ``arenas`` have figures of their own, and ``checkpoint`` is the folder of a published one and its answers. What is
-    missing has no figures.
+    ``benchmark.py --help`` explains the parameters; ``timed_frames`` frames of nist_6x4 are timed, each of ``arenas``
+    has figures of its own, and ``checkpoint`` is the folder of a published checkpoint and its logits. Missing files
+    give no figures.
 
     Raises:
         InputError: there is nothing to measure, or an arena or the weights are broken.
@@ -64,7 +64,7 @@ def _name(arena: str) -> str:
 
 
 def key(name: str, contender: str) -> str:
-    """The name of a figure, for an arena with or without ".dark"."""
+    """The name of a figure, for an arena's name with or without ".dark"."""
     arena, dark, _ = name.partition(".dark")
     return f"miou_four.{arena}.{contender}{dark}"
 

@@ -1,4 +1,4 @@
-"""How right labels are: the network's and the baseline's frame by frame, and those of the map fused from them."""
+"""Accuracy of labels: those of network and baseline frame by frame, and those of the map fused from them."""
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -14,10 +14,10 @@ from sarsim.scoring.semantics import compared, confusion_matrix, label_figures
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame
 
 Change = Callable[[TrueFrame, NDArray[np.float32]], NDArray[np.float32]]
-"""Of the (N, 8) probabilities that the returns of a frame were given."""
+"""A function that changes the (N, 8) probabilities that a classifier gave the returns of a frame."""
 AS_GIVEN: Mapping[str, Change] = {"": lambda frame, given: given}
 Scores = dict[str, dict[str, dict[str, float]]]
-"""``miou_four`` and the IoU by label, by classifier and what a change appends to it, then frame or fused."""
+"""``miou_four`` and the IoU by label, by the classifier's name with the change's suffix, then by frame or fused."""
 
 
 class Tally:
@@ -28,7 +28,7 @@ class Tally:
         self._map, self._truth = SemanticMap(), SemanticMap()
 
     def add(self, frame: TrueFrame, given: NDArray[np.float32]) -> None:
-        """Count the (N, 8) probabilities that the returns of a frame were given."""
+        """Add the (N, 8) probabilities that a classifier gave the returns of a frame."""
         points, truth = frame.points, frame.labels
         self._confusion += confusion_matrix(truth, given.argmax(axis=1).astype(np.uint8))
         self._map.update(points, given)
@@ -39,14 +39,14 @@ class Tally:
         return _flat(label_figures(self._confusion))
 
     def fused(self) -> dict[str, float]:
-        """The same of the points of the map."""
+        """IoU by label, and ``miou_four``, of the points of the fused map."""
         return _flat(compared(self._truth, self._map))
 
 
 def scores(
     frames: Iterable[TrueFrame], classifiers: Mapping[str, PointClassifier], changes: Mapping[str, Change] = AS_GIVEN
 ) -> Scores:
-    """What every classifier reaches in one arena, with each of the ``changes`` to its probabilities."""
+    """The scores of every classifier in one arena, with each of the ``changes`` to its probabilities."""
     tallies = {name + change: Tally() for name in classifiers for change in changes}
     for frame in frames:
         for name, classifier in classifiers.items():
@@ -59,7 +59,7 @@ def scores(
 def accuracy(frames: Iterable[TrueFrame], network: PointClassifier | None) -> dict[str, dict[str, float]]:
     """Intersection over union by label, and ``miou_four``, of network, fused map and baseline in one arena.
 
-    Without a network the baseline's alone.
+    Without a network only those of the baseline.
     """
     contenders: dict[str, PointClassifier] = {"baseline": RuleClassifier()}
     reached = scores(frames, contenders | ({} if network is None else {"network": network}))

@@ -1,4 +1,4 @@
-"""How long DGCNN takes, made fast and as it is written, and the robot's network, in turn on the same data."""
+"""Times of DGCNN, optimised and in plain PyTorch, and of the robot's network, in turn on the same data."""
 
 import tempfile
 from pathlib import Path
@@ -28,9 +28,9 @@ THREADS = 2
 
 
 def speed(frames: list[TrueFrame], rounds: int, classifier: NetworkClassifier | None) -> dict[str, float]:
-    """Seconds and ratios for a block, a step of training and a frame; DGCNN's weights are random: it costs the same.
+    """Seconds and ratios for a block, a training step and a frame; random weights of DGCNN take the same time.
 
-    Blocks of the frames take turns for so many ``rounds``; whole frames go to the robot's ``classifier`` as well.
+    Blocks of the frames are timed for ``rounds`` rounds; whole frames also by the robot's ``classifier``.
     """
     torch.manual_seed(0)
     network = Dgcnn(classes=len(CLASSES)).eval()
@@ -41,7 +41,7 @@ def speed(frames: list[TrueFrame], rounds: int, classifier: NetworkClassifier | 
 
 
 def agreement(folder: Path) -> dict[str, float]:
-    """Share of the points whose class is the published one, and the median difference of the logits."""
+    """Share of the points whose class is the published one, and the median absolute difference of the logits."""
     network, _ = load_weights(folder / "s3dis_area6.safetensors")
     fast = for_inference(network, THREADS)
     with np.load(folder / "reference.npz") as file:
@@ -58,7 +58,7 @@ def agreement(folder: Path) -> dict[str, float]:
 
 
 def thesis_blocks(frame: TrueFrame) -> list[Block]:
-    """The columns of a frame as the thesis has them: 4,096 points each, too many or too few whatever there are."""
+    """The columns of a frame as in the thesis: each resampled to 4,096 points, whether it has more or fewer."""
     points = frame.points
     config, rng = BlockConfig(points=len(points)), np.random.default_rng(0)
     columns = cut(points, frame.T_map_camera[:3, 3], config, 0.0, 1, rng)
@@ -88,7 +88,7 @@ def _block_contest(network: Dgcnn, blocks: list[NDArray[np.float32]]) -> dict[st
 
 
 def _step_contest(network: Dgcnn, block: NDArray[np.float32]) -> dict[str, float]:
-    """Forward and backward pass for a block, on one thread."""
+    """The ratio of times of a forward and backward pass for a block, on one thread."""
     network.train()
     ragged, points = RaggedDgcnn(network), torch.from_numpy(block)
     classes = torch.zeros(len(block), dtype=torch.int64)
@@ -107,9 +107,9 @@ def _step_contest(network: Dgcnn, block: NDArray[np.float32]) -> dict[str, float
 
 
 def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[TrueFrame]) -> dict[str, float]:
-    """From the cloud of a frame to its labelled points: as the robot does it, and by DGCNN as it is written.
+    """Times from the cloud of a frame to its labelled points: by the robot's classifier, and by plain DGCNN.
 
-    The latter once with the same blocks, once with those of the thesis.
+    Plain DGCNN is timed with the robot's blocks and with those of the thesis.
     """
     clouds = [frame.points for frame in frames]
     classifier.classify(frames[0].frame, clouds[0], frames[0].T_map_camera)
@@ -129,7 +129,7 @@ def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[Tru
 
 
 def classifier_of(network: PointNetwork) -> NetworkClassifier:
-    """What a network with random weights makes of frames on the robot."""
+    """A network with random weights as the robot's classifier."""
     with tempfile.TemporaryDirectory() as folder:
         weights = Path(folder) / "random.safetensors"
         save_classifier(weights, network, BlockConfig(), {})
@@ -137,7 +137,7 @@ def classifier_of(network: PointNetwork) -> NetworkClassifier:
 
 
 def robot_blocks(frame: TrueFrame) -> list[Block]:
-    """The blocks of a frame as the robot cuts them."""
+    """The blocks into which the robot cuts a frame."""
     config, rng = BlockConfig(), np.random.default_rng(0)
     cloud = VoxelCloud.of(frame.points, config.voxel_size)
     return list(cut(cloud.points, frame.T_map_camera[:3, 3], config, 0.0, 20, rng))

@@ -1,4 +1,4 @@
-"""A run from above: the true ground, what of it was seen, the way driven, and what went wrong where."""
+"""A run from above: the true ground, its seen cells, the true trajectory, collisions and failed legs."""
 
 from collections.abc import Sequence
 
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
 
-WIDTH = 900  # Pixels that the arena takes at most, along its longer side
-MOST_PIXELS = 8  # along a cell
-BAND = 26  # Pixels of the line of text below
+WIDTH = 900  # Pixels, largest length of the arena's longer side
+MOST_PIXELS = 8  # per side of a cell
+BAND = 26  # Pixels, height of the line of text below
 
 # Colours are RGB.
 NOWHERE, GROUND, WALL = (226, 226, 226), (250, 250, 250), (40, 40, 40)
@@ -31,10 +31,10 @@ def top_view(
     """(H, W, 3) uint8 RGB, x to the right and y up.
 
     Args:
-        surface: the true ground; drivable cells are green where they were seen, red where not.
+        surface: the true ground; seen drivable cells are green, others red.
         seen: (nx, ny) on its grid.
         way: (N, 2) m, the robot's true trajectory.
-        contacts: (2,) m, where the robot was when it touched something; red crosses.
+        contacts: (2,) m, the robot's positions at collisions; red crosses.
         failed: (2,) m, targets of legs that were not reached; violet diamonds.
         text: for the line below.
     """
@@ -53,7 +53,7 @@ def top_view(
 
 
 def ground_picture(surface: TrueSurface, seen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
-    """(H, W, 3) uint8 RGB of the ground of which (nx, ny) cells were seen, and the pixels along a cell."""
+    """(H, W, 3) uint8 RGB of the ground, of which (nx, ny) cells were seen, and the pixels per side of a cell."""
     scale = int(np.clip(WIDTH // max(surface.grid.shape), 1, MOST_PIXELS))
     cells = _cells(surface, seen).transpose(1, 0, 2)[::-1]
     return np.ascontiguousarray(cells.repeat(scale, axis=0).repeat(scale, axis=1)), scale

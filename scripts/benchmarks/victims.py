@@ -1,4 +1,4 @@
-"""Victims: how well the detector finds people in frames, how fast, and how many the robot finds in whole episodes."""
+"""Victims: the detector's average precision in frames, its speed, and how many the robot finds in whole episodes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -26,10 +26,10 @@ from sarsim.sensors.lighting import Lighting
 from sarsim.settings import DETECTOR, EpisodeConfig, Labels, LightingName, Odometry
 
 THREADS = 2
-WIDTH, HEIGHT = 640, 480  # pixels of the image whose time is taken
-LEAST_CONFIDENCE = 0.01  # Average precision is of all thresholds
+WIDTH, HEIGHT = 640, 480  # pixels of the image that is timed
+LEAST_CONFIDENCE = 0.01  # Average precision needs detections at all thresholds
 BOUNDS = {"distance": DISTANCES, "hidden": HIDDEN}
-"""Intervals of what average precision is given for separately."""
+"""By attribute of people, bounds of the intervals for which average precision is given separately."""
 ROWS: Mapping[str, str] = {
     "episodes": "runs",
     "victims": "victims.present.sum",
@@ -41,7 +41,7 @@ ROWS: Mapping[str, str] = {
     "time to see 90 %, over that without": "seen90_vs_without",
     "time of the episode, likewise": "sim_time_vs_without",
 }
-"""Of the table, and the figures in them."""
+"""Names of the table's rows, and the figures in them."""
 _DEFAULT = EpisodeConfig()
 
 
@@ -62,12 +62,12 @@ def measure(
     workers: int | None = None,
     runs: Path = Path("runs/benchmark-victims"),
 ) -> Result:
-    """Speed, precision in frames of new arenas, and the victims of whole episodes.
+    """Speed, average precision in frames of new arenas, and the victims found in whole episodes.
 
-    The parameters are explained by ``benchmark.py --help``.
+    ``benchmark.py --help`` explains the parameters.
 
     Raises:
-        InputError: nothing is to be measured, a network is broken, or a folder cannot be had.
+        InputError: a number is too low, a network is broken, or a folder cannot be used.
     """
     at_least(0, scenes=scenes, rounds=rounds, nist=nist, esogu=esogu, random=random, seed=seed)
     at_least(1, frames=frames, workers=workers)
@@ -85,7 +85,7 @@ def measure(
 
 
 def _frames(detector: VictimDetector, scenes: int, frames: int, seed: int) -> dict[str, list[People]]:
-    """By lighting."""
+    """People and detections in the frames of all scenes, by lighting."""
     arenas = recipe(seed, frames)
     result: dict[str, list[People]] = {light.name: [] for light in Lighting if scenes}
     for index in track(range(scenes), "frames", transient=True):
@@ -95,7 +95,7 @@ def _frames(detector: VictimDetector, scenes: int, frames: int, seed: int) -> di
 
 
 def _precision(frames: Mapping[str, Sequence[People]]) -> tuple[dict[str, float], dict[str, Any]]:
-    """Average precision in each light, and how it depends on distance and on what is hidden."""
+    """Average precision in each lighting, and by distance and by hidden share."""
     figures, by = {}, {}
     for light, seen in frames.items():
         if np.isfinite(value := ap50(seen)):
@@ -108,7 +108,7 @@ def _precision(frames: Mapping[str, Sequence[People]]) -> tuple[dict[str, float]
 def _episodes(
     jobs: Sequence[Job], runs: Path, workers: int | None, baselines: bool
 ) -> tuple[dict[str, float], list[str]]:
-    """Figures by group, and the names of what failed."""
+    """Figures by group, and the names of the failed episodes."""
     if not jobs:
         return {}, []
     found = run_jobs(jobs, runs, workers)
@@ -122,7 +122,7 @@ def _episodes(
 
 
 def figures_of(group: str, found: Results, without: Results) -> dict[str, float]:
-    """Of one group: every key of ``victims``, the shares that count, and the time beside episodes without."""
+    """Figures of one group: those of ``victims``, share found, position error, and times over those ``without``."""
     told = [result for result in found if result and "report" in result]
     figures = {f"{group}.runs": float(len(told))}
     victims = group_figures([{"victims": result["report"]["victims"]} for result in told])
@@ -135,7 +135,7 @@ def figures_of(group: str, found: Results, without: Results) -> dict[str, float]
 
 
 def _times(group: str, found: Results, without: Results) -> dict[str, float]:
-    """How many times as long it takes with the detector to see 90 %, and to end: medians over the arenas."""
+    """Times to see 90 % and to end, with the detector over without it: medians over the arenas."""
     both = pairs(found, without)
     seen = [(a["exploration"], b["exploration"]) for a, b in both]
     ratios: Mapping[str, list[float]] = {
@@ -146,7 +146,7 @@ def _times(group: str, found: Results, without: Results) -> dict[str, float]:
 
 
 def _table(figures: Mapping[str, float]) -> Table | None:
-    """The groups side by side; speed and precision below. None without episodes."""
+    """A table of the groups side by side, with speed and precision below; None without episodes."""
     if not groups_in(figures):
         return None
     table = rich_table("victims", figures, [rows_of(figures, ROWS)])
@@ -156,19 +156,19 @@ def _table(figures: Mapping[str, float]) -> Table | None:
 
 
 class PlainNetwork(FusedNetwork):
-    """A network in PyTorch as it is, in place of :class:`pipeline.victims.detection.inference.FusedNetwork`."""
+    """A network in plain PyTorch, in place of :class:`pipeline.victims.detection.inference.FusedNetwork`."""
 
     def __init__(self, network: DarknetNetwork):
         self.cfg, self._network = network.cfg, network
 
     def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
-        """What goes into each [yolo], from an (H, W, 3) image of the network's size."""
+        """The input of each [yolo] layer, from an (H, W, 3) image of the network's size."""
         with torch.inference_mode():
             return [head[0].contiguous().numpy() for head in self._network(to_tensor(image[None]).contiguous())]
 
 
 def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:
-    """Median ms of a frame through the detector, and how many times as long plain PyTorch takes; they take turns."""
+    """Median ms per frame of the detector, and the time of plain PyTorch over it; they take turns."""
     ours, plain = VictimDetector(network), VictimDetector(network, make_fast=PlainNetwork)
     image = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
     with torch_threads(THREADS):
@@ -178,7 +178,7 @@ def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:
 
 
 def tiny() -> DarknetNetwork:
-    """YOLOv3-tiny for one class, which finds nothing: how long it takes does not depend on its weights."""
+    """YOLOv3-tiny for one class that finds nothing: its time does not depend on its weights."""
     network = DarknetNetwork(DarknetCfg.parse(yolov3_tiny(416, 416, 1, COCO_TINY_ANCHORS))).eval()
     for layer in network.convolutions:
         if layer.norm is None:

@@ -1,4 +1,4 @@
-"""How well a detector finds people in frames of arenas that no network has learned from."""
+"""Average precision of a detector of people, in frames of arenas that no network was trained on."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,10 +16,10 @@ from sarsim.scoring.victims import VISIBLE
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 
-MOST_HIDDEN = 0.6  # Share of a person behind other things up to which the person is to be found
+MOST_HIDDEN = 0.6  # Largest occluded share of a person who is to be found
 DISTANCES = (0.0, 1.5, 2.5, 3.5, 5.0, np.inf)
-"""m from the camera to the middle of a person, between which average precision is told apart."""
-HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # Shares of a person, likewise
+"""m from the camera to the centre of a person, bounds of the intervals with separate average precision."""
+HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # Occluded shares of a person, likewise
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +29,10 @@ class People:
     Attributes:
         boxes: (V, 4) true, pixels.
         area: (V,) pixels that show each.
-        hidden: (V,) share of each that something in the image stands before.
-        distance: (V,) m from the camera to the middle of each.
+        hidden: (V,) occluded share of each within the image.
+        distance: (V,) m from the camera to the centre of each.
         found: (N, 4) boxes of the detector.
-        confidence: (N,) of them.
+        confidence: (N,) of the detector's boxes.
     """
 
     boxes: NDArray[np.float64]
@@ -44,18 +44,18 @@ class People:
 
     @property
     def counts(self) -> NDArray[np.bool_]:
-        """(V,) who is to be found."""
+        """(V,) bool, the people to be found."""
         return (self.area >= VISIBLE) & (self.hidden <= MOST_HIDDEN)
 
 
 def recipe(seed: int, frames: int) -> Recipe:
-    """Arenas with people, like those of the training data but for the seed; the air is clear in three of four."""
+    """Arenas with people, as in the training data except for the seed; the air is clear in three of four scenes."""
     arenas = ArenaRange(victims=(1, 6), furniture=(0.05, 0.35), bulky=(0.0, 0.4))
     return Recipe(seed=seed, frames=frames, random=arenas, keyframes=(0.5, 0.8))
 
 
 def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[People]:
-    """The people and detections in each frame of a scene in one light; all else is the same in every light."""
+    """The people and detections in each frame of a scene in one lighting; all else is the same in every lighting."""
     scene, arena = find_scene(with_lighting(recipe, lighting), index)
     noise = recipe.rng(index, "noise")
     with World(arena, scene, Renderer, recipe.width, recipe.height) as world:
@@ -79,12 +79,12 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
 
 
 def ap50(frames: Sequence[People]) -> float:
-    """Average precision at an overlap of 0.5; NaN where no person is to be found."""
+    """Average precision at an IoU of 0.5; NaN if no person is to be found."""
     return _average_precision(frames, [people.counts for people in frames])
 
 
 def ap50_by(frames: Sequence[People], attribute: str, bounds: Sequence[float]) -> dict[str, dict[str, float]]:
-    """Average precision and number of people with an attribute between bounds, of all with enough pixels."""
+    """Average precision and number of people by intervals of an attribute, of people with enough pixels."""
     result = {}
     for low, high in pairwise(bounds):
         chosen = [_between(people, attribute, low, high) for people in frames]
@@ -95,14 +95,14 @@ def ap50_by(frames: Sequence[People], attribute: str, bounds: Sequence[float]) -
 
 
 def _between(people: People, attribute: str, low: float, high: float) -> NDArray[np.bool_]:
-    """(V,) who has enough pixels and, but for the one in question, is hidden no more than usual."""
+    """(V,) bool, people in an interval of an attribute who are to be found, for "hidden" at any occluded share."""
     value = getattr(people, attribute)
     counts = people.area >= VISIBLE if attribute == "hidden" else people.counts
     return counts & (value >= low) & ((value < high) | (high == HIDDEN[-1]))
 
 
 def _average_precision(frames: Sequence[People], counts: Sequence[NDArray[np.bool_]]) -> float:
-    """Of those who count; finding the others is neither right nor wrong."""
+    """Average precision for the people who count; detections of others are neither right nor wrong."""
     result = AveragePrecision()
     for people, chosen in zip(frames, counts, strict=True):
         result.add(people.found, people.confidence, people.boxes, ~chosen)
@@ -110,6 +110,6 @@ def _average_precision(frames: Sequence[People], counts: Sequence[NDArray[np.boo
 
 
 def with_lighting(recipe: Recipe, lighting: Lighting) -> Recipe:
-    """The same in one light."""
+    """The recipe with all scenes in one lighting."""
     normal, dim, dark = (float(kind is lighting) for kind in Lighting)
     return replace(recipe, lighting=(normal, dim, dark))

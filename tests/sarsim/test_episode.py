@@ -1,4 +1,4 @@
-"""Goals, and what may go wrong on the way there: in the simulator, in small rooms, and only as long as needed."""
+"""Goals, and failures on the way to them, in short simulated episodes in small rooms."""
 
 import json
 from collections.abc import Callable
@@ -24,7 +24,7 @@ def box(x: Interval, y: Interval, z: Interval = (0.0, 1.2), label: int = WALL) -
 
 
 def movable(geom: str) -> str:
-    """The same, in a place of its own that a test may change."""
+    """A geom on a mocap body, which a test can move."""
     return f'<body name="movable" mocap="true" pos="9 9 0">{geom}</body>'
 
 
@@ -42,7 +42,7 @@ def room(x: Interval, y: Interval, *more: str) -> str:
 
 
 class Diary:
-    """An episode and the lines of its log; ``meddle`` is called between each look and the drive that follows."""
+    """An episode and the lines of its log; ``meddle`` is called between each step and the drive that follows."""
 
     def __init__(
         self, arena: str, folder: Path, meddle: Callable[[Episode, Step], object] = lambda *_: None, **config
@@ -80,7 +80,7 @@ def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp
 
 
 def put_in_the_way(episode: Episode, step: Step) -> None:
-    """Once, 1.2 m ahead of a robot that is about to drive further than that."""
+    """Move the geom once to 1.2 m in front of a robot that is about to drive farther than that."""
     data = episode.robot.physics.data
     if step.plan and data.mocap_pos[0, 0] > 8 and np.linalg.norm(step.plan.way_points[0, :2]) > 1.5:
         ahead = step.plan.way_points[0, :2] - step.keyframe.T_map_base[:2, 3]
@@ -90,7 +90,7 @@ def put_in_the_way(episode: Episode, step: Step) -> None:
 def test_the_robot_stops_before_what_was_put_in_its_way_and_drives_around(tmp_path):
     barrel = movable(box((-0.15, 0.15), (-0.15, 0.15), (0.0, 0.5), label=7))
     arena = room((-1.3, 3.2), (-1.4, 1.4), barrel)
-    # Told where it is: by its own localisation it grazes the barrel in one run out of three.
+    # With true odometry: with its own localisation the robot grazes the barrel in one run out of three.
     diary = Diary(arena, tmp_path, put_in_the_way, steps=20, goals=((2.4, 0.0),), odometry="truth")
     assert diary.said("ended: blocked")
     assert diary.report["goals"]["reached"] == 1
@@ -99,7 +99,7 @@ def test_the_robot_stops_before_what_was_put_in_its_way_and_drives_around(tmp_pa
 
 
 def lift(episode: Episode, step: Step) -> None:
-    """Once, to another room."""
+    """Carry the robot once to another room."""
     robot = episode.robot
     if step.plan and robot.trajectory[-1].T_world_base[0, 3] < 4:
         robot.robot.set_pose(robot.physics, np.array([8.0, 0.0, 0.0]), np.array([1.0, 0, 0, 0]))
@@ -121,7 +121,7 @@ def test_a_robot_that_was_lifted_and_is_told_where_it_is_drives_no_old_plan_and_
 
 
 def test_a_robot_that_was_lifted_to_where_it_has_never_been_stays_and_says_so(tmp_path):
-    """Its wheels tell it nothing of that; its camera shows what its map has not."""
+    """Its wheels do not notice the kidnapping, but its camera shows a room that its map does not have."""
     diary = Diary(OTHER_ROOM, tmp_path, lift, steps=8, home=True)
     assert diary.said("WARN the robot does not know where it is and stays: the camera shows what the map does not")
     assert "no place fits" in diary.report["lost"]
@@ -143,7 +143,7 @@ def test_maps_that_lie_wrong_are_corrected_and_the_log_says_so(tmp_path):
 
 
 def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):
-    """It sees nothing so near, and wheels that slip would tell it that it drives."""
+    """Its camera sees nothing so near, and slipping wheels would look like driving."""
     diary = Diary(room((-0.36, 0.36), (-0.36, 0.36)), tmp_path, goals=((2.0, 0.0),), odometry="truth")
     assert diary.said("WARN 0% explored; the robot stands where it cannot drive")
     assert diary.said("WARN the goal (2.00, 0.00) m was not reached: the robot is held where it stands")

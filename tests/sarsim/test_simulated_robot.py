@@ -46,7 +46,7 @@ def test_true_odometry_is_the_true_pose_and_wheel_odometry_is_near_it(make_robot
 
 
 def test_vibration_in_turns_does_not_turn_the_wheel_odometry(make_robot):
-    """All that is left beside the scale of the gyro and its drift is its noise."""
+    """Besides the gyro's scale error and drift, only its noise remains."""
     robot = make_robot(odometry="wheel")
     start = len(robot.trajectory)
     for step in range(200):

@@ -62,7 +62,7 @@ def test_the_command_stays_within_the_robots_limits(keys):
 
 @pytest.fixture
 def joystick():
-    """A device that tells what is written to it, and the path that a gamepad is opened by."""
+    """A device that gives back what is written to it, and the path under which a gamepad is opened."""
     ours, theirs = os.openpty()
     tty.setraw(theirs)  # or the terminal would change what looks like control characters
     yield ours, Path(os.ttyname(theirs))

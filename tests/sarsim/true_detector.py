@@ -1,4 +1,4 @@
-"""A detector that knows who is in view, as a simulator does."""
+"""A detector with the simulator's ground truth of the people in view."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,10 @@ from sarsim.victims.victims import victims_of
 
 
 class TrueDetector:
-    """Boxes around what a simulated robot's newest look shows of each victim."""
+    """Detects the visible part of each victim in a simulated robot's newest frame."""
 
     def __init__(self, robot: SimulatedRobot, least: int = 100):
-        """``least``: pixels of someone who is found."""
+        """``least``: smallest number of pixels of a victim that is found."""
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
         self._robot, self._least = robot, least
         self._victims = victims_of(model, data)
@@ -22,7 +22,7 @@ class TrueDetector:
             self._victim_of_geom[victim.geoms] = number
 
     def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
-        """Those in the look that ``rgb`` is of, which must be the newest."""
+        """The detections in the image ``rgb``, which must be that of the newest frame."""
         assert self._robot.true_frame is not None
         boxes = np.zeros((len(self._victims), 4), np.int32)
         pixels = np.zeros(len(self._victims), np.int32)

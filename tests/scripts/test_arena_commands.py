@@ -1,4 +1,4 @@
-"""The commands around arenas: they write what MuJoCo opens, and say in one line what they cannot do."""
+"""The commands around arenas: they write files that MuJoCo opens, and refuse bad input with one line."""
 
 import mujoco
 import pytest

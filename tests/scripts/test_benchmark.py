@@ -1,4 +1,4 @@
-"""The file that a benchmark leaves, and the camera's subject in small."""
+"""The file that a benchmark writes, and a small run of the subject "camera"."""
 
 import json
 from pathlib import Path
@@ -23,7 +23,7 @@ def toy(raf: Path, rounds: int = 3, seed: int = 0) -> Result:
 
 @pytest.fixture
 def toys(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """Puts ``toy`` in the place of every subject; a folder for its picture."""
+    """Replaces every subject by ``toy``; gives a folder for its picture."""
     monkeypatch.setattr(benchmark, "import_module", lambda name: SimpleNamespace(measure=toy))
     (tmp_path / "raf").mkdir()
     return tmp_path / "raf"

@@ -1,4 +1,4 @@
-"""The exploration's benchmark: what it runs, what it makes of the reports, and that it goes on where it stopped."""
+"""The exploration's benchmark: its runs, the figures of their reports, and that it continues where it stopped."""
 
 import json
 from pathlib import Path
@@ -128,7 +128,7 @@ class Pretended:
 
 @pytest.fixture
 def pretended(monkeypatch):
-    """Jobs that are done at once; gives lists of their names, of those to fail and of those that never see enough."""
+    """Makes jobs finish at once; gives lists of names: started jobs, those to fail, those that see too little."""
     started: list[str] = []
     fails: list[str] = []
     slow: list[str] = []

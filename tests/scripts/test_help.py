@@ -1,4 +1,4 @@
-"""What --help says of every command: soon, on three screens, and no more flags than a user can take in."""
+"""The --help of every command: it is fast, fits on three screens, and has few enough flags."""
 
 import re
 import resource

@@ -1,4 +1,4 @@
-"""map_recording.py: what it leaves of recordings, whole and broken."""
+"""map_recording.py: the files that it writes for whole and broken recordings."""
 
 import json
 from collections.abc import Callable, Iterable

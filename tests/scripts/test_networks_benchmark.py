@@ -1,4 +1,4 @@
-"""The comparison of networks: who gets which figure."""
+"""The comparison of networks: the figures of each network."""
 
 import json
 from pathlib import Path

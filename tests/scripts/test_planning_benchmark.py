@@ -1,4 +1,4 @@
-"""The time of a planning step: which figures there are, and that they are of steps that plan something."""
+"""The times of planning steps: the names of the figures, and that the steps do plan."""
 
 import pytest
 
@@ -13,7 +13,7 @@ def test_a_step_is_at_least_as_long_as_its_longest_stage() -> None:
     stages = [figures[f"nist_6x4.{stage}_ms"] for stage in STAGES]
     assert figures.keys() == {"large_over_small", "nist_6x4.step_ms", *(f"nist_6x4.{stage}_ms" for stage in STAGES)}
     assert 0 < max(stages) <= figures["nist_6x4.step_ms"] < 5000
-    assert figures["nist_6x4.topology_ms"] > 1  # A box that is new changes what the nodes see
+    assert figures["nist_6x4.topology_ms"] > 1  # A new box changes the cells that the nodes see
     assert figures["large_over_small"] == 1
 
 

@@ -1,4 +1,4 @@
-"""The simulated robot and an explorer by topics: what both leave, and what is kept where one falls silent."""
+"""The simulated robot and an explorer by topics: the files of both, also if one of them stops sending."""
 
 import json
 from pathlib import Path
@@ -25,7 +25,7 @@ FILES = {
 
 
 class Pair:
-    """The simulated robot and an explorer, which wait for each other; the wall's clock is the robot's."""
+    """The simulated robot and an explorer, which wait for each other; the robot's time serves as wall-clock time."""
 
     def __init__(self, folder: Path, **config: object):
         self.wire = Wire()

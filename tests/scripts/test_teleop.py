@@ -1,4 +1,4 @@
-"""The teleop command, as far as it goes without a screen."""
+"""The teleop command, as far as it runs without a screen."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""The victims' benchmark: who counts, what becomes of the episodes' results, and how long a frame takes."""
+"""The victims' benchmark: the people who count, the figures of episodes, and the time of a frame."""
 
 import json
 from pathlib import Path

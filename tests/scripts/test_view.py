@@ -1,4 +1,4 @@
-"""The view command: what it opens, and what it says about what it cannot."""
+"""The view command: the files that it opens, and its messages about those that it cannot open."""
 
 import os
 import signal

@@ -18,7 +18,7 @@ from sarsim.dataset.settings import check
 
 LIST = "room_filelist.txt"
 FILES = "all_files.txt"
-SEED = 0  # of the draw of points
+SEED = 0  # of the random choice of points
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Blocks(Export):
         check("min-points", self.min_points, 1)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """One file a scene; each frame is a room of its own."""
+        """Write one file per scene; each frame is a room of its own."""
         rng = np.random.default_rng([SEED, entry.index])
         blocks, rooms = [], []
         for index in range(len(scene)):
@@ -50,7 +50,7 @@ class Blocks(Export):
             rooms += [f"{AREAS[entry.split]}_{room(entry)}_frame_{index}"] * len(new)
         name = f"ply_data_all_{entry.index}.h5"
         self._write(folder / name, blocks)
-        # Published loaders (dgcnn.pytorch, pointnet) join these names to the folder that this one lies in.
+        # Published loaders (dgcnn.pytorch, pointnet) join these names to the parent of this folder.
         for list_name, lines in ((FILES, [f"{self.out.name}/{name}"]), (LIST, rooms)):
             with (folder / list_name).open("a") as file:
                 file.writelines(f"{line}\n" for line in lines)
@@ -63,9 +63,9 @@ class Blocks(Export):
     def of_cloud(
         self, cloud: Cloud, rng: np.random.Generator
     ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.uint8]]]:
-        """(points, 6) x and y from the block's middle, z from the lowest point, and x y z over the cloud's extent.
+        """Blocks of (points, 6): x and y from the block's centre, z from the lowest point, x y z over the extent.
 
-        With them (points,) labels.
+        Each comes with (points,) labels. The extent is that of the cloud.
         """
         if not len(cloud.points):
             return

@@ -42,7 +42,7 @@ class Cloud:
         return cls(*map(np.concatenate, columns)).thinned(voxel)
 
     def thinned(self, voxel: float) -> Self:
-        """The first point in every cube."""
+        """The first point in every cube with sides of ``voxel`` m."""
         cubes = np.floor(self.points.astype(np.float64) / voxel).astype(np.int64)
         cubes -= cubes.min(axis=0, initial=0)
         size = cubes.max(axis=0, initial=0) + 1

@@ -25,7 +25,7 @@ class Coco(ImageExport):
     _splits: dict[str, dict[str, list[dict[str, Any]]]] = field(default_factory=dict, init=False)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """An image for each frame, and what is known of the objects in it."""
+        """Write an image for each frame, and collect the annotations of the objects in it."""
         split = self._splits.setdefault(entry.split, {"images": [], "annotations": []})
         k = scene.intrinsics
         for name, frame in self.images(folder, entry, scene):
@@ -37,7 +37,7 @@ class Coco(ImageExport):
                 split["annotations"].append(about | annotation(mask))
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
-        """A file for each split."""
+        """Write an annotation file for each split."""
         (folder / "annotations").mkdir()
         for name, split in self._splits.items():
             content = {"info": {"description": f"sarsim, {name}"}, "categories": CATEGORIES, **split}
@@ -47,10 +47,10 @@ class Coco(ImageExport):
 def objects(
     instance: NDArray[np.int32], content: SceneContent, min_area: int
 ) -> Iterator[tuple[int, NDArray[np.bool_]]]:
-    """Label and mask (H, W) of each geom in an instance image (H, W) that shows enough pixels; a victim is one."""
+    """Label and mask (H, W) of each object with enough pixels in an instance image (H, W): a geom or a victim."""
     victims = content.geom_victim.astype(np.int64)
     geoms = np.arange(len(victims))
-    # The geoms of a victim share the number of the first of them.
+    # All geoms of a victim get the number of its first geom.
     first = np.array([geoms[victims == v][0] if v >= 0 else g for g, v in zip(geoms, victims, strict=True)])
     merged = np.where(instance >= 0, first[instance], -1)
     for number, area in zip(*np.unique(merged[merged >= 0], return_counts=True), strict=True):
@@ -60,7 +60,7 @@ def objects(
 
 
 def annotation(mask: NDArray[np.bool_]) -> dict[str, Any]:
-    """Box (x, y, width, height in pixels), area and run lengths of a mask (H, W) with something in it."""
+    """Box (x, y, width, height in pixels), area and run lengths of a mask (H, W) that is not empty."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     box = [int(columns[0]), int(rows[0]), int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1]
     return {
@@ -72,7 +72,7 @@ def annotation(mask: NDArray[np.bool_]) -> dict[str, Any]:
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> str:
-    """A mask (H, W) as COCO compresses it: runs down the columns, less those two before, 5 bits a letter."""
+    """A mask (H, W) in COCO's compression: runs down the columns, minus the run two before, 5 bits per letter."""
     flat = np.concatenate([[False], mask.ravel(order="F"), [not mask[-1, -1]]])
     counts = np.diff(np.flatnonzero(flat[1:] != flat[:-1]), prepend=0)
     letters = []

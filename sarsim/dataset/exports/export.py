@@ -1,4 +1,4 @@
-"""What an export is."""
+"""The base classes of exports, and the files that all exports have."""
 
 import json
 import shutil
@@ -35,7 +35,7 @@ class Export:
     """New folder for the export; it appears when it is whole."""
 
     def run(self) -> Iterator[SceneEntry]:
-        """Do the work; yields after each scene.
+        """Make the export; yields after each scene.
 
         Raises:
             InputError: the dataset cannot be read, or the folder cannot be written.
@@ -56,7 +56,7 @@ class Export:
         raise NotImplementedError
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
-        """Write what concerns all scenes."""
+        """Write the files that concern all scenes."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class ImageExport(Export):
         check("min-area", self.min_area, 1)
 
     def images(self, folder: Path, entry: SceneEntry, scene: Scene) -> Iterator[tuple[str, Frame]]:
-        """Write every frame's image; yields its name without the ending, and the frame."""
+        """Write every frame's image; yields its name without suffix, and the frame."""
         images = folder / "images" / entry.split
         images.mkdir(parents=True, exist_ok=True)
         for index, frame in enumerate(scene):
@@ -85,7 +85,7 @@ def room(entry: SceneEntry) -> str:
 
 
 def label_names() -> str:
-    """The labels' names, a line each, by their numbers."""
+    """The labels' names in the order of their numbers, one per line."""
     return "".join(f"{label.name.lower()}\n" for label in Label)
 
 
@@ -98,7 +98,7 @@ def describe(
     generator: str,
     seed: object,
 ) -> None:
-    """Write what every export carries: README.md (a card of Hugging Face's), labels.csv, LICENSE, intrinsics.json."""
+    """Write the files of every export: README.md (a Hugging Face card), labels.csv, LICENSE and intrinsics.json."""
     rows = [f"{int(label)},{label.name.lower()},{','.join(map(str, COLOURS[label].tolist()))}\n" for label in Label]
     (folder / "labels.csv").write_text("".join(["id,name,red,green,blue\n", *rows]))
     known = {name: asdict(camera) for name, camera in cameras.items()}
@@ -111,7 +111,7 @@ def describe(
 
 
 def write_image(path: Path, image: NDArray, *options: int) -> None:
-    """Write (H, W) or (H, W, 3) RGB in the format of the name; raises OSError where it cannot be written."""
+    """Write (H, W) or (H, W, 3) RGB in the format of the suffix; raises OSError if it cannot be written."""
     bgr = image[..., ::-1] if image.ndim == 3 else image
     _, data = cv2.imencode(path.suffix, np.ascontiguousarray(bgr), options)
     path.write_bytes(data.tobytes())
@@ -119,10 +119,10 @@ def write_image(path: Path, image: NDArray, *options: int) -> None:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Lend a new folder beside ``path``, which takes its place when the block ends without an error.
+    """Give a new folder beside ``path``, which is renamed to ``path`` if the block ends without an error.
 
     Raises:
-        InputError: there is something already, or it cannot be written.
+        InputError: ``path`` exists already, or cannot be written.
     """
     if path.exists():
         raise InputError(f"{path}: already there")

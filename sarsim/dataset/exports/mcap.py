@@ -18,13 +18,13 @@ class Mcap(Export):
     """For each scene a bag: a folder with metadata.yaml and an MCAP file."""
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """A bag for each scene: images and labels, intrinsics, odometry, transforms, and the true poses."""
+        """Write a bag for the scene: images and labels, intrinsics, odometry, transforms, and the true poses."""
         path = folder / room(entry)
         path.parent.mkdir(parents=True, exist_ok=True)
         with Bag(path) as bag:
             topics = RobotTopics(bag.write)
             for index, frame in enumerate(scene):
-                # Nothing tells how fast the robot was between two frames.
+                # The robot's velocity between two frames is unknown.
                 unknown = Velocity(np.nan, np.nan)
                 topics.odometry(Odometry(frame.time, frame.T_odom_base, unknown, None, scene.pose_true[index]))
                 topics.frame(frame)

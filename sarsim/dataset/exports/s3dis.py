@@ -1,4 +1,4 @@
-"""Folders as of S3DIS (Armeni et al., "3D Semantic Parsing of Large-Scale Indoor Spaces", CVPR 2016)."""
+"""Folders in the layout of S3DIS (Armeni et al., "3D Semantic Parsing of Large-Scale Indoor Spaces", CVPR 2016)."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -29,13 +29,13 @@ class S3dis(Export):
         check("voxel", self.voxel, 0.001)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """A room for each scene, a file for each geom or victim that is seen in it."""
+        """Write a room for the scene, with a file for each geom or victim that is seen in it."""
         name = room(entry)
         annotations = folder / AREAS[entry.split] / name / "Annotations"
         annotations.mkdir(parents=True)
         cloud = Cloud.of_scene(scene, self.voxel)
         things, numbers = objects(scene, cloud), Counter[str]()
-        # A published reader (indoor3d_util.py) joins tables, and NumPy reads a file of one line as none.
+        # A published reader (indoor3d_util.py) joins tables; NumPy reads a file of one line as a vector, not a table.
         known, counts = np.unique(things, return_counts=True)
         several = np.isin(things, known[counts > 1])
         cloud, things = cloud.of(several), things[several]
@@ -47,20 +47,20 @@ class S3dis(Export):
             write_lines(annotations / f"{label}_{numbers[label]}.txt", part)
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
-        """Name the classes as published readers know them, by the first word of an annotation's name."""
+        """List the classes in the form of published readers: the first word of an annotation file's name."""
         first_words = [name.split("_")[0] for name in label_names().split()]
         (folder / "class_names.txt").write_text("\n".join([*first_words, ""]))
 
 
 def objects(scene: Scene, cloud: Cloud) -> NDArray[np.int64]:
     """(N,) a number for each geom, and one for all geoms of a victim; -1 for specks of dust."""
-    # The last element is what -1, no geom, stands for.
+    # The last element belongs to id -1, no geom.
     victim = np.append(scene.content.geom_victim, -1).astype(np.int64)[cloud.instance]
     return np.where(victim >= 0, len(scene.content.geom_name) + victim, cloud.instance)
 
 
 def write_lines(path: Path, cloud: Cloud) -> None:
-    """x y z in m, r g b from 0 to 255."""
+    """Write lines of x y z in m, r g b from 0 to 255."""
     lines = [
         f"{x:.3f} {y:.3f} {z:.3f} {r} {g} {b}\n"
         for (x, y, z), (r, g, b) in zip(cloud.points.tolist(), cloud.rgb.tolist(), strict=True)

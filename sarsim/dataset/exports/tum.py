@@ -19,7 +19,7 @@ from sarsim.dataset.exports.export import Export, describe, room, whole_folder, 
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 
-UNITS = 5000  # of the depth images a metre
+UNITS = 5000  # units of the depth images per metre
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Tum(Export):
     """
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """A sequence for each scene."""
+        """Write a sequence for the scene."""
         sequence = TumSequence(folder / room(entry))
         for index, frame in enumerate(scene):
             sequence.frame(frame)
@@ -54,16 +54,16 @@ IMAGES = ("rgb", "depth", "label")
 
 
 class TumSequence:
-    """A sequence of the benchmark that is written; image by image, and at last the lists of what there is."""
+    """Writes a sequence of the benchmark: image by image, and in the end the lists of images and readings."""
 
     def __init__(self, folder: Path):
-        """Make the folder; OSError here and later where that is impossible."""
+        """Make the folder; raises OSError, here or later, if it cannot be written."""
         self._folder, self._lists = folder, dict[str, list[str]]()
         for kind in IMAGES:
             (folder / kind).mkdir(parents=True)
 
     def frame(self, frame: Frame) -> None:
-        """Write the images of a frame, with its true labels where there are any."""
+        """Write the images of a frame, with its true labels if there are any."""
         depth = np.rint(np.where(frame.returns, frame.depth, 0) * UNITS).astype(np.uint16)
         for kind, image in zip(IMAGES, (frame.rgb, depth, frame.label), strict=True):
             if image is not None:
@@ -72,11 +72,11 @@ class TumSequence:
                 self._lists.setdefault(kind, []).append(f"{frame.time:.6f} {name}")
 
     def pose(self, kind: str, time: float, T: NDArray[np.float64]) -> None:
-        """Note a 4×4 pose of the camera at a time in s."""
+        """Add a 4×4 pose of the camera at a time in s to the list ``kind``."""
         self.numbers(kind, time, [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()])
 
     def numbers(self, kind: str, time: float, values: Iterable[float]) -> None:
-        """Note a reading."""
+        """Add a reading at a time in s to the list ``kind``."""
         line = " ".join(f"{number:.6f}" for number in (time, *values))
         self._lists.setdefault(kind, []).append(line)
 
@@ -97,10 +97,10 @@ class TumDrive(ExitStack):
     """
 
     def __init__(self, path: Path, seed: int):
-        """Take what :class:`pipeline.recording.ros.recorded_robot.RecordedRobot` tells, until this is closed.
+        """Record what :class:`pipeline.recording.ros.recorded_robot.RecordedRobot` reports, until this is closed.
 
         Raises:
-            InputError: ``path``, a new folder that then appears, is there already, or cannot be made.
+            InputError: ``path``, which becomes a folder on closing, exists already or cannot be made.
         """
         super().__init__()
         folder = self.enter_context(whole_folder(path))
@@ -116,21 +116,21 @@ class TumDrive(ExitStack):
         self._sequence.frame(frame)
 
     def motion(self, motion: Motion, command: Velocity) -> None:
-        """Note the readings of the IMU."""
+        """Add the readings of the IMU."""
         self._sequence.numbers("accelerometer", motion.time, motion.accelerometer)
         self._sequence.numbers("gyroscope", motion.time, motion.gyro)
 
     def joints(self, time: float, joints: Joints) -> None:
-        """The benchmark knows no wheels."""
+        """Ignored, because the benchmark has no file for wheels."""
 
     def odometry(self, odometry: Odometry) -> None:
-        """Note where the robot is, by its odometry and truly."""
+        """Add the robot's pose by odometry, and its true pose if it is known."""
         self._poses.append(("odometry", odometry.time, odometry.T_odom_base))
         if odometry.T_world_base is not None:
             self._poses.append(("groundtruth", odometry.time, odometry.T_world_base))
 
     def keyframe(self, time: float, labelled: bool, stood: bool = False) -> None:
-        """Note that the image of a time in s is a keyframe, whether it is labelled, and whether the robot stood."""
+        """Mark the image of a time in s as a keyframe; record whether it is labelled, and whether the robot stood."""
         self._keyframes[time] = labelled, stood
 
     def _finish(self, folder: Path, title: str, seed: int) -> None:
@@ -147,5 +147,5 @@ class TumDrive(ExitStack):
 
 
 def calibration(k: Intrinsics) -> str:
-    """fx fy cx cy as the benchmark's tools have them: pixel centres at whole numbers."""
+    """fx fy cx cy in the convention of the benchmark's tools: pixel centres at whole numbers."""
     return f"# fx fy cx cy\n{k.fx:.6f} {k.fy:.6f} {k.cx - 0.5:.6f} {k.cy - 0.5:.6f}\n"

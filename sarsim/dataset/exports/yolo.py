@@ -1,4 +1,4 @@
-"""Boxes of victims as YOLO trains on them."""
+"""Boxes of victims in YOLO's training format."""
 
 import logging
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Yolo(ImageExport):
     """images/<split>/*.jpg, labels/<split>/*.txt with lines of class x y width height, and data.yaml."""
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """An image and a text for each frame."""
+        """Write an image and a text file for each frame."""
         labels = folder / "labels" / entry.split
         labels.mkdir(parents=True, exist_ok=True)
         size = np.array([scene.intrinsics.width, scene.intrinsics.height], np.float64)
@@ -33,7 +33,7 @@ class Yolo(ImageExport):
             (labels / f"{name}.txt").write_text("".join(lines))
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
-        """Name the splits that have images and the one class; without a scene to validate with, frames are."""
+        """Write data.yaml with the splits and the one class; without a val scene, frames of train become val."""
         present = {entry.split for entry in dataset.entries}
         if "val" not in present and self._hold_out(folder, dataset):
             _log.warning(
@@ -44,9 +44,9 @@ class Yolo(ImageExport):
         (folder / "data.yaml").write_text("\n".join([*lines, "names:", "  0: victim"]) + "\n")
 
     def _hold_out(self, folder: Path, dataset: Dataset) -> bool:
-        """Move the last fifth of the frames of each scene from train to val; whether there is one to move.
+        """Move the last fifth of the frames of each scene from train to val; returns whether any was moved.
 
-        The last ones, since neighbours look alike.
+        The last ones are moved, because neighbouring frames look alike.
         """
         moved = False
         for entry in dataset.entries:

@@ -1,1 +1,1 @@
-"""What ``scripts/assets/make_esogu.py`` makes the ESOGU laboratory floor of."""
+"""Plan and parts of the ESOGU laboratory floor, which ``scripts/assets/make_esogu.py`` makes."""

@@ -10,14 +10,14 @@ from sarsim.scripts.assets.esogu.parts import Part, moved
 
 Pair = tuple[float, float]
 
-LENGTH, WIDTH, HEIGHT = 52.0, 15.0, 2.7  # m from outside to outside along x and y, and from floor to ceiling
+LENGTH, WIDTH, HEIGHT = 52.0, 15.0, 2.7  # m, outer length along x and y, and from floor to ceiling
 OUTER, INNER = 0.2, 0.12  # m, thickness of the outer walls and of those between rooms
-SOUTH_WALL, NORTH_WALL = -0.66, 2.06  # y in m, the middles of the corridor's walls
+SOUTH_WALL, NORTH_WALL = -0.66, 2.06  # y in m, the centres of the corridor's walls
 DOOR, DOOR_HEIGHT = 1.0, 2.05  # m, clear opening
 FRAME = 0.03  # m, thickness of a door's frame
 PANEL = 2.4
-"""m, no piece of wall is longer, so that a camera's picture leaves out what it does not show, and a lamp on the
-robot, whose light is computed at corners, has corners to shine on."""
+"""m, greatest length of a piece of wall, so that pieces outside an image can be culled, and so that walls have enough
+vertices for the robot's lamp, whose light is computed per vertex."""
 SILL, LINTEL = 0.95, 2.3  # m, lower and upper edge of the windows
 COLUMN = 0.4  # m, its sides
 
@@ -27,11 +27,11 @@ class Room:
     """A room on one side of the corridor.
 
     Attributes:
-        name: what it is for.
-        west, east: x in m of the middles of its walls.
-        doors: x in m of the middles of its door openings.
-        hinges: of each door, 1 where the leaf stands open east of it and -1 where west of it; 0 for no leaf.
-        windows: x in m of the middles of its windows.
+        name: of its use.
+        west, east: x in m of the centres of its walls.
+        doors: x in m of the centres of its door openings.
+        hinges: of each door, 1 if its open leaf is east of it and -1 if it is west of it; 0 for no leaf.
+        windows: x in m of the centres of its windows.
     """
 
     name: str
@@ -59,7 +59,7 @@ def corridor_wall(y: float, inward: int, rooms: tuple[Room, ...]) -> Iterator[Pa
     """The wall between the corridor and the rooms on one side of it.
 
     Args:
-        y: m of its middle.
+        y: m of its centre.
         inward: 1 if the rooms are north of it, -1 if south.
         rooms: along it.
     """
@@ -75,7 +75,7 @@ def corridor_wall(y: float, inward: int, rooms: tuple[Room, ...]) -> Iterator[Pa
     for room in rooms:
         for door, hinge in zip(room.doors, room.hinges, strict=True):
             if hinge:
-                # A leaf that stands open by half a turn, with its handle between it and the wall.
+                # A leaf that is open by 180°, with its handle between leaf and wall.
                 middle = door + hinge * (DOOR + 2 * FRAME)
                 yield from moved(_door_leaf(), middle, y + inward * (INNER / 2 + 0.08), 0)
 
@@ -105,7 +105,7 @@ def ceiling() -> Iterator[Part]:
 
 
 def _cut(low: float, high: float) -> list[Pair]:
-    """Equal pieces no longer than ``PANEL``."""
+    """Equal pieces from ``low`` to ``high`` that are at most ``PANEL`` long."""
     edges = np.linspace(low, high, 1 + int(np.ceil((high - low) / PANEL - 1e-9)))
     return list(pairwise(edges.tolist()))
 
@@ -115,7 +115,7 @@ def _wall(middle: Pair, extent: Pair, low: float, high: float, material: str = "
 
 
 def _window() -> list[Part]:
-    """Glass and sill, flat on the plane x = 0 and facing +x; a camera that measures depth meets the glass."""
+    """Glass and sill, flat on the plane x = 0 and facing +x; the glass gives depth returns."""
     height = LINTEL - SILL
     return [
         Part("wall", "glass", (0.005, 0, (SILL + LINTEL) / 2), (0.01, 1.5, height), solid=False),

@@ -1,14 +1,14 @@
 """Furniture of laboratories and offices.
 
-Every piece has its back on the plane x = 0, the middle of its back on the origin, and faces +x. What could be driven
-under has less air than the robot is high: a frame below its top.
+Every piece has its back on the plane x = 0, the middle of its back on the origin, and faces +x. Tables and desks have
+a frame below the top, so that the free space below them is lower than the robot.
 """
 
 from sarsim.scripts.assets.esogu.parts import Part, moved
 
 
 def _box(material: str, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> Part:
-    """Clutter between two corners."""
+    """A box of clutter between two corners."""
     middle = (sum(x) / 2, sum(y) / 2, sum(z) / 2)
     return Part("clutter", material, middle, (x[1] - x[0], y[1] - y[0], z[1] - z[0]))
 
@@ -145,12 +145,12 @@ PIECES: dict[str, list[Part]] = {
         _box("worktop", (0.5, 0.51), (-0.55, 0.55), (0.3, 1.1)),
         *(_box("screen", (0.5, 0.515), (y - 0.1, y + 0.1), (1.35, 1.55)) for y in (-0.3, 0.0, 0.3)),
     ],
-    # On the wall.
+    # A whiteboard on the wall.
     "whiteboard": [
         Part("wall", "white", (0.015, 0, 1.5), (0.03, 2.2, 1.2), solid=False),
         Part("wall", "steel", (0.05, 0, 0.89), (0.1, 2.2, 0.02), solid=False),
     ],
-    # On the wall, with papers.
+    # A notice board with papers on the wall.
     "notice_board": [
         Part("wall", "cork", (0.01, 0, 1.5), (0.02, 1.5, 0.9), solid=False),
         *(
@@ -158,7 +158,7 @@ PIECES: dict[str, list[Part]] = {
             for y, z in ((-0.4, 1.6), (-0.05, 1.42), (0.4, 1.55))
         ),
     ],
-    # Below a window.
+    # A radiator below a window.
     "radiator": [_box("white", (0.03, 0.13), (-0.6, 0.6), (0.12, 0.72))],
     # A bench to sit on in the corridor.
     "seat_row": [
@@ -171,11 +171,11 @@ PIECES: dict[str, list[Part]] = {
         _box("dark_wood", (0.0, 0.6), (-1.0, 1.0), (0.0, 1.06)),
         _box("worktop", (-0.05, 0.65), (-1.05, 1.05), (1.06, 1.1)),
     ],
-    # For waste paper.
+    # A bin for waste paper.
     "waste_bin": [_box("grey", (0.03, 0.27), (-0.15, 0.15), (0.0, 0.4))],
-    # In a pot.
+    # A plant in a pot.
     "plant": [_post("terracotta", 0.2, 0.0, (0.0, 0.36), 0.36), _post("leaf", 0.2, 0.0, (0.36, 1.2), 0.4)],
-    # On the wall.
+    # A fire extinguisher on the wall.
     "extinguisher": [
         _post("red", 0.1, 0.0, (0.55, 1.0), 0.16),
         _box("black", (0.05, 0.15), (-0.02, 0.02), (1.0, 1.1)),
@@ -186,7 +186,7 @@ PIECES: dict[str, list[Part]] = {
         *moved([_box("cardboard", (0.0, 0.4), (-0.2, 0.2), (0.0, 0.35))], 0.08, 0.36, 12),
         *moved([_box("cardboard", (0.0, 0.36), (-0.2, 0.2), (0.4, 0.7))], 0.06, -0.2, -8),
     ],
-    # On its side, its legs towards +x.
+    # A table on its side, with its legs towards +x.
     "fallen_table": [
         _box("wood", (0.0, 0.03), (-0.8, 0.8), (0.0, 0.8)),
         *(
@@ -196,4 +196,4 @@ PIECES: dict[str, list[Part]] = {
         ),
     ],
 }
-"""Every kind of furniture, by name."""
+"""The parts of every kind of furniture, by name."""

@@ -1,4 +1,4 @@
-"""Parts of furniture and of the building: labelled boxes and cylinders, and where they stand."""
+"""Parts of furniture and of the building: labelled boxes and cylinders with their poses."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ import numpy as np
 from sarsim.victims.mjcf import numbers
 
 Point = tuple[float, float, float]
-MARGIN = 1e-9  # deg; a yaw so near to 0 turns nothing
+MARGIN = 1e-9  # deg; a yaw nearer to 0 counts as 0
 
 
 @dataclass(frozen=True)
@@ -21,10 +21,10 @@ class Part:
         label: name of its default class.
         material: name of its colour or texture.
         middle: x, y, z in m.
-        extent: whole lengths along its own x, y, z in m; of a cylinder its diameter twice, and its length.
-        yaw: deg, how far it is turned left.
-        shape: what it is; the axis of a cylinder is z, of a lying one y.
-        solid: whether the robot can run into it.
+        extent: full lengths along its own x, y, z in m; of a cylinder its diameter twice, and its length.
+        yaw: deg, to the left.
+        shape: box or cylinder; the axis of a cylinder is z, that of a lying one is y.
+        solid: whether the robot can collide with it.
     """
 
     label: str
@@ -36,14 +36,14 @@ class Part:
     solid: bool = True
 
     def moved(self, x: float, y: float, yaw: float) -> "Part":
-        """Turned left about the origin by ``yaw`` (deg), then shifted by ``x``, ``y`` (m)."""
+        """The part turned left about the origin by ``yaw`` (deg), then shifted by ``x``, ``y`` (m)."""
         turn = np.radians(yaw)
         px, py, pz = self.middle
         middle = (x + np.cos(turn) * px - np.sin(turn) * py, y + np.sin(turn) * px + np.cos(turn) * py, pz)
         return replace(self, middle=middle, yaw=(self.yaw + yaw) % 360)
 
     def element(self, name: str) -> Element:
-        """As a geom."""
+        """The part as a geom."""
         words = {"name": name, "class": self.label, "material": self.material, "pos": numbers(self.middle)}
         half = np.array(self.extent) / 2
         if self.shape == "box":
@@ -58,7 +58,7 @@ class Part:
 
     def _quat(self) -> str | None:
         half = np.radians(self.yaw) / 2
-        if self.shape == "lying_cylinder":  # its axis, z, is laid along y first
+        if self.shape == "lying_cylinder":  # its axis, z, is turned to y first
             return numbers(np.sqrt(0.5) * np.array([np.cos(half), -np.cos(half), -np.sin(half), np.sin(half)]))
         if abs(self.yaw) < MARGIN or self.shape == "cylinder":
             return None
@@ -66,5 +66,5 @@ class Part:
 
 
 def moved(parts: Iterable[Part], x: float, y: float, yaw: float) -> list[Part]:
-    """All parts of something, moved together."""
+    """All parts turned left by ``yaw`` (deg), then shifted by ``x``, ``y`` (m)."""
     return [part.moved(x, y, yaw) for part in parts]

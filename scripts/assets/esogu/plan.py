@@ -1,6 +1,6 @@
-"""The floor plan: rooms, what stands in them, the robots' course and the victims.
+"""The floor plan: rooms, furniture, the robot's course and the victims.
 
-x runs along the building, y across it, in m; the origin is the middle of the floor. The corridor reaches from
+x runs along the building, y across it, in m; the origin is the centre of the floor. The corridor reaches from
 y = -0.60 to 2.00; rooms south of it are from -7.30 to -0.72, rooms north of it from 2.12 to 7.30.
 """
 
@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from sarsim.scripts.assets.esogu.building import Room
 from sarsim.victims.victims import Placement, Posture
 
-Place = tuple[str, float, float, float]  # Kind, x, y (m) and yaw (deg) of something
+Place = tuple[str, float, float, float]  # Kind, x, y (m) and yaw (deg) of furniture or an element
 
-EAST, NORTH, WEST, SOUTH = 0.0, 90.0, 180.0, -90.0  # deg, where something faces
+EAST, NORTH, WEST, SOUTH = 0.0, 90.0, 180.0, -90.0  # deg, yaw by the direction that something faces
 
 SOUTH_ROOMS = (
     Room("electronics laboratory", -25.9, -16.04, (-24.2, -17.6), (1, -1), (-24.0, -21.5, -19.0)),
@@ -32,11 +32,11 @@ NORTH_ROOMS = (
     Room("signals laboratory", 17.0, 25.9, (18.3, 24.3), (0, -1), (18.5, 21.5, 24.5)),
 )  # fmt: skip
 COLUMNS = tuple((x, y) for x in (-19.5, -13.0, -6.5, 0.0, 6.5, 13.0, 19.5) for y in (-4.0, -0.66, 2.06))
-"""x, y of their middles."""
+"""x, y of their centres, m."""
 
 
 def _row(kind: str, first: tuple[float, float], last: tuple[float, float], count: int, yaw: float) -> list[Place]:
-    """Equally spaced things between two places, both included."""
+    """Equally spaced places of one kind between two positions, both included."""
     steps = [n / (count - 1) for n in range(count)]
     return [(kind, first[0] + t * (last[0] - first[0]), first[1] + t * (last[1] - first[1]), yaw) for t in steps]
 
@@ -134,12 +134,12 @@ FURNITURE: dict[str, list[Place]] = {
         ("cabinet", 25.8, 3.9, WEST), ("whiteboard", 17.06, 4.6, EAST),
     ],
 }  # fmt: skip
-"""By room. A way of 0.9 m is left free to every room and around every island."""
+"""Furniture by room. A free lane of 0.9 m leads to every room and around every island of furniture."""
 
 COURSE: list[Place] = [
     # Machines laboratory: a field of three ridges, two tiles wide, along y.
     *(("ridge", x, y, NORTH) for x in (1.1, 2.3) for y in (-6.1, -4.9, -3.7)),
-    # Robotics laboratory: over a high deck; beside it, behind a wall, two ridges in a row.
+    # Robotics laboratory: a way over a high deck; beside it, behind a wall, two ridges in a row.
     ("ramp_34", 7.9, -3.2, 90.0),
     ("deck_34", 9.1, -3.2, 0.0),
     ("deck_34", 10.3, -3.2, 0.0),
@@ -156,12 +156,12 @@ COURSE: list[Place] = [
     ("ramp_17", 10.3, 0.0, -90.0),
     ("ridge", 16.6, 1.4, EAST),
 ]
-"""Elements of the library; a ridge is two ramps of half a tile, driven over the way it faces."""
+"""Elements of the library; a ridge is two ramps, driven over along its yaw."""
 
 
 @dataclass(frozen=True)
 class VictimPlan:
-    """A victim: where it lies or leans, and how."""
+    """A victim: its posture, placement and pose, x, y in m and yaw in deg."""
 
     posture: Posture
     placement: Placement
@@ -176,12 +176,12 @@ VICTIMS = (
     VictimPlan("sitting", "open", -9.4, -7.3, NORTH),  # circuits, below the window
     VictimPlan("side", "open", -4.4, 5.6, 80.0),  # computer room
     VictimPlan("slumped", "open", -14.2, 7.3, SOUTH),  # office 2, below the window
-    VictimPlan("lying", "open", -3.4, -5.2, 160.0),  # machines, before the machines
+    VictimPlan("lying", "open", -3.4, -5.2, 160.0),  # machines, in front of the machines
     VictimPlan("side", "hole", 13.3, -6.2, WEST),  # robotics, behind the course
     VictimPlan("lying", "rubble", 13.0, 4.9, 30.0),  # store, half buried
     VictimPlan("seated", "open", 25.8, -4.1, WEST),  # power, behind an island
     VictimPlan("bust", "box", 24.0, 5.6, -120.0),  # signals, in a box
 )
-"""Victim ``n`` is number ``n``, from 1."""
+"""The victims; the n-th, from 1, has the id ``n``."""
 
-START = (-25.0, 0.7)  # x, y in m at the corridor's west end; the robot faces along it
+START = (-25.0, 0.7)  # x, y in m at the corridor's west end; the robot faces along the corridor

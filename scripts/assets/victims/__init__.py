@@ -1,1 +1,1 @@
-"""How the victims' library is made: a body's surface, and the poses in which ragdolls come to rest."""
+"""The parts of the victims' library: bodies' surfaces, and the poses in which ragdolls come to rest."""

@@ -1,4 +1,4 @@
-"""A body cut into parts along the hems of clothes, each of them about convex."""
+"""A body cut along the hems of clothes into parts that are about convex."""
 
 from collections.abc import Callable
 
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from sarsim.scripts.assets.victims.surface import ANKLE, HIP, KNEE, Points, Surface
 
 SLEEVE, WRIST, COLLAR, WAIST = 0.40, 0.845, 0.515, 0.0
-"""m at rest: how far out a short sleeve and a hand begin, how high neck and trousers end."""
-BELLY = 0.13  # m at rest; how far up the belly reaches
+"""m at rest: distance of a short sleeve's end and of the wrist from x = 0, height of the collar and of the waist."""
+BELLY = 0.13  # m at rest, height of the upper end of the belly
 HEM, CUFF = 0.62, 0.95  # Shares of the thigh that short trousers cover, and of the shin above the shoe
 
 
@@ -25,7 +25,7 @@ def cut_into_parts(body: Surface) -> tuple[Surface, NDArray[np.int64], tuple[str
 
 
 def _part(place: NDArray[np.float64], bone: str) -> str:
-    """The part that a face belongs to, by its place at rest and the bone that moves it most."""
+    """The part that a face belongs to, by its position at rest and the bone with the largest weight."""
     side = "left" if place[0] > 0 else "right"
     if _is_arm(place):
         if abs(place[0]) > WRIST:
@@ -56,7 +56,7 @@ def _is_leg(points: Points) -> NDArray[np.bool_]:
 
 
 def _along(points: Points, start: Points, end: Points) -> NDArray[np.float64]:
-    """Share of the way down a limb, 0 at its start and 1 at its end."""
+    """Position along a limb, 0 at its start and 1 at its end."""
     x = np.concatenate([np.abs(points[..., :1]), points[..., 1:]], axis=-1)
     return (x - start) @ (end - start) / np.sum((end - start) ** 2)
 
@@ -70,7 +70,7 @@ def _wrist(points: Points) -> NDArray[np.float64]:
 
 
 def _collar(points: Points) -> NDArray[np.float64]:
-    """Lower in front than behind; the shoulders stay out of it."""
+    """Signed height above the collar, which is lower in front than behind; the shoulders are below it."""
     x, y, z = np.abs(points[..., 0]), points[..., 1], points[..., 2]
     height = y - COLLAR - 0.02 - 0.35 * -z - 0.6 * np.maximum(x - 0.05, 0)
     return np.where(x < 0.19, height, np.where(y > 0.62, 1, -1))
@@ -90,7 +90,7 @@ def _cuff(points: Points) -> NDArray[np.float64]:
 
 
 def _cut(body: Surface, value: Callable[[Points], NDArray[np.float64]]) -> Surface:
-    """Split the faces that the line where ``value`` is 0 crosses; what lies almost on it counts as on it."""
+    """Split the faces that the line ``value`` = 0 crosses; vertices very near to the line count as on it."""
     values = value(body.vertices)
     values[np.abs(values) < 0.004] = 0
     vertices, weights = list(body.vertices), list(body.weights)

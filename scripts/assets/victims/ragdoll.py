@@ -1,4 +1,4 @@
-"""People who fall: the CMU humanoid as a ragdoll that comes to rest on a floor, against a wall or on a block."""
+"""Falling people: the CMU humanoid as a ragdoll that comes to rest on a floor, against a wall or on a block."""
 
 from dataclasses import dataclass
 
@@ -15,29 +15,29 @@ from sarsim.scripts.assets.victims.surface import Primitive
 UPRIGHT = Rotation.from_matrix([(0, 0, 1), (1, 0, 0), (0, 1, 0)])
 TIMESTEP = 0.003
 FALL, REST = 1.5, 2.0
-"""s with muscles that hold the posture, and s without, at the end of which it must be at rest."""
-DENSITY = 500.0  # kg/m³; the primitives overlap, so that half of a body's makes 75 kg
+"""s with muscles that hold the posture, and s without, after which the ragdoll must be at rest."""
+DENSITY = 500.0  # kg/m³; the primitives overlap, so that half of a body's density makes 75 kg
 BLOCK = (0.26, 0.3, 0.25)  # m; half sizes of the block to sit on
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a posture is brought about, and what must hold at rest.
+    """How to produce a posture, and the conditions that must hold at rest.
 
     Attributes:
-        turn: about the person's own x, y, z before the fall: most likely angles, degrees.
-        spread: of these angles, degrees.
+        turn: about the person's own x, y, z before the fall: mean angles, degrees.
+        spread: standard deviation of these angles, degrees.
         height: of the root above the floor, m.
         hips, knees, elbows: flexion as lowest and highest angle, degrees.
         closed: how far the legs, 40° apart at rest, each turn inwards, degrees.
-        arms: how far the arms hang down (90) or go up (−90) and how far forward, as lowest and highest angle.
+        arms: angles of the arms downwards (90 hanging, −90 up) and forwards, each as lowest and highest, degrees.
         drawn_up: share of the knees' flexion that the hips flex in addition, so that the feet stay on the floor.
         strength: of the spine and the hips in holding the posture while falling.
-        rest_strength: of the same afterwards.
-        wall: how far in front of a wall at x < 0 the fall begins, m; 0 if there is none.
-        block: whether the fall ends on a block before the wall.
-        width: that the joints may spread over, m.
-        chest_up, chest_forward: lowest and highest height of the chest's own up and forward directions at rest.
+        rest_strength: of the spine and the hips afterwards.
+        wall: distance in m of the root from a wall at x < 0 when the fall begins; 0 if there is no wall.
+        block: whether the fall ends on a block in front of the wall.
+        width: largest extent of the joints along y at rest, m.
+        chest_up, chest_forward: lowest and highest z of the chest's own up and forward unit vectors at rest.
     """
 
     turn: tuple[float, float, float]
@@ -77,7 +77,7 @@ RECIPES = {
 
 
 class Ragdoll:
-    """The humanoid without muscles, wrapped in a person's primitives."""
+    """The humanoid without actuators, with the shapes of a person's primitives."""
 
     def __init__(self, primitives: list[Primitive], recipe: Recipe):
         scene, self._root = _scene(recipe)
@@ -93,12 +93,12 @@ class Ragdoll:
 
     @property
     def bone_poses(self) -> NDArray[np.float64]:
-        """(B, 7) place and quaternion of the primitives' bones, in the order of their names' first appearance."""
+        """(B, 7) position and quaternion of the primitives' bones, in the order of their first appearance."""
         bound = self.physics.bind(self._bones)
         return np.concatenate([bound.xpos, bound.xquat], axis=1)
 
     def fall(self, rng: np.random.Generator) -> bool:
-        """Set it up at random, let it fall, and say whether it came to rest as its recipe wants."""
+        """Set it up at random, let it fall, and return whether it came to rest as its recipe demands."""
         physics, recipe = self.physics, self._recipe
         physics.reset()
         self._pose(rng)
@@ -136,7 +136,7 @@ class Ragdoll:
         self._push_clear()
 
     def _push_clear(self) -> None:
-        """Move the root out of what it begins in, along the normal of the deepest contact."""
+        """Move the root until the body penetrates nothing, along the normal of the deepest contact."""
         physics, bodies = self.physics, self.physics.model.geom_bodyid
         for _ in range(200):
             mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
@@ -163,7 +163,7 @@ class Ragdoll:
         return angles
 
     def _relax(self) -> None:
-        """Let muscles go, but for a rest that keeps joints from their ends."""
+        """Reduce the joints' stiffness to a rest that keeps them from their limits."""
         for name, joint in self._joints.items():
             joint.stiffness = self._stiffness(name, self._recipe.rest_strength)
 
@@ -178,7 +178,7 @@ class Ragdoll:
 
 
 def rest_poses(bones: tuple[str, ...]) -> NDArray[np.float64]:
-    """(B, 7) place and quaternion of bones with all joints at 0, in the root's frame."""
+    """(B, 7) position and quaternion of bones with all joints at 0, in the root's frame."""
     physics = mjcf.Physics.from_mjcf_model(cmu_humanoid.CMUHumanoidPositionControlledV2020().mjcf_model)
     data = physics.data
     ids = [physics.model.body(bone).id for bone in bones]
@@ -207,7 +207,7 @@ def _scene(recipe: Recipe) -> tuple[mjcf.RootElement, mjcf.RootElement]:
 
 
 def _dress(root: mjcf.RootElement, primitives: list[Primitive]) -> dict[str, mjcf.Element]:
-    """Give bodies geoms of the primitives' shapes; the bodies by name."""
+    """Give bodies geoms of the primitives' shapes; returns the bodies by name."""
     names = tuple(dict.fromkeys(p.bone for p in primitives))
     bodies = {name: root.find("body", name) for name in names}
     rest = dict(zip(names, rest_poses(names), strict=True))
@@ -225,7 +225,7 @@ def _dress(root: mjcf.RootElement, primitives: list[Primitive]) -> dict[str, mjc
 
 
 def _exclude_neighbours(scene: mjcf.RootElement, physics: mjcf.Physics) -> None:
-    """Bodies that touch when all joints are at 0 do not collide: their shapes overlap by design."""
+    """Exclude collisions of bodies that touch when all joints are at 0: their shapes overlap by design."""
     physics.data.qpos[2] = 30.0  # away from floor and wall
     mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
     model = physics.model

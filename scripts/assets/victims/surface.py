@@ -1,7 +1,7 @@
 """The surface of a person around the CMU humanoid's skeleton, as a level set of soft primitives.
 
-Places are in the frame of the humanoid's root at rest: x to its left, y up, z forward, m; the arms are stretched out
-to the sides, the legs 20° apart. What is on the left is mirrored to the right.
+Positions are in the frame of the humanoid's root at rest: x to its left, y up, z forward, m; the arms are stretched
+out to the sides, the legs are 40° apart. Primitives on the left are mirrored to the right.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from sarsim.victims.people import NECK
 
 Points = NDArray[np.float64]
 
-SOFTNESS = 0.011  # m; how far primitives melt into each other, and how far a joint's bending reaches
+SOFTNESS = 0.011  # m over which primitives blend into each other, and bones' weights at a joint
 GRID = 0.009  # m between the samples of the level set
 HEAD_SCALE = {"man": 1.0, "woman": 0.98, "stout": 1.0, "child": 1.3}
 HIP, KNEE, ANKLE = np.array([(0.122, -0.11, 0.05), (0.289, -0.567, 0.059), (0.452, -1.015, 0.05)])
@@ -36,11 +36,11 @@ class Primitive:
     radii: NDArray[np.float64]
 
     def distance(self, points: Points) -> NDArray[np.float64]:
-        """(N,) about how far points lie outside, m."""
+        """(N,) approximate signed distance of points from the surface, m, positive outside."""
         return (_cone if self.centre.ndim == 2 else _ellipsoid)(points, self.centre, self.radii)
 
     def mirrored(self) -> "Primitive":
-        """The same on the right side of the body."""
+        """The same primitive on the right side of the body."""
         return replace(self, bone="r" + self.bone[1:], centre=self.centre * [-1, 1, 1])
 
 
@@ -51,8 +51,8 @@ class Surface:
     Attributes:
         vertices: (N, 3) m, at rest.
         faces: (M, 3) indices of vertices, counter-clockwise from outside.
-        weights: (N, B) share of each bone in moving each vertex; rows sum to 1.
-        bones: their names.
+        weights: (N, B) skinning weight of each bone for each vertex; rows sum to 1.
+        bones: names of the bones.
     """
 
     vertices: Points
@@ -87,12 +87,12 @@ def person(build: str) -> list[Primitive]:
 
 
 def scaled_head(points: Points, share: NDArray[np.float64] | float, scale: float) -> Points:
-    """Points moved with a head that is ``scale`` times as large; ``share``: how much each moves with the head."""
+    """Points of a head scaled by ``scale`` about the neck; ``share``: weight of the head for each point."""
     return points + np.expand_dims(share, -1) * (scale - 1) * (points - NECK)
 
 
 def hair(style: str) -> Callable[[Points], NDArray[np.float64]]:
-    """Distance function of a head of hair: short, or long down to the neck."""
+    """Signed distance function of hair: short, or long down to the neck."""
     cap = _ball("head", (0, 0.778, 0.004), (0.098, 0.112, 0.118))
     fall = _ball("head", (0, 0.70, -0.045), (0.105, 0.15, 0.08))
 
@@ -108,14 +108,14 @@ def hair(style: str) -> Callable[[Points], NDArray[np.float64]]:
 
 
 def body_surface(primitives: list[Primitive], triangles: int) -> Surface:
-    """The level set of primitives, with about so many triangles."""
+    """The level set of primitives, with about ``triangles`` triangles."""
     bones = tuple(dict.fromkeys(p.bone for p in primitives))
     vertices, faces = level_set(lambda p: soft_union(primitives, p), triangles)
     return Surface(vertices, faces, _weights(primitives, bones, vertices), bones)
 
 
 def soft_union(primitives: list[Primitive], points: Points) -> NDArray[np.float64]:
-    """(N,) distance to the union of primitives, rounded where they meet."""
+    """(N,) signed distance to the union of primitives, rounded where they meet, m."""
     total = np.zeros(len(points))
     for primitive in primitives:
         total += np.exp(-np.clip(primitive.distance(points), -0.5, 0.5) / SOFTNESS)
@@ -135,7 +135,7 @@ def fitted(primitives: list[Primitive], vertices: Points) -> Points:
 
 
 def level_set(distance: Callable[[Points], NDArray[np.float64]], triangles: int) -> tuple[Points, NDArray[np.int64]]:
-    """Vertices and faces of the surface where a distance is 0, with about so many triangles.
+    """Vertices and faces of the surface where ``distance`` is 0, with about ``triangles`` triangles.
 
     Naive surface nets: a vertex in each cell that the surface crosses, a quad for each edge that it crosses.
     """
@@ -191,7 +191,7 @@ def _corner(values: NDArray[np.float64], start: NDArray[np.int64]) -> NDArray[np
 
 
 def _weights(primitives: list[Primitive], bones: tuple[str, ...], vertices: Points) -> NDArray[np.float64]:
-    """(N, B) shares of the bones: those of their primitives in the soft union."""
+    """(N, B) skinning weights of the bones: the shares of their primitives in the soft union."""
     weights = np.zeros((len(vertices), len(bones)))
     for primitive in primitives:
         weights[:, bones.index(primitive.bone)] += np.exp(-primitive.distance(vertices) / SOFTNESS)
@@ -269,13 +269,13 @@ def _stick(bone: str, ends: object, radii: tuple[float, float]) -> Primitive:
 
 
 def _unsided(primitive: Primitive) -> Primitive:
-    """Ears and breasts come in pairs but belong to a bone in the middle."""
+    """The primitive on its unpaired bone: ears and breasts come in pairs, but head and thorax do not."""
     bone = primitive.bone
     return replace(primitive, bone=bone[1:]) if bone[1:] in ("head", "thorax") else primitive
 
 
 def _ellipsoid(points: Points, centre: Points, radii: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Quilez's bound: https://iquilezles.org/articles/ellipsoids."""
+    """Signed distance to an ellipsoid, by Quilez's bound: https://iquilezles.org/articles/ellipsoids."""
     offset = points - centre
     k0 = np.linalg.norm(offset / radii, axis=1)
     k1 = np.linalg.norm(offset / radii**2, axis=1)
@@ -283,7 +283,7 @@ def _ellipsoid(points: Points, centre: Points, radii: NDArray[np.float64]) -> ND
 
 
 def _cone(points: Points, ends: Points, radii: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Spheres along a line, of a radius that changes linearly."""
+    """Signed distance to spheres along a line, whose radius changes linearly."""
     axis = ends[1] - ends[0]
     t = np.clip((points - ends[0]) @ axis / (axis @ axis), 0, 1)
     return np.linalg.norm(points - ends[0] - t[:, None] * axis, axis=1) - radii[0] - t * (radii[1] - radii[0])

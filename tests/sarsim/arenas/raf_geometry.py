@@ -1,4 +1,4 @@
-"""The elements of .raf files as the format's description gives them, to compare with; written without the library."""
+"""Reference shapes of the elements of .raf files by the format's description, independent of the element library."""
 
 import numpy as np
 
@@ -91,10 +91,10 @@ ELEMENTS = {
     "victim_doll_heat_with_box": [box(VICTIM, (-0.25, 0.25), (0.35, 0.59), 0.2)],
     "victim_1": [box(VICTIM, (-0.2, 0.2), (-0.2, 0.2), 0.2)],
 }
-"""Shapes in the element's frame, each a label and the height of its top; -inf beside it."""
+"""Shapes in the element's frame, each a label and the height of its top; the height is -inf beside the shape."""
 
 LOOSE = ("hazmat", "start_check", "spectator", "fire_extinguisher", "stepfield")
-"""Beginnings of the types whose shape is not given to the millimetre."""
+"""Prefixes of the types whose shape the format does not give to the millimetre."""
 
 MOUNTS = {
     "wall_holes1": ((0.3, 0.9), (0.9, 0.6), (0.3, 0.3)),
@@ -117,7 +117,7 @@ def top_of(elements, x, y):
 
 
 def steady(elements, x, y, margin=0.002):
-    """Whether all points so near to (x, y) have the same label and nearly the same height: no edge is there."""
+    """Whether all points within ``margin`` of (x, y) have the same label and nearly the same height: no edge."""
     height, label = top_of(elements, x, y)
     same = np.ones(x.shape, bool)
     for angle in np.arange(8) * np.pi / 4:

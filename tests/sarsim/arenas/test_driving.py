@@ -69,7 +69,7 @@ def test_it_drives_over_ramps_and_the_seams_between_them(name):
 
 
 def field(kind, yaw_deg):
-    """Ridges side by side and one after another, 2 cm apart; the robot starts west of them and heads across."""
+    """A field of ridges, side by side and in a row, 2 cm apart; the robot starts west of it, heading ``yaw_deg``."""
     builder = ArenaBuilder("field")
     for column in range(1, 5):
         for row in range(-1, 3):
@@ -83,7 +83,7 @@ def field(kind, yaw_deg):
 
 
 RIDGES = {"half_ramp": ((90, -90), (90, -90)), "full_ramp": ((-90,), (90,))}
-"""Degrees of the elements in even and in odd columns."""
+"""Yaws in degrees of the elements in even and in odd columns."""
 
 
 @pytest.mark.parametrize("kind", sorted(RIDGES))

@@ -44,7 +44,7 @@ def surface(world):
 
 
 def thing_of(model, geom):
-    """What a geom is a part of: a piece of furniture, a victim with what covers it, the building, the course."""
+    """The object that a geom belongs to: a piece of furniture, a victim with its cover, the building, the course."""
     body = model.body(model.geom_bodyid[geom]).name
     if body != "world":
         return "victim " + body.split("_")[1]
@@ -60,7 +60,7 @@ def test_the_file_is_what_the_plan_says():
 def test_the_victims_are_what_the_plan_says():
     written, committed = people_on_the_floor(), TARGET.with_name(VICTIMS).read_text()
     assert NUMBER.sub("", written) == NUMBER.sub("", committed)
-    # The last digit of a vertex may be another one on another processor.
+    # The last digit of a vertex may differ between processors.
     numbers = [np.array(NUMBER.findall(text), np.float64) for text in (written, committed)]
     np.testing.assert_allclose(*numbers, atol=2e-4)
 
@@ -113,7 +113,7 @@ def test_ten_victims(world):
 
 
 def way_from_start(world, width, solid):
-    """Where the middle of a way ``width`` m wide may run from the start, around the outlines of what is solid."""
+    """The area that the centre line of a lane of ``width`` m can reach from the start, around labels ``solid``."""
     model, data = world
     bodies = convex_bodies(model, data, None)
     low = (bodies.low[:, 2] < HEADROOM) & (bodies.high[:, 2] > 0) & np.isin(bodies.label, solid)

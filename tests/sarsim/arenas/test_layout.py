@@ -1,4 +1,4 @@
-"""The plan of tiles, by hand."""
+"""Plans of tiles that are made by hand."""
 
 import numpy as np
 from hypothesis import given

@@ -161,11 +161,11 @@ def test_elements_on_the_same_place_count_once(tmp_path):
 )
 @pytest.mark.parametrize("rotation", [0, 33.3])
 def test_a_panel_inside_another_is_left_out(inner, outer, rotation, tmp_path):
-    """Else a picture and a ray would not agree on which of the two they see."""
+    """With both panels, rendering and ray casting would not agree on which of them they hit."""
     plain = f'type="{outer}" x="0" y="0" rotation="{rotation}"'
     both = [plain, f'type="{inner}" x="0" y="0" rotation="{rotation}"']
     alone, first, last = (compile_raf(write(tmp_path, *lines))[0] for lines in ([plain], both, both[::-1]))
-    # The rims of round holes are no boxes; they stay.
+    # The rims of round holes are no boxes, and are kept.
     rims = 3 * (inner == "wall_holes1")
     assert alone.ngeom + rims == first.ngeom == last.ngeom
     apart = write(tmp_path, plain, both[1].replace('x="0"', 'x="0" offset-y="0.01"'))
@@ -177,7 +177,7 @@ def test_unknown_types_are_named_and_the_rest_loads(tmp_path, caplog):
         tmp_path,
         'type="small_wall" x="0" y="0" rotation="0"',
         'type="sand_pit" x="1" y="0" rotation="0"',
-        # Random arenas have it, the format has not.
+        # An element of random arenas that is no type of the format.
         'type="ramp_17" x="1" y="0" rotation="0"',
     )
     with caplog.at_level(logging.WARNING):
@@ -187,7 +187,7 @@ def test_unknown_types_are_named_and_the_rest_loads(tmp_path, caplog):
 
 
 def compare_as_written(path):
-    """1,000 rays over a whole arena, but for the elements whose shape is not given to the millimetre."""
+    """Compare 1,000 rays over a whole arena, except near elements whose shape is not given to the millimetre."""
     elements, bounds = read_plainly(path)
     x, y = np.random.default_rng(0).uniform(*bounds, (1000, 2)).T
     loose = [e for e in elements if e[0].startswith(LOOSE)]

@@ -1,4 +1,4 @@
-"""Random arenas: the same again, their checks, and that a failed check is noticed."""
+"""Random arenas: their reproducibility, their checks, and that failed checks are reported."""
 
 import hashlib
 import os
@@ -36,7 +36,7 @@ from sarsim.victims.victims import make_victim, victims_of
 
 SEEDS = range(int(os.environ.get("SEEDS", "6")))
 WITHOUT_VICTIMS = {0: "463b0cb8d7ee9f7f", 1: "6b1a502229a949ca", 2: "23bbf08844679aad", 3: "1f3a1e5d71ca2b6c"}
-"""Digests of where everything stands."""
+"""Digests of the poses of all elements."""
 
 
 def compiled(xml):
@@ -102,7 +102,7 @@ def test_parameters_say_how_large_how_full_and_whether_there_is_a_ceiling():
 FURNISHED = RandomArenaConfig(furniture=0.25, bulky=0.2, victims=1)
 HALL = RandomArenaConfig(columns=5, rows=5, wall_density=0, ramps=0, clutter=0, furniture=0.3, victims=1)
 FURNISHED_ARENAS = [(seed, FURNISHED) for seed in (1, 2, 3, 4, 5, 7, 11)] + [(seed, HALL) for seed in (2, 4)]
-"""Few of their plans are drawn again, which takes a second each; the halls have ramps that lead nowhere."""
+"""Seeds with few redrawn plans, each of which takes a second; the halls have ramps that lead nowhere."""
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_furniture_fails_no_check(index, furnished):
 
 
 def test_furniture_stands_hangs_and_replaces_walls(furnished):
-    # Furniture takes the room of most that hides much.
+    # Furniture leaves little room for bulky elements.
     bulky = [build_random(seed, RandomArenaConfig(bulky=0.3, victims=1)).to_xml() for seed in (1, 3, 11)]
     kinds = set().union(*map(elements_of, [*furnished, *bulky]))
     standing = {kind for kind, _ in AGAINST_WALL} | set(FREESTANDING)
@@ -200,7 +200,7 @@ def test_a_seed_is_a_whole_number(name):
 
 
 def room(*walls):
-    """Three tiles in a row between walls, and walls of one's own: (tile, degrees)."""
+    """Three tiles in a row between walls, and additional ``walls``: (tile, degrees)."""
     builder = ArenaBuilder("room")
     for tile in range(3):
         for yaw in (0, 180):

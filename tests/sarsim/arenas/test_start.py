@@ -21,7 +21,7 @@ def compiled(builder):
 
 
 def corridor(length, *extra):
-    """Tiles in a row along x between walls, and elements of one's own: (kind, x tile, degrees)."""
+    """Tiles in a row along x between walls, and ``extra`` elements: (kind, x tile, degrees)."""
     builder = ArenaBuilder("corridor")
     for tile in range(length):
         for yaw in (0, 180):

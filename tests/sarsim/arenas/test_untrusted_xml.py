@@ -1,4 +1,4 @@
-"""XML files that a stranger may have made: refused in one line, before anything expands them."""
+"""Untrusted XML files: refused with one line, before anything expands them."""
 
 import pytest
 

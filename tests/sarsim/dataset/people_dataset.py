@@ -29,6 +29,6 @@ def write_people_dataset(folder: Path, scenes: int = 5) -> None:
 
 def _frame(scene: int, number: int) -> SceneFrame:
     areas = np.array(AREAS[number], np.int32)
-    # As if the image of 8 × 6 pixels had more: boxes of another size in each scene.
+    # Boxes of a different size in each scene, which may exceed the image of 8 × 6 pixels.
     boxes = np.array([(1, 2, 3 + scene, 4 + number), (0, 1, 6, 3 + scene)], np.int32)
     return replace(frame(number), victim_area=areas, victim_pixels=np.where(areas[:, None] > 0, boxes, NO_BOX))

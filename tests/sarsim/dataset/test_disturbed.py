@@ -20,13 +20,13 @@ KILLS = int(os.environ.get("KILLS", "2"))
 SCRIPT = Path(__file__).parents[3] / "scripts" / "generate_dataset.py"
 FLAGS = "--scenes 2 --frames 2 --workers 1 --seed 2 --width 160 --height 120 --arenas nist_6x4"
 LONGEST = 12.0
-"""s after which something is killed at the latest; a run takes about as long."""
+"""s, latest time of a kill; a run takes about as long."""
 WORKERS_KILLED = 2
-"""In one run at most: a scene over which a third worker dies is given up."""
+"""Largest number of killed workers in a run: a scene is given up when a third worker dies over it."""
 
 
 def start(folder: Path, prepare: Callable[[], object] | None = None) -> subprocess.Popen[str]:
-    """A generator with a session of its own; ``prepare`` is called in its process first."""
+    """Start a generator in a session of its own; ``prepare`` is called in its process first."""
     return subprocess.Popen(
         [sys.executable, SCRIPT, "--out", folder, *FLAGS.split()],
         stdout=subprocess.DEVNULL,
@@ -44,7 +44,7 @@ def checksums(folder: Path) -> dict[str, str]:
 
 
 def assert_whole(folder: Path, expected: dict[str, str]) -> None:
-    """Every scene that is there under its name is whole."""
+    """Assert that every scene that has its final name is complete."""
     for path, digest in checksums(folder).items():
         assert not path.endswith(".h5") or digest == expected[path]
 

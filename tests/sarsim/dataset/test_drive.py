@@ -60,7 +60,7 @@ def test_it_begins_at_the_start_and_has_as_many_keyframes_as_asked(nist: Nist, k
 
 def test_every_place_is_drivable(nist: Nist, keyframes: list[Pose]) -> None:
     near = nist.surface.grid.at(nist.surface.drivable, poses(keyframes)[:, :2, 3])
-    # Between the middles of two drivable cells a place may fall into the corner of a third one.
+    # A pose between the centres of two drivable cells may be in the corner of a third cell, which is not drivable.
     assert near.mean() > 0.95
 
 
@@ -70,7 +70,7 @@ def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(keyframes: list[Pose]
     assert height.max() > 0.16  # on a deck
     assert pitch.min() < -14 and pitch.max() > 14  # up and down
     assert np.abs(pitch).max() < 18
-    # Front wheels that begin to climb lift the middle by 0.135 m times the slope; a keyframe shakes by 1 mm, 0.2°.
+    # Climbing front wheels lift the centre by 0.135 m times the slope; a keyframe vibrates by 1 mm and 0.2°.
     assert np.abs(pitch[np.abs(height) < 0.003]).max() < np.degrees(np.arctan(0.005 / 0.135)) + 0.4
     rolls = np.degrees([tilt_of(pose)[0] for pose in T])
     assert np.abs(rolls).max() < 7.5  # head-on within 23°

@@ -43,7 +43,7 @@ def scene(data: Path) -> Scene:
 
 
 def exported(export: Export) -> Path:
-    """Where it lies."""
+    """Run an export; returns its folder."""
     assert [entry.index for entry in export.run()] == [0, 1]
     return export.out
 
@@ -59,7 +59,7 @@ def test_s3dis_rooms_are_the_sum_of_their_annotations(data: Path, tmp_path: Path
     np.testing.assert_array_equal(sorted_rows(whole), sorted_rows(np.concatenate(list(parts.values()))))
     cloud = Cloud.of_scene(scene, 0.05)
     alone = len(cloud.points) - len(whole)
-    assert 0 <= alone < 10  # objects of which one point is seen
+    assert 0 <= alone < 10  # objects with a single point
     for label in Label:
         mine = [part for name, part in parts.items() if name.rsplit("_", 1)[0] == label.name.lower()]
         assert 0 <= (cloud.label == label).sum() - sum(map(len, mine)) <= alone

@@ -1,4 +1,4 @@
-"""Whole datasets: the same bytes by whichever engine, and nothing lost whichever process dies."""
+"""Whole datasets: every engine makes the same bytes, and nothing is lost, whichever process dies."""
 
 import json
 import multiprocessing
@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[3]
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """What an undisturbed run in this process alone makes."""
+    """The files of an undisturbed run in this process alone."""
     folder = tmp_path_factory.mktemp("reference") / "data"
     generate(RECIPE, SCENES, folder, InProcess())
     return files(folder)
@@ -75,7 +75,7 @@ def test_what_goes_wrong_in_a_worker_is_told(tmp_path: Path) -> None:
 
 
 def command(folder: Path) -> subprocess.Popen[bytes]:
-    """The command that makes the reference."""
+    """The command that makes the same dataset as the reference."""
     flags = f"--scenes {SCENES} --frames 3 --width 64 --height 48 --seed 3 --workers 2 --arenas nist_6x4"
     script = [sys.executable, str(ROOT / "scripts" / "generate_dataset.py"), "--out", str(folder), *flags.split()]
     return subprocess.Popen(script, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)

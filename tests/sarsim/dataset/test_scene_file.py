@@ -1,4 +1,4 @@
-"""A scene's file: round trip, its bytes, and what is no such file."""
+"""A scene's file: round trip, its bytes, and files that are refused."""
 
 import errno
 import io

@@ -60,7 +60,7 @@ def test_on_a_slope_it_leans_as_the_slope_does(climb: float, rise: float, yaw: f
     T = contact_on(slope(climb, rise)).stand(0.0, 0.0, yaw, 0.0)
     assert T is not None
     normal = np.array([-climb, -rise, 1.0]) / np.linalg.norm([climb, rise, 1.0])
-    # A wheel as thin as a disc touches a slope across its way a little beside its lowest point.
+    # A wheel as thin as a disc touches a slope across its direction a little beside its lowest point.
     assert np.degrees(np.arccos(np.clip(T[:3, 2] @ normal, -1, 1))) < 0.5
     assert abs(T[:3, 3] @ normal) < 0.01  # 8.8 mm at the steepest, climb -0.31 and rise 0.25
     assert yaw_of(T) == pytest.approx(yaw, abs=1e-6)
@@ -73,7 +73,7 @@ def test_with_one_wheel_on_a_block_the_opposite_one_carries_and_a_third() -> Non
     bottoms = (from_rotation(T[:3, :3], T[:3, 3]) @ np.column_stack([wheel_contact.AXLES, np.ones(4)]).T)[2]
     above = bottoms - wheel_contact.RADIUS - [0.04, 0, 0, 0]
     on_ground = np.abs(above) < 1e-3
-    # The weight lies ahead of the diagonal's middle: so front right, and rear left hangs.
+    # The centre of mass is in front of the diagonal's middle: front right carries, and rear left hangs.
     np.testing.assert_array_equal(on_ground, [True, True, False, True])
     assert above[2] == pytest.approx(0.04, abs=2e-3)
 

@@ -24,7 +24,7 @@ def compiled(geoms, assets=""):
 
 
 def highest(model, data, grid):
-    """(nx, ny) top of everything by the columns, and by rays; NaN above nothing."""
+    """(nx, ny) highest surface by the columns, and by rays; NaN if there is none."""
     c = columns(convex_bodies(model, data, None), grid)
     by_columns, by_rays = np.full(grid.shape, np.nan), np.full(grid.shape, np.nan)
     geom = np.zeros(1, np.int32)

@@ -20,7 +20,7 @@ rates = st.floats(-5, 5)
 
 
 class Body:
-    """A robot whose wheels obey at once and that turns ``obedience`` times as it should."""
+    """A robot whose wheels reach their speeds at once, and that turns ``obedience`` times as fast as commanded."""
 
     def __init__(self, obedience: float = 1.0) -> None:
         self.firmware = SkidSteer(PIONEER)
@@ -38,7 +38,7 @@ class Body:
 
 
 def forward_and_turn(wheels: np.ndarray) -> np.ndarray:
-    """(..., 2) m/s and rad/s that these wheel speeds mean."""
+    """(..., 2) velocities in m/s and rad/s from (..., 2) wheel speeds in rad/s."""
     left, right = np.moveaxis(wheels * PIONEER.wheel_radius, -1, 0)
     return np.stack([(left + right) / 2, (right - left) / PIONEER.effective_track], axis=-1)
 

@@ -32,7 +32,7 @@ class Sheet:
     rolling: float
     lid: tuple[str, float]
     sweep: float
-    """m that its middle strays in a turn; where the load lies ahead, it turns about a place ahead."""
+    """m that its centre moves at most in a turn; a robot with its load in front turns about a point in front."""
 
 
 SHEETS = {
@@ -389,14 +389,14 @@ def _corners(model, data, geom) -> NDArray[np.float64]:
 
 
 def _bounds(model, data) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The box around all geoms but the lugs, whose corners stand out a little."""
+    """The box around all geoms except the lugs, whose corners protrude a little."""
     geoms = [geom for geom in range(model.ngeom) if model.geom_matid[geom] != model.material("lug").id]
     points = np.concatenate([_corners(model, data, geom) for geom in geoms])
     return points.min(axis=0), points.max(axis=0)
 
 
 class Body:
-    """A drive as the navigator knows a robot; no one looks."""
+    """A drive with the interface of a robot, for the navigator; it has no camera."""
 
     control_period = CONTROL
 
@@ -414,7 +414,7 @@ class Body:
 
 
 def strays(name: str, first: float, last: float, hold_gain: float) -> float:
-    """m that the robot strays at most when it turns from one heading to another, degrees, on 16°."""
+    """m that the robot moves at most when it turns from one heading to another, degrees, on a slope of 16°."""
     drive = Drive(name, Slope(16), z=0.2, pitch=-np.radians(16))
     navigator, here = Navigator(Body(drive), hold_gain=hold_gain), drive.pose[:2, 3]
     assert navigator.follow(here[None], np.radians(first))

@@ -1,4 +1,4 @@
-"""What the score of an episode tells of its course."""
+"""The figures of an episode's score."""
 
 import itertools
 
@@ -15,7 +15,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 @pytest.fixture(scope="module")
 def score():
-    """The score of three looks in the NIST arena."""
+    """The score of three steps in the NIST arena."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="truth"), seed=0)
     explorer = Explorer(robot, Mapper(robot.model, TruthClassifier()))
     score = EpisodeScore(robot, explorer, np.zeros((0, 4, 4)))

@@ -99,7 +99,7 @@ def test_keyframes_that_are_corrected_later_carry_their_tags_along():
 
 
 def test_near_views_count_more():
-    """One tag 2 m away and believed 0.25 m too near, and 1 m away where it is: 4 to 1."""
+    """A tag seen from 1 m at its true place and from 2 m at another one: the weights are 4 to 1."""
     near, far = in_base(300, 200, 12, 1.0), in_base(300, 200, 6, 2.0)
     ratio = np.linalg.norm(near - T_BASE_CAMERA[:3, 3]) / np.linalg.norm(far - T_BASE_CAMERA[:3, 3])
     score = FiducialScore(tags_at(near))

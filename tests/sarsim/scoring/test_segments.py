@@ -13,7 +13,7 @@ from tests.sarsim.true_planes import faces_of_scene
 FRONT = 0.98
 """m; x of the front of the wall in the scene, which runs from y = -1 to 1 and is 1 m high."""
 WALL = 1
-"""Its geom."""
+"""Geom id of the wall."""
 
 
 def segments_of(label, points, viewer):
@@ -38,12 +38,12 @@ def panel(geom, y_min, y_max, height=1.0):
 
 
 def iou(score, *stretch, viewer=(0, 0, 0.5)):
-    """Of a segment on a stretch of the wall."""
+    """Median IoU of a segment on a stretch of the wall."""
     return score.report(segments_of(Label.WALL, wall_points(*stretch), viewer))["boxes_iou"]["median"]
 
 
 def seen(faces, *views):
-    """The score of faces of which (geom, points) were seen."""
+    """The score of faces after ``views``, which are pairs of a geom and its seen points."""
     score = SegmentScore(faces)
     for geom, points in views:
         score.add(points, np.full(len(points), geom, np.int32))

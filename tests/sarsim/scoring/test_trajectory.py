@@ -16,7 +16,7 @@ def straight(length, drift=0.0):
 
 
 def scored(trajectory, keyframes=(), poses=(), loops=()):
-    """The score of a trajectory of which some poses, by index, are keyframes, believed to be at ``poses``."""
+    """The score of a trajectory of which some poses, by index, are keyframes with the estimates ``poses``."""
     localisation, grown = OdometryLocalisation(), []
     score = TrajectoryScore(localisation, grown)
     for n, pose in enumerate(trajectory):
@@ -53,11 +53,11 @@ def test_where_it_believes_to_have_been_is_the_keyframe_before_and_the_odometry_
     keyframes = 10, 60
     poses = [from_yaw(0.2, 1.0, 0, 0), from_yaw(1.2, 0.0, 0, np.pi / 2)]
     estimated = scored(trajectory, keyframes, poses).estimated()
-    np.testing.assert_allclose(estimated[0][:2, 3], (0.0, 0.99))  # before the first keyframe: back from that one
+    np.testing.assert_allclose(estimated[0][:2, 3], (0.0, 0.99))  # before the first keyframe: odometry back from it
     np.testing.assert_allclose(estimated[10], poses[0])
     np.testing.assert_allclose(estimated[59][:2, 3], (1.18, 1.049))
     np.testing.assert_allclose(estimated[60], poses[1])
-    np.testing.assert_allclose(estimated[100][:2, 3], (1.2 - 0.04, 0.8))  # its y is now the odometry's x
+    np.testing.assert_allclose(estimated[100][:2, 3], (1.2 - 0.04, 0.8))  # the estimate's y is along the odometry's x
 
 
 @given(st.sets(st.integers(0, 100), min_size=1, max_size=8), st.floats(-3, 3), st.floats(-3, 3))

@@ -20,9 +20,9 @@ def test_crossed_voxels_are_those_that_fine_sampling_finds(ends):
     last = tuple(end.astype(int))
     assert not crossed[last] or last == tuple(start.astype(int))
     expected[last] = crossed[last] = False
-    # Sampling may miss a corner that a ray only grazes; the walk may not miss what sampling finds.
+    # Sampling may miss a corner that a ray only grazes; the traversal must not miss a voxel that sampling finds.
     assert not (expected & ~crossed).any()
-    # It passes at most seven corners, and at each by the sides of two voxels: the ray touches them.
+    # The traversal passes at most seven corners, at each through two more voxels, which the ray touches.
     assert crossed.sum() - expected.sum() <= 14
     for voxel in np.argwhere(crossed & ~expected):
         outside = np.maximum(0, np.maximum(voxel - samples, samples - voxel - 1))

@@ -6,7 +6,7 @@ import numpy as np
 
 
 class NoNoise(np.random.Generator):
-    """A generator whose normal numbers are all 0: a sensor that draws its errors from it makes none."""
+    """A random generator whose normal numbers are all 0, so that a sensor's errors are 0."""
 
     def __init__(self) -> None:
         super().__init__(np.random.PCG64(0))

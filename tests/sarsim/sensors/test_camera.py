@@ -91,7 +91,7 @@ def cast(
 def share_on_surface(
     model: mujoco.MjModel, data: mujoco.MjData, image: LabelledImage, own: tuple[str, ...] = ()
 ) -> float:
-    """Share of the pixels with the geom that the ray hits and a point within 5 mm of there; ``own`` are unseen."""
+    """Share of the pixels with the ray's geom and a point within 5 mm of its hit; geoms ``own`` give no return."""
     geom, hits = cast(model, data, image)
     geom[np.isin(geom, [model.geom(name).id for name in own])] = -1
     points = (image.intrinsics.rays * image.depth[..., None]).reshape(-1, 3)

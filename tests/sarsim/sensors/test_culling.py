@@ -1,4 +1,4 @@
-"""What is left out of a picture must not be missing from it."""
+"""Culling must not leave out geoms that an image shows."""
 
 import mujoco
 import numpy as np

@@ -1,4 +1,4 @@
-"""Light, the lamp, and what the colour sensor makes of too little of it."""
+"""Lighting, the lamp, and the colour sensor's noise in too little light."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def picture(depth: float = 2.0, value: int = 128) -> LabelledImage:
 
 @pytest.fixture(scope="module")
 def looks() -> dict[str, Frame]:
-    """The first look in nist_6x4 under each lighting."""
+    """The first frame in nist_6x4 under each lighting."""
     frames = {}
     for name in LEVELS:
         robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(lighting=name), seed=3)
@@ -47,7 +47,7 @@ def test_depth_is_the_same_in_the_dark_bit_for_bit(looks: dict[str, Frame], name
 
 
 def test_pictures_fail_where_light_is_short(looks: dict[str, Frame]) -> None:
-    """Grain between neighbouring pixels, relative to the mean: everywhere in dim light, far off in the lamp's."""
+    """Images have grain, in dim light everywhere, in the lamp's light far from the lamp."""
 
     def grain(frame: Frame, chosen: NDArray[np.bool_]) -> float:
         green = frame.rgb[..., 1].astype(np.float64)

@@ -35,7 +35,7 @@ def ideal() -> WheelOdometry:
 
 
 def drive(odometry: WheelOdometry, v: float, omega: float, seconds: float) -> np.ndarray:
-    """Drive on level ground with wheels that do not slip; the believed pose at the end."""
+    """Drive on level ground with wheels that do not slip; returns the estimated pose at the end."""
     angle, half_track, gyro = np.zeros(2), 0.29, np.array([0.0, 0.0, omega])
     T = odometry.update(angle, gyro, UP, DT)
     for _ in range(round(seconds / DT)):
@@ -142,7 +142,7 @@ class Plane(composer.Arena):
 
 @cache
 def driven(v: float, omega: float, seconds: float) -> list[tuple[NDArray[np.float64], ...]]:
-    """What encoders, gyros and accelerometers truly feel and the true pose, 5 Hz, of a command in the physics."""
+    """True values of encoders, gyros and accelerometers, and the true pose, at 5 Hz, of a command in the physics."""
     plane, robot, ways = Plane(), SkidSteered(), []
     firmware = SkidSteer(robot.drive)
     plane.add_free_entity(robot)
@@ -160,7 +160,7 @@ def driven(v: float, omega: float, seconds: float) -> list[tuple[NDArray[np.floa
 
 
 def errors(ways: list[tuple[NDArray[np.float64], ...]], seed: int) -> NDArray[np.float64]:
-    """(3,) m along the ground, m upwards and degrees of heading that the odometry is wrong at the end."""
+    """(3,) errors of the odometry at the end: m along the ground, m upwards and degrees of heading."""
     odometry = WheelOdometry(np.random.default_rng(seed), RADIUS)
     for wheels, gyro, accelerometer, _ in ways:
         believed = odometry.update(wheels, gyro, accelerometer, 10 * DT)

@@ -172,7 +172,7 @@ def test_an_unknown_camera_is_named(camera: str | int) -> None:
 
 
 def test_a_process_that_renders_trains_too():
-    """Mesa's LLVM and that of triton, which PyTorch for CUDA imports here, do not get into each other's way."""
+    """Mesa's LLVM and that of triton, which PyTorch for CUDA imports here, do not conflict."""
     imports = "import sarsim.sensors.rendering, dm_control.mjcf, torch"
     code = f"{imports}; torch.optim.AdamW([torch.zeros(1).requires_grad_()])"
     subprocess.run([sys.executable, "-c", code], check=True)

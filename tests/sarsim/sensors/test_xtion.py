@@ -175,7 +175,7 @@ def test_lateral_noise_frays_edges_by_its_sigma() -> None:
     changed = measured != depth
     assert not changed[:, :156].any()
     assert not changed[:, 164:].any()
-    # The column left of the edge sees right of it if its offset rounds to 1 or more: P(N > 0.5 / 0.8).
+    # The column left of the edge measures beyond the edge if its offset rounds to 1 or more: P(N > 0.5 / 0.8).
     assert changed[:, 159].mean() == pytest.approx(0.266, abs=0.08)
     assert changed[:, 160].mean() == pytest.approx(0.266, abs=0.08)
     assert changed[:, 158].mean() == pytest.approx(0.030, abs=0.04)
@@ -187,7 +187,7 @@ def test_dropout_takes_its_share() -> None:
 
 
 def labelled(depth: NDArray[np.float32]) -> LabelledImage:
-    """A picture whose label and instance tell near from far."""
+    """An image with different labels and instances for near and far depths."""
     near = depth < 1.5
     return LabelledImage(
         rgb=np.zeros((240, 320, 3), np.uint8),

@@ -1,4 +1,4 @@
-"""Victims: what an arena gets, what a scorer finds, and whether people rest as bodies do."""
+"""Victims: their MJCF in an arena, their true poses, and whether people rest on floor and wall."""
 
 from pathlib import Path
 from xml.etree.ElementTree import Element, fromstring, tostring
@@ -121,7 +121,7 @@ def test_the_library_is_small_and_varied() -> None:
 
 @pytest.mark.parametrize("pose", POSES)
 def test_people_rest_on_the_floor_and_against_the_wall(pose: int) -> None:
-    """As the physics left them, before what sinks in is pressed flat; within 1 cm for the tallest."""
+    """As the physics left them, before vertices are moved out of floor and wall; within 1 cm for the tallest."""
     library = people()
     with np.load(asset("victims", "people.npz")) as file:
         turns, offsets = bone_motions(file["rest"], file["poses"][pose])

@@ -1,4 +1,4 @@
-"""The localisation's benchmark: what it makes of replayed drives, and what each method does with frames."""
+"""The localisation's benchmark: the figures of replayed drives, and each method's poses of frames."""
 
 from pathlib import Path
 
@@ -56,7 +56,7 @@ def test_every_method_follows_a_drive_and_leaves_its_way(tmp_path):
     assert report["frames"] == 12
     assert report["way_m"] == pytest.approx(1.1)
     assert report["odometry"]["ate_m"] > 0.02
-    # A room of three pairs of planes tells any registration where it is.
+    # A room of three pairs of planes determines the pose for any registration.
     assert all(report[name]["ate_m"] < report["odometry"]["ate_m"] for name in METHODS if name != "odometry")
     assert all(report[name]["frame_ms"] >= 0 for name in METHODS)
     ways = [np.loadtxt(folder / f"{JOB.name}-{name}.tum") for name in (*METHODS, "true")]
@@ -145,7 +145,7 @@ def test_the_picture_shows_the_ways():
     assert picture.shape == (20 * MOST_PIXELS + 2 * BAND, 40 * MOST_PIXELS, 3)
 
     def at(x, y):
-        """The colour at a place in m, but for what smoothing takes of a thin line."""
+        """The colour at a place in m, with a tolerance for the smoothing of thin lines."""
         pixel = picture[round((1.0 - y) / 0.05 * MOST_PIXELS), round((x + 1) / 0.05 * MOST_PIXELS)]
         return pytest.approx(tuple(pixel.astype(int)), abs=40)
 

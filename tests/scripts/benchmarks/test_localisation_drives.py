@@ -1,4 +1,4 @@
-"""Drives are recorded with what the wheels say beside the truth, and read as they were written."""
+"""Drives are recorded with wheel odometry and true poses, and read as they were written."""
 
 import numpy as np
 import pytest

@@ -58,7 +58,7 @@ def write_tum_folder(folder: Path, **files: Iterable[NDArray[np.float64]]) -> Pa
 
 
 Change = Callable[[str, float, Any], Iterable[tuple[str, float, Any]]]
-"""From a topic, a time in s and a message to those that are written in its place."""
+"""Takes a topic, a time in s and a message; returns the messages that are written in its place."""
 
 
 def unchanged(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:

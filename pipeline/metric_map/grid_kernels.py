@@ -1,4 +1,4 @@
-"""Compiled functions that check poses, put boxes around points, and add scans to log odds."""
+"""Compiled functions that check poses, put boxes around points, and add scans to log-odds."""
 
 import numpy as np
 from numba import njit

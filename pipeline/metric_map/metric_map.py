@@ -136,7 +136,7 @@ class MetricMap:
         return ((index + 0.5) * self.voxel_size + self.corner).astype(np.float32)
 
     def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(3,) first index and (3,) one past the last index of the box around all voxels known so far."""
+        """(3,) first index and (3,) one past the last index of the box around all known voxels."""
         return self._log_odds.bounds()
 
     def log_odds(self, lower: NDArray[np.int64], upper: NDArray[np.int64]) -> NDArray[np.int8]:

@@ -1,4 +1,4 @@
-"""Scans: which voxels one depth image or point cloud hits and frees, before the map adds them to its log odds."""
+"""Scans: which voxels one depth image or point cloud hits and frees, before the map adds them to its log-odds."""
 
 from dataclasses import dataclass
 from functools import lru_cache

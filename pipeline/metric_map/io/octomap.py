@@ -1,4 +1,4 @@
-"""The metric map as files of OctoMap: ``.bt`` with free and occupied only, ``.ot`` with log odds and colours.
+"""The metric map as files of OctoMap: ``.bt`` with free and occupied only, ``.ot`` with log-odds and colours.
 
 OctoMap (Hornung et al., "OctoMap: an efficient probabilistic 3D mapping framework based on octrees", 2013) has no
 grid offset: voxel (i, j, k) is written as OctoMap's voxel (i, j, k), and a comment in the header holds the corner of
@@ -18,7 +18,7 @@ from pipeline.labels import COLOURS, Label
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 
 REACH = 1 << 15  # Voxels from the origin to the end of an octree of OctoMap's 16 levels
-CLAMP = 1e-9  # Probability below which OctoMap clamps; less than that of any log odds of the metric map
+CLAMP = 1e-9  # Probability below which OctoMap clamps; less than that of any log-odds of the metric map
 
 
 def write_bt(path: Path, metric_map: MetricMap) -> None:
@@ -59,7 +59,7 @@ def write_ot(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None
 def _add_voxels(
     tree: OcTree | ColorOcTree, metric_map: MetricMap, centres: NDArray[np.float32]
 ) -> NDArray[np.floating]:
-    """Add voxels with their log odds; returns their (N, 3) centres in the octree, m."""
+    """Add voxels with their log-odds; returns their (N, 3) centres in the octree, m."""
     index = metric_map.voxel_index(centres)
     if np.any((index < -REACH) | (index >= REACH)):
         raise InputError(f"an octree of OctoMap reaches {REACH} voxels from the map's origin, not farther")

@@ -1,4 +1,4 @@
-"""The semantic map: a labelled point for every 2 cm voxel that was ever hit (thesis 3.2, figure 3)."""
+"""The semantic map: a labelled point for every 2 cm voxel with returns (thesis 3.2, figure 3)."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -82,7 +82,7 @@ class SemanticMap:
     def show_people(self, people: Sequence[NDArray[np.float32]]) -> None:
         """Label as victim the map's points at the (N, 3) points, m, of each of these people, replacing earlier ones.
 
-        If the classifier itself gives points the label victim, nobody is shown and its labels stay.
+        If the classifier itself labels points as victim, only its labels count.
         """
         self._people = list(people)
 

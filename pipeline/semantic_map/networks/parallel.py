@@ -1,4 +1,4 @@
-"""One training in several processes: each process of ``torchrun`` has its own part of every batch."""
+"""One training in several processes: in each step, every process of ``torchrun`` learns from a batch of its own."""
 
 import os
 from dataclasses import dataclass

@@ -27,7 +27,7 @@ class TrainingConfig:
     validate_every: int = 250
 
     def __post_init__(self) -> None:
-        """Raise InputError for settings that cannot work."""
+        """Raise InputError for settings out of range."""
         if self.minutes is not None and not 0 < self.minutes < float("inf"):
             raise InputError(f"--minutes {self.minutes:g}: more than 0")
         if min(self.steps, self.batch, self.validate_every) < 1:

@@ -57,7 +57,7 @@ def _best_of_groups(row, half_square, best):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def _lower_bound(best, best_of_best, rank, k):
-    """A closeness that at least k points reach: the k-th largest of BOUNDS maxima."""
+    """A lower bound of the k nearest points' closeness: the k-th largest of BOUNDS maxima."""
     best_of_best[:] = best[:BOUNDS]
     for start in range(BOUNDS, GROUPS, BOUNDS):
         for b in range(BOUNDS):

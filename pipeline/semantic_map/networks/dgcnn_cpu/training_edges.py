@@ -24,7 +24,7 @@ class Edges:
     """
 
     def __init__(self, a: Tensor, b: Tensor, neighbours: NDArray[np.int32]) -> None:
-        """Sum up the edges."""
+        """Compute the sums."""
         self.a, self.b, self.neighbours = a, b, neighbours
         self.sums = np.zeros(a.shape[1]), np.zeros(a.shape[1])
         self.of_neighbours, self.of_origins = torch.zeros_like(a), torch.zeros_like(a)

@@ -76,7 +76,7 @@ def size_overlaps(sizes: NDArray[np.floating], anchors: NDArray[np.floating]) ->
 def fit_anchors(sizes: NDArray[np.floating], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(count, 2) widths and heights, px, from small to large, that overlap (N, 2) sizes well.
 
-    By k-means on overlap (Redmon and Farhadi, YOLO9000, arXiv:1612.08242, section 2).
+    By k-means on overlap (Redmon and Farhadi, YOLO9000, arXiv:1612.08242, section 2), with medians instead of means.
 
     Raises:
         InputError: fewer different sizes than anchors.

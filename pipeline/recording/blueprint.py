@@ -19,7 +19,7 @@ _SCENE = (
     "- $origin/robot/camera/depth",
     "- $origin/robot/camera/labels",
     "- $origin/victims/photos",
-    # The eye looks from above.
+    # The eye looks from above, where a ceiling would hide the map.
     "- $origin/arena/ceiling/**",
 )
 

@@ -140,7 +140,7 @@ class Recorder:
         _compact(self._path)
 
     def _set_time(self, time: float, *, on_a_step: bool = True) -> None:
-        """Set the times of what is logged next; between two steps it is not on the timeline ``step``."""
+        """Set the time of the next data; on the timeline ``step`` the robot stays at its keyframe between steps."""
         self._time = time
         self.stream.set_time("sim_time", duration=time)
         if on_a_step:

@@ -55,7 +55,7 @@ def photo_name(person: Person) -> str:
 
 
 def _plain(numbers: Any) -> Any:
-    """Numbers of any shape as Python's own for JSON, rounded to 1e-6."""
+    """A number, or nested lists of numbers, for JSON, rounded to 1e-6."""
     return np.round(np.asarray(numbers, np.float64), 6).tolist()
 
 

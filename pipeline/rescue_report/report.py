@@ -26,7 +26,7 @@ class RescueReport:
         self._finished = False
 
     def add(self, step: Step) -> None:
-        """Take the newest step into account."""
+        """Add the newest step."""
         self._poses.append(step.keyframe.T_map_base)
         self._camera_height = float(step.keyframe.frame.T_base_camera[2, 3])
         if self._explorer.mission.goals is None:  # only exploring shows whether viewpoints are left

@@ -161,7 +161,7 @@ def frontier_points(frontiers: NDArray[np.float64]) -> rr.Points3D:
 
 
 def keyframes(poses: NDArray[np.float64]) -> rr.Arrows3D:
-    """An arrow ahead at each of (K, 4, 4) poses."""
+    """An arrow ahead at each of (K, 4, 4) poses in ``map``."""
     return rr.Arrows3D(
         origins=poses[:, :3, 3] + 1.5 * ABOVE_GROUND,
         vectors=0.12 * poses[:, :3, 0],
@@ -173,7 +173,7 @@ def keyframes(poses: NDArray[np.float64]) -> rr.Arrows3D:
 
 
 def loops(found: Sequence[Loop], poses: NDArray[np.float64]) -> rr.LineStrips3D:
-    """Lines between the keyframes that loops connect, given the (K, 4, 4) poses of the keyframes."""
+    """Lines between the keyframes that loops connect, given the keyframes' (K, 4, 4) poses in ``map``."""
     ends = [(loop.first, loop.second) for loop in found]
     return rr.LineStrips3D(
         [poses[list(pair), :3, 3] + 1.5 * ABOVE_GROUND for pair in ends],

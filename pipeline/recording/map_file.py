@@ -98,7 +98,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
 
 
 def load_elevation_map(path: Path, robot: RobotModel) -> tuple[ElevationMap, NDArray[np.float64]]:
-    """Only the final elevation map, for a robot, and the (K, 4, 4) poses of the keyframes.
+    """Only the final elevation map, for a robot, and the (K, 4, 4) poses of the keyframes in ``map``.
 
     Raises:
         InputError: as :func:`load_keyframes`.

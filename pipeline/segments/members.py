@@ -76,7 +76,7 @@ class MovedMembers:
         self._outlines = np.einsum("pij,pj->pi", R[of_corner], outlines) + t[of_corner]
 
     def moments(self, rows: NDArray[np.intp]) -> Moments:
-        """The sum of the moments of some members."""
+        """The sum of the moments of the members with these indices (K,)."""
         return Moments(int(self.counts[rows].sum()), self._totals[rows].sum(axis=0), self._squares[rows].sum(axis=0))
 
     def outline(self, row: int) -> NDArray[np.float64]:

@@ -37,7 +37,7 @@ def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float
 
 
 def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
-    """Write cells as PNG and, for their size and place, a world file (.pgw); arguments as :func:`save_geotiff`."""
+    """Write cells (nx, ny) as PNG, and their size and place, m, as a world file (.pgw); as :func:`save_geotiff`."""
     x, y = origin[0] + cell / 2, origin[1] + (cells.shape[1] - 0.5) * cell
     with whole_file(path) as partial:
         partial.write_bytes(cv2.imencode(".png", _image(cells))[1].tobytes())
@@ -46,7 +46,7 @@ def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.flo
 
 
 def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
-    """Write the outlines of cells as SVG, in m, with y up; arguments as :func:`save_geotiff`."""
+    """Write the outlines of cells (nx, ny) as SVG, in m, with y up; arguments as :func:`save_geotiff`."""
     width, height = np.array(cells.shape) * cell
     x, y = origin
     parts = []
@@ -63,7 +63,7 @@ def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64])
 
 
 def save_dxf(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
-    """Write cells as closed polylines in m, one layer per kind of ground; arguments as :func:`save_geotiff`.
+    """Write cells (nx, ny) as closed polylines, m, one layer per kind of ground; arguments as :func:`save_geotiff`.
 
     The DXF is of release 12 (AC1009), which requires no section but ENTITIES: pairs of code and value.
     """

@@ -21,6 +21,6 @@ def iou(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def mean_iou(confusion: NDArray[np.int64], classes: Sequence[int]) -> float:
-    """Mean IoU over those of the given classes that occur; NaN if none does."""
+    """Mean IoU, by a confusion matrix (C, C), over those of the given classes that occur; NaN if none does."""
     occurring = [c for c in classes if confusion[c].any()]
     return float(iou(confusion)[occurring].mean()) if occurring else float("nan")

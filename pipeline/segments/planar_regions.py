@@ -97,7 +97,7 @@ def _ransac_regions(
     """(N,) plane of every surfel, NONE for outliers, and the (P, 4) planes [n, d] of all regions.
 
     Large regions come first and claim all surfels on their planes: the surfels along the line where two walls meet
-    have normals between those of both, and would form a narrow plane of their own.
+    lie between both, and would form a narrow plane of their own.
     """
     result = np.full(len(region), NONE, np.int32)
     planes = np.empty((0, 4))

@@ -1,4 +1,4 @@
-"""An unbounded 3D array of int8, kept as cubic blocks that are made where values are written."""
+"""An unbounded 3D array of int8, kept as cubic blocks that are allocated where values are written."""
 
 from collections.abc import Iterable, Iterator
 from itertools import product
@@ -17,8 +17,7 @@ Box = tuple[slice, slice, slice]
 class BlockArray:
     """A 3D array without bounds: zero wherever nothing was written.
 
-    It grows by whole blocks of SIDE³ voxels, and what is there already stays where it is. Finding a
-    block takes one access to a table, however many there are.
+    It grows by whole blocks of SIDE³ voxels and copies nothing. Finding a block takes one dictionary lookup.
     """
 
     def __init__(self, max_bytes: int):
@@ -31,7 +30,7 @@ class BlockArray:
         return len(self._blocks) * SIDE**3
 
     def clear(self) -> None:
-        """Forget every value; the blocks stay."""
+        """Set every value to zero; the blocks stay allocated."""
         for block in self._blocks.values():
             block.fill(0)
 
@@ -44,10 +43,10 @@ class BlockArray:
         return self._blocks[key]
 
     def reserve(self, keys: Iterable[Key]) -> None:
-        """Make the blocks that do not exist yet.
+        """Allocate the blocks that do not exist yet.
 
         Raises:
-            InputError: if they would exceed the bound on memory; then none of them is made.
+            InputError: if they would exceed the bound on memory; then none is allocated.
         """
         missing = [key for key in keys if key not in self._blocks]
         if missing and self.nbytes + len(missing) * SIDE**3 > self._max_bytes:
@@ -90,7 +89,7 @@ class BlockArray:
             self._blocks[key][in_block] = values[in_box]
 
     def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(3,) first index and (3,) one past the last index of the box around all that is not zero."""
+        """(3,) first index and (3,) one past the last index of the box around all non-zero values."""
         corners = [corner + first for first, block in self.items() for corner in _extent(block)]
         if not corners:
             return np.zeros(3, np.int64), np.zeros(3, np.int64)
@@ -98,10 +97,10 @@ class BlockArray:
 
 
 def parts(lower: NDArray[np.int64], shape: tuple[int, ...]) -> Iterator[tuple[Key, Box, Box]]:
-    """The parts of a box, given by its first index (3,) and its shape, that lie in one block each.
+    """A box, given by its first index (3,) and its shape, cut into one part per block.
 
     Yields:
-        The block's key, where the part lies in the box and where in the block.
+        The block's key, the part's slices in the box and its slices in the block.
     """
     axes = [_parts_of_axis(first, length) for first, length in zip(lower.tolist(), shape, strict=True)]
     for (a, i, u), (b, j, v), (c, k, w) in product(*axes):
@@ -119,7 +118,7 @@ def _parts_of_axis(first: int, length: int) -> list[tuple[int, slice, slice]]:
 
 
 def _extent(block: NDArray[np.int8]) -> list[NDArray[np.int64]]:
-    """First index and one past the last index of what is not zero in a block; nothing for an empty one."""
+    """First index and one past the last index of a block's non-zero values; an empty list if all are zero."""
     filled = [np.flatnonzero(block.any(axis=axes)) for axes in ((1, 2), (0, 2), (0, 1))]
     if not len(filled[0]):
         return []

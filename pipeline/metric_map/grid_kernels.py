@@ -1,4 +1,4 @@
-"""Checks poses, puts boxes around points, and adds scans to log-odds."""
+"""Compiled functions that check poses, put boxes around points, and add scans to log-odds."""
 
 import numpy as np
 from numba import njit
@@ -9,7 +9,7 @@ WORD = 8
 
 @njit(cache=True)
 def is_rigid(T):
-    """Whether a (4, 4) float64 matrix is finite and a rotation, orthonormal to 1e-4, with a translation."""
+    """Whether a (4, 4) float64 matrix is finite and a rotation (orthonormal to 1e-4) with a translation."""
     for i in range(4):
         for j in range(4):
             if not np.isfinite(T[i, j]):
@@ -28,7 +28,7 @@ def is_rigid(T):
 
 @njit(cache=True)
 def box_around(points, block):
-    """First index and shape, x y z each, of the box of whole blocks around (N, 3) points, with a voxel to spare."""
+    """First index x y z, then shape x y z, of the box of whole blocks around (N, 3) points, with a voxel to spare."""
     lower, upper = points[0] - 1, points[0] + 1
     for n in range(1, len(points)):
         for axis in range(3):
@@ -57,7 +57,7 @@ def fold(words, log_odds, hit, miss, least, greatest):
     Args:
         words: (nx, ny, nz / WORD) uint64, each WORD marks along z: 0 unseen, 1 free, 2 hit.
         log_odds: (nx, ny, nz) int8, changed in place.
-        hit, miss: what an end point adds and a crossing takes.
+        hit, miss: what an end point adds and a crossing ray subtracts.
         least, greatest: clamps.
     """
     for i in range(words.shape[0]):

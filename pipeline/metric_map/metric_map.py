@@ -1,4 +1,4 @@
-"""The robot's 3D occupancy grid (thesis 3.1): a 3D array that says of every voxel whether it is free."""
+"""The robot's 3D occupancy grid (thesis 3.1): each voxel is free, occupied or unknown."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,25 +15,25 @@ OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel
 LOG_ODDS = 0.1  # Log-odds per unit of the map's int8 values
 
 HIT, MISS = 10, 1
-"""What an end point adds to a voxel's value and what a crossing takes. One return proves a surface, while rays cross
-a voxel with a surface in a corner of it again and again."""
+"""What an end point adds to a voxel's value and what a crossing ray subtracts. One return proves a surface, while
+rays cross a voxel that has a surface in one corner again and again."""
 
 LEAST, GREATEST = -9, 40
-"""Clamps of a voxel's value: one hit outweighs LEAST; what has gone vanishes after GREATEST / MISS frames."""
+"""Clamps of a voxel's value: one hit outweighs LEAST; a vanished surface is erased after GREATEST / MISS frames."""
 
 OFFSET = (-0.25, -0.25, -0.4)
-"""(x, y, z) of a voxel's corner in ``map``, in voxels. Built surfaces tend to lie at round figures; noise makes one
-that lies on a face between two voxel layers fill both. So z = 0 is put inside a layer, and so are the multiples of
-half a voxel along every axis."""
+"""(x, y, z) of a voxel's corner in ``map``, in voxels. Built surfaces tend to lie at round coordinates, and noise
+spreads a surface on the face between two voxel layers over both. So z = 0 and all multiples of half a voxel along
+every axis lie inside a layer."""
 
-FARTHEST = 1e5  # m; a pose farther from the map's origin than this is taken for an error
+FARTHEST = 1e5  # m; a pose farther from the map's origin than this is an error
 
 
 class MetricMap:
     """Which voxels of the ``map`` frame are free, occupied or unknown.
 
-    Inside, a voxel is an int8 log-odds value (0 = not known). Seen from outside it is one of the thesis's three
-    values. A frame changes the voxels in view only, so its time does not depend on the size of the environment.
+    Internally a voxel is an int8 log-odds value (0 = unknown); queries return one of the thesis's three values. A
+    frame changes only the voxels in view, so the time of an update does not depend on the size of the environment.
 
     Attributes:
         voxel_size, max_range, margin, offset, max_bytes: see the constructor.
@@ -52,15 +52,15 @@ class MetricMap:
 
         Args:
             voxel_size: m.
-            max_range: m; returns from farther free space up to here and end nowhere. Along the optical axis for
-                depth images, from the origin for points.
-            margin: m before its end up to which a ray frees space, so that noise does not free what holds the
-                surface.
+            max_range: m; the ray of a farther return frees space up to here and has no end point. Measured along
+                the optical axis for depth images, from the origin for points.
+            margin: m before its end point at which a ray stops freeing space, so that noise does not free the voxels
+                of the surface.
             offset: (x, y, z) of a voxel's corner in ``map``, in voxels; see OFFSET.
             max_bytes: the most memory that the voxels may take.
 
         Raises:
-            InputError: a value that cannot work, by its name.
+            InputError: a value is out of its range; the message names it.
         """
         self.voxel_size, self.max_range, self.margin = voxel_size, max_range, margin
         self.offset, self.max_bytes = offset, max_bytes
@@ -87,7 +87,7 @@ class MetricMap:
         return self._log_odds.nbytes
 
     def clear(self) -> None:
-        """Forget what is known of every voxel."""
+        """Make every voxel unknown."""
         self._log_odds.clear()
 
     def integrate(
@@ -101,8 +101,8 @@ class MetricMap:
             T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
 
         Raises:
-            InputError: if the intrinsics do not fit the image, the pose is not rigid or the map is full; then the
-                map stays as it was.
+            InputError: if the intrinsics do not fit the image, the pose is not rigid or the map is full; the map
+                then stays unchanged.
         """
         _check_image(depth, intrinsics)
         T_grid_camera = _rigid(T_map_camera)
@@ -110,16 +110,15 @@ class MetricMap:
         self._fold(self._updater.project(np.ascontiguousarray(depth, np.float32), intrinsics, T_grid_camera))
 
     def integrate_points(self, points: ArrayLike, origin: ArrayLike) -> None:
-        """Add a point cloud with the place that it was seen from.
+        """Add a point cloud, ray by ray from its origin.
 
         Args:
-            points: (N, 3) m in ``map``; those that are not finite, or farther from the origin than any place of a
-                map, are left out.
-            origin: (3,) m in ``map``.
+            points: (N, 3) m in ``map``; a point is left out if a coordinate is not finite or beyond ±FARTHEST.
+            origin: (3,) m in ``map``, where the sensor was.
 
         Raises:
-            InputError: if a shape is wrong, the origin is out of range or the map is full; then the map stays as
-                it was.
+            InputError: if a shape is wrong, the origin is out of range or the map is full; the map then stays
+                unchanged.
         """
         cloud, start = _points(points), np.asarray(origin, np.float64)
         if start.shape != (3,) or not np.abs(start).max() <= FARTHEST:
@@ -129,7 +128,7 @@ class MetricMap:
             self._fold(self._updater.trace(cloud, start - self.corner))
 
     def voxel_index(self, points: ArrayLike) -> NDArray[np.int64]:
-        """(N, 3) int64 indices of the voxels that (N, 3) points, m in ``map``, fall in."""
+        """(N, 3) int64 indices of the voxels that contain (N, 3) points, m in ``map``."""
         return np.floor((_points(points) - self.corner) / self.voxel_size).astype(np.int64)
 
     def voxel_centre(self, index: NDArray[np.int64]) -> NDArray[np.float32]:
@@ -137,7 +136,7 @@ class MetricMap:
         return ((index + 0.5) * self.voxel_size + self.corner).astype(np.float32)
 
     def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(3,) first index and (3,) one past the last index of the box around all voxels known so far."""
+        """(3,) first index and (3,) one past the last index of the box around all known voxels."""
         return self._log_odds.bounds()
 
     def log_odds(self, lower: NDArray[np.int64], upper: NDArray[np.int64]) -> NDArray[np.int8]:
@@ -175,14 +174,14 @@ class MetricMap:
         step: float | None = None,
         may_be_unknown: bool = False,
     ) -> bool:
-        """Whether the line of sight from a point to before another one is free as far as the target.
+        """Whether the line of sight from ``start`` towards ``end`` is free until it reaches the target.
 
         Args:
             start, end: (3,) m in ``map``.
-            target: points (N, 3) m in ``map`` of what is to be seen.
-            margin: m from the nearest of these points, at which the line of sight ends.
+            target: k-d tree of the target's (N, 3) points, m in ``map``.
+            margin: m from the nearest target point at which the line of sight ends.
             skip: m from ``start`` that count as free.
-            step: m between the points of the line that are checked; half a voxel if not given.
+            step: m between the checked points of the line; half a voxel if not given.
             may_be_unknown: whether unknown space counts as free.
         """
         length = np.linalg.norm(end - start)
@@ -203,7 +202,7 @@ class MetricMap:
         return self.voxel_centre(np.concatenate([np.zeros((0, 3), np.int64), *indices]))
 
     def _fold(self, scan: Scan) -> None:
-        words = scan.marks.view(np.uint64)  # eight marks at a time
+        words = scan.marks.view(np.uint64)  # eight marks each
         marked = []
         for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
             part = words[i, j, k.start // WORD : k.stop // WORD]
@@ -225,7 +224,7 @@ def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
 
 
 def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A float64 copy of a pose. InputError if it is none."""
+    """A float64 copy of a pose; InputError if it is not rigid or too far from the map's origin."""
     T = np.array(T, np.float64)
     if T.shape != (4, 4) or not is_rigid(T):
         raise InputError("a pose must be a rigid 4×4 transform: finite, orthonormal, not mirroring, last row 0 0 0 1")

@@ -1,20 +1,20 @@
-"""Depth images in half the memory, to be kept until poses are corrected."""
+"""Depth images as uint16, half the memory, kept to build the maps again when poses are corrected."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-STEP = 1e-4  # m; a tenth of what the best depth camera tells
-FAR = 65535 * STEP  # m; what is farther away is taken for this far: it is beyond the reach of the metric map
+STEP = 1e-4  # m; a tenth of the resolution of the best depth camera
+FAR = 65535 * STEP  # m; greater depths are stored as this one, which is beyond the range of the metric map
 
 
 def pack_depth(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """(H, W) uint16, a depth (H, W), m, in units of ``STEP``; 0 where it is no return: not finite or not positive."""
+    """(H, W) uint16: depth (H, W), m, in units of ``STEP``; 0 where it is no return: not finite or not positive."""
     is_return = np.isfinite(depth) & (depth > 0)
     return np.rint(np.where(is_return, depth, 0).clip(max=FAR) / STEP).astype(np.uint16)
 
 
 def unpack_depth(packed: NDArray[np.uint16], out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-    """(H, W) float32, m, 0 = no return; ``out`` itself if that is such an array, which spares asking for memory."""
+    """(H, W) float32, m, 0 = no return; written to ``out`` if it has that shape, which saves an allocation."""
     if out is None or out.shape != packed.shape:
         out = np.empty(packed.shape, np.float32)
     return np.multiply(packed, np.float32(STEP), out=out)

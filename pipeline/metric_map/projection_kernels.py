@@ -1,6 +1,6 @@
-"""The projective update: finds the voxels that the rays of a depth image end in and those that they cross.
+"""The projective update: finds the voxels in which the rays of a depth image end and those that they cross.
 
-The marks of a scan are a box of whole blocks of voxels. A point in the box is measured from its corner, in voxels.
+The marks of a scan are a box of whole blocks of voxels. Points in the box are in voxels, from the box's corner.
 """
 
 from typing import NamedTuple
@@ -11,26 +11,26 @@ from numpy.typing import NDArray
 
 from pipeline.metric_map.ray_kernels import FREE, HIT, walk
 
-# fastmath={"contract"} lets a product and a sum become one instruction, which rounds once instead of twice.
+# fastmath={"contract"} fuses a product and a sum into one instruction, which rounds once instead of twice.
 
 BLOCK = 8
 """Voxels along a side of the blocks that are decided together."""
 SIDE = BLOCK + 1
 """Voxel corners along a side of a block."""
 CORNERS = -(-(SIDE**3) // 64) * 64
-"""Of a block, and the last one again and again, so that they fill whole vectors."""
+"""Corners of a block, padded to a multiple of 64 with copies of the last one, so that they fill whole vectors."""
 SEEN, HIDDEN = np.uint8(1), np.uint8(2)
 TILE = 8
 """Pixels along a side of the tiles of the depth pyramid's finest level."""
 
 TOO_NEAR = 1e-6
-"""m of depth; what is nearer is not seen."""
+"""m of depth; the camera sees nothing nearer."""
 SHADE = 1.0
-"""m behind a crest that may hold what slopes down from it."""
+"""m behind a crest within which unseen ground may slope down from it."""
 NARROW = 6.0
 """Depth in voxels up to which the field of view is so narrow that it passes between the corners of voxels."""
 NARROW_ROWS, NARROW_COLUMNS = 7, 9
-"""Rays, spread over the picture, that are followed up to there."""
+"""Rows and columns of rays, spread over the image, that are traced up to that depth."""
 
 
 class DepthCamera(NamedTuple):
@@ -41,29 +41,29 @@ class DepthCamera(NamedTuple):
     cx: float
     cy: float
     far: float
-    """m of depth; returns at most this deep are end points, deeper ones reach this far and end nowhere."""
+    """m of depth; returns up to here are end points, rays of deeper ones free space up to here."""
     margin: float
     """A ray frees space up to this many m of depth before its end."""
     origin: NDArray[np.float64]
-    """(3,) the optical centre in the box."""
+    """(3,) the optical centre in the box, in voxels."""
     axes: NDArray[np.float64]
     """(3, 3) the camera's axes x, y, z in the map, in voxels per metre."""
     size: float
-    """m along a voxel's side."""
+    """m, the side of a voxel."""
 
 
 @njit(cache=True)
 def observe(depth, pinhole, pose, size, far, margin, marks, flat, high):
-    """Mark the voxels that rays end in as HIT and those that they only cross as FREE.
+    """Mark the voxels in which rays end as HIT and those that they only cross as FREE.
 
     Args:
-        depth: (H, W) float32, m; what is not a positive finite number is no return.
+        depth: (H, W) float32, m; values that are not positive and finite are no return.
         pinhole: (4,) float64 fx, fy, cx, cy in pixels.
         pose: (3, 4) float64: rotation, camera axes to map axes, and the optical centre in the box, in voxels.
         size, far, margin: see DepthCamera.
-        marks: (nx, ny, nz) uint8 zeros that hold all that the camera can see; whole blocks.
-        flat: the same, with one more mark at the end that stands for "nowhere".
-        high: (levels, ⌈H / TILE⌉, ⌈W / TILE⌉) float32, to be filled.
+        marks: (nx, ny, nz) uint8 zeros, whole blocks that contain the view frustum.
+        flat: the same marks in C order, and one last element that stands for "nowhere".
+        high: (levels, ⌈H / TILE⌉, ⌈W / TILE⌉) float32, the depth pyramid, to be filled.
     """
     axes = np.ascontiguousarray(pose[:, :3].T) / size
     origin = pose[:, 3].copy()
@@ -77,7 +77,7 @@ def observe(depth, pinhole, pose, size, far, margin, marks, flat, high):
 
 @njit(cache=True)
 def _mark_returns(depth, camera, shape, flat, high):
-    """Mark the voxel of each return as HIT and bound how deep the rays of every tile reach (0 = no return)."""
+    """Mark the voxel of each return as HIT and fill ``high`` with the greatest depth of each tile (0 = no return)."""
     height, width = depth.shape
     nowhere = np.int32(flat.size - 1)
     far = np.float32(camera.far)
@@ -98,7 +98,7 @@ def _mark_returns(depth, camera, shape, flat, high):
 
 @njit(cache=True)
 def _first_of_rows(height, camera):
-    """(H, 3) float32, voxels from the camera to the point 1 m deep in the first pixel of each image row."""
+    """(H, 3) float32, in voxels: from the camera to the point at 1 m depth in the first pixel of each image row."""
     first = np.empty((height, 3), np.float32)
     x = (0.5 - camera.cx) / camera.fx
     for v in range(height):
@@ -110,7 +110,7 @@ def _first_of_rows(height, camera):
 
 @njit(cache=True, fastmath={"contract"})
 def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
-    """Fill ``index`` with the flat voxel that each return of an image row falls in."""
+    """Fill ``index`` with the flat index of the voxel of each return of an image row."""
     zero = np.float32(0)
     o0, o1, o2 = origin[0], origin[1], origin[2]
     a0, a1, a2 = first[0], first[1], first[2]
@@ -129,10 +129,10 @@ def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
 
 @njit(cache=True)
 def _deepest_of_columns(depth, top, deepest):
-    """Fill the greatest depth of each column of a row of tiles."""
+    """Fill ``deepest`` with the greatest depth of each column of a row of tiles."""
     height, width = depth.shape
     for u in range(width):
-        # Written once: a value that is only replaced by greater ones would be stored lane by lane without AVX-512.
+        # Each element is written once: stores under a condition would go lane by lane without AVX-512.
         greatest = np.float32(0)
         for i in range(TILE):
             d = depth[min(top + i, height - 1), u]
@@ -142,7 +142,7 @@ def _deepest_of_columns(depth, top, deepest):
 
 @njit(cache=True)
 def _deepest_of_tiles(deepest, far, high):
-    """Fold the columns' depths into how deep a row of tiles reaches."""
+    """Fill ``high`` with the greatest depth of each tile of a row, at most ``far``, from those of the columns."""
     for t in range(high.size):
         c = deepest[t * TILE : (t + 1) * TILE]
         greatest = max(max(max(c[0], c[1]), max(c[2], c[3])), max(max(c[4], c[5]), max(c[6], c[7])))
@@ -151,7 +151,7 @@ def _deepest_of_tiles(deepest, far, high):
 
 @njit(cache=True)
 def _build_pyramid(high):
-    """Fill the coarser levels; a tile of level n + 1 covers 2 × 2 of level n, which uses its first ⌈shape / 2ⁿ⌉."""
+    """Fill the coarser levels: a tile of level n + 1 covers 2 × 2 of level n; level n uses the first ⌈shape / 2ⁿ⌉."""
     levels, height, width = high.shape
     for level in range(1, levels):
         fine = high[level - 1]
@@ -167,7 +167,7 @@ def _build_pyramid(high):
 
 @njit(cache=True)
 def _mark_narrow(depth, camera, marks):
-    """Follow a few rays where the field of view is narrow: right before the camera, and in its four corners."""
+    """Trace a few rays where the field of view is narrow: close to the camera, and in its four corners."""
     height, width = depth.shape
     x, y, z = camera.origin
     ax = camera.axes
@@ -192,12 +192,12 @@ def _mark_narrow(depth, camera, marks):
 
 @njit(cache=True)
 def _mark_free(depth, camera, marks, high):
-    """Mark as FREE every voxel that is not a HIT, of which the camera sees a corner, and that no crest shades.
+    """Mark as FREE every voxel that is not a HIT, that has a corner seen by the camera, and that no crest shades.
 
-    Where free space ends at a plane (a surface, the edge of the picture or of a shadow), it takes up a part of a
-    voxel only if it holds one of the voxel's corners. So the corners, each shared by eight voxels, decide as well
-    as all the rays through a voxel would. A crest shades a voxel with an upright edge of which the top is seen and
-    the foot hidden: rays pass over something into the voxel, but its lower part may hold what slopes down behind.
+    Where free space ends at a plane (a surface, the edge of the image or of a shadow), it takes up a part of a
+    voxel only if it contains one of the voxel's corners. So the corners, each shared by eight voxels, decide as well
+    as all the rays through a voxel would. A crest shades a voxel that has a vertical edge with a seen top and a
+    hidden foot: rays pass over the crest into the voxel, but ground may slope down behind it in its lower part.
     """
     metric = camera.axes * (camera.size * camera.size)  # m per voxel along each camera axis
     offsets = _corner_offsets(metric)
@@ -226,7 +226,7 @@ def _mark_free(depth, camera, marks, high):
 
 @njit(cache=True)
 def _sides(shape, camera):
-    """(5, 3) normals, in camera axes, of the planes through the optical centre between which the picture lies."""
+    """(5, 3) inward normals, in camera axes, of planes through the optical centre that bound the field of view."""
     left, top = camera.cx / camera.fx, camera.cy / camera.fy
     right, bottom = shape[1] / camera.fx - left, shape[0] / camera.fy - top
     return np.array([(1.0, 0.0, left), (-1.0, 0.0, right), (0.0, 1.0, top), (0.0, -1.0, bottom), (0.0, 0.0, 1.0)])
@@ -234,7 +234,7 @@ def _sides(shape, camera):
 
 @njit(cache=True)
 def _lies_outside(x, y, z, sides, room):
-    """Whether a block, its centre in voxels from the optical centre, lies whole beyond a side of the view."""
+    """Whether a block, its centre in voxels from the optical centre, lies entirely beyond a side of the view."""
     outside = False
     for n in range(room.size):
         outside |= sides[n, 0] * x + sides[n, 1] * y + sides[n, 2] * z < -room[n]
@@ -255,7 +255,7 @@ def _corner_offsets(metric):
 
 @njit(cache=True)
 def _may_be_seen(r, d, w, spread, shape, camera, high):
-    """False if the cuboid (r, d, w) ± spread, m in camera axes, lies out of the picture or behind all returns."""
+    """False if the cuboid (r, d, w) ± spread, m in camera axes, lies outside the image or behind all returns."""
     near, deep = max(w - spread[2], TOO_NEAR), max(w + spread[2], TOO_NEAR)
     if near + camera.margin >= camera.far:
         return False
@@ -268,7 +268,7 @@ def _may_be_seen(r, d, w, spread, shape, camera, high):
 
 @njit(cache=True)
 def _interval(x, half, near, deep, focal, centre):
-    """First and last pixel along an image axis whose ray can meet a cuboid x ± half between two depths."""
+    """First and last pixel along an image axis whose ray can meet a cuboid x ± half between depths near and deep."""
     a, b = x - half, x + half
     first = a / near if a < 0 else a / deep
     last = b / near if b > 0 else b / deep
@@ -277,7 +277,7 @@ def _interval(x, half, near, deep, focal, centre):
 
 @njit(cache=True)
 def _deepest(high, u0, u1, v0, v1):
-    """A bound of the reach over the pixels u0..u1 × v0..v1, from at most 3 × 3 tiles."""
+    """An upper bound of the depth, m, over the pixels u0..u1 × v0..v1, from at most 3 × 3 tiles."""
     level, shift = 0, 3
     while (u1 >> shift) - (u0 >> shift) > 2 or (v1 >> shift) - (v0 >> shift) > 2:
         level, shift = level + 1, shift + 1
@@ -290,7 +290,7 @@ def _deepest(high, u0, u1, v0, v1):
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
-    """Fill the flat pixel and the depth of a block's corners; out of the picture the depth is NaN."""
+    """Fill the flat pixel index and the depth of a block's corners; the depth is NaN outside the image."""
     fx, fy, cx, cy = (np.float32(camera.fx), np.float32(camera.fy), np.float32(camera.cx), np.float32(camera.cy))
     r0, d0, w0 = np.float32(r0), np.float32(d0), np.float32(w0)
     zero, one, nowhere = np.float32(0), np.float32(1), np.float32(np.nan)
@@ -310,11 +310,11 @@ def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
 
 @njit(cache=True)
 def _see_corners(depth, camera, pixel, deep, reach, seen):
-    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to SHADE before it.
+    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to SHADE m before it.
 
     Returns whether any corner is SEEN.
     """
-    # Fetching the depths apart from comparing them lets the comparison run in vectors.
+    # Fetching the depths in a loop of its own lets the comparison run in vectors.
     for n in range(CORNERS):
         reach[n] = depth[np.uint32(pixel[n])]
     far, margin = np.float32(camera.far), np.float32(camera.margin)
@@ -325,7 +325,7 @@ def _see_corners(depth, camera, pixel, deep, reach, seen):
         d = reach[n]
         returns = (d > zero) & (d < infinity)
         d = d if d < far else far
-        # Comparisons with NaN fail: a corner out of the picture is neither.
+        # Comparisons with NaN are false: a corner outside the image is neither SEEN nor HIDDEN.
         is_seen = np.uint8(returns & (d - margin > deep[n]))
         is_hidden = np.uint8(returns & (d + size < deep[n]) & (d + shade > deep[n]))
         seen[n] = is_seen * SEEN + is_hidden * HIDDEN
@@ -335,7 +335,7 @@ def _see_corners(depth, camera, pixel, deep, reach, seen):
 
 @njit(cache=True)
 def _join_corners(seen):
-    """Turn what is known of corners into the same of voxels, in place: SEEN, and HIDDEN if a crest shades them."""
+    """Turn the flags of corners into flags of voxels, in place: SEEN, and HIDDEN if a crest shades the voxel."""
     for n in range(CORNERS):
         foot, top = seen[n], seen[n + 1]
         seen[n] = ((foot | top) & SEEN) | (foot & (top << 1) & HIDDEN)
@@ -346,7 +346,7 @@ def _join_corners(seen):
 
 @njit(cache=True)
 def _mark_block(seen, marks):
-    """Mark the voxels of a block that are seen and not shaded by a crest, unless they are marked already."""
+    """Mark as FREE the voxels of a block that are seen and not shaded by a crest, unless they are marked already."""
     for i in range(BLOCK):
         for j in range(BLOCK):
             for k in range(BLOCK):

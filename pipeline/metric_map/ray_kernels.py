@@ -1,6 +1,6 @@
 """Exact ray traversal (Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987).
 
-A point in the box of marks is measured from its corner, in voxels.
+Points are in voxels, from the corner of the box of marks.
 """
 
 import numpy as np
@@ -14,8 +14,8 @@ def trace_points(points, stops, ends, origin, marks):
     """Mark the voxels of end points as HIT and those that the rays cross as FREE.
 
     Args:
-        points: (N, 3) float64; only those that are end points need lie inside.
-        stops: (N, 3) float64, how far each ray frees space.
+        points: (N, 3) float64; only end points must lie inside the box.
+        stops: (N, 3) float64, the point up to which each ray frees space.
         ends: (N,) bool, which points are end points.
         origin: (3,) float64.
         marks: (nx, ny, nz) uint8 zeros.
@@ -29,11 +29,11 @@ def trace_points(points, stops, ends, origin, marks):
 
 @njit(cache=True)
 def walk(x, y, z, x_stop, y_stop, z_stop, marks):
-    """Mark as FREE in (nx, ny, nz) every voxel from a point to another, both included, that is no HIT."""
+    """Mark as FREE in (nx, ny, nz) every voxel from one point to another, both included, that is not a HIT."""
     i, i_end, i_step, i_next, i_gap = _along(x, x_stop)
     j, j_end, j_step, j_next, j_gap = _along(y, y_stop)
     k, k_end, k_step, k_next, k_gap = _along(z, z_stop)
-    # Counting the faces left to cross, instead of comparing parameters, ends every ray in its very voxel.
+    # Counting the faces left to cross, instead of comparing ray parameters, ends every ray in exactly its last voxel.
     for _ in range(abs(i_end - i) + abs(j_end - j) + abs(k_end - k)):
         if marks[i, j, k] != HIT:
             marks[i, j, k] = FREE
@@ -52,7 +52,7 @@ def walk(x, y, z, x_stop, y_stop, z_stop, marks):
 
 @njit(cache=True)
 def _along(begin, end):
-    """One axis of a ray: first and last voxel, step, the parameter at the next face and from face to face."""
+    """One axis of a ray: first and last voxel, step, ray parameter at the next face and between two faces."""
     first, last = int(begin), int(end)
     if first == last:
         return first, last, 0, np.inf, 0.0

@@ -8,11 +8,11 @@ from pipeline.frame import Frame
 from pipeline.metric_map import specks_kernels as kernels
 
 REACH, LEAST = 2, 2
-"""Pixels around a return, and how many of these must have one like it. Of a surface that dust hides to four fifths
-93 % of the returns remain; of specks that fill 2 % of the image one in 2000."""
-TOLERANCE = np.float32(0.05)  # Share by which depths of one surface may differ there
+"""Distance in pixels to a return's neighbours, and how many of these must have a similar depth. Of a surface of which
+dust hides four fifths, 93 % of the returns remain; of specks that fill 2 % of the image, one in 2000."""
+TOLERANCE = np.float32(0.05)  # Share of a return's depth by which similar depths may differ from it
 
 
 def without_specks(frame: Frame) -> Frame:
-    """The frame without those returns that no other return near them in the image confirms."""
+    """The frame without the returns that have too few neighbours of similar depth in the image."""
     return replace(frame, depth=kernels.without_specks(frame.depth, REACH, TOLERANCE, LEAST))

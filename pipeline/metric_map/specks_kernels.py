@@ -1,4 +1,4 @@
-"""Compiled search of a depth image for returns that stand alone."""
+"""Compiled filter of the returns that stand alone in a depth image."""
 
 import numpy as np
 from numba import njit
@@ -6,9 +6,9 @@ from numba import njit
 
 @njit(cache=True)
 def without_specks(depth, reach, tolerance, least):
-    """A copy of ``depth`` (H, W), m, with 0 where fewer than ``least`` of the pixels around have a return like it.
+    """A copy of ``depth`` (H, W), m, with 0 where fewer than ``least`` neighbours have a similar depth.
 
-    Around are those no more than ``reach`` rows and columns away; alike are depths within a share ``tolerance``.
+    Neighbours are at most ``reach`` rows and columns away; similar depths differ by at most a share ``tolerance``.
     """
     height, width = depth.shape
     result = np.zeros_like(depth)

@@ -1,4 +1,4 @@
-"""What one frame or point cloud says about the voxels around the sensor, before it is weighed against the map."""
+"""Scans: which voxels one depth image or point cloud hits and frees, before the map adds them to its log-odds."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,7 +20,7 @@ class Scan:
     Attributes:
         lower: (3,) int64 voxel index of the box's first voxel.
         marks: (nx, ny, nz) uint8: 0 unseen, 1 free, 2 hit.
-        flat: the same marks in C order, and one more that stands for "nowhere".
+        flat: the same marks in C order, and one last element that stands for "nowhere".
     """
 
     lower: NDArray[np.int64]
@@ -31,17 +31,17 @@ class Scan:
 class Updater:
     """Turns depth images and point clouds into scans of a grid whose voxel (0, 0, 0) starts at the origin.
 
-    A scan lives until the next one: they share their memory, so that none has to ask the system for it.
+    A scan is valid until the next one: they share one buffer, which saves allocations.
     """
 
     def __init__(self, voxel_size: float, max_range: float, margin: float, max_bytes: int) -> None:
-        """As :class:`pipeline.metric_map.metric_map.MetricMap` has these."""
+        """The arguments are those of :class:`pipeline.metric_map.metric_map.MetricMap`."""
         self._voxel_size, self._max_range, self._margin = voxel_size, max_range, margin
         self._max_bytes = min(max_bytes, 2**31 - 1)  # the kernels count marks in 32 bits
         self._memory = np.zeros(0, np.uint8)
 
     def project(self, depth: NDArray[np.float32], intrinsics: Intrinsics, T_grid_camera: NDArray[np.float64]) -> Scan:
-        """The voxels that the rays of a depth image end in and cross, by projecting voxels into the image.
+        """The voxels in which a depth image's rays end and those they cross, by projecting voxels into the image.
 
         Args:
             depth: (H, W) float32, m along the optical axis; NaN, infinite and non-positive values are no return.
@@ -49,7 +49,7 @@ class Updater:
             T_grid_camera: 4×4 pose of ``camera_optical`` in the grid's frame.
 
         Raises:
-            InputError: the box of marks alone exceeds the map's memory bound; so of :meth:`trace`.
+            InputError: the box of marks alone exceeds the map's memory bound; :meth:`trace` raises it too.
         """
         pose = T_grid_camera[:3].copy()
         pose[:, 3] /= self._voxel_size
@@ -63,9 +63,9 @@ class Updater:
         return scan
 
     def trace(self, points: NDArray[np.float64], origin: NDArray[np.float64]) -> Scan:
-        """The voxels that (N, 3) finite points fall in and those that the rays to them from a (3,) origin cross.
+        """The voxels that contain (N, 3) finite points and those that the rays to them from a (3,) origin cross.
 
-        Both are float64, m in the grid's frame.
+        Points and origin are float64, m in the grid's frame.
         """
         rays = points - origin
         length = np.linalg.norm(rays, axis=1)
@@ -78,7 +78,7 @@ class Updater:
         return scan
 
     def _scan_around(self, points: NDArray[np.float64]) -> Scan:
-        """An empty scan around (N, 3) points in the grid's frame, in voxels, with one to spare for rounding."""
+        """An empty scan around (N, 3) points, in voxels in the grid's frame, with a voxel to spare for rounding."""
         x, y, z, nx, ny, nz = box_around(points, BLOCK)
         size = nx * ny * nz + 1
         if size > self._max_bytes:
@@ -92,7 +92,7 @@ class Updater:
 
 @lru_cache(maxsize=8)
 def _frustum(intrinsics: Intrinsics) -> NDArray[np.float64]:
-    """(5, 3) corners of all that the camera sees up to 1 m deep, in ``camera_optical``."""
+    """(5, 3) corners of the view frustum up to a depth of 1 m, in ``camera_optical``."""
     u = (np.array([0, intrinsics.width]) - intrinsics.cx) / intrinsics.fx
     v = (np.array([0, intrinsics.height]) - intrinsics.cy) / intrinsics.fy
     return np.array([(0, 0, 0), *((a, b, 1) for a in u for b in v)])
@@ -100,6 +100,6 @@ def _frustum(intrinsics: Intrinsics) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=8)
 def _pyramid_shape(height: int, width: int) -> tuple[int, int, int]:
-    """Levels, rows and columns of the pyramid's tiles; of the last level at most 3 × 3 are used."""
+    """Levels, rows and columns of the pyramid's tiles; the last level uses at most 3 × 3 of them."""
     rows, columns = -(-height // TILE), -(-width // TILE)
     return 1 + max(0, int(np.ceil(np.log2(max(rows, columns) / 3)))), rows, columns

@@ -1,1 +1,1 @@
-"""The recording: everything that the robot knows, step by step, in Rerun."""
+"""What the robot knows, step by step, in Rerun; recordings of cameras to map; ROS bags and robots on ROS networks."""

@@ -1,4 +1,4 @@
-"""What networks answered, kept in a folder by what they were asked: an episode driven again asks none twice."""
+"""A cache of the networks' outputs in a folder, keyed by their inputs: a repeated episode runs no network twice."""
 
 import zlib
 from collections.abc import Callable, Sequence
@@ -17,19 +17,19 @@ from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.victims.detection.detection import Detection, Detector
 
 MOST_ROWS = 10_000
-"""Of an answer whose length is not known."""
+"""Greatest number of rows of an answer whose length is not known."""
 
 
 class Answers:
-    """A folder of answers, a file each, named by the digest of the question.
+    """A folder of answers, one file each, named by the digest of the question.
 
     Attributes:
-        folder: which is made.
-        recalled: how many were there already.
+        folder: made if it does not exist.
+        recalled: number of answers that were read from the folder.
     """
 
     def __init__(self, folder: Path):
-        """Raises InputError where the folder cannot be made."""
+        """Make the folder; InputError if that fails."""
         self.folder, self.recalled = folder, 0
         try:
             folder.mkdir(exist_ok=True)
@@ -39,10 +39,10 @@ class Answers:
     def recall(
         self, question: Sequence[ArrayLike], kind: DTypeLike, shape: tuple[int, int], ask: Callable[[], NDArray]
     ) -> NDArray:
-        """The kept numbers (rows, columns) of a type and ``shape``, or those that ``ask`` gives, which are kept.
+        """The kept answer (rows, columns) of a type and ``shape``; if there is none, that of ``ask``, which is kept.
 
         Raises:
-            InputError: they cannot be written.
+            InputError: the answer cannot be written.
         """
         digest = blake2b(digest_size=16)
         for part in question:
@@ -62,7 +62,7 @@ class Answers:
 
 
 class RecallingClassifier:
-    """A point classifier that depends on nothing but its parameters, each asked about once."""
+    """A point classifier that is called only once for the same arguments; it must depend on nothing else."""
 
     def __init__(self, classifier: PointClassifier, answers: Answers, weights: Path):
         self._classifier, self._answers, self._weights = classifier, answers, _content(weights)
@@ -79,10 +79,10 @@ class RecallingClassifier:
 
 
 class RecallingDetector:
-    """A detector that is asked about each image once."""
+    """A detector that is called only once for the same image."""
 
     def __init__(self, detector: Detector, answers: Answers, *files: Path):
-        """``files`` of which it was made."""
+        """``files`` are those from which the detector was made."""
         self._detector, self._answers, self._files = detector, answers, _content(*files)
 
     def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
@@ -97,5 +97,5 @@ class RecallingDetector:
 
 
 def _content(*files: Path) -> NDArray[np.uint8]:
-    """What tells these files from others, as a part of a question."""
+    """The digests of these files, as a part of a question."""
     return np.frombuffer(b"".join(blake2b(path.read_bytes()).digest() for path in files), np.uint8)

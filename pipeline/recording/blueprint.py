@@ -8,18 +8,18 @@ from numpy.typing import ArrayLike, NDArray
 BACKGROUND = (38, 40, 44)
 
 SEEN_PER_METRE = (1.45, 0.8)
-"""Width and depth of the ground that the viewer's eye sees, in m for each m that it is away."""
+"""Width and depth of the ground that the viewer's eye sees, in m per m of its distance."""
 
 TIMES = 0.0, 1000.0
-"""ms that the plot of times shows at first: the first step, which loads compiled code, would flatten the rest."""
+"""ms, initial range of the plot of times: the first step, which loads compiled code, would flatten the rest."""
 
 _SCENE = (
     "+ $origin/**",
-    # The pictures have views of their own; here they would hide the map.
+    # The images have views of their own; here they would hide the map.
     "- $origin/robot/camera/depth",
     "- $origin/robot/camera/labels",
     "- $origin/victims/photos",
-    # The eye looks from above.
+    # The eye looks from above, where a ceiling would hide the map.
     "- $origin/arena/ceiling/**",
 )
 
@@ -28,7 +28,7 @@ _CORRECTED = *_MAPS, "traversability", "topological_map", "victims"
 
 
 def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0) -> rrb.Blueprint:
-    """The layout, with the eye south of and above the box from ``low`` to ``high``, (3,) m in ``map``."""
+    """The layout, with the eye at negative y of and above the box from ``low`` to ``high``, (3,) m in ``map``."""
     maps = rrb.Tabs(
         _scene("Semantic map", low, high, hidden=["metric_map", "segments", "localisation"]),
         _scene(
@@ -70,7 +70,7 @@ def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb
 
 
 def _eye(low: NDArray[np.float64], high: NDArray[np.float64]) -> rrb.EyeControls3D:
-    """The eye at the distance from which the box fills the window, and so steep that its walls hide little."""
+    """The eye at the distance at which the box fills the window, and at a steep angle, so that walls hide little."""
     middle = (low + high) / 2
     width, depth = (high - low)[:2]
     away = np.array([0.0, -0.45, 0.9]) * max(width / SEEN_PER_METRE[0], depth / SEEN_PER_METRE[1])

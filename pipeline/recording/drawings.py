@@ -27,14 +27,14 @@ KEYFRAME_COLOUR = (255, 170, 40)
 LOOP_COLOUR = (255, 60, 60)
 
 ABOVE_GROUND = np.array([0, 0, 0.06])
-"""m; what lies on the ground is drawn above it, where points and voxels do not hide it."""
+"""m; drawings on the ground are raised by this, so that points and voxels do not hide them."""
 POINT_SPACING = 0.04
-"""m between the points of the semantic map that are drawn: all of them would make a large file."""
+"""m between the drawn points of the semantic map: all points would make a large file."""
 JPEG_QUALITY = 80  # Of the colour images, up to 100
 
 
 def annotations() -> rr.AnnotationContext:
-    """The label table."""
+    """The table of labels, with names and colours."""
     return rr.AnnotationContext(
         [rr.AnnotationInfo(int(label), label.name.lower(), tuple(COLOURS[label])) for label in Label]
     )
@@ -66,7 +66,7 @@ def colour_image(rgb: NDArray[np.uint8]) -> rr.EncodedImage:
 def depth_image(depth: NDArray[np.float32], max_depth: float) -> rr.EncodedDepthImage:
     """(H, W) float32 m as a PNG of whole millimetres, 0 = no return; the colour scale ends at ``max_depth`` m."""
     millimetres = np.round(np.nan_to_num(depth, posinf=0, neginf=0) * 1000).clip(0, 65535).astype(np.uint16)
-    # Higher levels take five times as long for a tenth of the size.
+    # Higher levels take five times as long and save a tenth of the size.
     _, data = cv2.imencode(".png", millimetres, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     scale = 0, 1000 * max_depth
     return rr.EncodedDepthImage(
@@ -75,7 +75,7 @@ def depth_image(depth: NDArray[np.float32], max_depth: float) -> rr.EncodedDepth
 
 
 def label_image(frame: Frame, labels: NDArray[np.uint8]) -> rr.SegmentationImage:
-    """The classes of a frame's returns, (N,) uint8, back in the image; unlabelled where there is no return."""
+    """The classes (N,) uint8 of a frame's returns as an image; pixels without a return are unlabelled."""
     image = np.full(frame.depth.shape, Label.UNLABELLED, np.uint8)
     image[frame.returns] = labels
     return rr.SegmentationImage(image)
@@ -126,7 +126,7 @@ def segment_boxes(segments: Segments) -> rr.Boxes3D:
 
 
 def nodes(topology: TopologicalMap) -> rr.Points3D:
-    """The nodes, with their ids, in the colours of the segments that they stand on."""
+    """The nodes, with their ids, in the colours of the segments on which they lie."""
     places = np.array([node.position for node in topology.nodes.values()]).reshape(-1, 3)
     return rr.Points3D(
         places + 1.5 * ABOVE_GROUND,
@@ -161,7 +161,7 @@ def frontier_points(frontiers: NDArray[np.float64]) -> rr.Points3D:
 
 
 def keyframes(poses: NDArray[np.float64]) -> rr.Arrows3D:
-    """(K, 4, 4) poses, an arrow ahead at each."""
+    """An arrow ahead at each of (K, 4, 4) poses in ``map``."""
     return rr.Arrows3D(
         origins=poses[:, :3, 3] + 1.5 * ABOVE_GROUND,
         vectors=0.12 * poses[:, :3, 0],
@@ -173,7 +173,7 @@ def keyframes(poses: NDArray[np.float64]) -> rr.Arrows3D:
 
 
 def loops(found: Sequence[Loop], poses: NDArray[np.float64]) -> rr.LineStrips3D:
-    """Lines between the keyframes, of (K, 4, 4) poses, that loops connect."""
+    """Lines between the keyframes that loops connect, given the keyframes' (K, 4, 4) poses in ``map``."""
     ends = [(loop.first, loop.second) for loop in found]
     return rr.LineStrips3D(
         [poses[list(pair), :3, 3] + 1.5 * ABOVE_GROUND for pair in ends],

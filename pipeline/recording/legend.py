@@ -1,4 +1,4 @@
-"""What the colours of a recording mean, as a picture: it brings its own background, so any theme can show it."""
+"""The legend of a recording's colours, as an image with its own background, so that it suits any theme."""
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ MEANINGS = {
     "sighting, with letter": UNCONFIRMED,
     "detection that is no person": REFUSED,
 }
-"""The RGB of each."""
+"""RGB colour of each meaning."""
 
 
 def legend() -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""The map of an episode as a file, from which a later one goes on: what is kept of each keyframe, numbers alone."""
+"""The map of an episode as a file from which a later episode continues: the kept data of each keyframe as numbers."""
 
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -38,32 +38,32 @@ LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "T_map_base": ("f8", "K", 4, 4),
     "T_map_base_added": ("f8", "K", 4, 4),
     "ups": ("f8", "K", 3),
-    "labelled": ("i8", "K"),  # points that have shares; -1 if it was not
+    "labelled": ("i8", "K"),  # number of points with shares; -1 if the keyframe was not labelled
     "shares": ("u1", "Q", len(Label)),
     "local_points": ("i4", "N", 3),
     "local_normals": ("i1", "N", 3),  # 1/127
     "local_owner": ("i8", "N"),
-    "ground": ("i8", "G", 5),  # keyframe, kind, points of a drive: track, obstacles, touched
+    "ground": ("i8", "G", 5),  # keyframe, kind, numbers of a drive's points: track, obstacles, touched
     "assumed": ("f8", "A", 19),  # T_base_start, radius, ahead, width
     "driven": ("i4", "D", 3),
-    "members": ("i8", "M", 6),  # keyframe, segment, class, surfels, corners, points
+    "members": ("i8", "M", 6),  # keyframe, segment, class, numbers of surfels, corners and points
     "planes": ("f8", "M", 15),  # normal, Σ x, Σ x xᵀ
     "outlines": ("i4", "O", 3),
     "member_points": ("i4", "L", 3),
-    "victims": ("f8", "V", 6),  # missed, photo_shows, sightings, tried, height and width of the photo
+    "victims": ("f8", "V", 6),  # missed, photo_shows, numbers of sightings and tried, height and width of the photo
     "tried": ("f8", "T", 3),
     "photos": ("u1", "B"),
-    "sightings": ("f8", "S", 15),  # keyframe, points, confidence, camera, information
+    "sightings": ("f8", "S", 15),  # keyframe, number of points, confidence, camera, information
     "sighting_points": ("i4", "R", 3),
 }
-"""Type and shape of each entry of the file; what a letter stands for is the same everywhere."""
+"""Type and shape of each entry of the file; a letter stands for the same length in every entry."""
 
 Arrays = dict[str, NDArray[Any]]
 Rows = dict[str, Any]
 
 
 def save_keyframes(mapper: Mapper, path: Path) -> None:
-    """Write all that a mapper has kept, as a compressed ``.npz``, whole or not at all; ``LAYOUT`` says what is in it.
+    """Write all kept data of a mapper, laid out as ``LAYOUT``, as a compressed ``.npz``, whole or not at all.
 
     Raises:
         InputError: it cannot be written.
@@ -77,16 +77,16 @@ def save_keyframes(mapper: Mapper, path: Path) -> None:
 
 
 def _array(value: ArrayLike, kind: str, *shape: str | int) -> NDArray[Any]:
-    """Of that type and, also if there is nothing in it, that number of columns."""
+    """An array of that type; also an empty one gets that number of columns."""
     array = np.asarray(value, kind)
     return array if array.size else np.zeros([n if isinstance(n, int) else 0 for n in shape], kind)
 
 
 def load_keyframes(path: Path, mapper: Mapper) -> None:
-    """Let a new mapper go on from the map of an earlier one, whose keyframes stay where they are.
+    """Restore the map of an earlier mapper into a new one; the restored keyframes stay where they are.
 
     Raises:
-        InputError: the file is missing, damaged, foreign or of another version; then the mapper is not to be used.
+        InputError: the file is missing, damaged, foreign or of another version; the mapper must not be used then.
     """
     with _opened(path) as e:
         observations, seen = zip(*_observations(e), strict=True)
@@ -98,10 +98,10 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
 
 
 def load_elevation_map(path: Path, robot: RobotModel) -> tuple[ElevationMap, NDArray[np.float64]]:
-    """The ground alone, as it was known in the end, for a robot, and the (K, 4, 4) poses of the keyframes.
+    """Only the final elevation map, for a robot, and the (K, 4, 4) poses of the keyframes in ``map``.
 
     Raises:
-        InputError: as of :func:`load_keyframes`.
+        InputError: as :func:`load_keyframes`.
     """
     elevation_map = ElevationMap(robot)
     with _opened(path) as e, elevation_map.made_anew():
@@ -113,7 +113,7 @@ def load_elevation_map(path: Path, robot: RobotModel) -> tuple[ElevationMap, NDA
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Arrays]:
-    """The entries of a file, checked; InputError where they do not make what is made of them under it."""
+    """The checked entries of a file; an error in the block that uses them also becomes InputError."""
     e = load_arrays(path, "map of an episode")
     if str(e.pop("format", "")) != FORMAT:
         raise InputError(f"{path}: not the map of an episode")
@@ -127,7 +127,7 @@ def _opened(path: Path) -> Iterator[Arrays]:
 
 
 def _check(e: Arrays) -> None:
-    """Raises ValueError where an entry is missing or of a wrong type or shape, or a number in it makes no sense."""
+    """Raise ValueError if an entry is missing, has a wrong type or shape, or holds an impossible number."""
     sizes: dict[str, int] = {}
     for name, (kind, *shape) in LAYOUT.items():
         if name not in e or e[name].dtype != np.dtype(kind) or e[name].ndim != len(shape):
@@ -171,7 +171,7 @@ def _keyframes(mapper: Mapper) -> Rows:
 
 
 def _observations(e: Arrays) -> Iterator[tuple[Observation, Seen]]:
-    """What was kept of each keyframe, thinned and searched for dropouts as it was then."""
+    """The kept data of each keyframe, thinned and searched for dropouts as when it was added."""
     _, height, width = e["depth"].shape
     shares = _parts(e["shares"], e["labelled"].clip(0))
     for depth, camera, T, labelled in zip(e["depth"], e["camera"], e["T_base_camera"], e["labelled"], strict=True):
@@ -202,7 +202,7 @@ def _ground(mapper: Mapper) -> Rows:
 
 
 def _evidence(e: Arrays, seen: Sequence[Seen]) -> Iterator[tuple[int, GroundEvidence]]:
-    """What is known of the ground, in the order in which it was seen."""
+    """The evidence of the ground with its keyframes, in the order in which it was added."""
     assumed, driven = iter(e["assumed"]), _parts(_unpacked(e["driven"]), e["ground"][:, 2:].ravel())
     for keyframe, kind, *_ in e["ground"].tolist():
         parts = next(driven), next(driven), next(driven)
@@ -246,7 +246,7 @@ def _victims(victims: list[Victim]) -> Rows:
 
 
 def _restored_victims(e: Arrays) -> Iterator[Victim]:
-    """They get their points and the rest from their sightings as soon as the mapper makes its maps."""
+    """Victims with their sightings; points and the rest follow from these when the mapper rebuilds its maps."""
     found = e["victims"][:, 2:].astype(np.int64)
     points = _parts(_unpacked(e["sighting_points"]), e["sightings"][:, 1].astype(np.int64))
     sightings, tried = _parts(e["sightings"], found[:, 0]), _parts(e["tried"], found[:, 1])
@@ -261,7 +261,7 @@ def _restored_victims(e: Arrays) -> Iterator[Victim]:
 
 
 def _packed(parts: Iterable[NDArray[np.floating]]) -> NDArray[np.int32]:
-    """(N, 3) points of all parts in units of ``UNIT``, as steps from each to the next, which compress well."""
+    """(N, 3) points of all parts in units of ``UNIT``, as differences of successive points, which compress well."""
     points = np.rint(np.concatenate([np.zeros((1, 3)), *parts]) / UNIT)
     return np.asarray(points[1:] - points[:-1], np.int32)
 
@@ -271,10 +271,10 @@ def _unpacked(steps: NDArray[np.int32]) -> NDArray[np.float32]:
 
 
 def _parts(array: NDArray[Any], lengths: NDArray[np.int64]) -> Iterator[NDArray[Any]]:
-    """The parts of these lengths, one after the other.
+    """Successive parts of an array, of these lengths.
 
     Raises:
-        ValueError: together they are not as long as the array.
+        ValueError: the lengths do not add up to that of the array.
     """
     if lengths.sum() != len(array):
         raise ValueError(f"{len(array)} rows are not the {lengths.sum()} that belong there")

@@ -1,4 +1,4 @@
-"""What the robot's software knows, logged to Rerun step by step."""
+"""Logs what the robot's software knows to Rerun, step by step."""
 
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
@@ -27,24 +27,24 @@ Level = Literal["INFO", "WARN", "ERROR"]
 
 GROWTH = 0.05  # Share by which a cloud has to grow to be logged again; all are logged at the end
 MOTION_PERIOD = 0.2  # s between two logged poses of the moving robot
-FLUSH_TIME = 30.0  # s that a sink may take at the end for what it has not got yet
+FLUSH_TIME = 30.0  # s that a sink may take at the end for the remaining data
 
 
 class Recorder:
     """Logs what the robot's software knows to a file, and to a viewer if there is one.
 
     Attributes:
-        stream: takes what others, such as a simulator, log; its timelines are ``step`` and ``sim_time``.
-        viewer: shows the recording meanwhile; None if there is none.
+        stream: of Rerun; others, such as a simulator, may log to it; its timelines are ``step`` and ``sim_time``.
+        viewer: shows the recording while it grows; None if there is none.
     """
 
     def __init__(self, path: Path, viewer: Viewer | None = None, layout: rrb.Blueprint | None = None):
-        """Begin a recording that bears its folder's name.
+        """Begin a recording named after its folder.
 
         Args:
             path: of the file, which is written as the recording grows and can be read at any time.
-            viewer: shows it meanwhile.
-            layout: with which a viewer opens it.
+            viewer: shows the recording while it grows.
+            layout: with which a viewer opens the recording.
 
         Raises:
             InputError: the file cannot be written.
@@ -65,7 +65,7 @@ class Recorder:
         self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)
 
     def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
-        """Log a step of the explorer, the ``index``-th from 0 on, and the maps after it."""
+        """Log a step of the explorer, the ``index``-th counted from 0, and the maps after it."""
         self.log_keyframe(index, explorer.mapper, step.keyframe, explorer.robot.model.camera_range[1])
         self.stream.log("world/path_plan", drawings.path(step))
         self.stream.log("world/frontiers", drawings.frontier_points(step.frontiers))
@@ -85,14 +85,14 @@ class Recorder:
         self._log_progress(mapper)
 
     def log_pose(self, time: float, T_odom_base: NDArray[np.float64]) -> bool:
-        """Log the robot's pose between steps, thinned to 5 a second; whether this one was logged.
+        """Log the robot's pose between steps, thinned to 5 per second; returns whether this one was logged.
 
         Args:
             time: s.
-            T_odom_base: 4×4 by the odometry; the newest keyframe tells where that is in ``map``.
+            T_odom_base: 4×4 by the odometry; the newest keyframe's correction takes it to ``map``.
         """
         self._move(T_odom_base)
-        # Half a millisecond, for times that are sums of many control periods.
+        # Half a millisecond of tolerance: times are sums of many control periods.
         if self._moved is not None and time - self._moved[0] < MOTION_PERIOD - 5e-4:
             return False
         self._set_time(time, on_a_step=False)
@@ -106,7 +106,7 @@ class Recorder:
         return True
 
     def log_correction(self, correction: Correction) -> None:
-        """Log that keyframes were corrected; the maps lie elsewhere now and are logged with the next step."""
+        """Log that keyframes were corrected; the corrected maps are logged with the next step."""
         self._logged_size.clear()
         ways, turns = correction.ways, correction.turns
         count = np.count_nonzero((ways > NOTICEABLE[0]) | (turns > NOTICEABLE[1]))
@@ -122,25 +122,25 @@ class Recorder:
         self.stream.log("log", rr.TextLog(text, level=level))
 
     def log_ways(self, ways: Sequence[NDArray[np.float64]]) -> None:
-        """Log the ways, (N, 3) points in ``map`` each, from the entrance to the victims."""
+        """Log the paths, (N, 3) points in ``map`` each, from the entrance to the victims."""
         self._set_time(self._time)
         self.stream.log("world/victims/ways", victim_drawings.ways(ways))
 
     def close(self) -> None:
-        """Log the maps as they are at the end, and write all that the sinks have not got yet."""
+        """Log the final maps, and write all remaining data to the sinks."""
         if self._mapper is not None:
             self._set_time(self._time)
             self._logged_size.clear()
             self._log_maps(self._mapper)
             self._log_robot_pose()
-        # A window that was closed meanwhile takes no data any more; the file is whole all the same.
+        # A window that was closed in the meantime takes no more data, but the file is still complete.
         with suppress(RuntimeError) if self.viewer else nullcontext():
             self.stream.flush(timeout_sec=FLUSH_TIME)
         self.stream.disconnect()
         _compact(self._path)
 
     def _set_time(self, time: float, *, on_a_step: bool = True) -> None:
-        """Between two steps there is no ``step``: on that timeline the robot stands where it took its keyframe."""
+        """Set the time of the next data; on the timeline ``step`` the robot stays at its keyframe between steps."""
         self._time = time
         self.stream.set_time("sim_time", duration=time)
         if on_a_step:
@@ -150,11 +150,11 @@ class Recorder:
 
     @property
     def T_map_base(self) -> NDArray[np.float64]:
-        """4×4 where the robot believes to be now; before the first step ``map`` is the odometry's frame."""
+        """4×4 estimate of the robot's present pose; before the first step ``map`` is the odometry's frame."""
         return self._mapper.localisation.T_map_odom @ self._T_odom_base if self._mapper else self._T_odom_base
 
     def log_trajectory(self, localisation: Localisation) -> None:
-        """Log the way driven so far, as it is now believed."""
+        """Log the present estimate of the track driven so far."""
         way = [*self._track.positions(localisation.poses), self.T_map_base[:3, 3]]
         self.stream.log("world/trajectory/estimated", drawings.trajectory(way, drawings.TRAJECTORY_COLOUR))
 
@@ -177,7 +177,7 @@ class Recorder:
         log(f"{camera}/labels", drawings.label_image(frame, keyframe.labels))
 
     def _log_maps(self, mapper: Mapper) -> None:
-        """Log all that moves when keyframes are corrected."""
+        """Log all data that moves when keyframes are corrected."""
         log, localisation = self.stream.log, mapper.localisation
         self._log_clouds(mapper)
         log("world/segments", drawings.segment_boxes(mapper.segments))
@@ -203,7 +203,7 @@ class Recorder:
         self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)
 
     def _log_clouds(self, mapper: Mapper) -> None:
-        """Log the maps that grow, if they have changed enough."""
+        """Log the metric and the semantic map, each if its size has changed enough."""
         metric_map, semantic_map = mapper.metric_map, mapper.semantic_map
         occupied, free = metric_map.occupied_centres(), metric_map.free_centres()
         if self._has_changed("occupied", len(occupied), 0.0):
@@ -217,7 +217,7 @@ class Recorder:
         )
 
     def _has_changed(self, cloud: str, size: int, growth: float) -> bool:
-        """Whether the size differs by more than a share of what was logged last; then it counts as logged."""
+        """Whether a size differs from that logged last by more than a share ``growth``; it then counts as logged."""
         before = self._logged_size.get(cloud, -1)
         if abs(size - before) <= growth * before:
             return False

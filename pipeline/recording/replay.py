@@ -1,4 +1,4 @@
-"""A recording through the mapper: where its frames were taken, and which of them become keyframes."""
+"""Replays a recording through the mapper: poses for its frames, and the choice of keyframes."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,16 +21,16 @@ from pipeline.transforms import from_rotation, inverse, level
 from pipeline.traversability.pose_paths import PosePaths
 
 PoseSource = Literal["slam", "registration", "odometry", "truth"]
-"""Odometry that registration corrects; registration alone; recorded odometry or true poses taken at their word."""
+"""Odometry corrected by registration; registration alone; recorded odometry or true poses without correction."""
 
 
 class Replayed(NamedTuple):
-    """A frame that was taken in.
+    """A frame that was given to the mapper.
 
     Attributes:
         frame: with its ``T_odom_base`` and ``T_base_camera``.
-        keyframe: if one was made of it.
-        T_world_base: 4×4 true pose, if the recording has it.
+        keyframe: the keyframe made of it; None if it is no keyframe.
+        T_world_base: 4×4 true pose; None if the recording has none.
     """
 
     frame: Frame
@@ -39,17 +39,17 @@ class Replayed(NamedTuple):
 
 
 def default_poses(recording: Recording) -> PoseSource:
-    """What tells the poses where nobody says it: the recorded odometry, corrected, or the images alone."""
+    """The default source of poses: recorded odometry with registration, or without odometry registration alone."""
     return "registration" if recording.odometry is None else "slam"
 
 
 def localisation_of(poses: PoseSource) -> Localisation:
-    """What the mapper localises with."""
+    """The mapper's localisation for a source of poses."""
     return Slam() if poses in ("slam", "registration") else OdometryLocalisation()
 
 
 class Replay:
-    """Takes a recording's frames into the maps, one after the other."""
+    """Adds a recording's frames to the maps, one after the other."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class Replay:
         poses: PoseSource,
         T_base_camera: NDArray[np.float64] | None = None,
     ):
-        """``T_base_camera`` (4×4) overrides the recording's; where neither is known, the floor tells it.
+        """``T_base_camera`` (4×4) overrides the recording's; if neither is known, it is measured from the floor.
 
         Raises:
             InputError: the recording has no such poses.
@@ -81,11 +81,11 @@ class Replay:
         return known
 
     def __iter__(self) -> Iterator[Replayed]:
-        """Take one frame after the other in.
+        """Add one frame after the other to the maps.
 
         Raises:
-            InputError: the recording is broken; what came before is mapped.
-            LostError: nothing tells any more where a frame was taken; the same.
+            InputError: the recording is broken; the frames before are mapped.
+            LostError: the pose of a frame cannot be found any more; the frames before are mapped.
         """
         for frame in map(without_specks, self.recording.frames()):
             if not self._has_begun and not self._begin(frame):
@@ -106,7 +106,7 @@ class Replay:
         return self._known.at(frame.time) if self._known else None
 
     def _begin(self, frame: Frame) -> bool:
-        """Find out by the first frame how camera and robot stand; False if it is blank."""
+        """Find the poses of camera and robot by the first frame; False if it is blank."""
         if not frame.returns.any():
             self.recording.leave_out("blank frames at the beginning")
             return False
@@ -124,7 +124,7 @@ class Replay:
         return True
 
     def _up(self, frame: Frame, T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(3,) the vertical in ``base_link``, by the accelerometer or the floor; else the robot stands level."""
+        """(3,) the vertical in ``base_link`` by the accelerometer, else by the floor, else for a level robot."""
         if self.recording.up is not None:
             return self.recording.up
         try:
@@ -133,7 +133,7 @@ class Replay:
             return np.array([0.0, 0.0, 1.0])
 
     def _take(self, frame: Frame) -> Keyframe | None:
-        """Make a keyframe, if this is one."""
+        """Make a keyframe of the frame if it is due; None if not."""
         self._track.append(frame.T_odom_base[:3, 3])
         labelled = self._is_labelled(frame)
         if labelled is None:
@@ -159,7 +159,7 @@ class Replay:
         return self.mapper.keyframes % LABELLED == 0
 
     def _settle(self) -> None:
-        """Tell the maps what was driven over, and correct them, as an explorer does before each step."""
+        """Add the driven track to the maps and correct them, as an explorer does before each step."""
         if self._is_on_ground and self.mapper.keyframes:
             T_map_odom = self.mapper.localisation.T_map_odom
             track = np.array(self._track) @ T_map_odom[:3, :3].T + T_map_odom[:3, 3]

@@ -1,4 +1,4 @@
-"""The way that a robot drives, thinned to what a drawing needs."""
+"""The track of a robot, thinned for drawings."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,11 @@ SPACING = 0.05  # m between two points of a track
 
 
 class Track:
-    """The way driven so far.
+    """The track driven so far.
 
     Attributes:
-        distance: m.
-        positions: (3,) m each, neighbours at least ``SPACING`` apart.
+        distance: its length, m.
+        positions: (3,) m each, successive ones at least ``SPACING`` apart.
     """
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class Track:
         self._last: NDArray[np.float64] | None = None
 
     def add(self, position: NDArray[np.float64]) -> bool:
-        """Go on to ``position`` (3,) m; whether it became one of :attr:`positions`."""
+        """Extend the track to ``position`` (3,) m; returns whether it became one of :attr:`positions`."""
         if self._last is not None:
             self.distance += float(np.linalg.norm(position - self._last))
         self._last = position.copy()
@@ -34,7 +34,7 @@ class Track:
 
 
 class EstimatedTrack:
-    """The way driven so far, each point of which follows the keyframe before it when that one is corrected."""
+    """The track driven so far; when keyframes are corrected, each point moves with the keyframe before it."""
 
     def __init__(self) -> None:
         self._odometry = Track()
@@ -43,11 +43,11 @@ class EstimatedTrack:
 
     @property
     def distance(self) -> float:
-        """m by odometry: a correction is no drive."""
+        """m by odometry, because a correction is not driven."""
         return self._odometry.distance
 
     def add(self, T_odom_base: NDArray[np.float64], localisation: Localisation | None) -> None:
-        """Go on to a 4×4 pose; before the first keyframe its distance alone counts."""
+        """Extend the track to a 4×4 pose; before the first keyframe only the distance grows."""
         if not self._odometry.add(T_odom_base[:3, 3]) or localisation is None:
             return
         keyframe = len(localisation.poses) - 1
@@ -56,6 +56,6 @@ class EstimatedTrack:
         self._positions.append((T_keyframe_odom @ T_odom_base)[:3, 3])
 
     def positions(self, T_map_base: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 3) m in ``map``, given the (K, 4, 4) poses of the keyframes, as they are now believed."""
+        """(N, 3) m in ``map``, given the (K, 4, 4) present estimates of the keyframes' poses."""
         T = T_map_base[self._keyframes]
         return np.einsum("nij,nj->ni", T[:, :3, :3], np.reshape(self._positions, (-1, 3))) + T[:, :3, 3]

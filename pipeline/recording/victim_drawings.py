@@ -1,4 +1,4 @@
-"""Victims as Rerun draws them: in the camera's picture, on the map, and their photos; lengths in m."""
+"""Victims as Rerun draws them: in the camera's image, on the map, and their photos; lengths in m."""
 
 from collections.abc import Sequence
 
@@ -16,15 +16,15 @@ from pipeline.victims.victim_map import Victim, Victims
 
 CONFIRMED, UNCONFIRMED, REFUSED = (40, 220, 90), (255, 170, 40), (160, 160, 160)  # RGB
 CERTAIN = np.sqrt(7.815)
-"""Standard deviations along each axis of the ellipsoid that holds 95 %: χ² of three degrees of freedom."""
+"""Half axes of the 95 % ellipsoid, in standard deviations: χ² of three degrees of freedom."""
 PHOTO, COLUMNS = (220, 240), 3
-"""Width and height in pixels of a photo on the sheet, and how many stand beside each other."""
+"""Width and height in pixels of a photo on the sheet, and number of photos in a row."""
 CAPTION_HEIGHT = 28  # Pixels below a photo
 BACKGROUND = 38  # Grey level behind the photos
 
 
 def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Boxes2D:
-    """The boxes of one keyframe, and why some of them were refused."""
+    """The detections' boxes of one keyframe, with the reasons why some were refused."""
     reasons = {id(refusal.detection): refusal.reason for refusal in refusals}
     refused = [reasons.get(id(detection)) for detection in found]
     labels = [f"{d.confidence:.0%}{f': {why}' if why else ''}" for d, why in zip(found, refused, strict=True)]
@@ -37,7 +37,7 @@ def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Bo
 
 
 def boxes(victims: Victims) -> rr.Boxes3D:
-    """A box around what was seen of each victim."""
+    """A box around the points of each victim."""
     everyone = _displayed(victims)
     corners = np.array([[v.points.min(axis=0), v.points.max(axis=0)] for _, v in everyone]).reshape(-1, 2, 3)
     return rr.Boxes3D(
@@ -51,10 +51,10 @@ def boxes(victims: Victims) -> rr.Boxes3D:
 
 
 def certainty(victims: Victims) -> rr.Ellipsoids3D:
-    """The ellipsoid that holds each victim with 95 %."""
+    """The ellipsoid that contains each victim with a probability of 95 %."""
     everyone = _displayed(victims)
     values, vectors = np.linalg.eigh(np.array([v.covariance for _, v in everyone]).reshape(-1, 3, 3))
-    # Eigenvectors may form a left-handed frame, which is no rotation.
+    # Eigenvectors may form a left-handed frame, which is not a rotation.
     vectors[..., 0] *= np.sign(np.linalg.det(vectors))[:, None]
     return rr.Ellipsoids3D(
         centers=np.array([v.position for _, v in everyone]).reshape(-1, 3),
@@ -66,7 +66,7 @@ def certainty(victims: Victims) -> rr.Ellipsoids3D:
 
 
 def ways(strips: Sequence[NDArray[np.float64]]) -> rr.LineStrips3D:
-    """Ways of (N, 3) points each, m, from the entrance to the victims."""
+    """Paths of (N, 3) points each, m, from the entrance to the victims."""
     return rr.LineStrips3D([strip + np.array([0, 0, 0.1]) for strip in strips], colors=CONFIRMED, radii=0.02)
 
 
@@ -84,7 +84,7 @@ def photo_sheet(victims: Victims) -> rr.EncodedImage:
 
 
 def _photo(text: str, photo: NDArray[np.uint8], colour: tuple[int, int, int]) -> NDArray[np.uint8]:
-    """A photo, as large as it fits, above its caption."""
+    """A photo, scaled to fit its place, above its caption."""
     width, height = PHOTO
     cell = np.full((height + CAPTION_HEIGHT, width, 3), BACKGROUND, np.uint8)
     scale = min((width - 8) / photo.shape[1], (height - 8) / photo.shape[0])

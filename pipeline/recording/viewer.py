@@ -1,4 +1,4 @@
-"""Rerun's viewer, in a process of its own that listens on this machine alone."""
+"""Rerun's viewer, in a process of its own that only this machine can reach."""
 
 import atexit
 import os
@@ -24,21 +24,21 @@ ViewerKind = Literal["spawn", "web"]  # A window of its own, or a page for the b
 
 HOST = "127.0.0.1"  # Rerun's own default is every interface of the machine
 LOCAL = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval'"
-"""Content security policy: what the page loads it loads from where it came from."""
+"""Content security policy: the page may load only from its own server."""
 HOP_BY_HOP = ("connection", "content-length", "date", "server", "transfer-encoding", "content-security-policy")
 """Headers that are not passed on."""
-STARTING_TIME = 30.0  # s, that a viewer may take until it listens
+STARTING_TIME = 30.0  # s that a viewer may take until it listens
 
 
 class Viewer:
-    """A running viewer; a window stays open when this process ends, a page is served no longer.
+    """A running viewer. When this process ends, a window stays open, but a page is no longer served.
 
     Attributes:
-        page: where the browser finds a ``web`` viewer, otherwise None.
+        page: address of a ``web`` viewer; None for a window.
     """
 
     def __init__(self, kind: ViewerKind, *recordings: Path):
-        """Start a viewer that shows recordings and what is logged to its sink; a page's address is printed.
+        """Start a viewer that shows recordings and data logged to its sink; a page's address is printed.
 
         Raises:
             InputError: there is no display for a window, or the viewer does not start.
@@ -58,11 +58,11 @@ class Viewer:
 
     @property
     def sink(self) -> rr.GrpcSink:
-        """Where a recording flows to be shown."""
+        """The sink that streams a recording to the viewer."""
         return rr.GrpcSink(self._address)
 
     def wait(self) -> None:
-        """Block until the window is closed or, where a page is served, Ctrl-C is pressed."""
+        """Block until the window is closed or Ctrl-C is pressed, which ends the viewer."""
         try:
             self._process.wait()
         except KeyboardInterrupt:
@@ -105,15 +105,15 @@ class Viewer:
 
 
 class LocalPage(ThreadingHTTPServer):
-    """Serves Rerun's page on, as long as this process lives, with the order to ask nobody but this machine.
+    """A proxy of Rerun's page, while this process lives, with a policy that allows requests only to this machine.
 
-    Left to itself, the page sends telemetry and asks for fonts, examples and the newest version (Rerun 0.41).
+    Without the policy, the page sends telemetry and requests fonts, examples and the newest version (Rerun 0.41).
     """
 
     daemon_threads = True
 
     def __init__(self, rerun: str, recording: str) -> None:
-        """``rerun``: address of Rerun's own page; ``recording``: of what it may read beside that."""
+        """``rerun``: address of Rerun's own page; ``recording``: the other address that the page may read."""
         self.rerun = rerun
         self.policy = f"{LOCAL}; connect-src 'self' data: blob: {recording}"
         super().__init__((HOST, 0), _Passing)
@@ -124,7 +124,7 @@ class _Passing(BaseHTTPRequestHandler):
     server: LocalPage
 
     def do_GET(self) -> None:
-        """Answer with what Rerun answers."""
+        """Answer with Rerun's answer, but this server's content security policy."""
         passed = {name: self.headers[name] for name in ("Accept-Encoding",) if name in self.headers}
         try:
             with urlopen(Request(self.server.rerun + self.path, headers=passed)) as answer:
@@ -140,22 +140,22 @@ class _Passing(BaseHTTPRequestHandler):
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Content-Security-Policy", self.server.policy)
         self.end_headers()
-        with suppress(OSError):  # a browser that was closed
+        with suppress(OSError):  # the browser was closed
             self.wfile.write(content)
 
     def log_message(self, *_: object) -> None:
-        """Requests are no news."""
+        """Print nothing."""
 
 
 def has_display() -> bool:
-    """Whether a window could open."""
+    """Whether there is a display for a window."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def start_rerun(*arguments: str | Path) -> Popen[bytes]:
-    """Start Rerun's program of the Python package's version; Ctrl-C in the terminal does not reach it.
+    """Start the Python package's own Rerun program; Ctrl-C in the terminal does not reach it.
 
-    Its telemetry is off, as in continuous integration; what the user set for Rerun elsewhere stays.
+    Its telemetry is off, as in continuous integration; the user's settings for Rerun elsewhere stay unchanged.
     """
     command, quiet = [str(files("rerun_cli") / "rerun"), *arguments], os.environ | {"CI": "1"}
     return Popen(command, env=quiet, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)

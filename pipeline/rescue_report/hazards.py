@@ -1,4 +1,4 @@
-"""What is dangerous where the robot can go: slopes, drops, and what hangs low."""
+"""Hazards of the reachable ground: slopes, drops, and low ceilings."""
 
 from dataclasses import dataclass
 
@@ -12,35 +12,35 @@ from pipeline.rescue_report.places import Place, places
 from pipeline.traversability.traversability import Traversability
 
 DROP = 0.1
-"""m that the ground falls at a drop, at least: a robot that takes stairs climbs lower steps back up."""
+"""m, least height of a drop: a robot that takes stairs climbs lower steps back up."""
 EDGE = 0.06
-"""m by which the edge of a drop may differ from the ground before it; a kerb differs by more."""
+"""m by which the edge of a drop may differ in height from the ground in front of it; a kerb differs by more."""
 EDGE_LENGTH = 0.2
-"""m along the edge of a drop, at least; shorter ones are seams between the arena's parts."""
+"""m, least length of the edge of a drop; shorter edges are seams between the arena's parts."""
 BESIDE = 0.5
-"""m from where the robot's middle can be to a drop that it could fall down."""
+"""m, greatest distance from the robot's reachable positions to a drop down which it could fall."""
 ACROSS = 0.1
-"""m that an edge may be wide."""
+"""m, greatest width of an edge."""
 FALL = 0.6
-"""m beyond the edge within which the ground below is searched: the camera often misses the nearest of it."""
+"""m beyond the edge within which the ground below is searched: the camera often misses its nearest part."""
 SLIT = 0.1
-"""m; a narrower gap takes no wheel, as the one between a ramp and the wall beside it."""
+"""m; no wheel falls into a narrower gap, such as that between a ramp and the wall beside it."""
 BEARINGS = 48
-"""Directions in which the ground below is searched."""
+"""Number of directions in which the ground below is searched."""
 LOW = 2.0
-"""m of headroom, below which a person stoops."""
+"""m of headroom below which a person must stoop."""
 APART = 0.3
 """m; hazards that are nearer to each other are one place."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hazards:
-    """Dangers of the ground that the robot can reach; layers are (nx, ny) on the grid of the traversability.
+    """Hazards of the ground that the robot can reach; layers are (nx, ny) on the grid of the traversability.
 
     Attributes:
-        slope: rad, how steep the ground is.
-        is_steep: bool, on a slope.
-        drop: m that the ground falls from here; 0 elsewhere.
+        slope: rad, inclination of the ground.
+        is_steep: bool, whether a cell is on a slope.
+        drop: m that the ground falls at a cell; 0 where it does not.
         slopes: steepest first, in rad.
         drops: deepest first, in m.
         ceilings: lowest first, in m of headroom.
@@ -57,16 +57,16 @@ class Hazards:
 def find_hazards(
     traversability: Traversability, reachable: NDArray[np.bool_], points: NDArray[np.float32], robot_headroom: float
 ) -> Hazards:
-    """The dangers of the ground that the robot can reach.
+    """The hazards of the ground that the robot can reach.
 
     Args:
         traversability: of the robot's map.
-        reachable: (nx, ny) where the robot can go.
-        points: (N, 3) m, the semantic map.
-        robot_headroom: m that the robot needs above the ground; lower points are obstacles and no ceilings.
+        reachable: (nx, ny) cells that the robot can reach.
+        points: (N, 3) m, of the semantic map.
+        robot_headroom: m that the robot needs above the ground; lower points are obstacles, not ceilings.
     """
     slope = np.arctan(np.linalg.norm(traversability.gradient.astype(np.float64), axis=-1))
-    # Opening drops single noisy cells.
+    # Opening removes single noisy cells.
     is_steep = ndimage.binary_opening((slope > RAMP_TILT) & ~traversability.hazard, np.ones((3, 3))) & reachable
     drop = _drops(traversability, reachable)
     headroom = _headroom(traversability, points, robot_headroom)
@@ -83,9 +83,9 @@ def find_hazards(
 
 
 def _drops(traversability: Traversability, reachable: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(nx, ny) m that the ground falls at those edges up to which the reachable ground extends."""
+    """(nx, ny) m that the ground falls at edges of the reachable ground; 0 elsewhere."""
     elevation, cell = traversability.elevation.astype(np.float64), traversability.grid.cell
-    # Steps are hazards, so ground of two heights is not in one piece.
+    # Steps are not traversable, so ground above and below a step is in different pieces.
     pieces, _ = ndimage.label(~traversability.hazard & ~np.isnan(elevation))
     connected = np.isin(pieces, np.unique(pieces[reachable]))
     highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), 1 + 2 * round(ACROSS / cell))
@@ -97,7 +97,7 @@ def _drops(traversability: Traversability, reachable: NDArray[np.bool_]) -> NDAr
 
 
 def _lowest_beyond(grid: Grid, elevation: NDArray[np.float64], edges: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(E,) m, the lowest ground beyond cells (E, 2).
+    """(E,) m, height of the lowest ground beyond each of the cells (E, 2).
 
     The search in a direction ends where the map is no lower than the edge: at more of the same ground, or at a wall,
     behind which no robot falls.
@@ -117,21 +117,21 @@ def _lowest_beyond(grid: Grid, elevation: NDArray[np.float64], edges: NDArray[np
 
 
 def _without_slits(elevation: NDArray[np.float64], cells: int) -> NDArray[np.float64]:
-    """(nx, ny) m, raised where low ground is narrower than so many cells: a grey closing that leaves out NaN."""
+    """(nx, ny) m, raised where low ground is narrower than ``cells``: a grey closing that ignores NaN."""
     raised = ndimage.maximum_filter(np.nan_to_num(elevation, nan=-np.inf), cells)
     closed = ndimage.minimum_filter(np.where(np.isneginf(raised), np.inf, raised), cells)
     return np.where(np.isnan(elevation), np.nan, closed)
 
 
 def _long(edges: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:
-    """The edges (nx, ny) of at least so many cells."""
+    """The connected edges (nx, ny) of at least ``cells`` cells."""
     pieces, _ = ndimage.label(edges, np.ones((3, 3)))
     sizes = np.bincount(pieces.ravel())
     return edges & (sizes[pieces] >= cells)
 
 
 def _headroom(traversability: Traversability, points: NDArray[np.float32], at_least: float) -> NDArray[np.float64]:
-    """(nx, ny) m from the ground to the lowest point ``at_least`` so far above it."""
+    """(nx, ny) m from the ground to the lowest point that is at least ``at_least`` m above it; inf without one."""
     headroom = np.full(traversability.grid.shape, np.inf)
     above = points[:, 2] - traversability.grid.at(traversability.elevation, points, outside=np.nan)
     hangs = above >= at_least

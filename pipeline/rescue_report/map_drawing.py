@@ -12,23 +12,23 @@ from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.situation import Situation
 
 WHITE = 0.35
-"""Share of white in the colours of the classes: what is drawn on them must stand out."""
+"""Share of white in the colours of the classes: symbols drawn on them must stand out."""
 PALETTE = (COLOURS * (1 - WHITE) + 255 * WHITE).round().astype(np.uint8)
 """(8, 3) uint8 RGB of the classes on the drawing."""
 KNOWN = (238, 234, 222, 255)
 """RGBA of ground whose class is not known."""
 ARROW = 0.4, 30.0
-"""Between arrows up a slope: m, and units at least."""
+"""Least distance between arrows up a slope: in m, and in units of the drawing."""
 MAX_NUMBERS = 12
-"""Numbers of one kind, the worst first, that the drawing has room for."""
+"""Most numbered places of one kind on the drawing, the worst first."""
 SHARP = 2400
-"""Pixels along the longer side of the ground's picture: 300 an inch on A4."""
+"""Greatest number of pixels along the longer side of the ground's image: 300 per inch on A4."""
 MIN_LINES = 6
-"""Lines of round coordinates along the longer side."""
+"""Least number of lines of round coordinates along the longer side."""
 
 
 def draw_map(situation: Situation) -> str:
-    """The semantic map with all that a rescue team looks for on it: an SVG element and a mark for narrow screens."""
+    """The semantic map with people, ways and hazards: an SVG element and a mark for narrow screens."""
     grid = situation.traversability.grid
     paper = Paper(grid, ~np.isnan(situation.traversability.elevation))
     size = np.array([paper.width, paper.height]) / paper.scale
@@ -55,7 +55,7 @@ def pale(label: Label) -> str:
 
 
 def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
-    """(H, W, 4) RGBA: the class of the highest point in each cell, but for ceilings; clear where the map is empty."""
+    """(H, W, 4) RGBA: the class of each cell's highest point below ceilings; transparent where the map is empty."""
     grid, points = situation.traversability.grid, situation.points
     image = np.zeros((*grid.shape, 4), np.uint8)
     image[~np.isnan(situation.traversability.elevation)] = KNOWN
@@ -65,18 +65,18 @@ def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
     image[i, j, :3] = PALETTE[situation.labels[lowest_first]]
     image[i, j, 3] = 255
     drawing = image[paper.window].transpose(1, 0, 2)[::-1]
-    # Printers blur what they enlarge, so it comes with cells of so many pixels.
+    # Printers blur images that they enlarge, so each cell gets several pixels.
     sharp = max(1, min(8, SHARP // max(drawing.shape[:2])))
     return np.ascontiguousarray(drawing.repeat(sharp, axis=0).repeat(sharp, axis=1))
 
 
 def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[NDArray[np.float64], float]]:
-    """(2,) units and heading in rad of arrows up the slopes, from the middle of each outwards, well apart."""
+    """Positions (2,) in units and headings in rad of arrows up the slopes, from each slope's middle outwards."""
     grid, hazards = situation.traversability.grid, situation.hazards
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]
     cells = np.argwhere(hazards.is_steep)
     apart = max(ARROW[0], ARROW[1] / paper.scale) / grid.cell
-    for place in hazards.slopes[:MAX_NUMBERS]:  # its number stands there
+    for place in hazards.slopes[:MAX_NUMBERS]:  # keep free: the place's number is drawn there
         cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > 0.8 * apart]
     while len(cells):
         cell = cells[inner[tuple(cells.T)].argmax()]
@@ -86,6 +86,6 @@ def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[NDArray[np.flo
 
 
 def _round_length(metres: float) -> float:
-    """The longest of 0.1, 0.2, 0.5, 1, 2, 5 … m that is no longer."""
+    """The longest of 0.1, 0.2, 0.5, 1, 2, 5 … m that is not longer than ``metres``."""
     lengths = [base * 10.0**power for power in range(-1, 3) for base in (1, 2, 5)]
     return max((length for length in lengths if length <= metres), default=lengths[0])

@@ -1,4 +1,4 @@
-"""The page: the robot's knowledge as HTML in one file that needs nothing else."""
+"""The page: the robot's knowledge as one self-contained HTML file."""
 
 from collections.abc import Iterator, Mapping
 from datetime import datetime
@@ -12,12 +12,12 @@ from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.situation import Situation
 
 MAX_LISTED = 8
-"""Places of one kind that are listed, the worst first."""
+"""Most places of one kind that are listed, the worst first."""
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
-"""Parts of report.json that say what ran and how long it took; all others but the settings need the truth."""
+"""Parts of report.json on what ran and how long it took; all others except the settings need the ground truth."""
 SETTINGS = "config"
 CLASSES = {Label.INCLINED_RAMP: "slope", Label.STRAIGHT_RAMP: "raised deck", Label.TERRAIN: "ground"}
-"""What people who know no networks call some of the classes."""
+"""Plain names of some of the classes."""
 
 
 def page(situation: Situation, report: Mapping[str, Any], written: datetime | None = None) -> str:
@@ -25,8 +25,8 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
 
     Args:
         situation: what the robot knows.
-        report: report.json's figures; only the last section, which says so, holds those that need the truth.
-        written: when, for the head of the page.
+        report: report.json's figures; those that need the ground truth are only in the last section, which says so.
+        written: time of writing, for the head of the page.
     """
     classes = sorted(set(situation.labels.tolist()) - {Label.CEILING})
     return TEMPLATES.get_template("page.html").render(
@@ -45,13 +45,13 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
 
 
 def _title(arena: str) -> str:
-    """The name of an arena; of a file without its folder and ending."""
+    """The name of an arena; for a file without its folder and ending."""
     path = PurePath(arena)
     return path.stem if path.suffix.lower() in (".raf", ".xml") else arena
 
 
 def _tables(content: Mapping[str, Any], rest: str) -> dict[str, list[tuple[str, str]]]:
-    """Names and values, by caption, of every part that has parts itself, after those of the ``rest``."""
+    """Rows of names and values by caption: first ``rest`` with the plain values, then a table per nested mapping."""
     nested = {key: value for key, value in content.items() if isinstance(value, Mapping)}
     parts = {rest: {key: content[key] for key in content if key not in nested}, **nested}
     return {
@@ -62,7 +62,7 @@ def _tables(content: Mapping[str, Any], rest: str) -> dict[str, list[tuple[str, 
 
 
 def _rows(name: str, content: Any) -> Iterator[tuple[str, str]]:
-    """The values in nested mappings, with their path as name."""
+    """The values in nested mappings, each with its path of keys as its name."""
     if isinstance(content, Mapping):
         for key, value in content.items():
             yield from _rows(f"{name}.{key}", value)

@@ -1,4 +1,4 @@
-"""Where things lie on a drawing from above: x to the right, y up."""
+"""Coordinates of a drawing from above: x to the right, y up."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -6,26 +6,26 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.grid_map import Grid
 
 LONGER, SHORTER = 1000.0, 800.0
-"""Units that the drawing's width and height take at most; signs are some 30 units wide."""
+"""Units, greatest width and height of the drawing (but see LEAST); symbols are about 30 units wide."""
 LEAST, LONGEST = 30.0, 1.6
-"""Units per m that a large arena gets at least, unless the drawing grew by more than this factor."""
+"""Least units per m for a large arena, and greatest factor by which the drawing may grow for it."""
 MARGIN = 0.4
-"""m around what is known."""
+"""m around the known cells."""
 
 
 class Paper:
-    """From m in ``map`` to units of the drawing, over a window of a grid.
+    """Converts m in ``map`` to units of the drawing, which shows a window of a grid.
 
     Attributes:
         window: rows and columns of the grid.
-        low: (2,) m, its lower left corner.
+        low: (2,) m, the window's lower left corner.
         scale: units per m.
-        width, height: units.
+        width, height: of the drawing, units.
         cell: units along a cell of the grid.
     """
 
     def __init__(self, grid: Grid, known: NDArray[np.bool_]):
-        """With room for the cells that are ``known`` (nx, ny), or for all cells if none is."""
+        """A drawing with room for the cells that are ``known`` (nx, ny), or for all cells if none is."""
         cells = np.argwhere(known) if known.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
         margin = round(MARGIN / grid.cell)
         low = np.maximum(cells.min(axis=0) - margin, 0)
@@ -39,6 +39,6 @@ class Paper:
         self.cell = grid.cell * self.scale
 
     def __call__(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """(..., 2) units of points (..., 2 or 3)."""
+        """(..., 2) units of points (..., 2 or 3), m in ``map``."""
         x, y = np.moveaxis((np.asarray(xy, np.float64)[..., :2] - self.low) * self.scale, -1, 0)
         return np.stack([x, self.height - y], axis=-1).round(1)

@@ -16,7 +16,7 @@ JSON, CSV = "victims.json", "victims.csv"
 
 
 def people_data(situation: Situation) -> Row:
-    """What victims.json holds: lengths in m, angles in rad, times in s, places in ``map``."""
+    """The content of victims.json: lengths in m, angles in rad, times in s, positions in ``map``."""
     people = [_person(person, person in situation.people) for person in situation.everyone]
     return {"version": 1, "frame": "map", "searched": situation.searched, "people": people}
 
@@ -50,17 +50,17 @@ def _person(person: Person, confirmed: bool) -> Row:
 
 
 def photo_name(person: Person) -> str:
-    """The file of a person's photo, beside the data."""
+    """The name of the file with a person's photo, in the folder of the data."""
     return f"victim_{person.display_id}.jpg"
 
 
 def _plain(numbers: Any) -> Any:
-    """Numbers of any shape as JSON has them, to 1e-6."""
+    """A number, or nested lists of numbers, for JSON, rounded to 1e-6."""
     return np.round(np.asarray(numbers, np.float64), 6).tolist()
 
 
 def write_people(folder: Path, situation: Situation) -> None:
-    """Write the data and the photos into a folder; InputError where one cannot be written."""
+    """Write the data and the photos into a folder; InputError if one cannot be written."""
     data = people_data(situation)
     with whole_file(folder / JSON) as path:
         path.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n")
@@ -78,11 +78,11 @@ COLUMNS = (
     *("length_m", "width_m", "height_m", "posture", "confidence", "keyframes", "first_s", "last_s", "photo"),
     *("arrives", "way_m", "steepest_rad", "gap_m", "drops", "deepest_m"),
 )
-"""Of victims.csv: of a covariance its upper triangle, of times the first and the last one."""
+"""Columns of victims.csv; it has a covariance's upper triangle, and the first and last of the times."""
 
 
 def _row(person: Row) -> Row:
-    """A person as a line of the table; what is not known is left empty."""
+    """A person as a row of the table; unknown values are empty."""
     upper = np.array(person["covariance"])[np.triu_indices(3)].tolist()
     first_last = person["times"][:1] + person["times"][-1:] or ["", ""]
     way = person["way"]

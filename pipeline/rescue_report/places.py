@@ -1,4 +1,4 @@
-"""Cells of a grid gathered to places that can be named and drawn."""
+"""Groups cells of a grid into places that can be named and drawn."""
 
 from dataclasses import dataclass
 
@@ -11,10 +11,10 @@ from pipeline.grid_map import Grid
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Cells that lie together.
+    """A group of cells near each other.
 
     Attributes:
-        position: (2,) m in ``map``, centre of the cell nearest to the middle of them all.
+        position: (2,) m in ``map``, centre of the cell nearest to the mean of all the cells.
         area: m².
         value: greatest of the cells' values.
     """
@@ -25,10 +25,10 @@ class Place:
 
 
 def places(grid: Grid, mask: NDArray[np.bool_], values: NDArray, apart: float) -> list[Place]:
-    """The places that the cells of a mask make, those of the greatest values first.
+    """The places formed by the cells of a mask, sorted by value, the greatest first.
 
     Args:
-        grid: where the cells lie.
+        grid: grid of the cells.
         mask: (nx, ny) the cells.
         values: (nx, ny) a number for every cell.
         apart: m; cells nearer to each other belong to one place, neighbours always.

@@ -1,4 +1,4 @@
-"""How large a person is and, as far as the size tells, how the person lies."""
+"""A person's size and, as far as it follows from the size, posture."""
 
 from dataclasses import dataclass
 
@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 LYING_LENGTH, LYING_HEIGHT = 1.0, 0.5
-"""m; a person who is at least so long and no higher lies."""
+"""m; a person at least this long and at most this high is lying."""
 UPRIGHT_HEIGHT, UPRIGHT_LENGTH = 0.6, 1.4
-"""m; a person who is at least so high and no longer sits, kneels or leans."""
+"""m; a person at least this high and at most this long is sitting, kneeling or leaning."""
 OUTLIERS = 1.0
-"""Percent of the points at either end of a side that are left out."""
+"""Percent of the points that are left out at either end of a side."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Posture:
     """A person's size.
 
     Attributes:
-        length, width: of the smallest upright box around what was seen, the longer side first, m.
+        length, width: of the smallest upright box around the person's points, the longer side first, m.
         height: of that box, m.
     """
 
@@ -29,7 +29,7 @@ class Posture:
 
     @property
     def name(self) -> str:
-        """How the person lies or sits; empty where the size does not tell."""
+        """How the person lies or sits; empty if the size does not determine it."""
         if self.length >= LYING_LENGTH and self.height <= LYING_HEIGHT:
             return "lying"
         if self.height >= UPRIGHT_HEIGHT and self.length <= UPRIGHT_LENGTH:
@@ -38,7 +38,7 @@ class Posture:
 
 
 def posture_of(points: NDArray[np.float32]) -> Posture:
-    """The size of a person of whom (N, 3) points were seen, m."""
+    """The size of a person with (N, 3) points, m."""
     _, _, angle = cv2.minAreaRect(np.ascontiguousarray(points[:, :2], np.float32))
     c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
     sides = np.column_stack([points[:, :2] @ np.array([[c, -s], [s, c]]), points[:, 2]])

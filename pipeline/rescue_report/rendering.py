@@ -1,4 +1,4 @@
-"""HTML and SVG from jinja2 templates, in which everything from outside is escaped."""
+"""HTML and SVG from jinja2 templates, in which all inserted text is escaped."""
 
 from base64 import b64encode
 
@@ -19,18 +19,18 @@ def environment(package: str) -> Environment:
 
 
 def png(rgba: NDArray[np.uint8]) -> str:
-    """(H, W, 4) uint8 RGBA as a data URI without loss."""
+    """(H, W, 4) uint8 RGBA as a data URI of a PNG."""
     _, data = cv2.imencode(".png", rgba[..., [2, 1, 0, 3]], [cv2.IMWRITE_PNG_COMPRESSION, 9])
     return _data_uri("png", data.tobytes())
 
 
 def jpeg(rgb: NDArray[np.uint8]) -> str:
-    """(H, W, 3) uint8 RGB as a data URI."""
+    """(H, W, 3) uint8 RGB as a data URI of a JPEG."""
     return _data_uri("jpeg", encoded_jpeg(rgb))
 
 
 def encoded_jpeg(rgb: NDArray[np.uint8]) -> bytes:
-    """(H, W, 3) uint8 RGB as the content of a file."""
+    """(H, W, 3) uint8 RGB as the content of a JPEG file."""
     _, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
     return data.tobytes()
 

@@ -1,4 +1,4 @@
-"""From an explorer that is watched to the rescue report."""
+"""Makes the rescue report from an explorer's steps."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -16,25 +16,25 @@ from pipeline.rescue_report.situation import Situation, situation_of
 
 
 class RescueReport:
-    """What a rescue team needs to know, gathered keyframe by keyframe."""
+    """Gathers the data of the report step by step."""
 
     def __init__(self, explorer: Explorer):
-        """Of what an explorer learns."""
+        """Report the knowledge of ``explorer``."""
         self._explorer = explorer
         self._poses: list[NDArray[np.float64]] = []
         self._camera_height = 0.0
         self._finished = False
 
     def add(self, step: Step) -> None:
-        """Take the newest step into account."""
+        """Add the newest step."""
         self._poses.append(step.keyframe.T_map_base)
         self._camera_height = float(step.keyframe.frame.T_base_camera[2, 3])
-        if self._explorer.mission.goals is None:  # on the way to a goal there may be no other viewpoint
+        if self._explorer.mission.goals is None:  # only exploring shows whether viewpoints are left
             self._finished = step.viewpoint is None and step.can_drive
 
     @property
     def situation(self) -> Situation:
-        """What the explorer knows now; at least one step must have been added."""
+        """The explorer's present knowledge; at least one step must have been added."""
         explorer = self._explorer
         return situation_of(explorer.mapper, explorer.robot.model, self._poses, self._camera_height, self._finished)
 

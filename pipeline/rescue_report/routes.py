@@ -1,4 +1,4 @@
-"""The robot's way from the entrance to a person, and what lies along it."""
+"""The robot's way from the entrance to a person, with the drops beside it and directions."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,17 +19,17 @@ from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 
 BESIDE = 1.0
-"""m from the robot's middle to what was seen of a person, within which it stands beside the person."""
+"""m, greatest distance from the robot's middle to a person's points at which the robot is beside the person."""
 BODY_MARGIN = 0.15
-"""m around what was seen of a person within which occupied voxels are taken for the person."""
+"""m around a person's points within which occupied voxels are taken for the person."""
 NEAREST, THINNED = 200, 9
-"""Cells whose line of sight to a person is checked, the nearest first; then as many more, every ninth of the rest."""
+"""Cells whose line of sight to a person is checked: the nearest, then as many more, every ninth of the rest."""
 ALIKE = 0.1
 """m; of cells whose distances to a person differ by no more, the one with the cheapest way is preferred."""
 DROP_BESIDE = 0.6
-"""m from the way to a drop that counts as beside it."""
+"""m, greatest distance of a drop beside the way."""
 STRAIGHT = np.deg2rad(20)
-"""rad; a bend that is no wider does not part two legs."""
+"""rad; only a greater bend begins a new leg."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Leg:
     """A straight part of a way.
 
     Attributes:
-        turn: rad to the left before it, from the heading so far.
+        turn: rad to the left at its beginning, from the heading so far.
         length: m along the ground.
-        steepest: rad.
+        steepest: rad, greatest inclination of the ground under it.
     """
 
     turn: float
@@ -54,15 +54,15 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A way to the place nearest to a person.
+    """A way to the reachable place nearest to a person, in sight of the person if possible.
 
     Attributes:
-        way: (N, 3) m in ``map``, its bends from the entrance to where the robot can go no nearer.
-        trace: (M, 3) m, the same with the ground in between.
+        way: (N, 3) m in ``map``, its bends from the entrance to the nearest place.
+        trace: (M, 3) m, the same way with points of the ground between the bends.
         length: m along the ground.
-        steepest: rad, of the ground under it.
+        steepest: rad, greatest inclination of the ground under it.
         drops: beside it, the deepest first, in m.
-        gap: horizontal m from its end to what was seen of the person.
+        gap: horizontal m from its end to the person's points.
         in_sight: whether the robot's map has nothing between its end and the person.
         legs: parts of it, for directions.
     """
@@ -78,17 +78,17 @@ class Route:
 
     @property
     def end(self) -> NDArray[np.float64]:
-        """(2,) m in ``map``, where it ends."""
+        """(2,) m in ``map``, the end of the way."""
         return self.way[-1, :2]
 
     @property
     def arrives(self) -> bool:
-        """Whether the robot comes to stand beside the person."""
+        """Whether the way ends beside the person."""
         return self.in_sight and self.gap <= BESIDE
 
 
 class Router:
-    """Finds ways from the entrance over the robot's own maps."""
+    """Finds ways from the entrance to people by the robot's own maps."""
 
     def __init__(
         self,
@@ -100,14 +100,14 @@ class Router:
         heading: float,
         camera_height: float,
     ):
-        """Ways begin where ``paths`` do, at a ``heading`` in rad; a person is seen from ``camera_height`` m."""
+        """Ways begin at the start of ``paths``, at a ``heading`` in rad; people are seen from ``camera_height`` m."""
         self._traversability, self._paths, self._topology = traversability, paths, topology
         self._metric_map, self._hazards = metric_map, hazards
         self._heading, self._camera_height = heading, camera_height
         self._cells = np.argwhere(paths.reachable)
 
     def to(self, points: NDArray[np.float32]) -> Route | None:
-        """The way to the person of whom (N, 3) points were seen, m; None if the robot cannot leave the entrance."""
+        """The way to the person with (N, 3) points, m; None if the robot cannot leave the entrance."""
         if not len(self._cells):
             return None
         centres = self._traversability.grid.centre_of(self._cells)
@@ -152,7 +152,7 @@ class Router:
             heading = float(np.arctan2(last[1], last[0]))
 
     def _measure(self, points: NDArray[np.float64]) -> tuple[float, float]:
-        """m along the ground, and rad at its steepest, of a way over (N, 2) points."""
+        """Length, m along the ground, and greatest inclination, rad, of a way over (N, 2) points."""
         grid, gradient, length, steepest = self._traversability.grid, self._traversability.gradient, 0.0, 0.0
         for a, b in pairwise(points):
             level = float(np.linalg.norm(b - a))
@@ -182,7 +182,7 @@ class Router:
 
 
 def straight_parts(way: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """The parts (M, 2) of a way (N, 2) in m between its wider bends."""
+    """The parts (M, 2) of a way (N, 2), m, between bends of more than STRAIGHT."""
     steps = np.diff(way, axis=0)
     way = way[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
     bearings = np.arctan2(*np.diff(way, axis=0).T[::-1])

@@ -1,4 +1,4 @@
-"""What the robot knows when an episode ends, as a rescue team asks for it."""
+"""The robot's knowledge at the end of an episode, as a rescue team needs it."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.victim_map import Victim
 
 CHI2_95 = 5.991
-"""χ² of two degrees of freedom that holds 95 %."""
+"""95 % quantile of χ² with two degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Person:
 
     Attributes:
         display_id: a number if the person is confirmed, letters otherwise.
-        victim: what the robot knows of the person.
+        victim: the victim map's data on the person.
         posture: the person's size.
         route: the way to the person; None if the robot cannot leave the entrance.
     """
@@ -45,14 +45,14 @@ class Person:
 
     @property
     def ellipse(self) -> tuple[float, float, float]:
-        """Half axes in m of the ellipse that holds the person with 95 %, the longer one first, and its yaw in rad."""
+        """Half axes, m, of the ellipse with a probability of 95 %, the longer one first, and its yaw, rad."""
         values, vectors = np.linalg.eigh(self.victim.covariance[:2, :2])
         shorter, longer = np.sqrt(CHI2_95 * values).tolist()
         return longer, shorter, float(np.arctan2(vectors[1, 1], vectors[0, 1]))
 
     @property
     def beyond_way(self) -> float:
-        """Rad to the left of where the way's last part leads, from its end to the person; 0 without a way."""
+        """Direction from the way's end to the person, rad to the left of the way's last part; 0 without a way."""
         if self.route is None or len(self.route.way) < 2:
             return 0.0
         (x, y), (u, v) = np.diff(self.route.way[-2:, :2], axis=0)[0], self.victim.position[:2] - self.route.end
@@ -61,16 +61,16 @@ class Person:
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """All that the page tells, but for figures against a ground truth.
+    """The content of the page, except figures that need the ground truth.
 
     Attributes:
-        robot: size and abilities of the robot that the ways are for.
-        T_map_entrance: 4×4 pose in which the robot was set down.
-        positions: (N, 2) m in ``map``, where it took its keyframes.
+        robot: size and abilities of the robot for which the ways are planned.
+        T_map_entrance: 4×4 pose at which the robot was set down.
+        positions: (N, 2) m in ``map``, positions of the robot's keyframes.
         traversability: of the ground.
-        points: (N, 3) float32 m, the semantic map.
-        labels: (N,) uint8 of these.
-        hazards: of the ground that it can reach.
+        points: (N, 3) float32 m, of the semantic map.
+        labels: (N,) uint8 of these points.
+        hazards: of the ground that the robot can reach.
         unseen: ground that was not seen.
         people: confirmed.
         sightings: people who are not confirmed.
@@ -95,21 +95,21 @@ class Situation:
 
     @property
     def everyone(self) -> list[Person]:
-        """Confirmed or not."""
+        """All people, confirmed or not."""
         return [*self.people, *self.sightings]
 
     @property
     def entrance(self) -> NDArray[np.float64]:
-        """(2,) m in ``map``, where the robot was set down."""
+        """(2,) m in ``map``, the place at which the robot was set down."""
         return self.T_map_entrance[:2, 3]
 
     @property
     def entrance_yaw(self) -> float:
-        """Rad, how the robot was set down."""
+        """Heading, rad, in which the robot was set down."""
         return yaw_of(self.T_map_entrance)
 
     def from_entrance(self, position: NDArray[np.float64]) -> tuple[float, float]:
-        """Distance in m and bearing in rad, as the robot was set down, of a position (2 or 3,) in ``map``."""
+        """Distance, m, and bearing, rad from the entrance's heading, of a position (2 or 3,) in ``map``."""
         x, y = position[:2] - self.entrance
         return float(np.hypot(x, y)), float(np.arctan2(y, x)) - self.entrance_yaw
 
@@ -117,13 +117,13 @@ class Situation:
 def situation_of(
     mapper: Mapper, robot: RobotModel, poses: list[NDArray[np.float64]], camera_height: float, finished: bool
 ) -> Situation:
-    """What the maps tell.
+    """The situation by a mapper's maps.
 
     Args:
         mapper: with the maps and the victims; without a detector no person was searched for.
-        robot: that drives.
-        poses: 4×4 ones in ``map`` of its keyframes, the entrance first.
-        camera_height: m above the ground that the robot stands on.
+        robot: the robot that drives.
+        poses: 4×4 poses in ``map`` of its keyframes, the entrance first.
+        camera_height: m above the ground under the robot.
         finished: whether no viewpoint was left that was worth a keyframe.
     """
     traversability = mapper.traversability

@@ -1,4 +1,4 @@
-"""How far the robot's map can be trusted, by what the robot itself can know."""
+"""How far the robot's map can be trusted, by the robot's own data."""
 
 from dataclasses import dataclass
 
@@ -9,23 +9,23 @@ from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 
 CHECKED = 100
-"""Keyframes, at most, that are held against the map; evenly over the drive."""
+"""Most keyframes that are compared with the map, evenly spread over the drive."""
 CONTRADICTED = 0.01
-"""Share of what keyframes show that the map may contradict: where the pose is right to 2 cm it is 0.002, where the
-heading drifts by 8° in 28 m 0.018, by 16° 0.10."""
+"""Greatest share of the keyframes' depth that a consistent map contradicts: the share is 0.002 with poses right to
+2 cm, 0.018 with a heading that drifts by 8° in 28 m, and 0.10 with 16°."""
 UNCERTAIN = 0.3
-"""m, standard deviation at which a place may be taken for the one beside it: the width of a robot's way is 0.6."""
+"""m, standard deviation at which a place may be mistaken for the next one: a robot's way is 0.6 m wide."""
 
 
 @dataclass(frozen=True)
 class Trust:
-    """What speaks against the map.
+    """Evidence against the map.
 
     Attributes:
-        contradicted: share of what keyframes show that is not as the map has it, which is made of all of them: where
-            walls stand twice, keyframes see through the one and what is before the other.
-        deviation: m, standard deviation of the place that is known worst, seen from the newest keyframe; 0 for a
-            robot that takes its odometry at its word.
+        contradicted: share of the keyframes' depth that contradicts the map, which is made of all keyframes: if a
+            wall stands twice, keyframes see through one copy, and see surfaces in front of the other.
+        deviation: m, standard deviation of the least certain keyframe's place relative to the newest keyframe; 0 for
+            a robot that relies on its odometry alone.
     """
 
     contradicted: float
@@ -33,22 +33,22 @@ class Trust:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether the map is as its keyframes show it."""
+        """Whether the map agrees with its keyframes."""
         return self.contradicted <= CONTRADICTED
 
     @property
     def is_certain(self) -> bool:
-        """Whether every place is known well enough."""
+        """Whether every keyframe's place is certain enough."""
         return self.deviation <= UNCERTAIN
 
     @property
     def is_good(self) -> bool:
-        """Whether nothing speaks against the map."""
+        """Whether there is no evidence against the map."""
         return self.is_consistent and self.is_certain
 
 
 def trust_in(mapper: Mapper) -> Trust:
-    """Hold a mapper's map against its keyframes and its localisation."""
+    """Check a mapper's map by its keyframes and its localisation."""
     kept = list(zip(mapper.observations, mapper.poses, strict=True))
     checked = kept[:: 1 + len(kept) // CHECKED]
     whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)

@@ -1,4 +1,4 @@
-"""Which ground the robot has not seen, as far as its own map can tell."""
+"""The ground that the robot has not seen, as far as this follows from its own map."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,13 @@ from pipeline.rescue_report.places import Place, places
 from pipeline.traversability.traversability import Traversability
 
 FROM_WALL = 0.15
-"""m from a wall or a step; nearer to them no ground is expected."""
+"""m from a wall or a step; nearer to it no ground is expected."""
 AHEAD = 1.0
-"""m beyond where the robot can go within which ground is expected if no wall or step is between."""
+"""m beyond the reachable ground within which more ground is expected if no wall or step is between."""
 ROOM = 0.2
-"""m² that a person takes, at least."""
+"""m², least area that a person takes."""
 SIDE = 0.4
-"""m beside where the robot's middle can be; ground within counts as seen if a return has shown it."""
+"""m from the robot's reachable positions; within this, ground with returns counts as seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +24,8 @@ class Unseen:
     """Ground that was not seen.
 
     Attributes:
-        places: of such ground, large enough for a person, the largest first.
-        rest: m² of smaller patches.
+        places: places of unseen ground large enough for a person, the largest first.
+        rest: m² of smaller unseen patches.
         seen: m² of ground that was seen.
     """
 
@@ -35,12 +35,12 @@ class Unseen:
 
     @property
     def area(self) -> float:
-        """Of the ground that the map tells of, the part that was not seen, m²."""
+        """Area of the unseen ground, m²."""
         return self.rest + sum(place.area for place in self.places)
 
     @property
     def share(self) -> float:
-        """Of the ground that the map tells of, the share that was seen."""
+        """Seen share of the seen and unseen ground; 0 if there is none."""
         known = self.seen + self.area
         return self.seen / known if known else 0.0
 
@@ -48,17 +48,17 @@ class Unseen:
 def find_unseen(
     traversability: Traversability, measured: NDArray[np.float32], reachable: NDArray[np.bool_]
 ) -> Unseen:
-    """The ground that was not seen: inside the map's outline, and ahead of where the robot can go.
+    """The ground that was not seen: inside the map's outline, and beyond the reachable ground.
 
     Args:
         traversability: of the robot's map.
-        measured: (nx, ny) height of the ground that returns have shown, NaN elsewhere.
-        reachable: (nx, ny) where the robot can go.
+        measured: (nx, ny) height of the ground measured by returns, NaN elsewhere.
+        reachable: (nx, ny) cells that the robot can reach.
     """
     grid, unknown = traversability.grid, np.isnan(measured)
     outline = ndimage.binary_fill_holes(~np.isnan(traversability.elevation))
     is_clear = traversability.to_hazard >= FROM_WALL
-    # A wall that was seen in part has gaps; ground extends through wide ones alone.
+    # A wall that was seen in part has gaps; ground extends only through wide gaps.
     ahead = ndimage.binary_dilation(reachable, iterations=round(AHEAD / grid.cell), mask=is_clear)
     cells = unknown & (outline | ahead) & is_clear
     found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)

@@ -1,4 +1,4 @@
-"""Numbers as people read them: each function is a filter of the templates too."""
+"""Formats numbers for readers; each function is also a filter of the templates."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -6,15 +6,15 @@ from numpy.typing import ArrayLike
 from pipeline.transforms import wrap_angle
 
 AHEAD = np.deg2rad(20)
-"""rad; a direction that is no further to a side is straight ahead."""
+"""rad; a direction at most this far to a side is straight ahead."""
 BACK = np.deg2rad(150)
-"""rad; a direction that is further to a side is behind."""
+"""rad; a direction at least this far to a side is behind."""
 FLAT = np.deg2rad(3)
-"""rad; a way that is nowhere steeper is level."""
+"""rad; a way that is less steep everywhere is level."""
 
 
 def number(value: float, digits: int = 1) -> str:
-    """With so many digits after the point, a true minus and no negative zero."""
+    """A number with ``digits`` after the point, a true minus sign and no negative zero."""
     text = f"{value:.{digits}f}"
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
@@ -25,17 +25,17 @@ def metres(value: float, digits: int = 1) -> str:
 
 
 def centimetres(value: float) -> str:
-    """A height in m, told in cm."""
+    """A height given in m, in whole cm."""
     return f"{number(100 * value, 0)} cm"
 
 
 def degrees(angle: float) -> str:
-    """An angle in rad, in whole degrees."""
+    """An angle given in rad, in whole degrees."""
     return f"{number(np.degrees(angle), 0)}°"
 
 
 def percent(share: float) -> str:
-    """A share; never all of it unless it is."""
+    """A share in whole percent; 100 % only if it is 1."""
     return f"{min(round(100 * share), 99) if share < 1 else 100} %"
 
 
@@ -45,7 +45,7 @@ def place(position: ArrayLike) -> str:
 
 
 def minutes(seconds: float) -> str:
-    """A time in minutes and seconds."""
+    """A time given in s, in minutes and seconds."""
     whole, rest = divmod(round(seconds), 60)
     return f"{whole} min {rest:02d} s" if whole else f"{rest} s"
 
@@ -56,12 +56,12 @@ def counted(count: int, one: str, many: str = "") -> str:
 
 
 def slope(angle: float) -> str:
-    """How steep a way is at its steepest, rad."""
+    """The steepness of a way, given its greatest inclination in rad."""
     return f"steepest ground {degrees(angle)}" if angle >= FLAT else "level ground"
 
 
 def side(angle: float) -> str:
-    """Where something lies that is ``angle`` rad to the left of ahead."""
+    """A direction ``angle`` rad to the left of straight ahead."""
     angle = wrap_angle(angle)
     if abs(angle) <= AHEAD:
         return "straight ahead"
@@ -71,7 +71,7 @@ def side(angle: float) -> str:
 
 
 def turn(angle: float) -> str:
-    """How to turn by ``angle`` rad to the left."""
+    """The instruction to turn by ``angle`` rad to the left."""
     angle = wrap_angle(angle)
     if abs(angle) <= AHEAD:
         return "straight on"
@@ -82,5 +82,5 @@ def turn(angle: float) -> str:
 
 
 def rotate(angle: float) -> str:
-    """SVG's transform that turns a sign which points right by ``angle`` rad to the left."""
+    """SVG's transform that turns a symbol pointing right by ``angle`` rad to the left."""
     return f"rotate({-np.degrees(angle):.0f})"

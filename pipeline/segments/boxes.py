@@ -1,4 +1,4 @@
-"""Bounding boxes of surfaces: what the thesis keeps in memory in place of points (figure 6)."""
+"""Bounding boxes of surfaces, which the thesis keeps in memory instead of points (figure 6)."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -12,7 +12,7 @@ from pipeline.transforms import from_rotation
 
 AZIMUTHS = np.deg2rad(np.arange(360))
 LEVEL = np.cos(np.deg2rad(8))
-"""A plane whose normal is nearer to vertical than this has no sure direction of ascent."""
+"""Cosine of the angle between normal and vertical above which a plane has no reliable direction of ascent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +20,8 @@ class Box:
     """An oriented bounding box of a piece of plane.
 
     Attributes:
-        T_map_box: 4×4, origin in the middle, z along the plane's normal, x level, y upwards in the plane.
-        extent: (3,) m, the lengths along x, y, z; z is the thickness that noise gives.
+        T_map_box: 4×4, origin in the middle, z along the plane's normal, x horizontal, y upwards in the plane.
+        extent: (3,) m, the lengths along x, y, z; the length along z is the thickness due to noise.
     """
 
     T_map_box: NDArray[np.float64]
@@ -34,14 +34,14 @@ class Box:
 
 
 def corners(box: Box) -> NDArray[np.float64]:
-    """(8, 3) corners in ``map``: the four of the far face, the four of the face seen, x fastest."""
+    """(8, 3) corners in ``map``: four of the far face, then four of the face that was seen; x varies fastest."""
     signs = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
     return signs * (box.extent / 2) @ box.T_map_box[:3, :3].T + box.T_map_box[:3, 3]
 
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """How far points reach in 360 level directions, down and up. Hulls unite exactly, in any order, and only grow.
+    """Reach of points in 360 horizontal directions, down and up. Hulls unite exactly, in any order, and only grow.
 
     Attributes:
         reach: (360,) float64, greatest x · cos(k°) + y · sin(k°), m.
@@ -60,11 +60,11 @@ class Hull:
         return cls(reach, float(points[:, 2].min()), float(points[:, 2].max()))
 
     def union(self, other: "Hull") -> "Hull":
-        """The hull of both."""
+        """The hull of the points of both."""
         return Hull(np.maximum(self.reach, other.reach), min(self.low, other.low), max(self.high, other.high))
 
     def span(self, axis: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(2,) reach from ``origin`` (2,) against and along the level ``axis`` (2,), to the nearest degree."""
+        """(2,) reach from ``origin`` (2,) against and along the horizontal ``axis`` (2,), to the nearest degree."""
         k = round(np.rad2deg(np.arctan2(axis[1], axis[0]))) % 360
         offset = np.cos(AZIMUTHS[k]) * origin[0] + np.sin(AZIMUTHS[k]) * origin[1]
         return np.array([-self.reach[(k + 180) % 360] - offset, self.reach[k] - offset])
@@ -74,8 +74,8 @@ def bounding_box(plane: Plane, centre: NDArray[np.float64], hull: Hull, thicknes
     """The box around a hull in a plane.
 
     Args:
-        plane: its axes are the box's.
-        centre: (3,) a point of the plane amid the hull's points.
+        plane: its normal is the box's z axis.
+        centre: (3,) a point of the plane among the hull's points.
         hull: of the points.
         thickness: m, along the normal.
     """
@@ -99,7 +99,7 @@ def _span(hull: Hull, axis: NDArray[np.float64], centre: NDArray[np.float64]) ->
 
 
 def _least_area_axis(hull: Hull) -> NDArray[np.float64]:
-    """The level direction of the rectangle of least area, x of the map if that is no more than 3 % larger."""
+    """The horizontal direction of the rectangle of least area; x of the map if its area is at most 3 % larger."""
     width = hull.reach + np.roll(hull.reach, 180)
     area = width[:90] * width[90:180]
     k = 0 if area[0] <= 1.03 * area.min() else int(area.argmin())

@@ -1,15 +1,15 @@
 """A hash table of cubic cells with open addressing and linear probing.
 
-A key holds the three indices of a cell; keys sort as these do. A table has 2ⁿ slots; empty ones hold ``EMPTY``.
+A key packs the three indices of a cell; keys sort as the indices do. A table has 2ⁿ slots; empty ones hold ``EMPTY``.
 """
 
 import numpy as np
 from numba import int64, njit, uint64
 
 BITS = 21
-"""Of a key for each of a cell's three indices."""
+"""Bits of a key for each of a cell's three indices."""
 HALF = 1 << (BITS - 1)
-"""Cells from the origin to where keys end, along every axis."""
+"""Bound of a cell's indices: cells farther from the origin, along any axis, have no key."""
 EMPTY = -1
 NOWHERE = -HALF
 """Index of a point without a cell."""
@@ -19,7 +19,7 @@ FIBONACCI = 0x9E3779B97F4A7C15
 
 @njit(cache=True)
 def cells_of(points, per_metre):
-    """(N,) int32 cell of every point (N, 3), EMPTY of those without a key, and the (M,) keys of the cells."""
+    """(N,) int32 cell of every point (N, 3), EMPTY for points without a key, and the (M,) keys of the cells."""
     bits, cells, of_point = 10, 0, np.empty(len(points), np.int32)
     cell_keys, last_key, cell = np.empty(1 << bits, np.int64), int64(EMPTY), int64(EMPTY)
     keys, indices = np.full(2 << bits, EMPTY, np.int64), np.empty(2 << bits, np.int32)
@@ -42,7 +42,7 @@ def cells_of(points, per_metre):
 
 @njit(cache=True)
 def insert_all(keys, indices, shift, cell_keys):
-    """Fill an empty table, (size,) keys and indices: ``cell_keys[i]`` (N,) leads to ``i``."""
+    """Fill an empty table, (size,) ``keys`` and ``indices``, which maps ``cell_keys[i]`` (N,) to ``i``."""
     for i in range(len(cell_keys)):
         slot = find_slot(keys, shift, cell_keys[i])
         keys[slot], indices[slot] = cell_keys[i], i
@@ -50,14 +50,14 @@ def insert_all(keys, indices, shift, cell_keys):
 
 @njit(cache=True, inline="always")
 def cell_key(point, per_metre):
-    """The key of the cell that holds the point (3,), or EMPTY."""
+    """The key of the cell that contains the point (3,), or EMPTY."""
     i, j, k = indices_of(point, per_metre)
     return packed(i, j, k) if i != NOWHERE else int64(EMPTY)
 
 
 @njit(cache=True, inline="always")
 def indices_of(point, per_metre):
-    """The indices of the cell that holds the point (3,), the first NOWHERE if none does, as of NaN."""
+    """The indices of the cell that contains the point (3,); the first is NOWHERE if it is NaN or too far away."""
     i, j, k = np.floor(point[0] * per_metre), np.floor(point[1] * per_metre), np.floor(point[2] * per_metre)
     if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
         return int64(NOWHERE), int64(0), int64(0)
@@ -72,7 +72,7 @@ def packed(i, j, k):
 
 @njit(cache=True, inline="always")
 def find_slot(keys, shift, key):
-    """The slot of the table (size,) that holds the key, or the empty one where it belongs."""
+    """The slot of the table (size,) that holds the key, or the empty slot into which it belongs."""
     slot = int64((uint64(key) * uint64(FIBONACCI)) >> uint64(shift))
     while keys[slot] != EMPTY and keys[slot] != key:
         slot = int64((slot + 1) & int64(keys.size - 1))
@@ -92,15 +92,15 @@ def moved(T, points):
 
 @njit(cache=True)
 def cells_of_parts(parts, starts, T, points, shift, per_metre):
-    """(K,) int64 sorted keys of the cells that hold the points of some parts, each moved by its own transform.
+    """(K,) int64 sorted keys of the cells that contain the points of some parts, each moved by its own transform.
 
-    Part ``p`` has the points ``starts[p]`` to ``starts[p + 1]`` of (N, 3) float32, m, and the transform ``T[p]``.
+    Part ``p`` has the points ``starts[p]`` to ``starts[p + 1]``, exclusive, and the transform ``T[p]``.
 
     Args:
-        parts: (P,) which of the parts.
-        starts: (Q + 1,).
-        T: (Q, 4, 4) float64.
-        points: (N, 3) float32 of all parts.
+        parts: (P,) numbers of the parts to use.
+        starts: (Q + 1,) of all parts.
+        T: (Q, 4, 4) float64 of all parts.
+        points: (N, 3) float32 of all parts, m.
         shift: m, of the cells against the axes.
         per_metre: number of cells per metre.
     """

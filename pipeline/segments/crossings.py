@@ -11,9 +11,9 @@ from pipeline.segments.segments import Segment
 
 Floats = NDArray[np.float64]
 
-_SPACING = CELL / 2  # m, at most, between the places on a line where it is held against a surface
+_SPACING = CELL / 2  # m, greatest distance between the points of a line that are compared with a surface
 _HALF_DIAGONAL = CELL * np.sqrt(3) / 2
-_TOUCH = 1e-9  # m by which boxes are larger, so that rounding does not decide what touches one
+_TOUCH = 1e-9  # m by which boxes are enlarged, so that rounding does not decide whether a line touches one
 
 
 def crossings(
@@ -22,15 +22,15 @@ def crossings(
     """Which of the straight lines from ``a`` to ``b`` pass through one of the segments.
 
     The parametric line (thesis, equations 1 to 3) is clipped to the segment's box, which takes the place of the
-    plane of equation 4. What is inside must also come near a cell in which the surface was seen: a door in a wall
-    is open although the wall's box is not.
+    plane of equation 4. The part inside must also come near a cell in which the surface was seen: a line may pass
+    through a door in a wall although the wall's box covers the door.
 
     Args:
         a: (N, 3) m in ``map``.
         b: (N, 3) m in ``map``.
-        segments: those that block, of whatever label.
+        segments: segments that block, whatever their labels.
         margin: m; a line that comes this near to a surface passes through it.
-        height: m, of the body that moves along the line: it reaches from the line up to so far above it.
+        height: m, of the body that moves along the line, from the line upwards.
 
     Returns:
         (N,) bool.
@@ -45,7 +45,7 @@ def crossings(
 
 
 def _near_boxes(a: Floats, b: Floats, boxes: Sequence[Box], margin: float, height: float) -> NDArray[np.bool_]:
-    """(N, S) where the upright box around a line and what moves along it meets that around a segment's box."""
+    """(N, S) where the axis-aligned box around a line and its moving body meets that around a segment's box."""
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
     reach = np.einsum("sij,sj->si", np.abs(T[:, :3, :3]), half)
@@ -70,11 +70,11 @@ def _cross(a: Floats, b: Floats, segments: Sequence[Segment], margin: float, hei
 
 
 def clip(a: Floats, b: Floats, boxes: Sequence[Box], margin: float = 0.0) -> tuple[Floats, Floats]:
-    """Where N lines are inside S boxes that are ``margin`` m larger on every side.
+    """Clip N lines to S boxes that are ``margin`` m larger on every side.
 
     Returns:
-        (N, S) and (N, S), the t in [0, 1] at which x = a + (b - a) t enters and leaves; enter > leave where it never
-        does.
+        (N, S) and (N, S), the t in [0, 1] at which x = a + (b - a) t enters and leaves; enter > leave if the line
+        misses the box.
     """
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
@@ -82,7 +82,7 @@ def clip(a: Floats, b: Floats, boxes: Sequence[Box], margin: float = 0.0) -> tup
     step = np.einsum("ni,sij->nsj", b - a, T[:, :3, :3])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         first, last = (-half - start) / step, (half - start) / step
-    # A line along a pair of faces is between them always or never.
+    # A line parallel to a pair of faces lies between them everywhere or nowhere.
     along, between = step == 0, np.abs(start) <= half
     enter = np.where(along, np.where(between, -np.inf, np.inf), np.minimum(first, last))
     leave = np.where(along, np.inf, np.maximum(first, last))
@@ -90,7 +90,7 @@ def clip(a: Floats, b: Floats, boxes: Sequence[Box], margin: float = 0.0) -> tup
 
 
 def _sample(a: Floats, b: Floats, enter: Floats, leave: Floats) -> tuple[Floats, NDArray[np.intp]]:
-    """(M, 3) points close together from where each line enters to where it leaves, and their (M,) lines."""
+    """(M, 3) points at most _SPACING apart from each line's entry to its exit, and their (M,) lines."""
     counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / _SPACING).astype(int) + 1
     line = np.repeat(np.arange(len(a)), counts)
     share = np.concatenate([np.linspace(0, 1, count) for count in counts] or [np.empty(0)])
@@ -101,7 +101,7 @@ def _sample(a: Floats, b: Floats, enter: Floats, leave: Floats) -> tuple[Floats,
 def _near_surface(
     points: Floats, line: NDArray[np.intp], lines: int, segment: Segment, margin: float
 ) -> NDArray[np.bool_]:
-    """(lines,) bool, the lines of which some point is near a cell of the segment."""
+    """(lines,) bool, whether a point of the line is near a cell of the segment."""
     on_plane = points - segment.plane.distance(points)[:, None] * segment.plane.normal
     distance, _ = segment.tree.query(on_plane)
     return np.bincount(line, distance <= margin + _HALF_DIAGONAL, lines) > 0

@@ -1,4 +1,4 @@
-"""The patches that segments are made of, kept so that these follow when poses are corrected."""
+"""The patches of which segments are made, kept so that segments follow when poses are corrected."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from pipeline.segments.planes import PlanePatch
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """What is kept of a patch, in ``map`` as it was when the patch was seen.
+    """The kept data of a patch, in ``map`` as it was when the patch was seen.
 
     Attributes:
-        step: in which it was seen.
+        step: the step in which it was seen.
         normal: (3,) of its plane.
         moments: of its surfels.
         outline: (V, 3) float32 corners of the convex hull of its points, m.
-        points: (N, 3) float32, m, one of its points in each half of a cell.
+        points: (N, 3) float32, m, one of its points in each cube with half the edge of a cell.
     """
 
     step: int
@@ -34,7 +34,7 @@ class Member:
 
     @classmethod
     def of(cls, patch: PlanePatch, step: int) -> Self:
-        """Of a patch that was seen in a step."""
+        """The member of a patch that was seen in a step."""
         across = np.eye(3)[np.abs(patch.plane.normal).argmin()]
         u = np.cross(patch.plane.normal, across)
         v = np.cross(patch.plane.normal, u)
@@ -47,12 +47,12 @@ class Member:
 
 
 class MovedMembers:
-    """All members where the poses put them from which they were seen.
+    """All members, moved along with the poses from which they were seen.
 
     Attributes:
         normals: (P, 3).
-        counts: (P,) how many surfels each has.
-        centres: (P, 3) m, of these.
+        counts: (P,) number of surfels of each.
+        centres: (P, 3) mean of these surfels, m.
     """
 
     def __init__(self, members: Sequence[Member], motions: NDArray[np.float64]) -> None:
@@ -76,7 +76,7 @@ class MovedMembers:
         self._outlines = np.einsum("pij,pj->pi", R[of_corner], outlines) + t[of_corner]
 
     def moments(self, rows: NDArray[np.intp]) -> Moments:
-        """Of some members together."""
+        """The sum of the moments of the members with these indices (K,)."""
         return Moments(int(self.counts[rows].sum()), self._totals[rows].sum(axis=0), self._squares[rows].sum(axis=0))
 
     def outline(self, row: int) -> NDArray[np.float64]:
@@ -84,11 +84,11 @@ class MovedMembers:
         return self._outlines[self._outline_starts[row] : self._outline_starts[row + 1]]
 
     def cells(self, rows: NDArray[np.intp]) -> Cells:
-        """(K, 3) the cells that hold the points of some members."""
+        """(K, 3) cells that contain the points of some members."""
         shift, per_metre = np.float32(SHIFT), np.float32(1 / CELL)
         return from_keys(cells_of_parts(rows, self._point_starts, self._T, self._points, shift, per_metre))
 
     def misfits(self, rows: NDArray[np.intp], reference: int) -> NDArray[np.float64]:
-        """(K,) m, of each of these members the distance of its farthest corner from the plane of a reference."""
+        """(K,) m, the distance of each member's farthest corner from the plane of the member ``reference``."""
         offsets = [np.abs((self.outline(r) - self.centres[reference]) @ self.normals[reference]).max() for r in rows]
         return np.array(offsets)

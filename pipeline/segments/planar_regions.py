@@ -1,6 +1,6 @@
-"""Planar regions of one frame: pieces of nearly one normal, and the planes through them.
+"""Planar regions of one frame: regions with nearly the same normal, and the planes through them.
 
-The thesis lets RANSAC find the planes of a whole class and parts those of one equation by region growing. Here
+In the thesis RANSAC finds the planes of a whole class, and region growing separates surfaces on the same plane. Here
 regions of one normal are grown first: given many parallel ramps at once, RANSAC prefers a level cut through all
 of them to any of their slopes. Each region then gets its planes by RANSAC.
 """
@@ -20,7 +20,7 @@ from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
 BLOCK = 8  # pixels, the edge of the image blocks that are averaged to one surfel each
 MIN_PIXELS = 16  # Of a surfel
 MIN_DEPTH_STEP = 0.01
-"""1/m of inverse depth, between surfaces one before the other; a step of a structured-light camera is 0.003."""
+"""1/m of inverse depth, between surfaces one behind the other; a structured-light camera's resolution is 0.003."""
 REACH = 2  # blocks, how far apart neighbouring surfels are
 MAX_GAP = 0.12  # m per m of depth, between neighbouring surfels one block apart
 MAX_DISTANCE = 0.025  # m, of a surfel from its plane
@@ -46,7 +46,7 @@ class Surfels:
 
     @classmethod
     def of(cls, frame: Frame, labels: NDArray[np.uint8]) -> Self:
-        """Average away the noise and most of the points; the boundaries between (H, W) labels are kept."""
+        """Thin a frame, which averages out its noise; the boundaries between (H, W) labels are kept."""
         points, surfel_labels, blocks, of_pixel = make_surfels(
             frame.depth, labels, frame.intrinsics.rays, BLOCK, MIN_PIXELS, MIN_DEPTH_STEP
         )
@@ -57,11 +57,11 @@ class Surfels:
 
 @dataclass(frozen=True, eq=False)
 class PlanarRegions:
-    """The planes of a frame and what belongs to them.
+    """The planes of a frame and the surfels on them.
 
     Attributes:
         surfels: the thinned frame.
-        region: (N,) int32 plane of every surfel, NONE for those on none.
+        region: (N,) int32 plane of every surfel, NONE for surfels on no plane.
         planes: (P, 4) float64 rows [n, d] in ``camera_optical``: see :mod:`pipeline.segments.plane`.
     """
 
@@ -71,7 +71,7 @@ class PlanarRegions:
 
 
 def planar_regions(frame: Frame, labels: NDArray[np.uint8], seed: int, max_angle: float) -> PlanarRegions:
-    """Grow regions and put planes through them.
+    """Grow regions and fit planes to them.
 
     Args:
         frame: one frame.
@@ -85,7 +85,7 @@ def planar_regions(frame: Frame, labels: NDArray[np.uint8], seed: int, max_angle
 
 
 def _grow(surfels: Surfels, max_angle: float) -> NDArray[np.int32]:
-    """(N,) region of every surfel, grown from the flattest places first."""
+    """(N,) region of every surfel; the flattest surfels are the first seeds."""
     normal, variation = normals(surfels.points, surfels.near)
     order = np.argsort(variation, kind="stable")
     return grow_regions(surfels.points, surfels.near, normal, order, np.cos(max_angle), MAX_DISTANCE)
@@ -96,8 +96,8 @@ def _ransac_regions(
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """(N,) plane of every surfel, NONE for outliers, and the (P, 4) planes [n, d] of all regions.
 
-    Large regions come first and keep what lies on their planes: the surfels along the line where two walls meet
-    are between both, and would pass for a narrow plane of their own.
+    Large regions come first and claim all surfels on their planes: the surfels along the line where two walls meet
+    lie between both, and would form a narrow plane of their own.
     """
     result = np.full(len(region), NONE, np.int32)
     planes = np.empty((0, 4))
@@ -117,10 +117,10 @@ def _ransac_regions(
 
 
 def plane_inliers(points: NDArray[np.float32], max_distance: float, samples: int, seed: int) -> NDArray[np.bool_]:
-    """Which points lie near the plane that has most of them near it, by RANSAC (Fischler & Bolles 1981).
+    """The inliers of the plane with the most inliers, by RANSAC (Fischler & Bolles 1981).
 
     The same seed gives the same plane, bit for bit. For that Open3D must try all samples, hence the probability of 1:
-    with less it stops early, sooner or later by the timing of its threads.
+    with less it stops early, after a number of samples that depends on the timing of its threads.
 
     Args:
         points: (N, 3) float32, N ≥ 3.
@@ -131,7 +131,7 @@ def plane_inliers(points: NDArray[np.float32], max_distance: float, samples: int
     Returns:
         (N,) bool.
     """
-    import open3d as o3d  # it takes a second, which no command's --help should
+    import open3d as o3d  # here, because it takes a second, which would delay every command's --help
 
     o3d.utility.random.seed(seed)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.astype(np.float64)))
@@ -142,7 +142,7 @@ def plane_inliers(points: NDArray[np.float32], max_distance: float, samples: int
 def _settle(
     surfels: Surfels, region: NDArray[np.int32], planes: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Let every surfel choose the nearest plane around it, and fit again, so that edges fall where planes meet."""
+    """Assign every surfel to the nearest plane around it, and fit again, so that edges lie where planes meet."""
     everything = np.arange(len(region))
     for _ in range(2):
         region = claim_nearest(surfels.points, surfels.near, everything, region, planes, MAX_DISTANCE)
@@ -161,7 +161,7 @@ def _fit(points: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def groups(numbers: NDArray) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Every number but NONE that occurs in an array, in order, and the (N,) flat indices where."""
+    """Every number in an array except NONE, in order, with the (N,) indices of its elements."""
     order = np.argsort(numbers, kind="stable")
     starts = np.flatnonzero(np.diff(numbers[order], prepend=NONE))
     for members in np.split(order, starts)[1:]:

@@ -1,8 +1,8 @@
 """A plane, and the sums from which it is fitted by least squares.
 
-One convention holds wherever a plane is described: the points x with n · x = d, n of length 1 and pointing to the
-side from which the surface was seen. Four numbers in an array are [n, d]. In ``camera_optical`` that side holds the
-origin, so d ≤ 0 there. What a library returns otherwise is turned where it is called.
+One convention holds for every plane: the points x with n · x = d, where n has length 1 and points to the side from
+which the surface was seen. Four numbers in an array are [n, d]. In ``camera_optical`` that side contains the origin,
+so d ≤ 0 there. Planes that a library returns in another convention are converted where it is called.
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ def facing_camera(planes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Count, sum and sum of squares of points: all that a least-squares plane needs, and they add up.
+    """Count, sum and sum of squares of points, which suffice for a least-squares plane; moments of sets add up.
 
     Attributes:
         count: number of points.
@@ -59,7 +59,7 @@ class Moments:
         return cls(len(x), x.sum(axis=0), x.T @ x)
 
     def __add__(self, other: "Moments") -> "Moments":
-        """The moments of both sets of points together."""
+        """The moments of the union of both sets of points."""
         return Moments(self.count + other.count, self.total + other.total, self.squares + other.squares)
 
     @property
@@ -68,7 +68,7 @@ class Moments:
         return self.total / self.count
 
     def fit(self, towards: NDArray[np.float64]) -> tuple[Plane, float]:
-        """The plane of least squared orthogonal distances and the rms distance in m.
+        """The plane of least squared orthogonal distances, and their rms in m.
 
         Args:
             towards: (3,) a direction on the side to which the normal points.

@@ -1,6 +1,6 @@
 """Planes in one frame: region growing and RANSAC (thesis 3.2, figures 4 and 5).
 
-A plane whose surface has a gap is parted there by growing again, over the cells that it fills.
+A plane whose surface has a gap is split there by a second region growing, over the cells that it fills.
 """
 
 from collections.abc import Iterator
@@ -19,11 +19,11 @@ from pipeline.segments.surfels_kernels import project_pixels
 from pipeline.transforms import transform_points
 
 MAX_ANGLE = np.deg2rad(20)  # rad, between a surfel's normal and its region's
-MAX_SHIFT = 0.01  # m along the optical axis from a pixel of the plane to where its ray meets the plane
+MAX_SHIFT = 0.01  # m along the optical axis from a pixel of the plane to the point where its ray meets the plane
 NOISE = 0.006
-"""m per m² of depth that ``MAX_SHIFT`` grows: 3σ of a structured-light camera (Nguyen et al. 2012)."""
-STRIDE = 2  # Every how many pixels the plane's extent is looked up
-MIN_CELLS = 8  # Of 5 cm, of a piece of plane
+"""m per m² of depth that is added to ``MAX_SHIFT``: 3σ of a structured-light camera (Nguyen et al. 2012)."""
+STRIDE = 2  # pixels, the step between the pixels that give the plane's extent
+MIN_CELLS = 8  # Least number of 5 cm cells of a piece of plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +33,9 @@ class PlanePatch:
     Attributes:
         label: its class.
         plane: least-squares plane.
-        moments: of the surfels in it.
-        points: (N, 3) float32 on the plane: where the rays of its pixels meet it.
-        cells: (K, 3) int32 cells of the map that hold these points.
+        moments: of its surfels.
+        points: (N, 3) float32, the points where the rays of its pixels meet the plane.
+        cells: (K, 3) int32 cells of the map that contain these points.
     """
 
     label: Label
@@ -57,7 +57,7 @@ def find_planes(
         seed: of RANSAC; the same seed and frame give the same planes, bit for bit.
 
     Raises:
-        InputError: if there is not one label for every return.
+        InputError: if the number of labels is not that of the returns.
     """
     found = planar_regions(frame, _label_image(frame, labels), seed, MAX_ANGLE)
     surfels, region = found.surfels, found.region
@@ -69,7 +69,7 @@ def find_planes(
     patches = []
     for number, members in groups(plane_of_point):
         for inside, cells in _pieces(points[members]):
-            # A pixel at an edge may lie on this plane though its surfel, a mean, was given to another one.
+            # A pixel at an edge may lie on this plane although its surfel, a mean, belongs to another plane.
             own = np.unique(surfel[members[inside]])
             own = own[region[own] == number]
             if len(own) >= MIN_SURFELS and len(cells) >= MIN_CELLS:
@@ -81,7 +81,7 @@ def find_planes(
 
 
 def _label_image(frame: Frame, labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(H, W) uint8 labels of the pixels of classes made of planes, 0 elsewhere."""
+    """(H, W) uint8 label of every pixel of a planar class, 0 elsewhere."""
     if labels.shape != (np.count_nonzero(frame.returns),):
         raise InputError(f"planes: {labels.shape} labels for {np.count_nonzero(frame.returns)} returns")
     image = np.zeros(frame.depth.shape, np.uint8)
@@ -90,7 +90,7 @@ def _label_image(frame: Frame, labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _pieces(points: NDArray[np.float32]) -> Iterator[tuple[NDArray[np.intp], Cells]]:
-    """The connected pieces of (N, 3) points: which points and which cells."""
+    """The connected pieces of (N, 3) points: the indices of each piece's points, and its cells."""
     cells, row = cells_of(points)
     piece = connected_pieces(cells, np.bincount(row))
     for number, inside in groups(piece[row]):

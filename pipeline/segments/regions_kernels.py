@@ -8,7 +8,7 @@ from pipeline.segments.surfels_kernels import NONE
 
 @njit(cache=True)
 def normals(points, near):
-    """(N, 3) float64 unit normals of the neighbourhoods and their (N,) float64 surface variation.
+    """(N, 3) float64 unit normals of the points' neighbourhoods, and their (N,) float64 surface variation.
 
     Surface variation: least eigenvalue of the covariance over their sum, 0 for a plane, 1/3 for a ball (Pauly,
     Gross & Kobbelt 2002). With fewer than three neighbours it is 1 and the normal 0.
@@ -56,7 +56,7 @@ def least_eigenvalue(s):
 
 @njit(cache=True)
 def null_vector(s):
-    """The unit vector that a symmetric 3×3 matrix of rank 2 takes to zero: its rows' longest cross product."""
+    """The unit null vector of a symmetric 3×3 matrix of rank 2: the direction of its rows' longest cross product."""
     best, longest = np.zeros(3), 0.0
     for r, q in ((0, 1), (0, 2), (1, 2)):
         x = s[r, 1] * s[q, 2] - s[r, 2] * s[q, 1]
@@ -71,11 +71,11 @@ def null_vector(s):
 
 @njit(cache=True)
 def grow_regions(points, near, normal, order, min_cosine, max_offset):
-    """(N,) int32 region of every point: connected, and of nearly one normal.
+    """(N,) int32 region of every point; a region is connected and has nearly one normal.
 
-    Seeds are taken in ``order``. A neighbour joins if its normal lies within the angle of the region's mean
-    normal (so that a region does not creep around an edge) and if it lies off the plane through the point beside
-    it by no more than ``max_offset`` m (so that it does not jump down a step).
+    Seeds are taken in ``order``. A neighbour joins if the cosine between its normal and the region's mean normal is
+    at least ``min_cosine`` (so that a region does not creep around an edge) and if its distance from the plane
+    through the point beside it is at most ``max_offset`` m (so that a region does not jump down a step).
     """
     region = np.full(len(points), NONE, np.int32)
     queue = np.empty(len(points), np.int32)
@@ -111,7 +111,7 @@ def grow_regions(points, near, normal, order, min_cosine, max_offset):
 def claim_nearest(points, near, members, region, planes, max_distance):
     """(M,) int32: the region whose plane is nearest to each of ``members``, among its own and its neighbours'.
 
-    ``planes`` (R, 4) rows [n, d]. A point that lies off all these planes by more than ``max_distance`` gets NONE.
+    ``planes`` (R, 4) rows [n, d]. A point that is ``max_distance`` or farther from all these planes gets NONE.
     """
     result = np.full(len(members), NONE, np.int32)
     for m in range(len(members)):
@@ -126,7 +126,7 @@ def claim_nearest(points, near, members, region, planes, max_distance):
 
 @njit(cache=True)
 def claim(point, region, planes, least, so_far):
-    """Distance of a point (3,) to a region's plane (4,), and its number, if below ``least``; or ``least, so_far``."""
+    """Distance of a point (3,) to a region's plane (4,), and the region, if below ``least``; or ``least, so_far``."""
     if region == NONE:
         return least, so_far
     plane = planes[region]

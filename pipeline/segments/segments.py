@@ -17,7 +17,7 @@ from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.planes import PlanePatch
 
 MAX_ANGLE = np.deg2rad(12)  # rad, between the normals of two pieces of one plane
-MAX_OFFSET = 0.05  # m, of the smaller piece's corners from the larger one's plane
+MAX_OFFSET = 0.05  # m, of the smaller piece's corners from the larger piece's plane
 MIN_THICKNESS = 0.02  # m, of a box
 
 
@@ -26,16 +26,16 @@ class Segment:
     """A piece of plane in the map. It is replaced, not changed, when it grows.
 
     Attributes:
-        id: stays the same while it grows; of merged segments the oldest one's stays.
+        id: stays the same while it grows; merged segments keep the oldest one's id.
         label: its class.
-        plane: in ``map``; its normal points upwards on what can be driven on.
-        box: around all that was seen of it.
-        first_step: in which it was first seen.
-        last_step: in which it was last seen.
-        cells: (K, 3) int32, the 5 cm cells of the map that it was seen in: see :mod:`pipeline.segments.cells`.
+        plane: in ``map``; the normal of a traversable surface points upwards.
+        box: around all its points.
+        first_step: the step in which it was first seen.
+        last_step: the step in which it was last seen.
+        cells: (K, 3) int32, the 5 cm cells of the map in which it was seen: see :mod:`pipeline.segments.cells`.
         moments: of its surfels.
         hull: of its points.
-        members: the numbers of the patches that it is made of.
+        members: indices of its patches in :attr:`Segments.members`.
     """
 
     id: int
@@ -67,7 +67,7 @@ class Segment:
         return cls(id, label, plane, box, *steps, cells, moments, hull, members)
 
     def merged(self, other: "Segment") -> "Segment":
-        """One segment of both."""
+        """One segment made of both."""
         steps = min(self.first_step, other.first_step), max(self.last_step, other.last_step)
         cells, moments = unite(self.cells, other.cells), self.moments + other.moments
         hull, members = self.hull.union(other.hull), self.members + other.members
@@ -75,15 +75,15 @@ class Segment:
 
     @cached_property
     def tree(self) -> KDTree:
-        """Of the cells' centres."""
+        """The k-d tree of the cells' centres."""
         return KDTree(centres(self.cells))
 
 
 class Segments:
-    """All segments, by id. A plane's sums, a hull and coarse cells say what later frames need of them.
+    """All segments, by id. Later frames need only their sums, hulls and coarse cells, no points.
 
     Attributes:
-        members: the patches that they are made of.
+        members: the patches of which the segments are made.
     """
 
     def __init__(self) -> None:
@@ -100,7 +100,7 @@ class Segments:
         return iter(sorted(self._segments.values(), key=lambda segment: segment.id))
 
     def __getitem__(self, id: int) -> Segment:
-        """The segment of that id; KeyError if it never was or was merged into an older one."""
+        """The segment of that id; KeyError if it never existed or was merged into an older one."""
         return self._segments[id]
 
     def of(self, *labels: Label) -> list[Segment]:
@@ -108,14 +108,14 @@ class Segments:
         return [segment for segment in self if segment.label in labels]
 
     def update(self, patches: Iterable[PlanePatch], step: int) -> None:
-        """Add the planes of one frame, each to all the segments that it continues."""
+        """Add the planes of one frame; each is merged with all the segments that it continues."""
         for p in patches:
             hull, steps, members = Hull.of(p.points), (step, step), (len(self.members),)
             self.members.append(Member.of(p, step))
             self._add(Segment.of(self._next_id, p.label, p.plane.normal, steps, p.cells, p.moments, hull, members))
 
     def correct(self, motions: NDArray[np.float64]) -> None:
-        """Make all segments anew of their patches, part from them those that moved off, and join those that met.
+        """Rebuild all segments from their patches, split off patches that moved away, and merge segments that meet.
 
         Args:
             motions: (N, 4, 4) of every step, from ``map`` as it was when its patches were added to ``map`` as it is.
@@ -137,7 +137,7 @@ class Segments:
             self._add(self._made(self._next_id, label, np.array([row]), new))
 
     def restore(self, members: list[Member], ids: NDArray[np.int64], labels: NDArray[np.uint8]) -> None:
-        """Take up those of an earlier episode: its members, and of each the segment's id (P,) and class (P,)."""
+        """Restore an earlier episode's segments from its members, with each one's segment id (P,) and class (P,)."""
         self.members = members
         if members:
             poses = MovedMembers(members, np.tile(np.eye(4), (max(m.step for m in members) + 1, 1, 1)))
@@ -155,7 +155,7 @@ class Segments:
         return Segment.of(id, label, side, (min(steps), max(steps)), cells, moments, hull, members)
 
     def _add(self, new: Segment) -> None:
-        """A piece may join several segments, and what they have become may reach still more."""
+        """Add a segment, merged with all that it continues: after a merger it may continue still more of them."""
         while (partner := next((old for old in self if _are_one(old, new)), None)) is not None:
             del self._segments[partner.id]
             new = partner.merged(new)
@@ -164,7 +164,7 @@ class Segments:
 
 
 def _are_one(a: Segment, b: Segment) -> bool:
-    """Whether two segments continue each other."""
+    """Whether two segments continue each other: same class, one plane, in contact."""
     if a.label != b.label or a.plane.normal @ b.plane.normal < np.cos(MAX_ANGLE):
         return False
     small, large = (a, b) if a.box.area < b.box.area else (b, a)

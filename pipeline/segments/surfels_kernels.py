@@ -1,4 +1,4 @@
-"""Loops over the pixels of a frame: thinning it to surfels, and taking pixels onto planes."""
+"""Loops over the pixels of a frame: thinning it to surfels, and projecting pixels onto planes."""
 
 import numpy as np
 from numba import njit
@@ -9,9 +9,9 @@ NONE = -1
 
 @njit(cache=True)
 def make_surfels(depth, labels, rays, block, min_pixels, min_step):
-    """Mean point of the pixels of one label in every block of the image.
+    """Surfels: mean points of the pixels of one label in every block of the image.
 
-    A block in which one label has two surfaces, one before the other, gives a surfel each.
+    A block in which one label has two surfaces, one behind the other, gives a surfel for each.
 
     Args:
         depth: (H, W) float32 m.
@@ -19,7 +19,7 @@ def make_surfels(depth, labels, rays, block, min_pixels, min_step):
         rays: (H, W, 3) float32, points at depth 1.
         block: pixels, the edge of a block.
         min_pixels: fewer pixels make no surfel.
-        min_step: 1/m of inverse depth, between surfaces one before the other.
+        min_step: 1/m of inverse depth, between surfaces one behind the other.
 
     Returns:
         (N, 3) float32 points in ``camera_optical``, (N,) uint8 labels, (N, 2) int32 row and column of their
@@ -52,10 +52,10 @@ def make_surfels(depth, labels, rays, block, min_pixels, min_step):
 
 @njit(cache=True)
 def parting_inverse_depth(depth, labels, label, min_step):
-    """The inverse depth, 1/m, between two surfaces of one label in a block (h, w), or 0 where they are one.
+    """The inverse depth, 1/m, between two surfaces of one label in a block (h, w), or 0 if there is only one.
 
-    The block is tried by halves of its range. A slope's halves have means 3.5 of their standard deviations apart and
-    those of Gaussian noise 2.7, whereas surfaces one before the other are much farther apart than they are deep.
+    The block is split at the middle of its range. The means of a slope's halves are 3.5 of their standard deviations
+    apart, those of Gaussian noise 2.7, whereas surfaces one behind the other are much farther apart than thick.
     """
     low, high = np.inf, 0.0
     for v in range(depth.shape[0]):
@@ -82,7 +82,7 @@ def parting_inverse_depth(depth, labels, label, min_step):
 
 @njit(cache=True)
 def mean_point(depth, labels, rays, label, parting, near):
-    """Number and mean (3,) of the points of one label before (``near``) or behind the parting inverse depth."""
+    """Number and mean (3,) of the points of one label in front of (``near``) or behind the parting inverse depth."""
     n, x, y, z = 0, 0.0, 0.0, 0.0
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
@@ -97,7 +97,7 @@ def mean_point(depth, labels, rays, label, parting, near):
 
 @njit(cache=True)
 def assign(of_pixel, depth, labels, label, parting, near, surfel):
-    """Write ``surfel`` to the pixels (h, w) that ``mean_point`` took."""
+    """Write ``surfel`` to the pixels (h, w) that ``mean_point`` averaged."""
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
             if labels[v, u] == label and (1 / np.float64(depth[v, u]) > parting) == near:
@@ -106,14 +106,14 @@ def assign(of_pixel, depth, labels, label, parting, near, surfel):
 
 @njit(cache=True)
 def neighbours(blocks, columns, labels, points, reach, max_step):
-    """(N, K) int32, K = 2·(2·reach + 1)²: for every surfel those of its label up to ``reach`` blocks away.
+    """(N, K) int32, K = 2·(2·reach + 1)²: every surfel's neighbours of the same label, up to ``reach`` blocks away.
 
-    Rows end with NONE. Surfels are no neighbours if they are farther apart than ``max_step`` times the depth for
-    every block between them.
+    Rows end with NONE. Surfels are not neighbours if their distance exceeds ``max_step`` times the lesser depth times
+    the number of blocks from one to the other.
 
     Args:
-        blocks, labels, points: as ``make_surfels`` gives them.
-        columns: more than any block's column.
+        blocks, labels, points: as ``make_surfels`` returns them.
+        columns: a number greater than any block's column.
         reach: blocks.
         max_step: m per m of depth.
     """
@@ -143,10 +143,10 @@ def distance(a, b):
 
 @njit(cache=True)
 def project_pixels(depth, rays, T_target_camera, of_pixel, near, region, planes, stride, max_shift, noise):
-    """Where the rays of pixels meet the planes that they belong to.
+    """The points where the rays of pixels meet the pixels' planes.
 
-    The noise of a depth camera moves points along their rays; on the plane they are where they should be. A pixel
-    belongs to the plane, of its surfel's and that one's neighbours', to which it moves least.
+    The noise of a depth camera moves points along their rays; on the plane it is gone. Among the planes of its surfel
+    and of the surfel's neighbours, a pixel belongs to the one that it reaches by the smallest shift along its ray.
 
     Args:
         depth: (H, W) float32 m.
@@ -156,9 +156,9 @@ def project_pixels(depth, rays, T_target_camera, of_pixel, near, region, planes,
         near: (N, K) int32 neighbours of every surfel, ending with NONE.
         region: (N,) int32, the plane of every surfel or NONE.
         planes: (P, 4) float64 rows [n, d] in ``camera_optical``.
-        stride: every how many pixels.
-        max_shift, noise: pixels that would move by more than ``max_shift + noise · depth²`` m along the optical
-            axis are left out.
+        stride: step between the pixels that are projected, along rows and columns.
+        max_shift, noise: pixels that would move by ``max_shift + noise · depth²`` m or more along the optical axis
+            are left out.
 
     Returns:
         (M, 3) float32 points in the target frame, their (M,) int32 planes and (M,) int32 surfels.
@@ -194,7 +194,7 @@ def project_pixels(depth, rays, T_target_camera, of_pixel, near, region, planes,
 
 @njit(cache=True)
 def regions_around(near, region):
-    """(N, 4) int32: the first four regions of every surfel and its neighbours, its own first, ending with NONE."""
+    """(N, 4) int32: up to four regions of every surfel and its neighbours, its own first, padded with NONE."""
     result = np.full((len(near), 4), NONE, np.int32)
     for i in range(len(near)):
         found = 0
@@ -211,5 +211,5 @@ def regions_around(near, region):
 
 @njit(cache=True, inline="always")
 def dot(a, b):
-    """Dot product of the first three of (3,) or (4,)."""
+    """Dot product of the first three elements of arrays (3,) or (4,)."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

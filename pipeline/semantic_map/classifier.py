@@ -1,4 +1,4 @@
-"""What turns points into classes: a network, a rule, or the simulator's own truth."""
+"""Point classifiers: their interface, the one that gives the simulator's true labels, and those that users name."""
 
 import sys
 from importlib import import_module
@@ -13,7 +13,7 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 
 CLASSES = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.CEILING, Label.CLUTTER)
-"""What a network tells apart, in the order of its outputs."""
+"""The classes of a network, in the order of its outputs."""
 
 
 class PointClassifier(Protocol):
@@ -25,9 +25,9 @@ class PointClassifier(Protocol):
         """Classify the returns of a frame.
 
         Args:
-            frame: that the points come from.
+            frame: the frame of the points.
             points: (N, 3) float32 in ``map``, all returns row-major, as ``frame.points`` gives them.
-            T_map_camera: 4×4, where the frame was taken.
+            T_map_camera: 4×4 pose of the frame's camera.
 
         Returns:
             (N, 8) float32 class probabilities, indexed by :class:`pipeline.labels.Label`; rows sum to 1.
@@ -48,10 +48,10 @@ class TruthClassifier:
 
 
 def own_classifier(name: str) -> PointClassifier:
-    """An instance of the class ``module:Class``; the module is looked for in the working folder too.
+    """An instance of the class ``module:Class``; the module may also lie in the working folder.
 
     Raises:
-        InputError: there is none, or it cannot classify.
+        InputError: there is no such class, or it has no method ``classify``.
     """
     module, _, kind = name.partition(":")
     if not (module and kind):

@@ -1,10 +1,10 @@
-"""Points of one plane decide together what they are.
+"""The points of a plane vote on their classes.
 
-A network that sees one column at a time makes errors in speckles, and at edges, where its voxels hold two surfaces.
-But a plane is hardly ever of two classes, and where two planes meet is known better from their equations than from
-the class of any point. So planar regions are found without labels, and every pixel goes to the plane to which it
-and its neighbours move least along their rays. The class of a point follows from its own probabilities, from those
-of all points on its plane, and from how the plane leans, for that defines what a wall, the floor or a ramp is.
+A network that sees one column at a time makes scattered errors, and more at edges, where a voxel holds two surfaces.
+But a plane hardly ever has two classes, and the line where two planes meet follows more exactly from their equations
+than from the classes of points. So planar regions are found without labels, and every pixel is assigned to the plane
+that it and its neighbours reach by the smallest shift along their rays. The class of a point follows from its own
+probabilities, those of all points on its plane, and the plane's tilt, which defines walls, floors and ramps.
 """
 
 import numpy as np
@@ -17,15 +17,15 @@ from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels, possible_logs
 
 MAX_ANGLE = np.deg2rad(6)
-"""rad, between a surfel's normal and its region's: small, as no labels tell planes apart."""
+"""rad, between a surfel's normal and its region's: small, because no labels separate planes here."""
 MAX_SHIFT, NOISE = 0.02, 0.008
-"""m, and m per m² of depth that is added: how far along the optical axis a pixel may be from its plane."""
-WINDOW = 2  # pixels, how far around it where a pixel that could be on several planes is decided on
-WEIGHT = 2.0  # Of the plane's mean opinion, as evidence; a point's own is 1
-FLOOR = 1e-3  # Least probability of a class: how little a network is believed that rules one out
-LEVEL = np.deg2rad(15)  # rad; the floor, a deck and a ceiling lean by less
-UPRIGHT = np.deg2rad(75)  # rad; a wall and the sides of a deck lean by more
-SLOPE = np.deg2rad(4)  # rad; a ramp leans by more
+"""m, and m per m² of depth that is added: greatest distance, along the optical axis, of a pixel from its plane."""
+WINDOW = 2  # pixels around a pixel that fits several planes, whose depths decide between these planes
+WEIGHT = 2.0  # Of the mean log probabilities of a plane's points; a point's own log probabilities weigh 1
+FLOOR = 1e-3  # Least probability of a class: limits the evidence of a network that rules a class out
+LEVEL = np.deg2rad(15)  # rad; the tilt of the floor, a deck or a ceiling is less
+UPRIGHT = np.deg2rad(75)  # rad; the tilt of a wall or of a side of a deck is greater
+SLOPE = np.deg2rad(4)  # rad; the tilt of a ramp is greater
 
 
 def planar_vote(
@@ -34,13 +34,13 @@ def planar_vote(
     """Let the points of every plane vote.
 
     The probabilities of a point on a plane become the normalised product of its own and of the geometric mean over
-    all points of the plane, the latter to the power of ``WEIGHT``. Before that, classes that a plane so inclined
-    cannot be of give theirs to those that it can be of. Points on no plane keep what they have.
+    all points of the plane, the latter to the power of ``WEIGHT``. Before that, classes that a plane of this tilt
+    cannot have pass their probability to classes that it can have. Points on no plane keep their probabilities.
 
     Args:
         frame: one frame.
         T_map_camera: 4×4 pose of the camera.
-        probabilities: (N, 6) float32 of its returns, row-major, by class of ``CLASSES``; the rows sum to 1.
+        probabilities: (N, 6) float32 of the frame's returns, row-major, by class of ``CLASSES``; rows sum to 1.
 
     Returns:
         (N, 6) float32.
@@ -57,7 +57,7 @@ def planar_vote(
 
 
 def possible_classes(cosines: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(P, 6) which of ``CLASSES`` a plane may be of, by the (P,) cosines between normals and the vertical."""
+    """(P, 6) which of ``CLASSES`` a plane may have, given the (P,) cosines between normals and the vertical."""
     lean = np.arccos(np.abs(cosines).clip(max=1))
     level, upright = lean < LEVEL, lean > UPRIGHT
     possible = {

@@ -1,4 +1,4 @@
-"""Loops over the pixels of a frame: which plane each belongs to, and how they vote on its class."""
+"""Compiled loops over the pixels of a frame: the plane of each pixel, and the vote on each plane's class."""
 
 import numpy as np
 from numba import njit
@@ -8,15 +8,15 @@ from pipeline.segments.surfels_kernels import NONE, dot, regions_around
 
 @njit(cache=True)
 def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noise, window):
-    """(H, W) int32 plane of every pixel, NONE for those on none.
+    """(H, W) int32 plane of every pixel, NONE for pixels on no plane.
 
-    Where a pixel alone could be on several planes, its neighbours in the image decide with it: noise moves a pixel by
-    more than two planes are apart where they meet.
+    If a pixel fits several planes, it and its neighbours in the image decide together: near the line where two planes
+    meet, noise shifts a pixel by more than their distance.
 
     Args:
         depth, rays, of_pixel, near, region, planes: as for ``project_pixels``.
         max_shift, noise: a pixel is on no plane that its ray meets ``max_shift + noise · depth²`` m or more away.
-        window: pixels, how far away such neighbours may be.
+        window: greatest distance, rows and columns, of such neighbours.
     """
     choices = regions_around(near, region)
     result = np.full(depth.shape, NONE, np.int32)
@@ -41,9 +41,9 @@ def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noi
 
 @njit(cache=True)
 def nearest_plane(depth, rays, z, ray, choices, planes, limit):
-    """Of the planes (P, 4) that fit the pixel ``z, ray`` the one to which a window's pixels move least in sum.
+    """The plane, of the ``planes`` (P, 4) that fit the pixel ``z, ray``, with the least sum of shifts in a window.
 
-    None of them counts for more than ``limit``.
+    The shift of each of the window's pixels to the plane counts as at most ``limit``.
     """
     least, nearest = np.inf, NONE
     for p in choices:
@@ -61,22 +61,22 @@ def nearest_plane(depth, rays, z, ray, choices, planes, limit):
 
 @njit(cache=True, inline="always")
 def shift(z, ray, plane):
-    """m along the optical axis from a pixel of depth ``z`` to where its ray (3,) meets the plane (4,)."""
+    """m along the optical axis from a pixel of depth ``z`` to the point where its ray (3,) meets the plane (4,)."""
     slope = dot(plane, ray)
     return abs(plane[3] / slope - z) if slope != 0 else np.inf
 
 
 @njit(cache=True)
 def possible_logs(probabilities, plane, possible, clutter, floor):
-    """(N, C) float32 logarithms of probabilities after the classes that a plane cannot be of gave theirs away.
+    """(N, C) float32 log probabilities, with those of a plane's impossible classes passed to its possible ones.
 
-    The possible ones get them in proportion, but for ``clutter``: what leans like no wall is no likelier to be that.
+    The possible classes gain in proportion, except ``clutter``: that a plane is no wall does not make it clutter.
 
     Args:
         probabilities: (N, C) float32.
-        plane: (N,) int32 of every point, or NONE.
-        possible: (P, C) bool, of every plane.
-        clutter: the class that is not made of planes.
+        plane: (N,) int32 plane of every point, or NONE.
+        possible: (P, C) bool, the possible classes of every plane.
+        clutter: index of the class that is not made of planes.
         floor: least probability.
     """
     logs = np.log(np.maximum(probabilities, np.float32(floor)))
@@ -98,9 +98,9 @@ def possible_logs(probabilities, plane, possible, clutter, floor):
 
 @njit(cache=True)
 def mean_logs(logs, plane, planes):
-    """(P, C) float64 mean of (N, C) float32 logarithms over the points of each plane, 0 where there are none.
+    """(P, C) float64 mean of (N, C) float32 logarithms over the points of each plane, 0 for a plane without points.
 
-    ``plane`` (N,) int32 is that of every point, or NONE; ``planes`` is P, their number.
+    ``plane`` (N,) int32 is the plane of every point, or NONE; ``planes`` is P, the number of planes.
     """
     sums, counts = np.zeros((planes, logs.shape[1])), np.zeros(planes, np.int64)
     for i in range(len(logs)):
@@ -115,12 +115,12 @@ def mean_logs(logs, plane, planes):
 
 @njit(cache=True)
 def normalised_products(probabilities, logs, evidence, plane):
-    """(N, C) float32: exp(``logs`` + ``evidence`` of the plane), divided by its sum; points on none keep theirs.
+    """(N, C) float32: exp(``logs`` + the plane's ``evidence``) over its sum; ``probabilities`` of points on no plane.
 
     Args:
-        probabilities, logs: (N, C) float32, and their logarithms.
+        probabilities, logs: (N, C) float32, and :func:`possible_logs` of them.
         evidence: (P, C) float64, logarithms.
-        plane: (N,) int32 of every point, or NONE.
+        plane: (N,) int32 plane of every point, or NONE.
     """
     result = probabilities.copy()
     for i in range(len(logs)):

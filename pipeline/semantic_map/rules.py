@@ -9,15 +9,15 @@ from pipeline.labels import RAMP_TILT, Label
 from pipeline.semantic_map.voxels import VoxelCloud
 
 VOXEL = 0.03  # m; the cloud is thinned to one point a voxel
-NEIGHBOURS = 30  # Points that a normal is fitted to
+NEIGHBOURS = 30  # Points to which a normal is fitted
 WALL_TILT = np.radians(60)  # rad; a surface at least as steep is a wall
 ROUGHNESS = 0.03  # m, standard deviation from the fitted plane; a surface that is rougher is clutter
-DECK_HEIGHT = 0.08  # m; what is level and higher is no terrain but a straight ramp
-CEILING_HEIGHT = 2.0  # m; what is level and higher is a ceiling
+DECK_HEIGHT = 0.08  # m; a level surface above this is a straight ramp, not terrain
+CEILING_HEIGHT = 2.0  # m; a level surface above this is a ceiling
 
 
 class RuleClassifier:
-    """Classifies points by height and normal, behind the same interface as the network."""
+    """Classifies points by height and normal; a :class:`pipeline.semantic_map.classifier.PointClassifier`."""
 
     def classify(
         self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
@@ -45,11 +45,11 @@ def _labels(points: NDArray[np.float32]) -> NDArray[np.int64]:
 def tilt_and_roughness(
     points: NDArray[np.float32], neighbours: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Of the plane through the nearest points of every point, by principal components.
+    """Tilt of, and deviation from, the plane fitted to the nearest points of every point by principal components.
 
     Args:
         points: (M, 3) float32.
-        neighbours: how many, the point itself included; fewer where there are fewer.
+        neighbours: number of nearest points, the point itself included; all points if there are fewer.
 
     Returns:
         (M,) angle between the plane's normal and the vertical, 0 to π/2, and (M,) standard deviation from the plane

@@ -1,4 +1,4 @@
-"""The semantic map: a labelled point for every 2 cm voxel that was ever hit (thesis 3.2, figure 3)."""
+"""The semantic map: a labelled point for every 2 cm voxel with returns (thesis 3.2, figure 3)."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,22 +15,22 @@ from pipeline.semantic_map.semantic_map_kernels import accumulate
 
 VOXEL = 0.02  # m, the edge of the voxels; each keeps one point whatever the number of frames
 RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
-SKIN = 0.03  # m from what was seen of a person within which a point is of that person
+SKIN = 0.03  # m; a point this near to a person's points belongs to that person
 IsNoWay = Callable[[NDArray[np.float32]], NDArray[np.bool_]]
-"""(N,) which of all points (N, 3) in ``map`` that look like ramps no robot can drive on."""
+"""Takes (N, 3) points in ``map`` labelled as ramps; returns (N,), True where the robot cannot drive on them."""
 
 
 class SemanticMap:
     """Labelled points, fused over all frames.
 
-    A ramp, straight or inclined, leads somewhere: what is labelled so and is no way, as a table's top, is clutter.
+    Points labelled as a ramp, straight or inclined, that the robot cannot drive on, as a table's top, become clutter.
 
     Memory grows with the surface seen, not with the number of frames. Voxels are kept in the order in which they were
     first hit: the same frames in the same order give the same map.
     """
 
     def __init__(self, is_no_way: IsNoWay | None = None) -> None:
-        """An empty map. Without ``is_no_way`` labels stay as they came."""
+        """An empty map. Without ``is_no_way`` points labelled as ramps keep their labels."""
         self._is_no_way = is_no_way
         self._blocks, self._size = 0, 0
         self._block_keys = np.empty(0, np.int64)
@@ -50,13 +50,13 @@ class SemanticMap:
     ) -> None:
         """Add the points of a frame.
 
-        A voxel's class evidence is the sum of the probabilities of its points. They are not multiplied: pixels
-        side by side err together, so a product would be far too sure.
+        A voxel's class evidence is the sum of the probabilities of its points. They are not multiplied: errors of
+        neighbouring pixels are correlated, so a product would be overconfident.
 
         Args:
-            points: (N, 3) float32 in ``map``; those that are not finite are left out.
+            points: (N, 3) float32 in ``map``; points that are not finite are left out.
             probabilities: (N, 8) class probabilities, float32, or uint8 in units of 1/255.
-            hits: (N,) uint32, how many returns each point is the mean of; 1 if not given.
+            hits: (N,) uint32 number of returns of which each point is the mean; 1 if not given.
 
         Raises:
             InputError: if the shapes do not fit.
@@ -80,20 +80,20 @@ class SemanticMap:
         self._slots.fill(EMPTY)
 
     def show_people(self, people: Sequence[NDArray[np.float32]]) -> None:
-        """Label as victim what lies at the (N, 3) points, m, of each of these people, and of no others.
+        """Label as victim the map's points at the (N, 3) points, m, of each of these people, replacing earlier ones.
 
-        Where the classifier tells victims itself, its labels stay.
+        If the classifier itself labels points as victim, only its labels count.
         """
         self._people = list(people)
 
     def _reserve(self, more: int) -> None:
-        """Make room for so many more blocks and voxels; doubling keeps the mean cost of growth constant."""
+        """Make room for ``more`` blocks and voxels; doubling keeps the mean cost of growth constant."""
         self._rows = _roomier(self._rows, self._size, more)
         if self._blocks + more <= len(self._block_keys):
             return
         self._block_keys = _roomier(self._block_keys, self._blocks, more)
         self._voxels = _roomier(self._voxels, self._blocks, more)
-        # Twice as many slots as blocks: linear probing is quick while half of them are empty.
+        # Twice as many slots as blocks: linear probing is fast while half of the slots are empty.
         size = 2 * len(self._block_keys)
         self._slots, self._block_of_slot = np.full(size, EMPTY, np.int64), np.empty(size, np.int32)
         self._shift = 64 - (size.bit_length() - 1)
@@ -104,7 +104,7 @@ class SemanticMap:
         return self._rows[: self._size, 1:4].copy()
 
     def labels(self) -> NDArray[np.uint8]:
-        """(M,) uint8 most probable class, the lower id wins a tie; or victim where people are shown."""
+        """(M,) uint8 most probable class (the lower id wins a tie), or victim where people are shown."""
         labels = self._rows[: self._size, 4:].argmax(axis=1).astype(np.uint8)
         if self._is_no_way is not None:
             ramps = np.flatnonzero(np.isin(labels, RAMPS))
@@ -115,7 +115,7 @@ class SemanticMap:
         return labels
 
     def _points_of(self, person: NDArray[np.float32]) -> NDArray[np.intp]:
-        """Indices of the map's points that lie at a person's (N, 3)."""
+        """Indices of the map's points within SKIN of a person's (N, 3) points."""
         points = self._rows[: self._size, 1:4]
         low, high = person.min(axis=0) - SKIN, person.max(axis=0) + SKIN
         around = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
@@ -123,12 +123,12 @@ class SemanticMap:
         return around[np.isfinite(distance)]
 
     def probabilities(self) -> NDArray[np.float32]:
-        """(M, 8) float32 class probabilities: the mean over all points of the voxel."""
+        """(M, 8) float32 class probabilities: the mean over all returns in the voxel."""
         hits = self._rows[: self._size, :1]
         return np.divide(self._rows[: self._size, 4:], hits, dtype=np.float32)
 
     def hits(self) -> NDArray[np.uint32]:
-        """(M,) uint32 number of points that fell in every voxel."""
+        """(M,) uint32 number of returns in every voxel."""
         return self._rows[: self._size, 0].astype(np.uint32)
 
     def save(self, path: Path) -> None:
@@ -138,7 +138,7 @@ class SemanticMap:
 
 
 def _roomier(values: NDArray, size: int, more: int) -> NDArray:
-    """The same array, or one of 2ⁿ rows that has room for ``more`` than its first ``size``, which it keeps."""
+    """The array itself if it has room for ``more`` rows after its first ``size``, else a copy of them in 2ⁿ rows."""
     if size + more <= len(values):
         return values
     result = np.empty((1 << (size + more).bit_length(), *values.shape[1:]), values.dtype)

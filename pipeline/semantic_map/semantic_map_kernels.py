@@ -1,4 +1,4 @@
-"""Loops over the points of a frame: voxels with what is known of them, found by blocks in a table of cells."""
+"""Compiled loops that add the points of a frame to voxels, found by their blocks in a hash table."""
 
 import numpy as np
 from numba import int64, njit
@@ -8,19 +8,19 @@ from pipeline.segments.cells_kernels import EMPTY, NOWHERE, find_slot, indices_o
 
 @njit(cache=True)
 def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, block_keys, blocks, rows, size):
-    """Add points to the voxels that hold them, and return how many blocks and voxels there are then.
+    """Add points to the voxels that contain them; returns the numbers of blocks and voxels afterwards.
 
     Points that are not finite, too far out for a key, or without finite weights are left out.
 
     Args:
         points, weights: (N, 3) float32, and (N, C) evidence per class in the given ``unit``.
-        counts: (N,) how many returns each point is the mean of.
+        counts: (N,) number of returns of which each point is the mean.
         per_metre: number of voxels per metre.
-        keys, indices: (2ⁿ,) int64 and int32, the table's keys and their blocks; more than half stay empty.
+        keys, indices: (2ⁿ,) int64 and int32, the table's keys and rows of their blocks; more than half stay empty.
         shift: 64 - n.
-        block_keys, blocks: (B,) int64 key of every block of 4 × 4 × 4 voxels, and (B, 64) int32 these, EMPTY of those
-            not there; B is at least N more than there are.
-        rows: (M, 4 + C) float32, of every voxel how many returns it has, their mean and the sums of their weights.
+        block_keys, blocks: (B,) int64 key of every block of 4 × 4 × 4 voxels, and (B, 64) int32 rows of its voxels,
+            EMPTY where there is none; B is at least N more than the blocks so far.
+        rows: (M, 4 + C) float32, for every voxel its number of returns, their mean and the sums of their weights.
         size: numbers of blocks and voxels so far.
     """
     number, voxels = size

@@ -1,4 +1,4 @@
-"""A cloud thinned to one point a voxel: near surfaces get no more points than far ones, and noise averages out."""
+"""A cloud thinned to one point per voxel: near surfaces get as many points as far ones, and noise averages out."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -16,8 +16,8 @@ class VoxelCloud:
     Attributes:
         points: (M, 3) float32.
         hits: (M,) uint32 number of points in every voxel.
-        voxel_of_point: (N,) int64 index of the voxel of every point that was given; M for those that are not finite
-            or too far out for a key.
+        voxel_of_point: (N,) int64 index of the voxel of every point that was given; M for points that are not finite
+            or too far from the origin for a key.
     """
 
     points: NDArray[np.float32]
@@ -28,7 +28,7 @@ class VoxelCloud:
     def of(cls, points: NDArray[np.float32], voxel_size: float) -> Self:
         """Thin (N, 3) float32 points to cubes whose edge is ``voxel_size`` m."""
         found, keys = cells_of(points, np.float32(1 / voxel_size))
-        # Those without a voxel take the last rank.
+        # Points without a voxel get the last rank.
         rank = np.append(np.empty(len(keys), np.int64), len(keys))
         rank[keys.argsort()] = np.arange(len(keys))
         voxel_of_point = rank[found]

@@ -1,4 +1,4 @@
-"""A detection and its depth: where in ``map`` the person is, or why it is none."""
+"""Turns a detection and its depth into the person's position in ``map``, or into the reason why it is no person."""
 
 from dataclasses import dataclass
 
@@ -12,11 +12,11 @@ from pipeline.victims.detection.detection import Detection
 
 MIN_RETURNS = 0.1  # Share of a box's pixels that must have a depth
 MIN_RELIEF = 0.05  # Share of a box's returns that must stand out of the background
-GAP = 0.3  # m of depth between a person and what is before or behind the person
-MIN_PART = 0.25  # The person is the nearest part that has this share of the points that stand out
-REACH = 1.1  # m around the middle of that part within which all of a person lies
+GAP = 0.3  # m of depth between a person and objects in front of or behind the person
+MIN_PART = 0.25  # The person is the nearest part with at least this share of the points that stand out
+REACH = 1.1  # m around the median of that part within which a person's points lie
 MIN_SIZE, MAX_SIZE = 0.15, 2.3  # m across a person, or across the head of one
-SKIN_TO_MIDDLE = 0.08  # m from what is seen to the middle of the body, and its standard deviation
+SKIN_TO_MIDDLE = 0.08  # m, standard deviation due to the distance from the visible skin to the middle of the body
 SEED = 0  # Of the random draws that find the background's planes
 
 
@@ -26,10 +26,10 @@ class Observation:
 
     Attributes:
         detection: in the image.
-        points: (N, 3) float32 what is seen of the person, m in ``map``.
-        position: (3,) float64 middle of that.
+        points: (N, 3) float32 the person's visible points, m in ``map``.
+        position: (3,) float64 middle of the points.
         covariance: (3, 3) float64 of the position, m².
-        camera: (3,) float64 where the camera stood.
+        camera: (3,) float64 position of the camera.
     """
 
     detection: Detection
@@ -48,7 +48,7 @@ class Refusal:
 
 
 def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64]) -> Observation | Refusal:
-    """What the depth says of a detection in the frame's image.
+    """Observe the person of a detection by the frame's depth, or refuse the detection.
 
     Args:
         frame: with its depth.
@@ -69,18 +69,18 @@ def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64
     if not MIN_SIZE <= size <= MAX_SIZE:
         return Refusal(detection, f"{size:.2f} m: {'less' if size < MIN_SIZE else 'more'} than a person")
     points = transform_points(T_map_camera, person)
-    # The middle deviates half as much as the points do, for parts of the person may be hidden.
+    # The middle's standard deviation is half that of the points, because parts of the person may be hidden.
     spread = np.cov(points.T.astype(np.float64)) / 4 + np.eye(3) * SKIN_TO_MIDDLE**2
     return Observation(detection, points, middle(points), spread, T_map_camera[:3, 3])
 
 
 def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(3,) middle, m, of a box around (N, 3) points, the outermost 2 % along each axis left out."""
+    """(3,) middle, m, of a box around (N, 3) points without the outermost 2 % at each end of each axis."""
     return np.percentile(points, [2, 98], axis=0).mean(axis=0)
 
 
 def size_of(points: NDArray[np.floating]) -> float:
-    """m across a box around (N, 3) points, the outermost 5 % along each axis left out."""
+    """Diagonal, m, of a box around (N, 3) points without the outermost 5 % at each end of each axis."""
     return float(np.linalg.norm(np.subtract(*np.percentile(points, [95, 5], axis=0))))
 
 
@@ -92,7 +92,7 @@ def _window(frame: Frame, detection: Detection) -> NDArray[np.bool_]:
 
 
 def _stands_out(frame: Frame, detection: Detection, points: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(N,) bool: the points of the box that lie in no plane of the background."""
+    """(N,) bool: the points in the box that lie on no plane of the background."""
     result = np.ones(len(points), np.bool_)
     for plane in background_planes(frame, detection.box, np.random.default_rng(SEED)):
         result &= ~near_plane(points, plane)
@@ -100,7 +100,7 @@ def _stands_out(frame: Frame, detection: Detection, points: NDArray[np.float32])
 
 
 def _nearest_part(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The (M, 3) points of the nearest part between gaps in depth that is large enough to be the person."""
+    """The (M, 3) points of the nearest large enough part, where gaps in depth separate the parts."""
     order = np.argsort(points[:, 2], kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(points[order, 2]) > GAP) + 1)
     large = [part for part in parts if len(part) >= MIN_PART * len(points)]

@@ -1,4 +1,4 @@
-"""Re-observation: from which viewpoints to see unconfirmed victims again, and what that is worth."""
+"""Re-observation: rewards for viewpoints from which unconfirmed victims would be seen again."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,40 +10,40 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import wrap_angles
 from pipeline.victims.victim_map import APART, Victim, Victims
 
-REWARD = 1.0  # m² of unseen ground that a viewpoint towards an unconfirmed victim counts for
+REWARD = 1.0  # m² of unseen ground to which a viewpoint towards an unconfirmed victim is equivalent
 ANGLE = np.deg2rad(30)
-"""rad between two viewpoints, seen from the victim, from which on the second one counts in full."""
-LEAST = 0.3  # Share of the reward that counts however small the angle is
+"""rad, least angle between a viewpoint and earlier ones, seen from the victim, for the full reward."""
+LEAST = 0.3  # Least share of the reward, however small the angle is
 IN_VAIN = np.deg2rad(50)
-"""rad at least from viewpoints that showed nothing: a person in a box is seen from its open side alone."""
+"""rad, least angle from viewpoints that showed nothing: a person in a box is seen only from its open side."""
 NEAR, FAR = 1.3, 3.2  # m from the victim
 HALF_VIEW = np.deg2rad(18)  # rad from the middle of the image within which the victim must be
-MARGIN = 0.35  # m around what was seen of the victim; within that nothing hides it, but the victim itself
-MAX_TRIES = 4  # Re-observations at most of each victim
-BESIDE_CAMERA = 0.3  # m of a line of sight that are free because the robot itself will stand there
+MARGIN = 0.35  # m around the victim's points where the line of sight need not be free: the victim itself is there
+MAX_TRIES = 4  # Most re-observations of each victim
+BESIDE_CAMERA = 0.3  # m of a line of sight that count as free because the robot itself will stand there
 STEP = 0.08  # m between the points of a line of sight that must be free
 
 
 class Reobservation:
-    """Rewards of viewpoints for the victims that they would confirm, and how often each was tried.
+    """Rewards of viewpoints towards unconfirmed victims, and the tries to re-observe each victim.
 
     Attributes:
         camera_height: of the last frame's camera above the ground, m.
     """
 
     def __init__(self, victims: Victims, metric_map: MetricMap) -> None:
-        """Of these victims, along lines of sight that are free in this map."""
+        """Reward viewpoints towards these victims along lines of sight that are free in this map."""
         self.camera_height = 0.0
         self._victims, self._map = victims, metric_map
         self._aimed: list[tuple[Victim, NDArray[np.float64]]] = []
 
     @property
     def wanted(self) -> list[Victim]:
-        """The victims to be observed again: not confirmed, and not given up."""
+        """The victims to be observed again: not confirmed, and tried less than MAX_TRIES times."""
         return [victim for victim in self._victims.unconfirmed if len(victim.tried) < MAX_TRIES]
 
     def gains(self, places: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, M) float64 m² that viewpoints at (N, 3) places on the ground along (M,) bearings, rad, count for."""
+        """(N, M) float64 rewards, m², of viewpoints at (N, 3) places on the ground along (M,) bearings, rad."""
         total = np.zeros((len(places), len(bearings)))
         for victim in self.wanted:
             total += self._gains(victim, places, bearings)
@@ -56,20 +56,20 @@ class Reobservation:
         self._aimed = [(victim, place) for victim in aimed]
 
     def count(self, frame: Frame) -> None:
-        """Note that this frame has been taken: a try for each victim that it was aimed at."""
+        """Count this frame as a try for each victim at which it was aimed."""
         self.camera_height = float(frame.T_base_camera[2, 3])
         for victim, place in self._aimed:
             victim.tried.append(place)
         self._aimed = []
 
     def correct(self, correction: Correction) -> None:
-        """Let the place from which the next frame is to be taken follow the newest keyframe."""
+        """Move the place from which the next frame is to be taken along with the newest keyframe."""
         self._aimed = [(v, moved_by(correction.motions[-1], place[None])[0]) for v, place in self._aimed]
 
     def _gains(
         self, victim: Victim, places: NDArray[np.float64], bearings: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N, M) m² for one victim."""
+        """(N, M) rewards, m², for one victim."""
         target = np.median(victim.points, axis=0).astype(np.float64)
         way = target[:2] - places[:, :2]
         distance = np.linalg.norm(way, axis=1)
@@ -84,7 +84,7 @@ class Reobservation:
 
 
 def _newness(victim: Victim, places: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) share of the reward: none where it was seen from, nor on the side of viewpoints in vain."""
+    """(N,) share of the reward: 0 beside earlier viewpoints, and on the side of viewpoints that showed nothing."""
     found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (victim.cameras, victim.tried))
     in_vain = tried[_distances(tried, found).min(axis=1) >= APART]
     share = np.clip(_angles(places, found, target).min(axis=1) / ANGLE, LEAST, 1.0)
@@ -94,12 +94,12 @@ def _newness(victim: Victim, places: NDArray[np.float64], target: NDArray[np.flo
 
 
 def _distances(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, M) m between places (N, 2 or 3) and (M, 2), seen from above."""
+    """(N, M) horizontal distances, m, between places (N, 2 or 3) and (M, 2)."""
     return np.linalg.norm(a[:, None, :2] - b, axis=2)
 
 
 def _angles(a: NDArray[np.float64], b: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, M) rad between places (N, 2 or 3) and (M, 2) as seen from a target (3,)."""
+    """(N, M) horizontal angles, rad, between places (N, 2 or 3) and (M, 2) as seen from a target (3,)."""
     to_a, to_b = a[:, :2] - target[:2], b - target[:2]
     bearing_a, bearing_b = np.arctan2(to_a[:, 1], to_a[:, 0]), np.arctan2(to_b[:, 1], to_b[:, 0])
     return np.abs(wrap_angles(bearing_a[:, None] - bearing_b))

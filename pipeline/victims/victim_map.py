@@ -1,4 +1,4 @@
-"""Victims on the map: what was seen of each from where, and whether that is enough to confirm one."""
+"""Victims on the map: the observations of each, and whether they suffice to confirm it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,23 +17,23 @@ from pipeline.victims.observation import MAX_SIZE, SKIN_TO_MIDDLE, Observation, 
 GATE = 11.34
 """Largest squared Mahalanobis distance of an observation from its victim: 99 % (χ², three degrees of freedom)."""
 TOGETHER = 1.85
-"""m across; 24 people in 25 measure no more, and few pairs of people who lie side by side do not."""
+"""m across; 24 of 25 people measure no more; two who lie side by side almost always measure more together."""
 BETWEEN = 0.4
-"""m at most between two parts that are one person if both together measure no more than TOGETHER: two ends are seen
-of a person whose middle is hidden, or of whom one frame shows the legs and another one the head."""
+"""m; two parts no farther apart are one person if together they measure no more than TOGETHER: an object may hide a
+person's middle, or one frame may show the legs and another one the head."""
 TOUCH, INSIDE = 0.15, 0.5
 """Two parts are one person, even if they measure more, if the share INSIDE of the smaller one's points lies within
 TOUCH, m, of the other's."""
 REOBSERVED = 0.5
-"""Sum of the confidences of a victim's detections from which on re-observation is worth the drive."""
+"""Least sum of the confidences of a victim's detections for which a re-observation is worth the drive."""
 ENOUGH, ENOUGH_OF_PART = 0.75, 1.2
-"""The same, from which on a victim is confirmed, and one of which less than WHOLE is seen."""
-WHOLE = 0.85  # m across what is seen of most people, at least; less may be a part of anything
+"""Least sum of confidences of a confirmed victim, and of a confirmed victim of which less than WHOLE is seen."""
+WHOLE = 0.85  # m across; of most people at least this much is seen, and less may be a part of any object
 MIN_FRAMES, APART = 2, 0.3
-"""Detections of a victim before it is confirmed, and m between the farthest two cameras of these, at least."""
-IN_VIEW = 3.0  # m within which a victim that is not hidden ought to be detected again
+"""Least number of detections of a confirmed victim, and m at least between the farthest two of their cameras."""
+IN_VIEW = 3.0  # m within which the detector should find a victim that is not hidden
 OPEN_SHARE, CLEARANCE = 0.7, 0.1
-"""A victim counts as seen if for this share of its points no return is nearer by CLEARANCE, m, and the noise."""
+"""A victim is in view if for this share of its points the return is at most CLEARANCE, m, plus the noise nearer."""
 VOXEL = 0.03  # m; one of a victim's points is kept in each voxel
 PHOTO_MARGIN = 0.2
 """Margin of a photo around its box, as a share of the longer side: surroundings help to recognise a person."""
@@ -41,13 +41,13 @@ PHOTO_MARGIN = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """One observation of a person, in ``map`` as it was then.
+    """One observation of a person, in ``map`` as it was at that time.
 
     Attributes:
-        keyframe: in which that was.
-        points: (N, 3) float32 what was seen, m.
+        keyframe: number of its keyframe.
+        points: (N, 3) float32 the person's points, m.
         information: (3, 3) float64 inverse of the position's covariance, 1/m².
-        camera: (3,) float64 where the camera stood, m.
+        camera: (3,) float64 position of the camera, m.
         time: of the frame, s; NaN in the map of an earlier episode.
     """
 
@@ -58,7 +58,7 @@ class Sighting:
     time: float = np.nan
 
     def moved(self, T: NDArray[np.float64]) -> "Sighting":
-        """The same after the map has moved by the 4×4 transform ``T``."""
+        """The same observation moved by the 4×4 transform ``T``."""
         R, points = T[:3, :3], moved_by(T, self.points).astype(np.float32)
         camera = moved_by(T, self.camera[None])[0]
         return Sighting(self.keyframe, points, R @ self.information @ R.T, camera, self.time)
@@ -69,15 +69,15 @@ class Victim:
     """A person on the map, confirmed or not.
 
     Attributes:
-        points: (N, 3) float32 all that was seen of the person, m in ``map``.
+        points: (N, 3) float32 all points seen of the person, m in ``map``.
         information: (3, 3) float64 inverse of the position's covariance, 1/m².
-        cameras: (3,) float64 each, where the camera stood when it found the person.
-        confidences: of these detections.
-        photo: (h, w, 3) uint8 of the detection that shows most of the person, weighed by its confidence.
-        photo_shows: voxels of the person that it shows, times its confidence.
-        missed: frames that showed the place, not hidden, without a detection there.
+        cameras: (3,) float64 each, positions of the camera in the frames that show the person.
+        confidences: of the detections in these frames.
+        photo: (h, w, 3) uint8 of the detection that shows most of the person, weighted by its confidence.
+        photo_shows: number of the person's voxels in the photo, times the detection's confidence.
+        missed: number of frames with the person in view but without a detection of it.
         tried: (3,) float64 each, the places on the ground from which the person was to be re-observed.
-        sightings: the observations that points and information are made of.
+        sightings: the observations of which points and information are made.
     """
 
     points: NDArray[np.float32]
@@ -91,14 +91,14 @@ class Victim:
     sightings: list[Sighting] = field(default_factory=list)
 
     def take(self, seen: "Sighting | Victim") -> None:
-        """Add what one more observation shows, or several of the same person, to points and information."""
+        """Add the points and information of another observation, or of another victim that is the same person."""
         self.points = _thinned(np.concatenate([self.points, seen.points]))
-        # Observations from one place err alike: a victim is never more certain than the best of them by much.
+        # Errors of observations from one place are correlated, so the covariance has a floor.
         floor = np.eye(3) * SKIN_TO_MIDDLE**2 / 4
         self.information = _inverse(_inverse(self.information + seen.information) + floor)
 
     def correct(self, correction: Correction, motions: NDArray[np.float64]) -> None:
-        """Make it anew of its sightings, moved by the (N, 4, 4) motions of all keyframes since they were added."""
+        """Rebuild it from its sightings, moved by the (N, 4, 4) motions of all keyframes since these were added."""
         self.tried = list(correction.moved(np.reshape(self.tried, (-1, 3))))
         first, *others = (seen.moved(motions[seen.keyframe]) for seen in self.sightings)
         self.points, self.information = first.points, first.information
@@ -108,7 +108,7 @@ class Victim:
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """(3,) float64 middle of what was seen, m in ``map``."""
+        """(3,) float64 middle of the points, m in ``map``."""
         return middle(self.points)
 
     @property
@@ -118,7 +118,7 @@ class Victim:
 
     @property
     def confidence(self) -> float:
-        """Mean over the frames that ought to have found the person, 0 for those that did not."""
+        """Mean confidence over the detections and the missed frames; a missed frame counts as 0."""
         return self.evidence / (len(self.confidences) + self.missed)
 
     @property
@@ -128,7 +128,7 @@ class Victim:
 
     @property
     def size(self) -> float:
-        """m across what was seen, as :func:`size_of` has it."""
+        """Size of the points, m, by :func:`size_of`."""
         return size_of(self.points)
 
     @property
@@ -139,10 +139,10 @@ class Victim:
 
 
 class Victims:
-    """All victims that were seen, confirmed or not.
+    """All victims, confirmed or not.
 
     Attributes:
-        all: in the order in which they were found, also those of little evidence.
+        all: in the order in which they were found, also victims with little evidence.
         refusals: detections of the last frame that are no person.
     """
 
@@ -152,28 +152,28 @@ class Victims:
 
     @property
     def confirmed(self) -> list[Victim]:
-        """Those for which :meth:`is_confirmed` holds."""
+        """The victims for which :meth:`is_confirmed` holds."""
         return [victim for victim in self.all if self.is_confirmed(victim)]
 
     @property
     def unconfirmed(self) -> list[Victim]:
-        """Those that are worth observing again from elsewhere."""
+        """The victims that are worth a re-observation from elsewhere."""
         return [v for v in self.all if v.evidence >= REOBSERVED and not self.is_confirmed(v)]
 
     @staticmethod
     def is_confirmed(victim: Victim) -> bool:
-        """Whether it was found often and surely enough, from different places, and more often than missed.
+        """Whether it has enough detections from places far enough apart, enough evidence, and fewer misses.
 
-        The less is seen of it, the more evidence it takes.
+        A victim of which little is seen needs more evidence.
         """
         found = len(victim.cameras)
         if found < MIN_FRAMES or found <= victim.missed or victim.evidence < ENOUGH:
             return False
-        # Distances and sizes come last: they take longest, and this is asked several times a step.
+        # Distances and sizes come last: they take longest, and this is called several times a step.
         return victim.apart >= APART and (victim.evidence >= ENOUGH_OF_PART or victim.size >= WHOLE)
 
     def correct(self, correction: Correction, motions: NDArray[np.float64]) -> None:
-        """Let all victims follow the poses of the keyframes that showed them, and join those that turn out to be one.
+        """Move all victims with the keyframes that showed them, and join victims that turn out to be one person.
 
         ``motions`` (N, 4, 4) of the keyframes lead from ``map`` as it was when each was added to ``map`` as it is.
         """
@@ -184,13 +184,13 @@ class Victims:
     def update(
         self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64], keyframe: int = 0
     ) -> None:
-        """Add what a frame's detections and depth show, and count the victims that it ought to show and does not.
+        """Add the observations of a frame's detections, and count a miss for each victim in view without a detection.
 
         Args:
             frame: with its depth.
-            detections: in its image; maybe none.
+            detections: in its image; may be empty.
             T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
-            keyframe: whose frame it is.
+            keyframe: number of the frame's keyframe.
         """
         seen = [observe(frame, detection, T_map_camera) for detection in detections]
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
@@ -220,7 +220,7 @@ class Victims:
         return nearest
 
     def _join(self, victim: Victim, other: Victim) -> None:
-        """Add to a victim what is known of another one, which is the same person."""
+        """Add to a victim the data of another victim that is the same person."""
         if other.photo_shows > victim.photo_shows:
             victim.photo, victim.photo_shows = other.photo, other.photo_shows
         victim.take(other)
@@ -243,13 +243,13 @@ class Victims:
 
 
 def _distance(one: Victim, other: Victim) -> float:
-    """Squared Mahalanobis distance of two positions."""
+    """Squared Mahalanobis distance of two victims' positions."""
     apart = one.position - other.position
     return float(apart @ np.linalg.solve(one.covariance + other.covariance, apart))
 
 
 def _is_one(one: Victim, other: Victim) -> bool:
-    """Whether one lies where the other does, or so near that both together are one person."""
+    """Whether two victims are one person: near each other and together small enough, or with much overlap."""
     small, large = sorted((one.points, other.points), key=len)
     together = size_of(np.concatenate([small, large]))
     if together > MAX_SIZE:
@@ -261,7 +261,7 @@ def _is_one(one: Victim, other: Victim) -> bool:
 
 
 def _in_view(victim: Victim, frame: Frame, T_map_camera: NDArray[np.float64]) -> bool:
-    """Whether most of a victim's points lie in the image, near enough, with nothing before them."""
+    """Whether the victim is near enough and most of its points lie in the image with nothing in front of them."""
     points = transform_points(inverse(T_map_camera), victim.points)
     depth = np.maximum(points[:, 2], 1e-6)
     if np.median(depth) > IN_VIEW:
@@ -274,7 +274,7 @@ def _in_view(victim: Victim, frame: Frame, T_map_camera: NDArray[np.float64]) ->
 
 
 def _thinned(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """One point of each voxel."""
+    """One of the points (N, 3) in each voxel."""
     _, first = np.unique(np.floor(points / VOXEL).astype(np.int64), axis=0, return_index=True)
     return points[np.sort(first)]
 
@@ -284,7 +284,7 @@ def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _crop(rgb: NDArray[np.uint8], box: tuple[float, float, float, float]) -> NDArray[np.uint8]:
-    """The picture in a box and a margin."""
+    """A copy of the image inside a box and its margin."""
     x0, y0, x1, y1 = box
     more = PHOTO_MARGIN * max(x1 - x0, y1 - y0)
     rows = slice(max(0, int(y0 - more)), int(np.ceil(y1 + more)))

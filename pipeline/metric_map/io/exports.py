@@ -33,8 +33,8 @@ def save_ply(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None
 def save_map_server(path: Path, metric_map: MetricMap, lowest: float = 0.25, highest: float = 0.65) -> None:
     """Write a 2D map for ROS map_server: a PGM image at ``path`` and its description beside it as YAML.
 
-    A cell is occupied if a voxel between the two heights is, else free if one of them is, else unknown. The lowest
-    height leaves out what a Pioneer 3-AT drives over, ramps included; the highest is that of the robot.
+    A cell is occupied if a voxel between the two heights is occupied, else free if one is free, else unknown. The
+    lowest height leaves out what a Pioneer 3-AT drives over, ramps included; the highest is that of the robot.
 
     Args:
         path: of the image, ``.pgm``.
@@ -67,10 +67,10 @@ def write_map_server(
     Args:
         path: of the image, ``.pgm`` or, with opacity, ``.png``.
         cells: (nx, ny) grey, or (nx, ny, 2) grey and opacity: a cell that is not opaque is unknown.
-        cell: its side, m.
+        cell: side of a cell, m.
         origin: (2,) xy of the corner of the first cell, m in ``map``.
         mode: trinary or scale, how map_server reads the greys.
-        thresholds: of the darkness, 0 to 1: below the first a cell is free, above the second occupied.
+        thresholds: darkness, 0 to 1: below the first a cell is free, above the second occupied.
 
     Raises:
         InputError: if a file cannot be written.

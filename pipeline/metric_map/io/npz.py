@@ -12,7 +12,7 @@ from pipeline.metric_map.metric_map import GREATEST, HIT, LEAST, MISS, MetricMap
 FORMAT = "sarsim metric map"
 VERSION = 1
 WEIGHTS = ("hit", "miss", "least", "greatest")
-"""Entries for other readers: this version's weights are constants."""
+"""Entries written for other programs and not read back: in this version the weights are constants."""
 
 
 def save_metric_map(metric_map: MetricMap, path: Path) -> None:

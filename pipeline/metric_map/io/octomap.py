@@ -1,8 +1,8 @@
-"""The metric map as files of OctoMap: ``.bt``, free and occupied alone, and ``.ot`` with log-odds and colours.
+"""The metric map as files of OctoMap: ``.bt`` with free and occupied only, ``.ot`` with log-odds and colours.
 
-OctoMap (Hornung et al., "OctoMap: an efficient probabilistic 3D mapping framework based on octrees", 2013) knows no
-offset of the grid: voxel (i, j, k) is written as OctoMap's voxel (i, j, k), and a comment in the header holds the
-corner of voxel (0, 0, 0), m in ``map``.
+OctoMap (Hornung et al., "OctoMap: an efficient probabilistic 3D mapping framework based on octrees", 2013) has no
+grid offset: voxel (i, j, k) is written as OctoMap's voxel (i, j, k), and a comment in the header holds the corner of
+voxel (0, 0, 0), m in ``map``.
 """
 
 from pathlib import Path
@@ -18,7 +18,7 @@ from pipeline.labels import COLOURS, Label
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 
 REACH = 1 << 15  # Voxels from the origin to the end of an octree of OctoMap's 16 levels
-CLAMP = 1e-9  # Probability below which OctoMap clamps; less than any log-odds of the metric map
+CLAMP = 1e-9  # Probability below which OctoMap clamps; less than that of any log-odds of the metric map
 
 
 def write_bt(path: Path, metric_map: MetricMap) -> None:
@@ -46,12 +46,12 @@ def write_ot(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None
     """
     tree, occupied = ColorOcTree(metric_map.voxel_size), metric_map.occupied_centres()
     _add_voxels(tree, metric_map, metric_map.free_centres())
-    tree.prune()  # before anything has a colour: OctoMap would unite voxels of several colours
+    tree.prune()  # before any voxel has a colour: OctoMap would merge voxels of different colours
     places = _add_voxels(tree, metric_map, occupied)
     labels = np.zeros(len(occupied), np.uint8) if labels is None else labels
     for place, colour in zip(places, COLOURS[labels].tolist(), strict=True):
         tree.setNodeColor(place, *colour)
-    if tree.size():  # of an empty tree, this call ends the process
+    if tree.size():  # on an empty tree, this call ends the process
         tree.updateInnerOccupancy()
     _write(path, metric_map, tree.write())
 
@@ -59,7 +59,7 @@ def write_ot(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None
 def _add_voxels(
     tree: OcTree | ColorOcTree, metric_map: MetricMap, centres: NDArray[np.float32]
 ) -> NDArray[np.floating]:
-    """Add voxels with their log-odds; (N, 3) m, their centres in the octree."""
+    """Add voxels with their log-odds; returns their (N, 3) centres in the octree, m."""
     index = metric_map.voxel_index(centres)
     if np.any((index < -REACH) | (index >= REACH)):
         raise InputError(f"an octree of OctoMap reaches {REACH} voxels from the map's origin, not farther")
@@ -87,8 +87,8 @@ def voxel_labels(metric_map: MetricMap, points: NDArray[np.float32], labels: NDA
         labels: (N,) uint8 of the points.
 
     Returns:
-        (M,) uint8. A voxel without a point, which a return off its surface filled, gets the class of the nearest
-        point within a voxel's side of its centre, and is unlabelled if there is none.
+        (M,) uint8. A voxel without a point (a noisy return filled it) gets the class of the nearest point within
+        one voxel's side of its centre, and is unlabelled if there is none.
     """
     centres = metric_map.occupied_centres()
     if not len(centres):

@@ -13,7 +13,7 @@ from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
 
 Cells = NDArray[np.uint8]
 GEO_KEYS = (1, 1, 0, 2, 1024, 0, 1, 32767, 1025, 0, 1, 1)
-"""Of GeoTIFF 1.1: version 1.1.0, two keys: an own model (m in ``map``), and pixels that are areas."""
+"""Keys of GeoTIFF 1.1: version 1.1.0, two keys: a user-defined model (m in ``map``), and pixels that are areas."""
 DOUBLES, SHORTS = 12, 3  # TIFF's types
 LOOKS = {"unknown": (PGM_UNKNOWN, "#cdcdcd"), "free": (PGM_FREE, "#ffffff"), "occupied": (PGM_OCCUPIED, "#1a1a1a")}
 """Grey value and colour of each kind of ground."""
@@ -37,7 +37,7 @@ def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float
 
 
 def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
-    """Write such cells as PNG, with a world file (.pgw) beside it that says where; as :func:`save_geotiff`."""
+    """Write cells (nx, ny) as PNG, and their size and place, m, as a world file (.pgw); as :func:`save_geotiff`."""
     x, y = origin[0] + cell / 2, origin[1] + (cells.shape[1] - 0.5) * cell
     with whole_file(path) as partial:
         partial.write_bytes(cv2.imencode(".png", _image(cells))[1].tobytes())
@@ -46,7 +46,7 @@ def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.flo
 
 
 def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
-    """Write such cells as outlines, in m, with y up; as :func:`save_geotiff`."""
+    """Write the outlines of cells (nx, ny) as SVG, in m, with y up; arguments as :func:`save_geotiff`."""
     width, height = np.array(cells.shape) * cell
     x, y = origin
     parts = []
@@ -63,9 +63,9 @@ def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64])
 
 
 def save_dxf(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
-    """Write such cells (nx, ny) as closed polylines in m, a layer for each kind of ground; as :func:`save_geotiff`.
+    """Write cells (nx, ny) as closed polylines, m, one layer per kind of ground; arguments as :func:`save_geotiff`.
 
-    It is a DXF of release 12 (AC1009), which needs no section but that of the entities: pairs of code and value.
+    The DXF is of release 12 (AC1009), which requires no section but ENTITIES: pairs of code and value.
     """
     pairs: list[tuple[int, object]] = [(0, "SECTION"), (2, "ENTITIES")]
     for name, (grey, _) in LOOKS.items():
@@ -79,13 +79,13 @@ def save_dxf(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64])
 
 
 def _image(cells: Cells) -> Cells:
-    """Rows from the top."""
+    """Cells (nx, ny) as an image (ny, nx) whose first row has the greatest y."""
     return np.ascontiguousarray(cells.T[::-1])
 
 
 def _outlines(mask: NDArray[np.bool_], cell: float, origin: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The edges of the cells (nx, ny) of a mask, closed, (N, 2) in m each; holes are outlines too."""
-    # OpenCV's outlines run through the middles of pixels: of three a cell, these are nearest to one edge alone.
+    """The closed outlines of a mask's cells (nx, ny), (N, 2) m each; holes have outlines too."""
+    # OpenCV's contours run through pixel centres: with 3 × 3 pixels a cell, each centre is nearest to one edge only.
     fine = np.ascontiguousarray(np.kron(mask.T, np.ones((3, 3), np.uint8)), np.uint8)
     contours, _ = cv2.findContours(fine, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     return [np.rint((contour[:, 0] + 0.5) / 3) * cell + origin for contour in contours]
@@ -97,4 +97,4 @@ SAVED: dict[str, Callable[[Path, Cells, float, NDArray[np.float64]], None]] = {
     ".svg": save_svg,
     ".dxf": save_dxf,
 }
-"""By ending."""
+"""The function that writes each file ending."""

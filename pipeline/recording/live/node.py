@@ -1,4 +1,4 @@
-"""A node on a network of ROS 2 (rclpy) that passes messages on as bytes, for CDR is the same there and in a bag."""
+"""A node on a network of ROS 2 (rclpy) that exchanges messages as bytes, for CDR is the same there and in a bag."""
 
 import os
 import re
@@ -15,22 +15,22 @@ from pipeline.recording.ros.bag import LATCHED
 from pipeline.recording.ros.messages import Message, encode, type_of
 
 DISCOVERY = 1.0
-"""s in which nodes of one machine find one another."""
+"""s within which nodes of one machine discover one another."""
 IDLE = 0.02
-"""s, the longest time between two calls of what a node does beside listening."""
+"""s, the longest time between two calls of a node's ``idle``."""
 QUEUE = 100
-"""Messages of a topic that wait while a program computes: odometry of some seconds."""
+"""Messages of a topic that are queued while a program computes: odometry of some seconds."""
 FAREWELL = 0.5
-"""s that the last messages may take."""
+"""s that the last messages may take to be acknowledged."""
 
 
 class Node:
-    """Sends and takes messages until it is closed; it listens in a thread of its own.
+    """Sends and receives messages until it is closed; it listens in a thread of its own.
 
     Attributes:
         idle: called in that thread again and again.
-        now: the wall's time in s.
-        news: held while a message is taken, and told of it.
+        now: a function that returns the wall-clock time in s.
+        news: condition that is held while a message is handled and notified afterwards.
     """
 
     def __init__(self, name: str, network: bool = False):
@@ -38,10 +38,10 @@ class Node:
 
         Args:
             name: of the node.
-            network: whether other machines may see it; else discovery stays on this one.
+            network: whether other machines may discover it; else discovery is limited to this machine.
 
         Raises:
-            InputError: there is no rclpy, or a node of this name already.
+            InputError: rclpy is not installed, or the network already has a node of this name.
         """
         if not re.fullmatch("[A-Za-z_][A-Za-z0-9_]*", name):
             raise InputError(f"--name {name}: letters, digits and _ alone make the name of a node")
@@ -74,7 +74,7 @@ class Node:
             self.idle()
 
     def close(self) -> None:
-        """Leave the network, when what was sent has arrived or never will."""
+        """Leave the network, after waiting up to FAREWELL s until sent messages are acknowledged."""
         timeout = import_module("rclpy.duration").Duration(seconds=FAREWELL)
         for publisher in self._publishers.values():
             if publisher is not None:
@@ -82,16 +82,16 @@ class Node:
         self._stack.close()
 
     def send(self, topic: str, time: float, message: Message) -> None:
-        """Send a message of a time in s, unless its type is not installed."""
+        """Send a message with a time in s, unless its type is not installed."""
         if topic not in self._publishers:
             self.offer(topic, type_of(message))
         if self._publishers[topic] is not None:
             self._publishers[topic].publish(encode(message))
 
     def offer(self, topic: str, name: str) -> None:
-        """Tell that messages of the type ``package/msg/Name`` will be sent, so that listeners find their way here.
+        """Announce a topic of messages of the type ``package/msg/Name``, so that listeners can connect.
 
-        They are reliable, which suits every listener: of images that are sent otherwise parts get lost, even on one
+        Its messages are reliable, which suits every listener: with best effort, parts of images get lost even on one
         machine.
         """
         qos, kind = import_module("rclpy.qos"), message_type(name)
@@ -100,11 +100,11 @@ class Node:
         self._publishers[topic] = kind and self._node.create_publisher(kind, topic, profile)
 
     def listen(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:
-        """From now on take the CDR of a topic's messages, in the listening thread, so it must not take long.
+        """Subscribe to a topic.
 
         Args:
-            topic: of which, where no type is named, something is sent already.
-            take: called with each message.
+            topic: its name; without the name of a type, a node must offer it already.
+            take: called with the CDR of each message, in the listening thread, so it must not take long.
             name: of the type, ``package/msg/Name``.
 
         Raises:
@@ -129,7 +129,7 @@ class Node:
         self._node.create_subscription(kind, topic, heard, profile, raw=True)
 
     def wait(self, until: Callable[[], bool], seconds: float) -> bool:
-        """Wait until something is so that may change when a message comes; False if it is not after so many s."""
+        """Wait until a condition, checked after every message, holds; False if it does not within ``seconds``."""
         end = self.now() + seconds
         with self.news:
             while not until():
@@ -140,7 +140,7 @@ class Node:
         return True
 
     def types(self) -> dict[str, list[str]]:
-        """Of the messages that are sent or listened to, by topic."""
+        """Types of the messages that are sent or listened to, by topic."""
         return dict(self._node.get_topic_names_and_types())
 
     def senders(self, topic: str) -> list[str]:
@@ -153,8 +153,8 @@ class Node:
 
 
 def _rclpy() -> Any:
-    """ROS 2 for Python, of an installation that was sourced or of this environment."""
-    filterwarnings("ignore", category=DeprecationWarning, module="lark")  # a parser that it brings
+    """rclpy, from a sourced installation of ROS 2 or from this environment."""
+    filterwarnings("ignore", category=DeprecationWarning, module="lark")  # a parser that rclpy depends on
     try:
         return import_module("rclpy")
     except ImportError as error:
@@ -163,7 +163,7 @@ def _rclpy() -> Any:
 
 
 def message_type(name: str) -> Any:
-    """The class of messages ``package/msg/Name``; None where it is not installed."""
+    """The class of messages ``package/msg/Name``; None if it is not installed."""
     package, _, kind = name.partition("/msg/")
     try:
         return getattr(import_module(f"{package}.msg"), kind)

@@ -1,4 +1,4 @@
-"""A robot on a network of ROS 2, real or simulated, that the pipeline senses and drives by."""
+"""A robot on a network of ROS 2, real or simulated, as the pipeline's robot."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -18,22 +18,22 @@ from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.transforms import angle_of, inverse
 
 LEAST_PERIOD = 0.04
-"""s; commands come no more often."""
+"""s, least control period."""
 HOLD = 0.2
-"""s of the robot's time without a new command after which it is told to stand: the pipeline computes meanwhile."""
+"""s of the robot's time without a new command after which it is stopped: the pipeline is computing."""
 FRESH = 0.1
 """s that a frame may be older than the newest odometry."""
 CLOCKS = 1.0
 """s by which stamps of images and odometry may differ."""
 LEAST_MOTION = 0.02, np.deg2rad(3)
-"""m and rad; less is none."""
+"""m and rad; a robot that moved less has not moved."""
 LEAST_COMMAND = 0.04, 0.15
-"""m/s and rad/s that must move a robot."""
+"""m/s and rad/s; a robot must move by a command that is greater."""
 UNHEEDED = 10.0
-"""s of commands after which a robot that has not moved ignores them."""
+"""s of commands without motion after which the robot is taken to ignore them."""
 STAMPED = "geometry_msgs/msg/TwistStamped"
 STARTING = 5
-"""Messages of odometry by which its rate is told."""
+"""Messages of odometry from which its period is estimated."""
 
 
 class RosRobot:
@@ -42,7 +42,7 @@ class RosRobot:
     Attributes:
         model: its size and abilities.
         control_period: s.
-        on_motion: called with every motion; what it raises ends the drive.
+        on_motion: called with every motion; an exception that it raises ends the drive.
     """
 
     def __init__(
@@ -59,11 +59,11 @@ class RosRobot:
             node: on the robot's network.
             model: its size and abilities.
             topics: their names.
-            T_base_camera: 4×4; by default the robot tells it by ``/tf_static`` or ``/camera/transform``.
-            patience: s by the wall's clock that a topic may be silent.
+            T_base_camera: 4×4; by default taken from ``/tf_static`` or ``/camera/transform``.
+            patience: s by the wall clock that a topic may be silent.
 
         Raises:
-            InputError: something that is needed is not there.
+            InputError: a necessary topic, listener or transform is missing.
         """
         self.model, self.topics = model, topics
         self.on_motion: Callable[[Motion], object] = lambda motion: None
@@ -80,7 +80,7 @@ class RosRobot:
         node.idle = self._rest
 
     def _find(self) -> None:
-        """Wait for all that is needed, and listen."""
+        """Wait for all necessary topics, and listen to them."""
         node, topics, senses = self._node, self.topics, self._senses
         needed = (topics.depth, topics.color, topics.camera_info, topics.odom)
 
@@ -101,7 +101,7 @@ class RosRobot:
         self._listen(topics.camera_info, senses.take_info)
         self._listen(topics.odom, senses.take_odometry)
         places = {"/tf_static": senses.take_transforms, "/camera/transform": senses.take_transform}
-        # What may be missing was maybe not discovered yet.
+        # Optional topics may not be discovered yet.
         node.wait(lambda: bool(node.senders(topics.imu)) and any(map(node.senders, places)), DISCOVERY)
         for topic, take in {topics.imu: senses.take_imu, **places}.items():
             with suppress(InputError):  # the packages of PyPI have no type for /tf_static
@@ -129,10 +129,10 @@ class RosRobot:
     def sense(self) -> Frame:
         """The newest frame, at most ``FRESH`` older than the newest odometry.
 
-        A robot that drives goes on meanwhile as it was told last.
+        A robot that drives repeats its last command meanwhile, for HOLD s at most.
 
         Raises:
-            InputError: a topic fell silent, or its images are of no use.
+            InputError: a topic fell silent, or its images cannot be used.
         """
         senses, start = self._senses, self._senses.time
         after = max(start - FRESH, self._frame_time)
@@ -165,11 +165,11 @@ class RosRobot:
 
     @property
     def time(self) -> float:
-        """Of the newest odometry, s."""
+        """Time of the newest odometry, s."""
         return self._senses.time
 
     def stop(self) -> None:
-        """Tell the robot to stand."""
+        """Command the robot to stand."""
         self._is_driving = False
         self._send(Velocity())
 
@@ -180,7 +180,7 @@ class RosRobot:
         self._node.send(self.topics.cmd_vel, time, message)
 
     def _rest(self) -> None:
-        """Stop a robot that gets no commands, for what commands it computes."""
+        """Stop a robot that gets no commands because the pipeline computes; the node's ``idle``."""
         if not self._is_driving and self._last != Velocity() and self._senses.time - self._commanded > HOLD:
             self._send(Velocity())
 
@@ -195,14 +195,14 @@ class RosRobot:
             raise InputError(f"{self.topics.cmd_vel}: the robot ignores it, for it has not moved for {UNHEEDED:g} s")
 
     def _wait(self, until: Callable[[], bool]) -> None:
-        """Wait for messages; the robot stands when they do not come."""
+        """Wait for messages; if they do not come, stop the robot and raise InputError."""
         if self._node.wait(until, self._patience):
             return
         self.stop()
         raise InputError(f"{self._complaint()}; the robot was stopped")
 
     def _complaint(self) -> str:
-        """Why nothing came of waiting."""
+        """The reason why waiting for messages failed."""
         senses, last = self._senses, self._node.now() - self._patience
         once = {"/tf_static", "/camera/transform"} | ({self.topics.camera_info} if senses.info else set())
         if silent := [topic for topic, heard in self._heard.items() if heard < last and topic not in once]:

@@ -1,4 +1,4 @@
-"""What has come of a robot's topics lately, as the pipeline knows it."""
+"""The newest messages of a robot's topics, as frames and motions of the pipeline."""
 
 from collections import deque
 from collections.abc import Callable
@@ -16,22 +16,22 @@ from pipeline.recording.sources.recording import Trajectory
 from pipeline.robot import Motion
 
 APART = 0.02
-"""s, farthest that a colour image may be from the depth image that it belongs to."""
+"""s, greatest difference between the times of a depth image and its colour image."""
 IMAGES, POSES = 10, 100
-"""Of them the newest are kept."""
+"""Numbers of the newest images of a kind, and of the newest poses, that are kept."""
 
 
 class Senses:
     """Takes messages, and gives the newest frame and motion.
 
     Attributes:
-        links: where the frames of the robot are to one another.
+        links: transforms between the frames of the robot.
         info: the camera_info of the depth images.
-        imu_frame: in which the inertial sensors measure; empty if nothing came of them.
+        imu_frame: name of the frame in which the inertial sensors measure; empty before their first message.
     """
 
     def __init__(self, half_width: float):
-        """``half_width``: m from the middle to the wheels."""
+        """``half_width``: m from the robot's middle to its wheels."""
         self.links = Links()
         self.info: Message | None = None
         self.imu_frame = ""
@@ -44,19 +44,19 @@ class Senses:
         self._inertial: NDArray[np.float64] | None = None
 
     def take_depth(self, name: str) -> Callable[[bytes], None]:
-        """What takes depth images, messages of a type."""
+        """A function that takes depth images, given as messages of the type ``name``."""
         return lambda data: self._depth.append((time_of(data), name, data))
 
     def take_colour(self, name: str) -> Callable[[bytes], None]:
-        """What takes colour images, messages of a type."""
+        """A function that takes colour images, given as messages of the type ``name``."""
         return lambda data: self._colour.append((time_of(data), name, data))
 
     def take_info(self, data: bytes) -> None:
-        """Take a CameraInfo; the first counts."""
+        """Take a CameraInfo; only the first counts."""
         self.info = self.info or decode(data, "sensor_msgs/msg/CameraInfo")
 
     def take_odometry(self, data: bytes) -> None:
-        """Take an Odometry; one that is not newer than the last is left out."""
+        """Take an Odometry; it is left out if it is not newer than the last."""
         message = decode(data, "nav_msgs/msg/Odometry")
         time, T = (
             seconds(message.header.stamp),
@@ -86,22 +86,22 @@ class Senses:
 
     @property
     def time(self) -> float:
-        """Of the newest odometry, s; −inf before the first."""
+        """Time of the newest odometry, s; −inf before the first."""
         return self._poses[-1][0] if self._poses else -np.inf
 
     @property
     def period(self) -> float:
-        """The usual time between two messages of odometry, s."""
+        """The median time between two messages of odometry, s."""
         return float(np.median(np.diff([time for time, _ in self._poses])))
 
     @property
     def poses(self) -> int:
-        """How many are known, of the odometry."""
+        """Number of kept poses of the odometry."""
         return len(self._poses)
 
     @property
     def image_time(self) -> float:
-        """Of the newest depth image, s; −inf before the first."""
+        """Time of the newest depth image, s; −inf before the first."""
         return self._depth[-1][0] if self._depth else -np.inf
 
     @property
@@ -110,7 +110,7 @@ class Senses:
         return self.info.header.frame_id if self.info else ""
 
     def newest(self, after: float) -> float | None:
-        """The time, s, of the newest depth image after one that has a colour image and a pose; None without one."""
+        """The time, s, of the newest depth image later than ``after`` that has a colour image and a pose, or None."""
         colours = np.array([time for time, *_ in self._colour])
         for time, *_ in reversed(self._depth):
             if time <= after or not len(colours):
@@ -120,10 +120,10 @@ class Senses:
         return None
 
     def frame(self, time: float, camera: Pinhole, T_base_camera: NDArray[np.float64]) -> Frame:
-        """The frame of a time in s that :meth:`newest` gave, of a camera at a 4×4 pose on the robot.
+        """The frame at a time in s that :meth:`newest` returned, of a camera at a 4×4 pose on the robot.
 
         Raises:
-            InputError: its images are of an unknown encoding or a wrong size, or broken.
+            InputError: its images have an unknown encoding or a wrong size, or are broken.
         """
         _, kind, depth = next(image for image in self._depth if image[0] == time)
         _, colour_kind, colour = min(self._colour, key=lambda image: abs(image[0] - time))
@@ -134,9 +134,9 @@ class Senses:
         return Frame(time, rgb, metres, camera.intrinsics, T_base_camera, T)
 
     def motion(self) -> Motion:
-        """The newest, with the mean of what the inertial sensors measured since it was last asked for.
+        """The newest motion, with the inertial sensors' mean since the last call.
 
-        Where there are none, the odometry tells what they would.
+        Without inertial sensors, their values are computed from the odometry.
         """
         time, T = self._poses[-1]
         v, omega = self._twist

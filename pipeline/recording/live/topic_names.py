@@ -1,4 +1,4 @@
-"""What the topics of a robot are called; apart from what uses them, for ``--help`` needs no more."""
+"""Names of a robot's topics, in a module of their own, because ``--help`` needs nothing else."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ class TopicNames:
         color: images, raw or compressed.
         camera_info: of the depth images.
         odom: odometry.
-        imu: gyro and accelerometer; without them the odometry alone tells whether the robot leans.
+        imu: gyro and accelerometer; without them the tilt is known only by the odometry.
         cmd_vel: commands, Twist or TwistStamped, whichever the robot listens to.
     """
 

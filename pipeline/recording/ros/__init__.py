@@ -1,1 +1,1 @@
-"""What the pipeline knows as ROS 2 messages, and bags of them."""
+"""The pipeline's data as ROS 2 messages, and bags of them."""

@@ -1,4 +1,4 @@
-"""A ROS 2 bag to write: a folder with metadata.yaml and an MCAP file, as ``ros2 bag play`` and Foxglove take it."""
+"""Writes a ROS 2 bag: a folder with metadata.yaml and an MCAP file, for ``ros2 bag play`` and Foxglove."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -13,18 +13,18 @@ from pipeline.recording.ros.messages import STORE, Message, type_of
 
 VERSION: Literal[9] = 9  # Of the format: that of Jazzy
 LATCHED = ("/tf_static", "/map", "/camera/color/camera_info", "/camera/depth/camera_info", "/camera/transform")
-"""Topics whose last message a late listener gets as well."""
-FOREVER = QosTime(2147483647, 4294967295)  # What ROS writes where there is no limit
+"""Topics whose last message is also delivered to listeners that join later."""
+FOREVER = QosTime(2147483647, 4294967295)  # ROS's value for no limit
 
 
 class Bag(ExitStack):
-    """Takes messages until it is closed."""
+    """Writes messages until it is closed."""
 
     def __init__(self, path: Path):
         """Begin a bag in a new folder.
 
         Raises:
-            InputError: there is something already, or it cannot be written; so later.
+            InputError: the folder exists already, or cannot be written; later calls raise it too.
         """
         super().__init__()
         self.path = path

@@ -1,4 +1,4 @@
-"""Where the frames of a robot are to one another."""
+"""The transforms between the frames of a robot."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ class Links:
     """Transforms between frames, by their names.
 
     Attributes:
-        base: what the frame of the robot is called.
+        base: name of the robot's frame.
     """
 
     def __init__(self) -> None:
@@ -18,14 +18,14 @@ class Links:
         self._links: dict[str, tuple[str, NDArray[np.float64]]] = {}
 
     def take(self, message: Message) -> tuple[str, NDArray[np.float64]]:
-        """Take in a TransformStamped: the frame that it tells the place of (4×4) in another one, which is named."""
+        """Store a TransformStamped; returns the name of its parent frame and the 4×4 pose of its child in it."""
         T = pose_matrix(message.transform.translation, message.transform.rotation)
         parent = message.header.frame_id.strip("/")
         self._links[message.child_frame_id.strip("/")] = parent, T
         return parent, T
 
     def T_base(self, frame: str) -> NDArray[np.float64] | None:
-        """4×4 pose of a frame in that of the robot; None if no transforms lead there."""
+        """4×4 pose of a frame in the robot's; None if no chain of transforms connects them."""
         T = np.eye(4)
         for _ in range(len(self._links) + 1):
             if frame.strip("/") == self.base.strip("/"):

@@ -1,6 +1,6 @@
-"""What the pipeline knows as ROS 2 messages (Jazzy's types; units and frames by REP 103, 105 and 118), and back.
+"""Converts the pipeline's data to ROS 2 messages (Jazzy's types; units and frames by REP 103, 105, 118), and back.
 
-Serialised they are the same in a bag and on a network.
+Serialised messages are the same in a bag and on a network.
 """
 
 import struct
@@ -18,11 +18,11 @@ from pipeline.grid_map import Grid
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_rotation
 
-Message = Any  # A message of rosbags: a dataclass of the type that :data:`TYPES` has by its name
+Message = Any  # A message of rosbags: an instance of one of the dataclasses in :data:`TYPES`
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPES = STORE.types
 CAMERA, BASE, ODOM, MAP = "camera_optical", "base_link", "odom", "map"  # Names of the frames
-UNKNOWN = np.zeros(36)  # A covariance that is not known
+UNKNOWN = np.zeros(36)  # An unknown covariance
 NOTHING = np.zeros(0, np.uint8)
 FIELD_TYPES = {np.dtype(np.float32): 7, np.dtype(np.uint8): 2}  # Of sensor_msgs/PointField
 
@@ -43,17 +43,17 @@ def encode(message: Message) -> bytes:
 
 
 def decode(data: bytes, name: str) -> Message:
-    """The message of the type ``package/msg/Name`` that CDR holds."""
+    """The message of the type ``package/msg/Name`` in CDR."""
     return STORE.deserialize_cdr(data, name)
 
 
 def time_of(data: bytes) -> float:
-    """The time, s, of CDR that begins with a header, without reading on: images are large."""
+    """The time, s, of CDR that begins with a header, without decoding the rest: images are large."""
     return seconds(make("builtin_interfaces/Time", *struct.unpack_from("<iI" if data[1] else ">iI", data, 4)))
 
 
 def stamp(time: float) -> Message:
-    """A time in s, to the nanosecond."""
+    """A time in s as builtin_interfaces/Time, to the nanosecond."""
     return make("builtin_interfaces/Time", *divmod(round(time * 1e9), 10**9))
 
 
@@ -63,7 +63,7 @@ def seconds(stamp: Message) -> float:
 
 
 def header(time: float, frame: str) -> Message:
-    """Time in s and name of a frame."""
+    """A std_msgs/Header of a time in s and the name of a frame."""
     return make("std_msgs/Header", stamp(time), frame)
 
 
@@ -74,7 +74,7 @@ def pose(T: NDArray[np.float64]) -> Message:
 
 
 def pose_matrix(position: Message, quaternion: Message) -> NDArray[np.float64]:
-    """The 4×4 pose of a position and a quaternion; all NaN where the quaternion is no rotation."""
+    """The 4×4 pose of a position and a quaternion; all NaN if the quaternion is no rotation."""
     q = np.array([quaternion.x, quaternion.y, quaternion.z, quaternion.w])
     if not np.isfinite(q).all() or not q.any():
         return np.full((4, 4), np.nan)
@@ -87,7 +87,7 @@ def _quaternion(T: NDArray[np.float64]) -> Message:
 
 @lru_cache(maxsize=16)
 def _quaternion_of(rotation: bytes) -> list[float]:
-    """Of the float64 of a rotation: one pose goes into several messages, and computing it takes longest of all."""
+    """Quaternion of a rotation's float64 bytes, cached: one pose is in several messages, and this takes longest."""
     return Rotation.from_matrix(np.frombuffer(rotation).reshape(3, 3)).as_quat().tolist()
 
 
@@ -96,12 +96,12 @@ def _vector(values: ArrayLike) -> Message:
 
 
 def pose_stamped(time: float, frame: str, T: NDArray[np.float64]) -> Message:
-    """A 4×4 pose at a time, s, in a frame."""
+    """A 4×4 pose in a frame at a time, s, as geometry_msgs/PoseStamped."""
     return make("geometry_msgs/PoseStamped", header(time, frame), pose(T))
 
 
 def path(time: float, places: NDArray[np.float64]) -> Message:
-    """A way over (N, 3) points in ``map``, m, as nav_msgs/Path."""
+    """A path over (N, 3) points in ``map``, m, as nav_msgs/Path."""
     poses = [pose_stamped(time, MAP, from_rotation(np.eye(3), place)) for place in places]
     return make("nav_msgs/Path", header(time, MAP), poses)
 
@@ -130,7 +130,7 @@ def compressed_image(time: float, format: str, data: NDArray[np.uint8]) -> Messa
 
 
 def camera_info(time: float, k: Intrinsics) -> Message:
-    """Intrinsics without distortion; in ROS pixel centres are at whole numbers."""
+    """Intrinsics without distortion as sensor_msgs/CameraInfo; in ROS pixel centres are at integers."""
     K = np.array([[k.fx, 0, k.cx - 0.5], [0, k.fy, k.cy - 0.5], [0, 0, 1]], np.float64)
     return make(
         "sensor_msgs/CameraInfo",
@@ -165,24 +165,24 @@ def velocity(command: Velocity) -> Message:
 
 
 def velocity_stamped(time: float, command: Velocity) -> Message:
-    """The same at a time in s, as geometry_msgs/TwistStamped."""
+    """A velocity in ``base_link`` at a time in s, as geometry_msgs/TwistStamped."""
     return make("geometry_msgs/TwistStamped", header(time, BASE), velocity(command))
 
 
 def command_of(message: Message) -> Velocity:
-    """What a Twist or TwistStamped asks for; to stand where that is no number."""
+    """The velocity that a Twist or TwistStamped commands; zero if it is not finite."""
     twist = message.twist if hasattr(message, "twist") else message
     v, omega = float(twist.linear.x), float(twist.angular.z)
     return Velocity(v, omega) if np.isfinite([v, omega]).all() else Velocity()
 
 
 def vector_of(message: Message) -> NDArray[np.float64]:
-    """(3,) of a Vector3."""
+    """A Vector3 as an array (3,)."""
     return np.array([message.x, message.y, message.z])
 
 
 def imu(motion: Motion) -> Message:
-    """Gyro and accelerometer as sensor_msgs/Imu; −1 says that there is no orientation."""
+    """Gyro and accelerometer as sensor_msgs/Imu; a covariance of −1 means that there is no orientation."""
     none = np.zeros(9)
     return make(
         "sensor_msgs/Imu",

@@ -1,4 +1,4 @@
-"""A robot that tells all that it senses and does, and a bag of what an explorer makes of it."""
+"""A robot that reports what it senses and does, and a bag of these data and an explorer's maps."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,32 +15,32 @@ from pipeline.recording.ros.bag import Bag
 from pipeline.recording.ros.topics import ImageFormat, Joints, MapTopics, Odometry, RobotTopics
 from pipeline.robot import Motion, Robot, Velocity
 
-TICK = 1e-6  # s between frames that were taken at one moment: bags tell them apart by their times
+TICK = 1e-6  # s added between frames that were taken at the same time: bags identify them by their times
 
 
 class Listener(Protocol):
     """Takes what a robot senses and does, as :class:`RobotTopics` does."""
 
     def frame(self, frame: Frame) -> None:
-        """What the camera saw."""
+        """Take a frame of the camera."""
 
     def motion(self, motion: Motion, command: Velocity) -> None:
-        """What the body felt, and was told."""
+        """Take a motion, and the command that the robot followed."""
 
     def joints(self, time: float, joints: Joints) -> None:
-        """How the wheels turned at a time in s."""
+        """Take the wheels' angles and speeds at a time in s."""
 
     def odometry(self, odometry: Odometry) -> None:
-        """Where it was."""
+        """Take the robot's pose and velocity."""
 
 
 class RecordedRobot:
-    """Implements :class:`pipeline.robot.Robot` by another one, which it tells of.
+    """Implements :class:`pipeline.robot.Robot` by another robot, and reports what that robot senses and does.
 
     Attributes:
-        T_map_odom: gives 4×4, where ``odom`` is now; None while that is not known.
-        T_world_base: gives 4×4, where the robot truly is now, if anything knows.
-        joints: gives the wheels as they are now, if anything knows.
+        T_map_odom: returns the present 4×4 pose of ``odom`` in ``map``; None while it is not known.
+        T_world_base: returns the present true 4×4 pose of the robot; None if it is not known.
+        joints: returns the present state of the wheels; None if it is not known.
     """
 
     def __init__(self, robot: Robot, topics: Listener):
@@ -53,7 +53,7 @@ class RecordedRobot:
         self._told = self._seen = -np.inf
 
     def sense(self) -> Frame:
-        """Take a frame where the robot stands."""
+        """Take a frame at the robot's present pose."""
         frame = self.robot.sense()
         self._seen = max(frame.time, self._seen + TICK)
         frame = replace(frame, time=self._seen)
@@ -71,36 +71,36 @@ class RecordedRobot:
         return motion
 
     def _tell(self, time: float, T_odom_base: NDArray[np.float64], twist: Velocity) -> None:
-        """Where the robot is, once for each time."""
+        """Report the robot's pose, once for each time."""
         if time > self._told:
             self._topics.odometry(Odometry(time, T_odom_base, twist, self.T_map_odom(), self.T_world_base()))
             self._told = time
 
 
 class ExplorerBag(Bag):
-    """A bag of all that a robot senses and does and of the maps that an explorer makes of it.
+    """A bag of all that a robot senses and does and of the maps that an explorer makes from it.
 
     Attributes:
-        robot: for the explorer to drive.
+        robot: the robot for the explorer to drive.
     """
 
     def __init__(self, path: Path, images: ImageFormat, robot: Robot):
-        """Raises InputError where the bag cannot be written."""
+        """Begin a bag; InputError if it cannot be written."""
         super().__init__(path)
         self.robot = RecordedRobot(robot, RobotTopics(self.write, images))
         self._maps = MapTopics(self.write)
         self._explorer: Explorer | None = None
 
     def watch(self, explorer: Explorer) -> None:
-        """From now on tell where the explorer's localisation has the robot."""
+        """From now on report the robot's pose by the explorer's localisation."""
         self._explorer = explorer
         self.robot.T_map_odom = lambda: explorer.mapper.localisation.T_map_odom if explorer.steps else None
 
     def add_keyframe(self, keyframe: Keyframe) -> None:
-        """Tell of the newest keyframe."""
+        """Write the newest keyframe."""
         self._maps.keyframe(keyframe)
 
     def add(self, step: Step) -> None:
-        """Tell of the newest step."""
+        """Write the maps and the plan of the newest step."""
         assert self._explorer is not None
         self._maps.maps(self._explorer.mapper, step.keyframe, step.plan)

@@ -1,4 +1,4 @@
-"""What a robot senses and what its maps hold, topic by topic: to a bag, or to a network."""
+"""Sends a robot's sensor data and maps, topic by topic, to a bag or to a network."""
 
 from collections.abc import Callable
 from typing import Literal, NamedTuple
@@ -20,19 +20,19 @@ ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
 """Depth in whole mm or in m (REP 118), and whether colours are compressed."""
 Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and a message
 JPEG_QUALITY = 95
-STILL = 1e-6  # m, within which a camera is where it was; a simulator's rounding moves it as well
+STILL = 1e-6  # m by which a camera's pose may change without being sent again: a simulator's rounding moves it too
 NODES, EDGES, PEOPLE = (0.1, 0.4, 1.0), (0.7, 0.7, 0.7), (0.1, 0.9, 0.2)  # Colours of markers
 
 
 class Odometry(NamedTuple):
-    """Where a robot is.
+    """Pose and velocity of a robot.
 
     Attributes:
         time: s.
         T_odom_base: 4×4, by its odometry.
-        twist: how fast it is.
-        T_map_odom: 4×4, where ``odom`` is; None where that is not known.
-        T_world_base: 4×4, where the robot truly is, if anything knows.
+        twist: its velocity.
+        T_map_odom: 4×4 pose of ``odom`` in ``map``; None if it is not known.
+        T_world_base: 4×4 true pose; None if it is not known.
     """
 
     time: float
@@ -43,7 +43,7 @@ class Odometry(NamedTuple):
 
 
 class Joints(NamedTuple):
-    """Of the wheels: N names, angles (N,) in rad and speeds (N,) in rad/s."""
+    """State of the wheels: N names, angles (N,) in rad and speeds (N,) in rad/s."""
 
     names: tuple[str, ...]
     position: NDArray[np.float64]
@@ -51,14 +51,14 @@ class Joints(NamedTuple):
 
 
 class RobotTopics:
-    """What a robot senses, and where it is."""
+    """Sends what a robot senses, and its pose."""
 
     def __init__(self, send: Send, images: ImageFormat = "16UC1"):
         self._send, self._depth_encoding, self._is_jpeg = send, images[:5], images.endswith("jpeg")
         self._T_base_camera: NDArray[np.float64] | None = None
 
     def frame(self, frame: Frame) -> None:
-        """Send both images, their intrinsics, true labels where there are any, and the camera's place once."""
+        """Send both images, their intrinsics, true labels if there are any, and the camera's pose if it changed."""
         time = frame.time
         if self._T_base_camera is None or not np.allclose(
             self._T_base_camera, frame.T_base_camera, rtol=0, atol=STILL
@@ -75,13 +75,13 @@ class RobotTopics:
             self._send("/camera/color/image_raw", time, messages.image(time, "rgb8", frame.rgb))
         if frame.label is not None:
             self._send("/camera/label/image_raw", time, messages.image(time, "8UC1", frame.label))
-        # Last, so that the others are there when it comes.
+        # The depth image is sent last, so that listeners have the others when it arrives.
         depth = np.where(frame.returns, frame.depth, 0).astype(np.float32)
         pixels = depth if self._depth_encoding == "32FC1" else np.rint(depth.clip(max=65.535) * 1e3).astype(np.uint16)
         self._send("/camera/depth/image_raw", time, messages.image(time, self._depth_encoding, pixels))
 
     def odometry(self, odometry: Odometry) -> None:
-        """Send where the robot is by its odometry, in ``map``, and truly, as far as that is known."""
+        """Send the robot's pose by its odometry, that in ``map``, and the true one, as far as they are known."""
         time, T_odom_base, twist, T_map_odom, T_world_base = odometry
         self._send("/odom", time, messages.odometry(time, T_odom_base, twist))
         links = {(ODOM, BASE): T_odom_base} | ({} if T_map_odom is None else {(MAP, ODOM): T_map_odom})
@@ -90,25 +90,25 @@ class RobotTopics:
             self._send("/ground_truth/pose", time, messages.pose_stamped(time, MAP, T_world_base))
 
     def motion(self, motion: Motion, command: Velocity | None = None) -> None:
-        """Send what the body feels after a control period, the time, and the command unless it came as a message."""
+        """Send a control period's inertial measurements, the time, and the command unless it came as a message."""
         self._send("/clock", motion.time, messages.clock(motion.time))
         if command is not None:
             self._send("/cmd_vel", motion.time, messages.velocity(command))
         self._send("/imu", motion.time, messages.imu(motion))
 
     def joints(self, time: float, joints: Joints) -> None:
-        """Send how the wheels turn at a time in s."""
+        """Send the wheels' angles and speeds at a time in s."""
         self._send("/joint_states", time, messages.joint_states(time, *joints))
 
 
 class MapTopics:
-    """What a mapper makes of it."""
+    """Sends a mapper's keyframes and maps."""
 
     def __init__(self, send: Send):
         self._send = send
 
     def keyframe(self, keyframe: Keyframe) -> None:
-        """Send that a keyframe was made, and its labelled points; that it was labelled tells ``semantic_cloud``."""
+        """Send a keyframe's pose and, if it was labelled, its labelled points as ``semantic_cloud``."""
         time = keyframe.frame.time
         self._send("/keyframe", time, messages.pose_stamped(time, MAP, keyframe.T_map_base))
         if len(keyframe.labels):
@@ -118,7 +118,7 @@ class MapTopics:
             self._send("/semantic_cloud", time, messages.labelled_cloud(time, cloud.points, named))
 
     def maps(self, mapper: Mapper, keyframe: Keyframe, plan: PathPlan | None) -> None:
-        """Send the traversable ground, the way so far, the plan and what is known by its place."""
+        """Send the traversable ground, the path driven so far, the plan, and markers of nodes, edges and people."""
         time, traversability = keyframe.frame.time, mapper.traversability
         known = np.where(traversability.hazard, 100, 0)
         values = np.where(np.isnan(traversability.elevation), -1, known).astype(np.int8)

@@ -1,1 +1,1 @@
-"""What was recorded, to be mapped: TUM folders, ROS bags."""
+"""Readers of recordings that are to be mapped: TUM folders and ROS bags."""

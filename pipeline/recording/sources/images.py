@@ -1,4 +1,4 @@
-"""Pixels of the image messages that cameras' drivers send."""
+"""Decodes the image messages of camera drivers."""
 
 import struct
 
@@ -21,13 +21,13 @@ COLOURS = {
     "bayer_rggb8": (1, cv2.COLOR_BayerBG2RGB),
     "bayer_grbg8": (1, cv2.COLOR_BayerGB2RGB),
 }
-"""By encoding: channels, and how OpenCV makes RGB of them; its Bayer patterns begin at the second pixel."""
+"""By encoding: channels, and OpenCV's code to convert them to RGB; its Bayer patterns begin at the second pixel."""
 CONFIG = struct.Struct("<iff")
-"""What stands before a depth image of compressed_depth_image_transport: a format and two parameters."""
+"""Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
 
 
 def depth_of(message: Message) -> NDArray[np.float32]:
-    """(H, W) m of a depth image, 0 = no return; InputError where it is of an encoding that is no depth, or broken."""
+    """(H, W) m of a depth image, 0 = no return; InputError if its encoding is not of depth or it is broken."""
     if hasattr(message, "format"):
         return _compressed_depth(message)
     if message.encoding in MILLIMETRES:
@@ -38,7 +38,7 @@ def depth_of(message: Message) -> NDArray[np.float32]:
 
 
 def colour_of(message: Message) -> NDArray[np.uint8]:
-    """(H, W, 3) RGB of a colour image; InputError where it is of an unknown encoding, or broken."""
+    """(H, W, 3) RGB of a colour image; InputError if its encoding is unknown or it is broken."""
     if hasattr(message, "format"):
         return np.ascontiguousarray(_decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
     if message.encoding not in COLOURS:
@@ -51,14 +51,14 @@ def colour_of(message: Message) -> NDArray[np.uint8]:
 
 
 def label_of(message: Message) -> NDArray[np.uint8]:
-    """(H, W) labels of an ``8UC1`` or ``mono8`` image; InputError if it is another or broken."""
+    """(H, W) labels of an ``8UC1`` or ``mono8`` image; InputError if its encoding is another or it is broken."""
     if message.encoding not in ("8UC1", "mono8"):
         raise InputError(f"label images in {message.encoding!r}; 8UC1 can be read")
     return _pixels(message, np.dtype(np.uint8), 1).copy()
 
 
 def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
-    """(H, W) or (H, W, C) of a raw image, whose rows may be padded and whose bytes may be swapped."""
+    """(H, W) or (H, W, C) pixels of a raw image, whose rows may be padded and whose bytes may be swapped."""
     height, width, step = message.height, message.width, message.step
     row = width * channels * kind.itemsize
     if not height or not width or step < row or len(message.data) < height * step:
@@ -71,7 +71,7 @@ def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
 
 
 def _compressed_depth(message: Message) -> NDArray[np.float32]:
-    """Of compressed_depth_image_transport: PNG of mm, or of inverse depth in steps of its two parameters."""
+    """(H, W) m of a compressed_depth_image_transport image: PNG of mm, or of inverse depth with two parameters."""
     if "compressedDepth" not in message.format or len(message.data) <= CONFIG.size:
         raise InputError(f"depth images in {message.format!r}; compressedDepth can be read")
     _, a, b = CONFIG.unpack(message.data[: CONFIG.size].tobytes())

@@ -1,4 +1,4 @@
-"""A camera without distortion, made of one with it."""
+"""Rectifies the images of a camera with distortion to those of a pinhole camera."""
 
 from pathlib import Path
 
@@ -11,21 +11,21 @@ from pipeline.frame import Intrinsics
 from pipeline.recording.ros.messages import Message
 from pipeline.recording.sources.recording import Calibration
 
-MODELS = ("plumb_bob", "rational_polynomial", "")  # Of distortion, as ROS and OpenCV have them
+MODELS = ("plumb_bob", "rational_polynomial", "")  # Of distortion, by their names in ROS
 
 
 class Pinhole:
-    """Rectifies images by what a camera_info says.
+    """Rectifies images by a camera_info.
 
     Attributes:
         intrinsics: of the rectified images.
     """
 
     def __init__(self, path: Path, info: Message | None, calibration: Calibration | None = None):
-        """``info`` is of the depth images of a bag at ``path``; a calibration overrides it, without distortion.
+        """``info`` is of the depth images of a bag at ``path``; a calibration, without distortion, overrides it.
 
         Raises:
-            InputError: nothing or nonsense is known of the camera.
+            InputError: the camera's intrinsics are missing or impossible, or its distortion model is unknown.
         """
         self._path = path
         if calibration is None and info is None:
@@ -46,17 +46,17 @@ class Pinhole:
 
     @property
     def intrinsics(self) -> Intrinsics:
-        """Known as soon as an image has come; ROS has pixel centres at whole numbers."""
+        """Known from ``info`` or after the first image; cx and cy are shifted: ROS has pixel centres at integers."""
         assert self._size is not None
         fx, fy, cx, cy = self._values
         return Intrinsics(self._size[1], self._size[0], fx, fy, cx + 0.5, cy + 0.5)
 
     def depth(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(H, W) m, rectified; InputError if it is of another size than those before."""
+        """(H, W) m, rectified; InputError if its size differs from that of the images before."""
         return self._rectified("depth", image, cv2.INTER_NEAREST)
 
     def colour(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """(H, W, 3) rectified; InputError if it is of another size than the depth images."""
+        """(H, W, 3) rectified; InputError if its size differs from that of the depth images."""
         return self._rectified("colour", image, cv2.INTER_LINEAR)
 
     def _rectified(self, kind: str, image: NDArray, interpolation: int) -> NDArray:
@@ -69,6 +69,6 @@ class Pinhole:
 
 
 def _matrix_and_distortion(info: Message) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(3, 3) and (N,) of a camera_info; ROS 1 has capital letters."""
+    """(3, 3) camera matrix and (N,) distortion of a camera_info; their names in ROS 1 are capital letters."""
     K, d = (info.k, info.d) if hasattr(info, "k") else (info.K, info.D)
     return K.reshape(3, 3), d

@@ -1,4 +1,4 @@
-"""What a recording offers: frames, and what is known of where they were taken."""
+"""A recording: frames, and the known poses at which they were taken."""
 
 from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
@@ -13,12 +13,12 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.transforms import from_rotation, inverse
 
-NEAR = 0.02  # s from a pose at which it still holds
-LONGEST_GAP = 0.5  # s between two poses over which is interpolated
+NEAR = 0.02  # s from a pose within which it is still valid
+LONGEST_GAP = 0.5  # s between two poses, the longest time over which they are interpolated
 
 
 class Calibration(NamedTuple):
-    """Intrinsics of a camera as calibrations give them: pixel centres are at whole numbers."""
+    """Intrinsics of a camera as calibrations give them: pixel centres are at integers."""
 
     fx: float
     fy: float
@@ -27,7 +27,7 @@ class Calibration(NamedTuple):
 
 
 class CameraPose(NamedTuple):
-    """Where a camera is on a robot: m and degrees in ``base_link``; level and forward where all angles are 0."""
+    """Pose of a camera on a robot: m and degrees in ``base_link``; at angles of 0 it looks forward and is level."""
 
     x: float
     y: float
@@ -38,7 +38,7 @@ class CameraPose(NamedTuple):
 
     @property
     def T_base_camera(self) -> NDArray[np.float64]:
-        """4×4 pose of ``camera_optical``; REP 103: pitch is positive where it looks down."""
+        """4×4 pose of ``camera_optical``; by REP 103 the pitch of a camera that looks down is positive."""
         R = Rotation.from_euler("ZYX", [self.yaw, self.pitch, self.roll], degrees=True).as_matrix()
         return from_rotation(R @ LINK_OPTICAL, [self.x, self.y, self.z])
 
@@ -57,12 +57,12 @@ class Trajectory:
     """
 
     def __init__(self, times: NDArray[np.float64], poses: NDArray[np.float64], of_camera: bool = False):
-        """Sort (N, 4, 4) ``poses`` by their (N,) ``times``, s; of those of one time the first counts."""
+        """Sort (N, 4, 4) ``poses`` by their (N,) ``times``, s; of several poses at one time the first counts."""
         self.times, first = np.unique(times, return_index=True)
         self.poses, self.of_camera = poses[first], of_camera
 
     def at(self, time: float) -> NDArray[np.float64] | None:
-        """4×4 pose at a time in s, interpolated over at most ``LONGEST_GAP``; None where it is not known."""
+        """4×4 pose at a time in s, interpolated over at most ``LONGEST_GAP``; None if it is not known."""
         after = int(np.searchsorted(self.times, time))
         if after < len(self.times) and self.times[after] == time:
             return self.poses[after]
@@ -76,26 +76,26 @@ class Trajectory:
         return self.poses[k] if abs(self.times[k] - time) <= NEAR else None
 
     def of_base(self, T_base_camera: NDArray[np.float64]) -> "Trajectory":
-        """The same of ``base_link``, which carries the camera at a 4×4 pose."""
+        """The trajectory of ``base_link``, on which the camera has a 4×4 pose."""
         return Trajectory(self.times, self.poses @ inverse(T_base_camera)) if self.of_camera else self
 
 
 @dataclass(eq=False)
 class Recording:
-    """Frames of an RGB-D camera, and what is known beside them.
+    """Frames of an RGB-D camera, and other data recorded with them.
 
     Attributes:
-        path: where it lies.
+        path: of its file or folder.
         frames: makes an iterator over the frames in the order of time. Their ``T_odom_base`` is the identity, and so
-            is ``T_base_camera`` where it is unknown. It raises InputError where the recording is broken; what came
-            before is good.
-        has_camera_pose: whether the frames tell where on the robot the camera is.
+            is ``T_base_camera`` if it is unknown. The iterator raises InputError where the recording is broken; the
+            frames before are good.
+        has_camera_pose: whether the frames have the camera's pose on the robot.
         odometry: ``T_odom_base``, if it was recorded.
-        truth: poses that are to be compared with, in any frame.
+        truth: true poses for comparison, in any frame.
         up: (3,) the vertical in ``base_link`` at the beginning, by an accelerometer.
         keyframes: the times of the frames of which the robot made keyframes, and whether it labelled them.
         steps: the times of those keyframes at which the robot stood, corrected its maps and planned.
-        left_out: counts what could not be used, by the reason.
+        left_out: number of items that could not be used, by reason.
     """
 
     path: Path
@@ -109,11 +109,11 @@ class Recording:
     left_out: dict[str, int] = field(default_factory=dict)
 
     def leave_out(self, reason: str) -> None:
-        """Count something that cannot be used."""
+        """Count an item that cannot be used."""
         self.left_out[reason] = self.left_out.get(reason, 0) + 1
 
     def check_clocks(self, first: float, last: float) -> None:
-        """Raises InputError if known poses are of quite other times than the images, from first to last, s."""
+        """Raise InputError if the times of known poses do not overlap those of the images, from first to last, s."""
         for name, known in (("odometry", self.odometry), ("true poses", self.truth)):
             if known is not None and (known.times[0] > last or known.times[-1] < first):
                 spans = (
@@ -126,7 +126,7 @@ def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
     """Poses from a file in the TUM format: time in s, position in m, quaternion (x y z w).
 
     Raises:
-        InputError: it is missing, or a line is not of this format.
+        InputError: the file is missing, or a line is not of this format.
     """
     try:
         rows = np.loadtxt(path, ndmin=2, comments="#", dtype=np.float64)

@@ -1,4 +1,4 @@
-"""A ROS bag: of ROS 2 as MCAP or SQLite, or of ROS 1."""
+"""Reads a ROS bag: of ROS 2 as MCAP or SQLite, or of ROS 1."""
 
 import heapq
 import re
@@ -19,25 +19,25 @@ from pipeline.recording.sources.images import colour_of, depth_of, label_of
 from pipeline.recording.sources.pinhole import Pinhole
 from pipeline.recording.sources.recording import Calibration, Recording, Trajectory
 
-APART = 0.02  # s, farthest that a colour image may be from the depth image that it belongs to
-WINDOW = 15  # Depth images within which their order may be mixed up, and colour may lag
-AT_REST = 0.5  # s at the beginning of which the accelerometer tells the vertical
+APART = 0.02  # s, greatest difference between the times of a depth image and its colour image
+WINDOW = 15  # Depth images that are buffered: they may come out of order, and colour images may lag
+AT_REST = 0.5  # s at the beginning during which the accelerometer measures the vertical
 KEYFRAME, LABELLED, STEP = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
-INFRARED = re.compile("/(infra|ir/)")  # In names of topics whose images have no colours
+INFRARED = re.compile("/(infra|ir/)")  # In names of topics of infrared images
 IMAGES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 
 
 def read_ros_bag(path: Path, topics: Sequence[str] = (), calibration: Calibration | None = None) -> Recording:
-    """A bag's images, odometry, transforms, accelerometer, and of sarsim's own what the robot knew and what is true.
+    """A bag's images, odometry, transforms and accelerometer; from sarsim's own bags also keyframes and ground truth.
 
     Args:
         path: of the bag's folder or file.
-        topics: to use, where the bag has several of a kind.
-        calibration: of the camera, over that of ``camera_info``.
+        topics: to use, if the bag has several of a kind.
+        calibration: of the camera; overrides that of ``camera_info``.
 
     Raises:
-        InputError: it is missing or broken, or does not hold what is needed.
+        InputError: the bag is missing or broken, or lacks necessary data.
     """
     with _opened(path) as reader:
         chosen = Topics(path, reader, topics)
@@ -55,9 +55,9 @@ def read_ros_bag(path: Path, topics: Sequence[str] = (), calibration: Calibratio
 
 @contextmanager
 def _opened(path: Path) -> Iterator[AnyReader]:
-    """A bag to read; what the reader, whose errors are of many kinds, cannot make sense of becomes InputError."""
+    """A reader of a bag; its errors, which are of many kinds, become InputError."""
     alone = sorted(path.glob("*.mcap")) + sorted(path.glob("*.db3")) if path.is_dir() else []
-    # The reader takes a folder of that name for a file of ROS 1.
+    # The reader takes a folder whose name ends with .bag for a file of ROS 1.
     is_lone = len(alone) == 1 and (path.suffix == ".bag" or not (path / "metadata.yaml").exists())
     file = alone[0] if is_lone else path
     try:
@@ -73,16 +73,16 @@ def _opened(path: Path) -> Iterator[AnyReader]:
 
 
 class Topics:
-    """Which topic of a bag is what.
+    """The names of a bag's topics by their contents.
 
     Attributes:
         depth: of depth images.
-        colour, odometry, imu: None where there is none.
+        colour, odometry, imu: None if there is none.
         camera_info: of the depth images.
     """
 
     def __init__(self, path: Path, reader: AnyReader, named: Sequence[str]):
-        """Raises InputError where there are no depth images, or several topics of a kind of which none is named."""
+        """Find the topics; InputError if there are no depth images, or several topics of a kind but none is named."""
         self._path, self._named = path, named
         self._kinds = {name: info.msgtype for name, info in reader.topics.items() if info.msgcount}
         if unknown := [name for name in named if name not in self._kinds]:
@@ -107,7 +107,7 @@ class Topics:
         return [name for name, found in self._kinds.items() if found == kind]
 
     def _one(self, what: str, names: list[str]) -> str | None:
-        """The one of these topics; of a raw one and the same compressed the raw one, of several the named one."""
+        """The topic to use: the raw one rather than compressed ones, of several the named one; None without any."""
         raw = [n for n in names if not any(n != m and n.startswith(f"{m}/") for m in names)]
         found = [n for n in names if n in self._named] or raw
         if len(found) > 1:
@@ -117,7 +117,7 @@ class Topics:
 
 
 class _Beside:
-    """All that a bag tells beside its images."""
+    """All data of a bag except its images."""
 
     def __init__(self, reader: AnyReader, topics: Topics):
         self.camera_info: Message | None = None
@@ -165,11 +165,11 @@ class _Beside:
                 self._by_tf.append((seconds(link.header.stamp), T))
 
     def odometry(self) -> Trajectory | None:
-        """By its own topic, or else by the transforms from ``odom``."""
+        """The odometry by its own topic, or else by the transforms from ``odom``."""
         return self.trajectory(self._odometry or self._by_tf)
 
     def trajectory(self, poses: list[tuple[float, NDArray[np.float64]]]) -> Trajectory | None:
-        """4×4 poses at their times, s, but for those that are not finite."""
+        """The trajectory of 4×4 poses at their times, s, without poses that are not finite."""
         good = [(time, T) for time, T in poses if np.isfinite(T).all()]
         return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
 
@@ -186,7 +186,7 @@ def _stamped(message: Message, pose: Message) -> tuple[float, NDArray[np.float64
 
 
 def _frames(recording: Recording, topics: Topics, camera: Pinhole, beside: _Beside, span: float) -> Iterator[Frame]:
-    """Each depth image with the colour image nearest in time, in the order of their stamps."""
+    """Frames of each depth image and the colour image nearest in time, in the order of their stamps."""
     T_base_camera = beside.links.T_base(beside.camera_frame)
     place, last = np.eye(4) if T_base_camera is None else T_base_camera, -np.inf
     with _opened(recording.path) as reader:
@@ -211,7 +211,7 @@ Found = Callable[[str | None], Message | None]
 
 
 def _matched(reader: AnyReader, topics: Topics) -> Iterator[tuple[float, Message, Found]]:
-    """Depth images, and for each what gives the other image that belongs to it, by its topic."""
+    """Depth images with their times, and for each a function that returns its other image of a topic."""
     wanted = [c for c in reader.connections if c.topic in (topics.depth, topics.colour, LABELS)]
     depths: list[tuple[float, int, Message]] = []
     others: dict[str, dict[float, Message]] = {topics.colour or "": {}, LABELS: {}}

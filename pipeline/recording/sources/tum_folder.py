@@ -1,4 +1,4 @@
-"""A folder in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012), or of plain numbered images."""
+"""Reads a folder in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012), or of plain numbered images."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,9 +13,9 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.recording.sources.recording import Calibration, Recording, Trajectory, read_trajectory
 
 UNITS = 5000.0
-"""of depth images a metre, where nothing else is said."""
+"""Units of depth images per metre, by default."""
 APART = 0.02
-"""s, farthest that a colour image may be from the depth image that it belongs to: the benchmark's own tool's."""
+"""s, greatest difference between the times of a depth image and its colour image, as in the benchmark's own tool."""
 IMAGES = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
 Listed = list[tuple[float, Path]]
 
@@ -29,12 +29,12 @@ def read_tum_folder(
 
     Args:
         path: of the folder.
-        calibration: of the camera, over that of ``calibration.txt``.
-        depth_scale: units of the depth images a metre, 5000 where nothing is said.
+        calibration: of the camera; overrides that of ``calibration.txt``.
+        depth_scale: units of the depth images per metre; 5000 if not given.
         fps: frames per second of images without times.
 
     Raises:
-        InputError: something is missing or broken.
+        InputError: a file is missing or broken.
     """
     calibration = calibration or _calibration(path)
     depth, colour = _listed(path, ("depth",), fps), _listed(path, ("rgb", "color"), fps)
@@ -59,7 +59,7 @@ def read_tum_folder(
 
 
 def _numbers(file: Path, columns: str) -> NDArray[np.float64]:
-    """(N, number of columns) numbers of a file; InputError where it has others."""
+    """(N, number of columns) numbers of a file; InputError if it has other columns or cannot be read."""
     try:
         rows = np.loadtxt(file, ndmin=2)
         if rows.shape[1:] != (len(columns.split()),) or not np.isfinite(rows).all():

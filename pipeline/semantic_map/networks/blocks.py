@@ -1,4 +1,4 @@
-"""Clouds cut into columns for the network, and the six channels of their points."""
+"""Cuts clouds into blocks for the network: columns of points with six channels each."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,26 +10,26 @@ from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
 
 CHANNELS = 6
-"""Of a point: see :func:`channels`."""
+"""Number of channels of a point, see :func:`channels`."""
 NO_CLASS = -1
 CLASS_OF_LABEL = np.full(len(Label), NO_CLASS, np.int8)
-"""(8,) number of the class of every label."""
+"""(8,) index in CLASSES of every label, or NO_CLASS."""
 CLASS_OF_LABEL[list(CLASSES)] = range(len(CLASSES))
-CLASS_OF_LABEL[Label.VICTIM] = CLASSES.index(Label.CLUTTER)  # finding victims is another stage's task
+CLASS_OF_LABEL[Label.VICTIM] = CLASSES.index(Label.CLUTTER)  # finding victims is the victim detector's task
 
 
 @dataclass(frozen=True)
 class BlockConfig:
-    """How clouds become blocks; a network wants the settings that it was trained with."""
+    """How clouds become blocks; a network needs the settings with which it was trained."""
 
     voxel_size: float = 0.03
-    """m; a cloud is thinned to one point a voxel, so that blocks near the camera are as dense as far ones."""
+    """m; a cloud is thinned to one point per voxel, so that blocks near the camera are as dense as far ones."""
     size: float = 1.0
     """m, edge of a column in x and y."""
     points: int = 4096
     """Most points of a block."""
     reach: float = 3.5
-    """m; normalized coordinates are the way from the camera as a share of its reach."""
+    """m; normalized coordinates are offsets from the camera divided by this range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class Block:
     """A column of a cloud, or a random part of one that has too many points.
 
     Attributes:
-        index: (n,) its points in the cloud; one may be there several times.
-        points: (n, 6) float32, as :func:`channels` has them.
+        index: (n,) indices of its points in the cloud; an index may occur several times.
+        points: (n, 6) float32, see :func:`channels`.
     """
 
     index: NDArray[np.int64]
@@ -53,15 +53,15 @@ def cut(
     fewest: int,
     rng: np.random.Generator,
 ) -> Iterator[Block]:
-    """Blocks that together hold every point at least once.
+    """Blocks that together contain every point at least once.
 
     Args:
         points: (M, 3) float32 in ``map``, finite.
-        camera: (3,) where it stood.
+        camera: (3,) its position in ``map``, m.
         config: how to cut.
         shift: m, by which the grid of columns is moved along x and y.
-        fewest: a smaller column is filled up with points drawn from it again.
-        rng: draws those, and deals out the points of a column that has too many.
+        fewest: a block with fewer points is filled up with random repeats of its points.
+        rng: draws the repeats, and splits at random the columns that have too many points.
     """
     columns = np.floor((points[:, :2] - shift) / config.size).astype(np.int64)
     order = np.lexsort(columns.T)
@@ -80,8 +80,8 @@ def channels(
 ) -> NDArray[np.float32]:
     """(n, 6) float32: x and y from the middle of the block, z in ``map``, then normalized x, y, z.
 
-    S3DIS normalizes by the extent of a room. A frame has no such extent, but a reach: here it is the way from the
-    camera over that, so distances keep their proportions, and the noise of a point can be told from where it is.
+    S3DIS normalizes by the extent of a room. A frame has no such extent, so the offset from the camera is divided by
+    its range: distances keep their proportions, and the network can learn how noise depends on the distance.
     """
     here = points - np.append(centre, 0)
     return np.concatenate([here, (points - camera) / config.reach], axis=1).astype(np.float32)

@@ -20,16 +20,16 @@ from pipeline.semantic_map.planar_vote import planar_vote
 from pipeline.semantic_map.voxels import VoxelCloud
 
 GRIDS = 3
-"""Grids of columns, each shifted against the others, over which class probabilities are averaged."""
+"""Number of grids of columns, each shifted against the others, over which class probabilities are averaged."""
 SEED = 0
-"""Of where the grids lie in each frame, so that seams fall elsewhere, and of sampling."""
+"""Of sampling and of the grids' positions, which differ by frame, so that seams do too."""
 LIMITS = {"voxel_size": (0.005, 1), "size": (0.1, 100), "points": (64, 2**16), "reach": (0.1, 1000)}
-"""Of a file's :class:`BlockConfig`: between these, a frame takes seconds and not hours or all memory."""
+"""Least and greatest values of a file's :class:`BlockConfig`; with others a frame could take hours or all memory."""
 _CLASS_NAMES = ",".join(label.name.lower() for label in CLASSES)
 
 
 class NetworkClassifier:
-    """Classifies the points of a frame by a network, every one of them."""
+    """Classifies every point of a frame by a network."""
 
     def __init__(
         self, weights: Path, vote: bool = True, threads: int | None = None, network: str | None = None
@@ -38,12 +38,12 @@ class NetworkClassifier:
 
         Args:
             weights: file.
-            vote: whether the points of a plane vote on what they are; without it every voxel is on its own.
-            threads: that compute; one a processor if not given.
-            network: name of the only one that the weights may be of; any if not given.
+            vote: whether the points of a plane vote on their classes; if not, every voxel is classified on its own.
+            threads: number of threads; see :func:`for_inference` for the default.
+            network: name of the only network that is accepted; any if not given.
 
         Raises:
-            InputError: as of :func:`load_classifier`.
+            InputError: as :func:`load_classifier`.
         """
         written, self._blocks = load_classifier(weights, network)
         self._network, self._vote = for_inference(written, threads), vote
@@ -51,7 +51,7 @@ class NetworkClassifier:
     def classify(
         self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
     ) -> NDArray[np.float32]:
-        """(N, 8) float32 class probabilities; what is not finite is unlabelled."""
+        """(N, 8) float32 class probabilities; points that are not finite are unlabelled."""
         cloud = VoxelCloud.of(points, self._blocks.voxel_size)
         rng = np.random.default_rng([SEED, int(np.float64(frame.time).view(np.uint64))])
         of_voxels = segment(self._network, cloud.points, T_map_camera[:3, 3], self._blocks, GRIDS, rng)
@@ -76,7 +76,7 @@ def segment(
     """(M, classes) float32 probabilities of (M, 3) points, m, the mean over ``grids`` grids of columns.
 
     Raises:
-        InputError: as of the network, or its answers are not finite.
+        InputError: as the network, or its logits are not finite.
     """
     result = np.zeros((len(points), network.classes), np.float32)
     start = rng.uniform()
@@ -91,11 +91,11 @@ def segment(
 
 
 def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, BlockConfig]:
-    """The network of a file that :func:`save_classifier` wrote, and how it wants clouds cut; ``only`` if it is that.
+    """The network of a file that :func:`save_classifier` wrote, and its blocks; ``only`` names the network accepted.
 
     Raises:
-        InputError: as of :func:`load_weights`, or the network tells other classes apart, has other channels, or wants
-            blocks as none makes sense.
+        InputError: as :func:`load_weights`, or the network has other classes or other channels, or its block settings
+            are missing or out of ``LIMITS``.
     """
     network, metadata = load_weights(path, only)
     if metadata.get("labels") != _CLASS_NAMES or network.classes != len(CLASSES):
@@ -116,7 +116,7 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
 
 
 def save_classifier(path: Path, network: PointNetwork, blocks: BlockConfig, training: dict[str, object]) -> None:
-    """Write weights, what :class:`NetworkClassifier` must know of them, and how they were trained.
+    """Write weights, the metadata that :class:`NetworkClassifier` needs, and how they were trained.
 
     Raises:
         InputError: the file cannot be written.

@@ -14,12 +14,12 @@ from pipeline.semantic_map.voxels import VoxelCloud
 
 @dataclass(frozen=True, eq=False)
 class LabelledCloud:
-    """A frame, thinned.
+    """The labelled returns of a frame, thinned to one point per voxel.
 
     Attributes:
         points: (M, 3) float32 in ``map``.
-        counts: (M, 6) uint16 returns by class in the voxel of each point.
-        camera: (3,) float64, where it stood.
+        counts: (M, 6) uint16 number of returns by class in the voxel of each point.
+        camera: (3,) float64 position of the camera in ``map``.
     """
 
     points: NDArray[np.float32]
@@ -39,7 +39,7 @@ class LabelledCloud:
         known = classes >= 0
         cloud = VoxelCloud.of(frame.points(T_map_camera)[known], voxel_size)
         cells = cloud.voxel_of_point * len(CLASSES) + classes[known]
-        size = (len(cloud.points) + 1) * len(CLASSES)  # the last row has the returns that are nowhere
+        size = (len(cloud.points) + 1) * len(CLASSES)  # the last row has the returns without a voxel
         counts = np.bincount(cells, minlength=size).reshape(-1, len(CLASSES))[:-1]
         return cls(cloud.points, counts.clip(max=65535).astype(np.uint16), T_map_camera[:3, 3])
 

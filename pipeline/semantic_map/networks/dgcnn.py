@@ -11,16 +11,16 @@ from pipeline.semantic_map.networks.network import MOST_CHANNELS, MOST_CLASSES, 
 SLOPE = 0.2
 """Of LeakyReLU below 0."""
 GRAPH_CHANNELS = 3
-"""The first neighbour graph is built on that many channels, the last ones: the normalized x, y, z."""
+"""Number of channels, the last ones (normalized x, y, z), on which the first neighbour graph is built."""
 MOST_NEIGHBOURS = 64
-"""That ``dgcnn_cpu`` selects."""
+"""Greatest k that ``dgcnn_cpu`` supports."""
 
 
 class EdgeConv(nn.Module):
-    """EdgeConv: the largest response of a small network over the edges from a point to its neighbours."""
+    """EdgeConv: the maximum response of a small network over the edges from a point to its neighbours."""
 
     def __init__(self, channels: int, *widths: int) -> None:
-        """The network's layers are ``widths`` wide; an edge has twice as many channels as a point."""
+        """``widths`` are those of the network's layers; an edge has twice as many channels as a point."""
         super().__init__()
         pairs = zip((2 * channels, *widths), widths, strict=False)
         self.layers = nn.ModuleList(_layer(nn.Conv2d, *pair) for pair in pairs)
@@ -34,10 +34,10 @@ class EdgeConv(nn.Module):
 
 
 class Dgcnn(PointNetwork):
-    """The segmentation network: three EdgeConvs, a global feature, and three layers on what each point now knows.
+    """The segmentation network: three EdgeConvs, a global feature, and three layers on both for each point.
 
     Attributes:
-        k: neighbours of a point; itself is one of them.
+        k: number of neighbours of a point, itself included.
     """
 
     NAME = "dgcnn"
@@ -58,17 +58,17 @@ class Dgcnn(PointNetwork):
 
     @property
     def fewest(self) -> int:
-        """As many points of a block as a point has neighbours."""
+        """Least number of points of a block: as many as a point has neighbours."""
         return self.k
 
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
-        """A network of the size of published weights, and with k of the metadata; ValueError if there is none."""
+        """A network of the size of published weights, with the metadata's k; ValueError if they are of no DGCNN."""
         k = metadata.get("k", "20")
         if not (k.isdecimal() and len(k) < 5 and 1 <= int(k) <= MOST_NEIGHBOURS):
             raise ValueError(f"k = {k:.20}: a point has 1 to {MOST_NEIGHBOURS} neighbours")
         first, last = (tuple(tensors[n].shape) if n in tensors else () for n in ("conv1.0.weight", "conv9.weight"))
-        # Shapes may lie: one with a 0 in it takes no bytes of a file.
+        # Shapes need bounds: a tensor with a 0 in its shape takes no bytes of a file, whatever its other sizes.
         if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != 64:
             raise ValueError(f"not a DGCNN for segmentation: conv1.0.weight is {first}")
         if len(last) != 3 or not 1 <= last[0] <= MOST_CLASSES:
@@ -76,11 +76,11 @@ class Dgcnn(PointNetwork):
         return cls(first[1] // 2, last[0], int(k))
 
     def about(self) -> dict[str, str]:
-        """The number of neighbours, which no tensor tells."""
+        """The number of neighbours, which no tensor's shape gives."""
         return {"k": str(self.k)}
 
     def file_names(self, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-        """Without the batch norms that the published code registers twice, as bn1 and as conv1.1."""
+        """The tensors without the batch norms that the published code registers twice, as bn1 and as conv1.1."""
         return {name: t for name, t in tensors.items() if not (name[:4] == "conv" and name[5:8] == ".1.")}
 
     def published(self) -> dict[str, Tensor]:
@@ -95,7 +95,7 @@ class Dgcnn(PointNetwork):
 
     @property
     def edge_convs(self) -> tuple[EdgeConv, EdgeConv, EdgeConv]:
-        """The three of them in order."""
+        """The three EdgeConvs in order."""
         return self.edge_conv1, self.edge_conv2, self.edge_conv3
 
     def forward(self, points: Tensor) -> Tensor:
@@ -111,7 +111,7 @@ class Dgcnn(PointNetwork):
 
 
 def nearest(x: Tensor, k: int) -> Tensor:
-    """(B, N, k) int64: the k points nearest to every point of (B, C, N), itself among them, in no certain order."""
+    """(B, N, k) int64: the k points nearest to every point of (B, C, N), itself included, in no particular order."""
     product = x.transpose(1, 2) @ x
     square = (x * x).sum(dim=1)
     closeness = 2 * product - square[:, None, :] - square[:, :, None]
@@ -129,6 +129,6 @@ def edge_features(x: Tensor, neighbours: Tensor) -> Tensor:
 
 
 def _layer(convolution: type[nn.Conv1d] | type[nn.Conv2d], inputs: int, outputs: int) -> nn.Sequential:
-    """The same linear map for every point or edge, batch norm, LeakyReLU."""
+    """A linear map shared by all points or edges, batch norm, LeakyReLU."""
     norm = nn.BatchNorm1d if convolution is nn.Conv1d else nn.BatchNorm2d
     return nn.Sequential(convolution(inputs, outputs, kernel_size=1, bias=False), norm(outputs), nn.LeakyReLU(SLOPE))

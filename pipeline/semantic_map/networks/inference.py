@@ -1,4 +1,4 @@
-"""A network ready to classify on the CPU, and to be trained."""
+"""Makes a network ready for inference or for training."""
 
 from typing import cast
 
@@ -15,22 +15,22 @@ from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork
 
 
 def for_inference(network: PointNetwork, threads: int | None = None) -> BlockClassifier:
-    """The network ready to classify, with so many ``threads``; if not given, PyTorch's number (OMP_NUM_THREADS)."""
+    """The network ready to classify on ``threads``: if None, one per processor for DGCNN, else PyTorch's number."""
     if isinstance(network, Dgcnn):
         return FastDgcnn(network, threads)
     return AsWritten(cast(RowNetwork, network), threads)
 
 
 def for_training(network: PointNetwork) -> nn.Module:
-    """What takes (P, channels) points of blocks and their sizes, as :class:`RowNetwork`, and has the same weights."""
+    """A module that shares the network's weights and takes points and sizes of blocks as :class:`RowNetwork` does."""
     return RaggedDgcnn(network) if isinstance(network, Dgcnn) else network
 
 
 class AsWritten:
-    """A network that is fast enough as it is written."""
+    """A network whose own forward pass is fast enough for inference."""
 
     def __init__(self, network: RowNetwork, threads: int | None = None) -> None:
-        """Use the weights that it has at each time."""
+        """Share the network: later changes of its weights take effect. ``threads`` defaults to PyTorch's number."""
         self._network, self._threads = network, threads or torch.get_num_threads()
         self._device = next(network.parameters()).device
         self.classes, self.fewest = network.classes, network.fewest
@@ -39,7 +39,7 @@ class AsWritten:
         """(N, channels) float32 points to (N, classes) float32 logits.
 
         Raises:
-            InputError: as of :func:`check_block`.
+            InputError: as :func:`check_block`.
         """
         check_block(self._network, points)
         was_training = self._network.training

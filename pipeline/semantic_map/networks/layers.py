@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 
 def mlp(*widths: int) -> nn.Sequential:
-    """For every row: linear map, batch norm and ReLU, once for each width after the first."""
+    """A shared MLP: for every row, linear map, batch norm and ReLU, once for each width after the first."""
     layers: list[nn.Module] = []
     for inputs, outputs in pairwise(widths):
         layers += [nn.Linear(inputs, outputs, bias=False), nn.BatchNorm1d(outputs), nn.ReLU(inplace=True)]
@@ -16,16 +16,16 @@ def mlp(*widths: int) -> nn.Sequential:
 
 
 def largest(edges: Tensor, layers: nn.Module) -> Tensor:
-    """(Q, K, C) features of edges through ``layers`` to the (Q, C') largest over the K."""
+    """(Q, K, C) features of edges through ``layers`` to their (Q, C') maximum over the K edges."""
     count, k, _ = edges.shape
     return layers(edges.flatten(end_dim=1)).view(count, k, -1).max(dim=1).values
 
 
 def largest_of_blocks(features: Tensor, sizes: Sequence[int]) -> Tensor:
-    """(P, C) features of blocks of ``sizes`` to the (B, C) largest of each."""
+    """(P, C) features of points, in blocks of ``sizes``, to their (B, C) maximum over each block."""
     return torch.stack([block.max(dim=0).values for block in features.split(list(sizes))])
 
 
 def to_points(of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
-    """(B, C) features of blocks to (P, C): each point gets those of its block."""
+    """(B, C) features of blocks to (P, C): each point gets the features of its block."""
     return of_blocks.repeat_interleave(torch.tensor(sizes, device=of_blocks.device), dim=0)

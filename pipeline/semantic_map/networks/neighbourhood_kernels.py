@@ -6,7 +6,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def farthest_points(points, chosen):
-    """Choose points one by one, each the farthest from those before; the first is the farthest from the middle.
+    """Choose points one by one, each the farthest from those chosen before; the first is farthest from the mean.
 
     Args:
         points: (N, 3) float32, m.
@@ -24,7 +24,7 @@ def farthest_points(points, chosen):
         farthest, greatest = 0, np.float32(-1)
         for i in range(count):
             d = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2 + (points[i, 2] - z) ** 2
-            # The middle is no point: what is near to it may be chosen.
+            # Distances to the middle decide only on the first point: points near the middle may be chosen later.
             d = min(d, distance[i]) if q > 0 else d
             distance[i] = d
             farthest, greatest = (i, d) if d > greatest else (farthest, greatest)

@@ -1,4 +1,4 @@
-"""Which points a layer looks at: samples of a cloud, and neighbours within a radius or by their number."""
+"""Neighbourhoods of points: farthest point sampling, ball query, k nearest neighbours and interpolation."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ from pipeline.semantic_map.networks.neighbourhood_kernels import farthest_points
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Points of blocks, one block after the other, and what a network knows of them.
+    """Points of blocks, concatenated, with their features.
 
     Attributes:
         positions: (P, 3) float32, m.
         features: (P, C) float32.
-        sizes: points of every block.
+        sizes: number of points of every block.
     """
 
     positions: Tensor
@@ -28,7 +28,7 @@ class Cloud:
 
 
 def farthest(cloud: Cloud, share: float) -> tuple[Tensor, list[int]]:
-    """(Q,) int64 a ``share`` of each block's points, none near another, and how many of each block they are."""
+    """(Q,) int64 indices of a ``share`` of each block's points by farthest point sampling; their number per block."""
     counts = [max(1, int(np.ceil(size * share - 1e-9))) for size in cloud.sizes]
 
     def choose(points: NDArray[np.float32], block: int) -> NDArray[np.int64]:
@@ -40,30 +40,30 @@ def farthest(cloud: Cloud, share: float) -> tuple[Tensor, list[int]]:
 
 
 def in_ball(cloud: Cloud, centres: Cloud, radius: float, k: int) -> Tensor:
-    """(Q, k) int64 the points of the same block within ``radius``, m, of every centre, at most the k nearest.
+    """Ball query: (Q, k) int64 indices of the block's points within ``radius``, m, of every centre, at most k.
 
-    Where there are fewer, the nearest stands there again, as in the code of PointNet++'s authors: a maximum over
-    them is that of the ball. A centre is a point of the cloud.
+    If there are more, the k nearest are taken; if fewer, the nearest is repeated, as in the code of PointNet++'s
+    authors, which does not change a maximum over them. A centre is a point of the cloud.
     """
     return _query(cloud, centres, lambda tree, points: _nearest(tree, points, k, radius))
 
 
 def nearest(cloud: Cloud, centres: Cloud, k: int) -> Tensor:
-    """(Q, k) int64 the points of the same block that are nearest to every centre, the nearest first.
+    """(Q, k) int64 indices of the k points of the same block that are nearest to every centre, the nearest first.
 
-    Where a block has fewer than k, they come again in the same order.
+    If a block has fewer than k points, they are repeated in the same order.
     """
     return _query(cloud, centres, lambda tree, points: _nearest(tree, points, k))
 
 
 def interpolated(cloud: Cloud, places: Cloud) -> Tensor:
-    """(Q, C) features at other places: the mean of the three nearest, weighted by inverse square distance.
+    """(Q, C) features at other places: the mean of the three nearest points', weighted by inverse square distance.
 
     PointNet++, equation 2, with p = 2 and k = 3.
     """
     near = nearest(cloud, places, 3)
     weight = 1 / ((cloud.positions[near] - places.positions[:, None]).square().sum(dim=-1) + 1e-8)
-    # A block of one or two points has them several times, which changes no mean.
+    # In a block of two points, the nearer one counts twice.
     weight = weight / weight.sum(dim=1, keepdim=True)
     return (cloud.features[near] * weight[..., None]).sum(dim=1)
 
@@ -81,7 +81,7 @@ def _query(cloud: Cloud, centres: Cloud, find: Callable[[cKDTree, NDArray[np.flo
 
 
 def _by_block(cloud: Cloud, choose: Callable[[NDArray[np.float32], int], NDArray[np.int64]]) -> Tensor:
-    """Rows of the cloud that are chosen block by block, by their index in it."""
+    """Indices of rows of the cloud, chosen block by block."""
     rows, start = [], 0
     for block, size in enumerate(cloud.sizes):
         points = cloud.positions.detach()[start : start + size].cpu().numpy()

@@ -1,4 +1,4 @@
-"""What every network on points offers to the trainer, to files and to the robot."""
+"""The interface of networks on points for the trainer, for files and for the robot."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -12,18 +12,18 @@ from torch import Tensor, nn
 from pipeline.errors import InputError
 
 MOST_CHANNELS, MOST_CLASSES = 64, 1000
-"""Of weights from files; published ones have 9 channels and 13 classes."""
+"""Greatest sizes of weights from files; published weights have 9 channels and 13 classes."""
 
 
 class PointNetwork(nn.Module, ABC):
-    """A network that tells what each point of a block is.
+    """A network that classifies each point of a block.
 
     Attributes:
-        NAME: in files and commands.
-        STORED: type of the numbers in files; half precision changes no class, and all networks together stay small.
-        channels: of a point: x, y, z in m from the middle of the block, and more.
-        classes: that it tells apart.
-        penalty: what its paper adds to the loss, of the last forward pass.
+        NAME: its name in files and commands.
+        STORED: type of the weights in files; half precision changes no class and keeps the files small.
+        channels: number per point: x, y, z in m from the middle of the block, and more.
+        classes: number of classes.
+        penalty: the term that its paper adds to the loss, from the last forward pass.
     """
 
     NAME: ClassVar[str]
@@ -31,7 +31,7 @@ class PointNetwork(nn.Module, ABC):
     penalty: Tensor | float = 0.0
 
     def __init__(self, channels: int, classes: int) -> None:
-        """No layers yet."""
+        """Create no layers: subclasses do."""
         super().__init__()
         self.channels, self.classes = channels, classes
 
@@ -42,7 +42,7 @@ class PointNetwork(nn.Module, ABC):
 
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
-        """A network of the size that a file's ``tensors`` have or ``metadata`` tell; ValueError if there is none."""
+        """A network of the size in a file's ``tensors`` or ``metadata``; ValueError if it is missing or too large."""
         sizes = [metadata.get(name, "") for name in ("channels", "classes")]
         channels, classes = (int(size) if size.isdecimal() and len(size) < 5 else 0 for size in sizes)
         if not (3 < channels <= MOST_CHANNELS and 1 <= classes <= MOST_CLASSES):
@@ -50,7 +50,7 @@ class PointNetwork(nn.Module, ABC):
         return cls(channels, classes)
 
     def about(self) -> dict[str, str]:
-        """What a file must say beside the weights for :meth:`for_weights`."""
+        """The metadata that a file must have beside the weights for :meth:`for_weights`."""
         return {"channels": str(self.channels), "classes": str(self.classes)}
 
     def published(self) -> dict[str, Tensor]:
@@ -59,23 +59,23 @@ class PointNetwork(nn.Module, ABC):
         return {name: tensor for name, tensor in state.items() if not name.endswith("num_batches_tracked")}
 
     def file_names(self, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-        """A file's ``tensors`` without what stands there twice."""
+        """A file's ``tensors`` without duplicates."""
         return tensors
 
 
 class RowNetwork(PointNetwork):
-    """A network that takes its blocks one after the other, as rows of one array: none is padded."""
+    """A network that takes several blocks concatenated as rows of one array, without padding."""
 
     @abstractmethod
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
-        """(P, channels) float32 points of blocks of ``sizes``, which add up to P, to (P, classes) logits."""
+        """(P, channels) float32 points of blocks with ``sizes`` points each, P in sum, to (P, classes) logits."""
 
 
 class BlockClassifier(Protocol):
-    """A network ready to classify.
+    """A network ready for inference.
 
     Attributes:
-        classes: that it tells apart.
+        classes: number of classes.
         fewest: least number of points of a block.
     """
 
@@ -86,12 +86,12 @@ class BlockClassifier(Protocol):
         """(N, channels) float32 points of a block to (N, classes) float32 logits.
 
         Raises:
-            InputError: as of :func:`check_block`.
+            InputError: as :func:`check_block`.
         """
 
 
 def check_block(network: PointNetwork, points: NDArray[np.float32]) -> None:
-    """Raises InputError if (N, C) points are too few, of another number of channels, or not finite."""
+    """Raise InputError if (N, C) points are too few, have a wrong number of channels, or are not finite."""
     if points.ndim != 2 or points.shape[1] != network.channels or len(points) < network.fewest:
         wanted = f"(at least {network.fewest}, {network.channels})"
         raise InputError(f"{network.NAME}: a block of points {points.shape} is not {wanted}")

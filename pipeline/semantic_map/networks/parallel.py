@@ -1,4 +1,4 @@
-"""One training on several processors: each process of ``torchrun`` takes its share of every batch."""
+"""One training in several processes: in each step, every process of ``torchrun`` learns from a batch of its own."""
 
 import os
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ class Worker:
     """This process among those that train together.
 
     Attributes:
-        rank: its number; 0 validates and writes.
-        count: how many there are.
-        device: that it computes on.
+        rank: its number; process 0 validates and writes.
+        count: number of processes.
+        device: device on which it computes.
     """
 
     rank: int
@@ -24,7 +24,7 @@ class Worker:
 
     @classmethod
     def join(cls) -> "Worker":
-        """The one that torchrun made this process, or the only one; on a GPU of its own where there are GPUs."""
+        """This process with the rank that torchrun gave it, else the only one; on its own GPU if there are GPUs."""
         rank, count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
         device = torch.device("cpu")
         if torch.cuda.is_available():
@@ -36,7 +36,7 @@ class Worker:
 
     @property
     def leads(self) -> bool:
-        """Whether this is the one that validates and writes."""
+        """Whether this process is the one that validates and writes."""
         return self.rank == 0
 
     def share(self, module: nn.Module) -> nn.Module:
@@ -44,11 +44,11 @@ class Worker:
         return DistributedDataParallel(module) if self.count > 1 else module
 
     def wait(self) -> None:
-        """Wait until all workers are here."""
+        """Wait until all workers call this."""
         if self.count > 1:
             distributed.barrier()
 
     def leave(self) -> None:
-        """End working together."""
+        """Leave the group of processes."""
         if self.count > 1:
             distributed.destroy_process_group()

@@ -1,8 +1,8 @@
-"""PointCNN for semantic segmentation (Li et al., NeurIPS 2018): convolutions on neighbours put into an order learned.
+"""PointCNN for semantic segmentation (Li et al., NeurIPS 2018): convolutions on neighbours in a learned order.
 
-Levels, neighbours and dilations are those of the authors' setting for segmenting parts of ShapeNet; that for S3DIS
-looks the neighbours of one level up in another. The width is that of their setting for Semantic3D, half as much. Here
-a block's number of points varies, so a level has a share of them where theirs has a number: 768, 384, 128 of 2,048.
+Levels, neighbours and dilations are those of the authors' setting for part segmentation of ShapeNet; their setting
+for S3DIS looks up one level's neighbours in another. The width is that of their setting for Semantic3D, half as much.
+Here a block's number of points varies, so levels have shares of it where theirs have 768, 384, 128 of 2,048 points.
 """
 
 from collections.abc import Sequence
@@ -15,23 +15,23 @@ from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, neare
 from pipeline.semantic_map.networks.network import RowNetwork
 
 WIDTH = 4
-"""Of the paper's settings, "x": levels have 32, 32, 64 and 128 times as many features."""
+"""The "x" of the authors' settings: levels have 32, 32, 64 and 128 times as many features."""
 LEVELS = ((8, 1, 1.0, 32), (12, 2, 768 / 2048, 32), (16, 2, 384 / 768, 64), (16, 6, 128 / 384, 128))
-"""K neighbours, every D-th of the nearest, share of the points of the level before, features over WIDTH."""
+"""K neighbours, dilation D (every D-th of the nearest), share of the previous level's points, features / WIDTH."""
 BACK = ((16, 6, 3, 2), (12, 6, 2, 1), (8, 6, 1, 0), (8, 4, 0, 0))
-"""K, D, level from which, level to which."""
+"""K, D, level from which, level to which features go."""
 
 
 def dense(inputs: int, outputs: int) -> nn.Sequential:
-    """Linear map, ELU and batch norm, in this order, as the authors have it."""
+    """Linear map, ELU and batch norm, in the authors' order."""
     return nn.Sequential(nn.Linear(inputs, outputs, bias=False), nn.ELU(), nn.BatchNorm1d(outputs))
 
 
 class Depthwise(nn.Module):
-    """A map of its own for each channel, over the K neighbours: (P, K, C) to (P, C · depth)."""
+    """Depthwise convolution over the K neighbours: a linear map of its own for each channel."""
 
     def __init__(self, k: int, channels: int, depth: int) -> None:
-        """Each channel gives ``depth`` numbers."""
+        """Each channel gives ``depth`` features."""
         super().__init__()
         self.weight = nn.Parameter(torch.empty(channels, k, depth))
         nn.init.normal_(self.weight, std=(k * 1.0) ** -0.5)
@@ -50,11 +50,11 @@ class XConv(nn.Module):
         """A convolution.
 
         Args:
-            k, dilation: neighbours, every ``dilation``-th of the nearest.
-            channels: features of a neighbour, 0 if it has none.
-            lifted: features made of its coordinates.
-            outputs: features of the result.
-            depth: numbers that each feature gives before they are mixed.
+            k, dilation: number of neighbours, which are every ``dilation``-th of the nearest.
+            channels: number of features of a neighbour, 0 if it has none.
+            lifted: number of features computed from its coordinates.
+            outputs: number of features of the result.
+            depth: depth multiplier of the depthwise convolution.
         """
         super().__init__()
         self.k, self.dilation, self.has_features = k, dilation, channels > 0
@@ -82,7 +82,7 @@ class XConv(nn.Module):
 
 
 class PointCnn(RowNetwork):
-    """Four X-Convs to coarser points, the last with a feature of where a point is, and four back."""
+    """Four X-Convs to coarser points, the last one joined with features of the points' coordinates, and four back."""
 
     NAME = "pointcnn"
 

@@ -9,14 +9,14 @@ from pipeline.semantic_map.networks.layers import largest_of_blocks, mlp, to_poi
 from pipeline.semantic_map.networks.network import RowNetwork
 
 PENALTY = 1e-3
-"""Weight of how far the feature transform is from orthogonal (the paper's section 3.3)."""
+"""Weight of the regularization that keeps the feature transform near orthogonal (the paper's section 3.3)."""
 
 
 class TransformNet(nn.Module):
-    """T-Net: a matrix for all points of a block, the identity before training."""
+    """T-Net: one matrix for all points of a block, the identity before training."""
 
     def __init__(self, channels: int, size: int) -> None:
-        """From so many channels to a size × size matrix."""
+        """From ``channels`` features of a point to a ``size`` × ``size`` matrix."""
         super().__init__()
         self.size = size
         self.points = mlp(channels, 64, 128, 1024)
@@ -37,7 +37,7 @@ class PointNet(RowNetwork):
     NAME = "pointnet"
 
     def __init__(self, channels: int = 6, classes: int = 6) -> None:
-        """Random weights; the first three channels are x, y, z, which the first transform turns."""
+        """Random weights; the first three channels are x, y, z, to which the first transform is applied."""
         super().__init__(channels, classes)
         self.turn = TransformNet(channels, 3)
         self.points1 = mlp(channels, 64, 64)
@@ -60,7 +60,7 @@ class PointNet(RowNetwork):
 
 
 def _times(features: Tensor, matrices: Tensor, sizes: Sequence[int]) -> Tensor:
-    """(P, C) features, each block's times its own of the (B, C, C) matrices."""
+    """(P, C) features, each block's multiplied by its own matrix of ``matrices`` (B, C, C)."""
     blocks = zip(features.split(list(sizes)), matrices, strict=True)
     return torch.cat([block @ matrix for block, matrix in blocks])
 

@@ -10,24 +10,24 @@ from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, in_ba
 from pipeline.semantic_map.networks.network import RowNetwork
 
 SHARE = 0.25
-"""Of a cloud's points that are centres of the next one's balls: 4,096, 1,024, 256, 64, 16."""
+"""Share of a cloud's points that become centres of balls, the points of the next level: 4,096, 1,024, 256, 64, 16."""
 RADII = (0.1, 0.2, 0.4, 0.8)
-"""m."""
+"""m, of the balls of each level."""
 NEIGHBOURS = 32
-"""At most, of a ball."""
+"""Most points of a ball."""
 
 
 class SetAbstraction(nn.Module):
     """A PointNet on the ball around each of a few centres."""
 
     def __init__(self, channels: int, widths: Sequence[int], radius: float) -> None:
-        """Its layers are ``widths`` wide; ``radius`` in m."""
+        """``widths`` are those of its layers; ``radius`` in m."""
         super().__init__()
         self.radius = radius
         self.layers = mlp(3 + channels, *widths)
 
     def forward(self, cloud: Cloud) -> Cloud:
-        """The centres, and what their balls look like."""
+        """The centres, with the features of their balls."""
         index, sizes = farthest(cloud, SHARE)
         centres = Cloud(cloud.positions[index], cloud.features[index], sizes)
         near = in_ball(cloud, centres, self.radius, NEIGHBOURS)
@@ -37,10 +37,10 @@ class SetAbstraction(nn.Module):
 
 
 class FeaturePropagation(nn.Module):
-    """Features of a coarse cloud brought to a finer one, beside those that it has."""
+    """Features of a coarse cloud, interpolated at the points of a finer one and joined with its own features."""
 
     def __init__(self, channels: int, widths: Sequence[int]) -> None:
-        """``channels`` of both clouds together."""
+        """``channels`` is the number of both clouds together; ``widths`` are those of the layers."""
         super().__init__()
         self.layers = mlp(channels, *widths)
 
@@ -61,7 +61,7 @@ class PointNet2(RowNetwork):
         widths = ((32, 32, 64), (64, 64, 128), (128, 128, 256), (256, 256, 512))
         inputs = (channels, *(w[-1] for w in widths))
         self.down = nn.ModuleList(map(SetAbstraction, inputs, widths, RADII))
-        # As the published code has it, the last one uses no features of the points themselves.
+        # As in the published code, the last one uses no features of the points themselves.
         self.up = nn.ModuleList(
             map(
                 FeaturePropagation,

@@ -1,8 +1,8 @@
-"""PointNeXt-S for semantic segmentation (Qian et al., NeurIPS 2022): PointNet++ as one would train it today.
+"""PointNeXt-S for semantic segmentation (Qian et al., NeurIPS 2022): PointNet++, modernized.
 
-Against PointNet++: features are lifted before the first ball, offsets are shares of the radius, so that they count as
-much as features, each level adds what its centres knew before, and the decoder is symmetric. S has no inverted
-residual blocks.
+Compared with PointNet++: a linear stem lifts the features, offsets are divided by the radius, so that they have the
+scale of features, each level adds its centres' own features (a residual connection), and the decoder is symmetric. S
+has no inverted residual blocks.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ class SetAbstraction(nn.Module):
     """Two layers on the balls around a few centres, added to the centres' own features."""
 
     def __init__(self, channels: int, outputs: int, radius: float) -> None:
-        """Features of a point before and after; ``radius`` in m."""
+        """From ``channels`` to ``outputs`` features of a point; ``radius`` in m."""
         super().__init__()
         self.radius = radius
         last = nn.Linear(outputs // 2, outputs, bias=False), nn.BatchNorm1d(outputs)
@@ -33,7 +33,7 @@ class SetAbstraction(nn.Module):
         self.own = nn.Linear(channels, outputs)
 
     def forward(self, cloud: Cloud) -> Cloud:
-        """The centres, and what is around them."""
+        """The centres, with the features of their balls."""
         index, sizes = farthest(cloud, SHARE)
         centres = Cloud(cloud.positions[index], cloud.features[index], sizes)
         near = in_ball(cloud, centres, self.radius, NEIGHBOURS)

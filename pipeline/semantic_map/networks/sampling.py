@@ -1,4 +1,4 @@
-"""Random blocks to train with: each is a function of the seed and its number, so training resumes anywhere."""
+"""Random training blocks: each is a function of the seed and its number, so training resumes at any step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,26 +13,26 @@ from pipeline.semantic_map.networks.blocks import BlockConfig, channels
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 
 RARE = 0.5
-"""Share of the blocks that are cut around a point of a class drawn evenly from those in the frame; the others are cut
-around any point."""
+"""Share of the blocks that are cut around a point of a class drawn evenly from the frame's classes; the others are
+cut around any point."""
 JITTER = 0.002
 """m, standard deviation of the noise added to every coordinate."""
 HEIGHT = 0.005
-"""m, standard deviation of the height of the whole cloud."""
+"""m, standard deviation of the vertical shift of the whole cloud."""
 TILT = 0.003
 """rad, standard deviation of the cloud's roll and pitch about the camera."""
 FEWEST_KEPT = 0.6
-"""Density: the share of the points that is kept is drawn evenly between this and 1."""
+"""Density: the share of a block's points that is kept is drawn uniformly between this and 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Blocks one after the other.
+    """Blocks, concatenated.
 
     Attributes:
         points: (P, 6) float32.
         shares: (P, 6) float32 share of every class in a point's voxel.
-        sizes: points of every block.
+        sizes: number of points of every block.
     """
 
     points: Tensor
@@ -46,12 +46,12 @@ class BlockSampler:
     def __init__(
         self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, size: int, fewest: int, seed: int
     ) -> None:
-        """A batch has ``size`` blocks, each from another cloud, and a block at least ``fewest`` points."""
+        """A batch has ``size`` blocks, each of another cloud; a block has at least ``fewest`` points."""
         self._clouds, self._blocks, self._size = clouds, blocks, size
         self._fewest, self._seed = fewest, seed
 
     def batch(self, number: int) -> Batch:
-        """The batch of that number; every cloud's turn comes once before any comes again."""
+        """The batch of that number; every cloud is used once before any is used again."""
         first = number * self._size
         drawn = [self._block(turn) for turn in range(first, first + self._size)]
         counts = np.concatenate([counts for _, counts in drawn]).astype(np.float32)
@@ -72,7 +72,7 @@ class BlockSampler:
     def _crop(
         self, cloud: LabelledCloud, points: NDArray[np.float32], rng: np.random.Generator
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """The points of a column that holds a certain point, and the column's middle."""
+        """Indices of the points of a column around a random point, and the column's middle (2,)."""
         candidates = np.arange(len(points))
         if rng.random() < RARE:
             classes = cloud.classes
@@ -86,7 +86,7 @@ class BlockSampler:
 
 
 def augmented(cloud: LabelledCloud, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """(M, 3) points, m, of the cloud seen from elsewhere, not quite in place, and (3,) where the camera is then."""
+    """(M, 3) points, m, of the cloud, turned, mirrored, shifted and jittered at random; (3,) the camera position."""
     yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, TILT, 2)
     turn = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
     turn[:, 1] *= rng.choice([-1, 1])

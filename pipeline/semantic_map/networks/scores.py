@@ -1,4 +1,4 @@
-"""How well classes were told apart, by a confusion (C, C): counts by true class (row) and given class (column)."""
+"""Scores of a classifier by its confusion matrix (C, C): counts by true class (row) and predicted class (column)."""
 
 from collections.abc import Sequence
 
@@ -7,20 +7,20 @@ from numpy.typing import NDArray
 
 
 def confusion_of(counts: NDArray[np.integer], given: NDArray[np.integer]) -> NDArray[np.int64]:
-    """(C, C) from (M, C) returns by true class in the voxel of every point, and the (M,) classes it was given."""
+    """(C, C) from the (M, C) returns by true class in the voxel of every point, and its (M,) predicted classes."""
     result = np.zeros((counts.shape[1], counts.shape[1]), np.int64)
     np.add.at(result.T, given, counts)
     return result
 
 
 def iou(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(C,) intersection over union of every class; NaN where it neither is nor was given."""
+    """(C,) intersection over union of every class; NaN if it neither occurs nor is predicted."""
     hits = np.diag(confusion)
     union = confusion.sum(axis=0) + confusion.sum(axis=1) - hits
     return np.divide(hits, union, out=np.full(len(hits), np.nan), where=union > 0)
 
 
 def mean_iou(confusion: NDArray[np.int64], classes: Sequence[int]) -> float:
-    """Mean over those of the classes that occur; NaN if none does."""
+    """Mean IoU, by a confusion matrix (C, C), over those of the given classes that occur; NaN if none does."""
     occurring = [c for c in classes if confusion[c].any()]
     return float(iou(confusion)[occurring].mean()) if occurring else float("nan")

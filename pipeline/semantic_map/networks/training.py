@@ -30,12 +30,12 @@ from pipeline.semantic_map.networks.weights import NETWORKS
 WEIGHT_DECAY = 1e-3
 """Of AdamW."""
 DROPOUT = 0.0
-"""Before the last layer; 0.5 as published is for longer trainings."""
+"""Probability before the last layer; the published 0.5 suits longer trainings."""
 BALANCE = 0.5
-"""A class weighs its share of the points to the power of minus this; 0 is none, 1 full balance."""
+"""The weight of a class is its share of the points to the power of minus this; 0 is no balance, 1 full balance."""
 
 FEWEST_BLOCKS = 2
-"""Of a batch: the norm of features of blocks, as PointNet has them, is over these."""
+"""Least number of blocks of a batch: batch norm over features of blocks, as in PointNet, needs two."""
 
 
 class Trainer(TrainingLoop[Batch]):
@@ -53,14 +53,14 @@ class Trainer(TrainingLoop[Batch]):
         about: dict[str, Any],
         initial: PointNetwork | str = Dgcnn.NAME,
     ) -> None:
-        """Begin or go on as any training.
+        """Start or resume a training, see :class:`TrainingLoop`.
 
         Args:
             training: clouds to learn from.
             validation: clouds by which the best weights are chosen.
-            config, out, worker, about: as of :class:`TrainingLoop`; a batch has blocks.
-            initial: a network to begin with, of six channels and :data:`CLASSES`, or the name of one, whose weights
-                are random.
+            config, out, worker, about: as of :class:`TrainingLoop`; the samples of a batch are blocks.
+            initial: a network to begin with, of six channels and :data:`CLASSES`, or the name of a network, which
+                begins with random weights.
 
         Raises:
             InputError: there is nothing to learn from or to validate with, or the checkpoint is of another training.
@@ -89,7 +89,7 @@ class Trainer(TrainingLoop[Batch]):
         super().__init__(config, out, worker, about, draw, optimizer, {"network": self.network})
 
     def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
-        """As of any training; PyTorch starts no threads of its own meanwhile."""
+        """Train as :meth:`TrainingLoop.run`, while PyTorch starts no threads of its own."""
         with torch_threads(1):
             super().run(report, until)
 
@@ -106,9 +106,9 @@ class Trainer(TrainingLoop[Batch]):
 
 
 def validate(network: PointNetwork, clouds: Sequence[LabelledCloud], blocks: BlockConfig, seed: int) -> NDArray:
-    """(6, 6) int64 returns of the clouds by true class and class that the network gives, as the robot would use it.
+    """(6, 6) int64 confusion matrix of the clouds' returns: true class (row) and predicted class (column).
 
-    The clouds are cut as ``blocks`` says by a ``seed``.
+    The clouds are cut by one grid of ``blocks``, at random from ``seed``; planes do not vote.
     """
     fast = for_inference(network)
     confusion = np.zeros((len(CLASSES), len(CLASSES)), np.int64)
@@ -120,7 +120,7 @@ def validate(network: PointNetwork, clouds: Sequence[LabelledCloud], blocks: Blo
 
 
 def cross_entropy(logits: Tensor, shares: Tensor, weights: Tensor) -> Tensor:
-    """Mean over the points, each class weighted, of (P, C) logits from the (P, C) shares of the classes."""
+    """Class-weighted mean cross entropy of (P, C) logits with the (P, C) shares of the classes of each point."""
     weighted = shares * weights
     return -(weighted * log_softmax(logits, dim=1)).sum() / weighted.sum()
 

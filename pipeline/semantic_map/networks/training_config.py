@@ -10,12 +10,12 @@ class TrainingConfig:
     """Settings of a training.
 
     Attributes:
-        steps: batches; more fit the training data better and take longer.
+        steps: number of batches; more fit the training data better and take longer.
         batch: samples in a batch, for each worker; larger ones take more memory and make steadier steps.
-        learning_rate: highest step width of AdamW; lower it if the loss jumps, raise it if it hardly falls.
-        seed: of the first weights, the batches and their augmentation; another one tells how much is chance.
-        minutes: of processor time after which it ends, validations apart, if the steps take longer; the learning rate
-            then falls with the time. So networks are compared that take unlike times for a step.
+        learning_rate: highest learning rate of AdamW; lower it if the loss jumps, raise it if it hardly falls.
+        seed: of the initial weights, the batches and their augmentation; another seed shows how much is chance.
+        minutes: limit of processor time, without validations, after which the training ends early; the learning rate
+            then falls with the time. It makes networks comparable whose steps take different times.
         validate_every: steps between validations; each takes time, and the best weights are kept only then.
     """
 
@@ -27,7 +27,7 @@ class TrainingConfig:
     validate_every: int = 250
 
     def __post_init__(self) -> None:
-        """Raise InputError for settings that cannot work."""
+        """Raise InputError for settings out of range."""
         if self.minutes is not None and not 0 < self.minutes < float("inf"):
             raise InputError(f"--minutes {self.minutes:g}: more than 0")
         if min(self.steps, self.batch, self.validate_every) < 1:

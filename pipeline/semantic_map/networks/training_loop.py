@@ -1,4 +1,4 @@
-"""The training of any network: batches in, the weights that validate best out."""
+"""The training loop of any network: it learns from batches and keeps the weights that validate best."""
 
 import csv
 import json
@@ -24,7 +24,7 @@ from pipeline.semantic_map.networks.training_config import TrainingConfig
 WARM_UP = 0.05
 """Share of the training in which the learning rate rises."""
 SAVE_EVERY = 50
-"""Steps between checkpoints, beside those of validations: a process that is killed loses no more."""
+"""Steps between checkpoints, apart from those at validations: a killed process loses no more steps."""
 
 Batch = TypeVar("Batch")
 
@@ -33,13 +33,13 @@ class TrainingLoop(ABC, Generic[Batch]):
     """A training that can be interrupted at any step and resumed; it ends with the same weights.
 
     Attributes:
-        SCORES: names of what a validation tells; the weights with the highest first one are kept.
+        SCORES: names of a validation's scores; the weights with the highest first score are kept.
         config: settings.
         out: file for the weights; a checkpoint and a table (.csv) get its name with other endings.
         worker: this process.
-        step: batches so far.
-        spent: s of processor time that they took, validations apart.
-        best: highest score so far.
+        step: number of batches so far.
+        spent: s of processor time for these batches, without validations.
+        best: highest first score so far.
         rows: of the table, one for each validation: step, mean loss since the row before, scores.
     """
 
@@ -56,17 +56,17 @@ class TrainingLoop(ABC, Generic[Batch]):
         networks: dict[str, torch.nn.Module],
         data: str = "",
     ) -> None:
-        """Begin, or go on from ``out``'s checkpoint where there is one.
+        """Start, or resume from ``out``'s checkpoint if there is one.
 
         Args:
             config: settings.
             out: file for the weights.
             worker: this process.
-            about: what else is written with the weights on how they came about.
-            draw: the batch of a step; called in another thread while the one before is learned from.
+            about: more metadata on the training, written with the weights.
+            draw: returns the batch of a step; called in another thread during the step before.
             optimizer: of the network that learns.
-            networks: whose weights a checkpoint keeps, by their names in it.
-            data: what a checkpoint must have been made with, beside ``config``.
+            networks: networks whose weights a checkpoint keeps, by their names in it.
+            data: a description of the data; a checkpoint must agree with it and with ``config``.
 
         Raises:
             InputError: the checkpoint is of another training.
@@ -87,11 +87,11 @@ class TrainingLoop(ABC, Generic[Batch]):
 
     @abstractmethod
     def _validate(self) -> list[float]:
-        """The ``SCORES`` of the network as it is."""
+        """The ``SCORES`` of the network with its present weights."""
 
     @abstractmethod
     def _write(self, about: dict[str, Any]) -> None:
-        """Write the weights, and what is known about their training."""
+        """Write the weights, with metadata on their training."""
 
     def _update(self) -> None:
         """Change the network's weights by their gradients."""
@@ -99,7 +99,7 @@ class TrainingLoop(ABC, Generic[Batch]):
 
     @property
     def progress(self) -> float:
-        """How much is done, 1 at the end: by steps, or by processor time where that is limited."""
+        """Share of the training that is done, 1 at the end: of the steps or, if greater, of the limited minutes."""
         if self.config.minutes is None:
             return self.step / self.config.steps
         return max(self.step / self.config.steps, self.spent / 60 / self.config.minutes)
@@ -107,7 +107,7 @@ class TrainingLoop(ABC, Generic[Batch]):
     def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
         """Train to the end, or until a step. ``report`` is called after every step.
 
-        Left before the end or interrupted, it leaves a checkpoint.
+        If it stops before the end, for ``until`` or an interruption, it writes a checkpoint.
         """
         last = self.config.steps if until is None else min(until, self.config.steps)
         with ThreadPoolExecutor(1) as pool:
@@ -116,7 +116,7 @@ class TrainingLoop(ABC, Generic[Batch]):
                 while self.step < last and self.progress < 1:
                     start = process_time()
                     batch = coming.result()
-                    coming = pool.submit(self._draw, self.step + 1)  # while this one is learned from
+                    coming = pool.submit(self._draw, self.step + 1)  # during this step
                     self._losses.append(self._learn(batch))
                     self.step += 1
                     self.spent += process_time() - start
@@ -186,7 +186,7 @@ class TrainingLoop(ABC, Generic[Batch]):
 
 
 def schedule(progress: float, warm_up: float = WARM_UP) -> float:
-    """The learning rate as a share of the highest, at a progress from 0 to 1: it rises, then falls as a cosine."""
+    """The learning rate, as a share of the highest, at a progress of 0 to 1: a linear rise, then half a cosine."""
     if progress < warm_up:
         return progress / warm_up
     return (1 + cos(pi * (progress - warm_up) / (1 - warm_up))) / 2

@@ -16,15 +16,15 @@ from pipeline.semantic_map.networks.pointnet2 import PointNet2
 from pipeline.semantic_map.networks.pointnext import PointNeXt
 
 NETWORKS: dict[str, type[PointNetwork]] = {n.NAME: n for n in (PointNet, PointNet2, PointCnn, Dgcnn, PointNeXt)}
-"""By their names in files, which are DGCNN's where others wrote them."""
+"""By their names in files; a file of another program has no such name and holds a DGCNN."""
 
 
 def load_weights(path: Path, network: str | None = None) -> tuple[PointNetwork, dict[str, str]]:
-    """A network in evaluation mode, and what the file says about it (nothing, where others wrote it).
+    """A network in evaluation mode, and the file's metadata (empty in files of other programs).
 
     Args:
         path: of the file.
-        network: name of the only one that will do; any if not given.
+        network: name of the only network that is accepted; any if not given.
 
     Raises:
         InputError: no such file, not safetensors, weights of another network, or numbers that are not finite.
@@ -46,11 +46,11 @@ def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | N
     tensors = {name: t.detach().cpu().to(network.STORED).contiguous() for name, t in network.published().items()}
     content = save(tensors, {"network": network.NAME} | network.about() | (metadata or {}))
     with whole_file(path) as file:
-        file.write_bytes(content)  # safetensors' own files are for their owner's eyes alone
+        file.write_bytes(content)  # safetensors' own save_file makes files that only their owner may read
 
 
 def _fill(network: PointNetwork, tensors: dict[str, Tensor], path: Path) -> None:
-    """Copy the tensors into the network; no more and no fewer than it needs."""
+    """Copy the tensors into the network; InputError if they are not exactly those that it needs."""
     wanted, tensors = network.published(), network.file_names(tensors)
     _refuse(sorted(wanted.keys() - tensors.keys()), "missing", path)
     _refuse(sorted(tensors.keys() - wanted.keys()), "unknown", path)

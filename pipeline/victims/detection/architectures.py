@@ -1,4 +1,4 @@
-"""The texts of YOLOv3, of YOLOv3-tiny, and of a YOLOv3 small enough for a robot's processor.
+"""The ``.cfg`` texts of YOLOv3, of YOLOv3-tiny, and of a YOLOv3 small enough for a robot's processor.
 
 ``assets/weights`` has the first two as published, for COCO's classes.
 """
@@ -16,7 +16,7 @@ class CfgWriter:
     """Writes the ``text`` of a ``.cfg``, section by section."""
 
     def __init__(self, width: int, height: int, classes: int, anchors: Anchors) -> None:
-        """Of a network for images of ``width`` × ``height`` pixels; the anchors go from small to large."""
+        """Begin a network for images of ``width`` × ``height`` pixels; the anchors are sorted from small to large."""
         self._classes, self._anchors = classes, anchors
         self.text = ""
         self._count = -1
@@ -63,7 +63,7 @@ class CfgWriter:
     def pyramid(self, stages: Sequence[tuple[int, int]], scales: Sequence[int], pairs: int) -> None:
         """Add stages (filters, residual blocks) that each halve the image, and heads from the coarsest scale on.
 
-        Before each head are ``pairs`` of convolutions, of so many filters as ``scales`` says and of twice as many.
+        Before each head are ``pairs`` pairs of convolutions, with the filters given by ``scales`` and twice as many.
         """
         ends = []
         for filters, blocks in stages:
@@ -87,7 +87,7 @@ def yolov3(width: int, height: int, classes: int, anchors: Anchors) -> str:
 
 
 def yolov3_tiny(width: int, height: int, classes: int, anchors: Anchors) -> str:
-    """The ``.cfg`` of YOLOv3-tiny: convolutions with maxima between them, two scales and six anchors."""
+    """The ``.cfg`` of YOLOv3-tiny: convolutions with max pooling between them, two scales and six anchors."""
     cfg = CfgWriter(width, height, classes, anchors)
     for filters in (16, 32, 64, 128):
         cfg.conv(filters, 3)
@@ -107,7 +107,7 @@ def yolov3_tiny(width: int, height: int, classes: int, anchors: Anchors) -> str:
 
 
 def yolov3_small(width: int, height: int, classes: int, anchors: Anchors) -> str:
-    """The ``.cfg`` of YOLOv3 with a quarter of its channels, one block a stage, nine anchors."""
+    """The ``.cfg`` of YOLOv3 with a quarter of its channels, one residual block per stage, nine anchors."""
     cfg = CfgWriter(width, height, classes, anchors)
     cfg.conv(16, 3, 2)
     cfg.conv(32, 3, 2)

@@ -1,6 +1,6 @@
-"""Canvases to train on: frames alone or four as a mosaic, at random scales and places, mirrored, in random colours.
+"""Training canvases: one frame or a mosaic of four, at random scales and places, mirrored, in random colours.
 
-Onto some of them people of one more frame are pasted (Ghiasi et al., arXiv:2012.07177).
+Onto some canvases the people of one more frame are pasted (Ghiasi et al., arXiv:2012.07177).
 """
 
 from collections.abc import Sequence
@@ -16,24 +16,24 @@ from pipeline.victims.detection.input_image import GREY, evenly_exposed, scaled
 from pipeline.victims.detection.labelled_image import LabelledImage, LabelledImages
 
 EMPTY = 0.3  # Share of the images drawn that show no people
-MOSAIC = 0.5  # Share of canvases that four images share (Bochkovskiy et al., YOLOv4, arXiv:2004.10934)
+MOSAIC = 0.5  # Share of canvases that are a mosaic of four images (Bochkovskiy et al., YOLOv4, arXiv:2004.10934)
 PASTE = 0.4  # Share of canvases onto which people of one more image are pasted
 SCALE, MOSAIC_SCALE, PASTE_SCALE = (0.7, 1.5), (0.4, 1.0), (0.4, 1.2)
-"""Smallest and largest size of an image against the one that just fits the canvas: alone, in a mosaic, and of the
-image whose people are pasted."""
-HUE = 0.05  # Largest turn of the colours, as a share of the circle, as Darknet's ``hue``
+"""Smallest and largest size of an image relative to the size that just fits the canvas: alone, in a mosaic, and of
+the image whose people are pasted."""
+HUE = 0.05  # Largest shift of the hue, as a share of the circle, as Darknet's ``hue``
 SATURATION, EXPOSURE = 1.5, 1.5
-"""Largest factors of saturation and brightness, and 1 over them the smallest, as Darknet's."""
+"""Largest factors of saturation and brightness; the smallest are their inverses, as in Darknet."""
 KEPT = 0.3  # Least share of a box that must be left at an edge for its person to count
 HIDDEN = 0.6  # Share of a box that is pasted over, above which its person is ignored
 Region = tuple[int, int, int, int]  # x0, y0, x1, y1 of the canvas, pixels
 
 
 class CanvasSampler:
-    """Draws canvases; a canvas depends on its number and the seed alone."""
+    """Draws canvases; a canvas depends only on its number and the seed."""
 
     def __init__(self, images: LabelledImages, size: tuple[int, int], batch: int, seed: int) -> None:
-        """From images, as batches of so many canvases of ``size`` (width, height) pixels.
+        """Draw from ``images``, in batches of ``batch`` canvases of ``size`` (width, height) pixels.
 
         Raises:
             InputError: no image shows people.
@@ -57,7 +57,7 @@ class CanvasSampler:
         return augmented(images, donors, self._size, rng)
 
     def _image(self, index: int) -> LabelledImage:
-        """An image in even light, as the detector hands it to the network."""
+        """An image with its light compensated, as the detector passes it to the network."""
         image = self._images[index]
         return replace(image, rgb=evenly_exposed(image.rgb))
 
@@ -93,7 +93,7 @@ def _ratio(
 
 
 def regions(count: int, size: tuple[int, int], rng: np.random.Generator) -> list[Region]:
-    """The whole canvas for one image, or for four the parts that meet near its middle."""
+    """The whole canvas for one image; for four images, the four parts that meet near the middle."""
     if count == 1:
         return [(0, 0, *size)]
     x, y = (int(extent * rng.uniform(0.3, 0.7)) for extent in size)
@@ -108,7 +108,7 @@ def place(
     x0, y0, x1, y1 = region
     drawn = scaled(image.rgb, ratio)
     rows, columns = drawn.shape[:2]
-    # Where the image is larger than its region a part of it is cut out; else it lies somewhere inside.
+    # Of an image larger than its region a random part is drawn; a smaller image lies at a random place inside.
     left, top = (
         start + int(rng.integers(min(0, room), max(0, room) + 1))
         for start, room in ((x0, x1 - x0 - columns), (y0, y1 - y0 - rows))
@@ -122,7 +122,7 @@ def place(
 
 
 def cut(image: LabelledImage, region: Region) -> LabelledImage:
-    """The image with its boxes cut at a region's edges; a box is ignored if less than KEPT of it is left."""
+    """The image with its boxes clipped to a region; a box is ignored if less than KEPT of it is left."""
     low, high = np.tile(region[:2], 2), np.tile(region[2:], 2)
     boxes = np.clip(image.boxes, low, high).astype(np.float32)
     left = areas(boxes)
@@ -139,8 +139,8 @@ def mirrored(image: LabelledImage) -> LabelledImage:
 
 
 def recoloured(image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
-    """The image with its hue turned, its saturation and brightness times random factors."""
-    hue = rng.uniform(-HUE, HUE) * 180  # half degrees, as OpenCV has hue
+    """The image with its hue shifted, its saturation and brightness multiplied by random factors."""
+    hue = rng.uniform(-HUE, HUE) * 180  # units of 2°, as OpenCV stores hue
     saturation, exposure = (np.exp(rng.uniform(-1, 1) * np.log(most)) for most in (SATURATION, EXPOSURE))
     steps = np.arange(256)
     tables = (steps + hue) % 180, np.clip(steps * saturation, 0, 255), np.clip(steps * exposure, 0, 255)
@@ -151,7 +151,7 @@ def recoloured(image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
 
 
 def pasted(canvas: LabelledImage, donor: LabelledImage, ratio: float, rng: np.random.Generator) -> LabelledImage:
-    """The canvas and on it, somewhere, the donor's people, ``ratio`` times as large; without them if they do not fit.
+    """The canvas with the donor's people, ``ratio`` times as large, at a random place; unchanged if they do not fit.
 
     Edges are hard, as the renderer's are.
     """

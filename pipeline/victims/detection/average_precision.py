@@ -1,6 +1,6 @@
-"""Average precision as COCO counts it (Lin et al., arXiv:1405.0312, and its published evaluation), of one class.
+"""Average precision of one class as COCO computes it (Lin et al., arXiv:1405.0312, and its published evaluation).
 
-Unlike there, precision is taken at every recall, not at 101 of them.
+Unlike in COCO, precision is taken at every recall, not at 101 of them.
 """
 
 import numpy as np
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from pipeline.victims.detection.boxes import overlaps
 
-OVERLAP = 0.5  # Least intersection over union of a detection with what it has found
+OVERLAP = 0.5  # Least intersection over union of a detection with its true box
 
 
 class AveragePrecision:
-    """Average precision at an overlap of OVERLAP, of detections that are added image by image."""
+    """Average precision, at an overlap of OVERLAP, of detections that are added image by image."""
 
     def __init__(self) -> None:
         self._scores: list[float] = []
@@ -36,7 +36,7 @@ class AveragePrecision:
 
     @property
     def value(self) -> float:
-        """Area under precision over recall, precision made to fall; NaN if there was nothing to find."""
+        """Area under the monotonically falling hull of precision over recall; NaN if there was nothing to find."""
         if self._present == 0:
             return float("nan")
         right = np.array(self._right, bool)[np.argsort(-np.array(self._scores), kind="stable")]
@@ -47,18 +47,18 @@ class AveragePrecision:
 
 
 def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], least: float) -> NDArray[np.intp]:
-    """The truth that each detection has found.
+    """The true box that each detection has found.
 
-    Each takes the truth that it overlaps most of those that no better detection has taken; one that is ignored only
-    if there is none else, and that one may be taken again and again.
+    Each detection is matched with the true box of greatest overlap that no better detection has; only if there is
+    none, with an ignored one, which may be matched several times.
 
     Args:
-        overlap: (N, M) of the detections, the best first, with the truths.
-        ignored: (M,) truths.
-        least: overlap.
+        overlap: (N, M) of the detections, the best first, with the true boxes.
+        ignored: (M,) bool, the true boxes to ignore.
+        least: least overlap of a match.
 
     Returns:
-        (N,) index of a truth, −1 = none.
+        (N,) index of a true box, −1 = none.
     """
     free = np.ones(len(ignored), bool)
     found = np.full(len(overlap), -1, np.intp)

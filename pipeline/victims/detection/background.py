@@ -1,4 +1,4 @@
-"""The planes in the background of a person: what the person lies on, leans against or is seen before."""
+"""The planes in the background of a person: what the person lies on, leans against or is seen in front of."""
 
 from dataclasses import dataclass
 
@@ -9,17 +9,17 @@ from pipeline.frame import Frame
 from pipeline.segments.plane import facing_camera
 
 MARGIN, MIN_MARGIN = 1.0, 60.0
-"""Around a box in which planes are looked for: a share of its size, and pixels at least."""
-SAMPLES = 3000  # Pixels of the box and its margin that are drawn, about
-MAX_PLANES, TRIALS = 6, 200  # Planes at most, and random draws to find each of them
-MIN_SHARE = 0.02  # Share of the samples that a plane must have
-BEYOND = 0.25  # Samples outside the box, for each inside it, that make a plane more than a part of the person
-TOLERANCE = 0.012  # m from a plane within which a point belongs to it, over twice the sensor's noise
+"""Margin around a box in which planes are searched: a share of its size, which counts as MIN_MARGIN px at least."""
+SAMPLES = 3000  # Approximate number of pixels sampled from the box and its margin
+MAX_PLANES, TRIALS = 6, 200  # Most planes, and RANSAC's random draws for each of them
+MIN_SHARE = 0.02  # Least share of the samples on a plane
+BEYOND = 0.25  # Least ratio of a plane's samples outside the box to those inside for it to be background
+TOLERANCE = 0.012  # m from a plane, in addition to twice the sensor's noise, within which a point belongs to it
 FLAT, FLAT_AREA, SURFACE_NOISE = 0.6, 0.04, 0.002
-"""A plane is flatter than any person if the share FLAT of its samples lies nearer than the sensor's noise and
-SURFACE_NOISE, m, over at least FLAT_AREA, m² across the line of sight."""
+"""A plane is flatter than any person if the share FLAT of its samples is nearer to it than the sensor's noise plus
+SURFACE_NOISE, m, and they cover at least FLAT_AREA, m² across the line of sight."""
 NEIGHBOURS = 12
-"""Samples, of which the nearest one in the image is drawn beside another: planes are small, and far apart."""
+"""Random samples of which the nearest in the image to a first sample is taken: planes are small, and far apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class _Samples:
     Attributes:
         points: (N, 3) float32 in ``camera_optical``, m.
         pixels: (N, 2) row and column.
-        inside: (N,) bool, of the box.
-        solid_angle: that each stands for.
+        inside: (N,) bool, whether each lies in the box.
+        solid_angle: solid angle that each sample represents, sr.
     """
 
     points: NDArray[np.float32]
@@ -47,7 +47,7 @@ def background_planes(
 ) -> list[NDArray[np.float64]]:
     """(4,) planes [n, d] in and around a box, in ``camera_optical``: see :mod:`pipeline.segments.plane`.
 
-    What RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
+    A plane that RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
     samples, planes = _samples(frame, box), []
     enough = max(3, MIN_SHARE * len(samples.points))
@@ -66,7 +66,7 @@ def background_planes(
 
 
 def _is_flat(samples: _Samples, plane: NDArray[np.float64]) -> bool:
-    """Whether samples of a plane lie nearer to it than those of a round body would."""
+    """Whether samples of a plane lie nearer to it than the samples of a round body would."""
     points = samples.points
     near = np.abs(points @ plane[:3] - plane[3]) < SURFACE_NOISE + depth_noise(points[:, 2])
     area = np.sum(np.square(points[:, 2])) * samples.solid_angle
@@ -102,7 +102,7 @@ def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
 
 
 def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(4,) the plane with most samples, fitted to them."""
+    """(4,) the plane with most samples by RANSAC, fitted to these samples."""
     planes = _planes_of(_triples(samples, TRIALS, rng))
     points = samples.points
     distance = np.abs(points @ planes[:, :3].T.astype(np.float32) - planes[:, 3].astype(np.float32))
@@ -117,7 +117,7 @@ def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _triples(samples: _Samples, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(count, 3, 3) points at random, each with two near it in the image."""
+    """(count, 3, 3) triples of a random point and two points near it in the image."""
     first = rng.integers(len(samples.points), size=count)
     others = rng.integers(len(samples.points), size=(count, 2, NEIGHBOURS))
     apart = np.abs(samples.pixels[others] - samples.pixels[first, None, None]).max(axis=-1)
@@ -127,7 +127,7 @@ def _triples(samples: _Samples, count: int, rng: np.random.Generator) -> NDArray
 
 
 def _planes_of(triples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 4) planes through three points each; of three points on a line, a plane far from everything."""
+    """(N, 4) planes through three points each; for three points on a line, a plane far from all points."""
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.maximum(lengths, 1e-12)

@@ -8,22 +8,22 @@ from pipeline.errors import InputError
 from pipeline.victims.detection.darknet_cfg import Yolo
 
 LARGEST_EXPONENT = 20.0
-"""Bound of what scales an anchor: no box in an image is so large, and its square is still a float32."""
+"""Bound of the exponent that scales an anchor: no box in an image is so large, and its square still fits float32."""
 MOST_BOXES = 3000
-"""That are compared with each other; a network that sees a person in every cell would take minutes an image."""
-ROUNDS = 300  # Rounds of fitting anchors, at most
+"""Most boxes that are compared; a network that sees a person in every cell would otherwise take minutes an image."""
+ROUNDS = 300  # Most rounds of fitting anchors
 
 
 def decode(
     head: NDArray[np.float32], yolo: Yolo, width: int, height: int, threshold: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Boxes of one scale, by equations of section 2.1 of YOLOv3.
+    """Boxes of one scale, by the equations of section 2.1 of YOLOv3.
 
     Args:
-        head: (anchors · (5 + classes), H, W) what went into [yolo].
-        yolo: the scale.
+        head: (anchors · (5 + classes), H, W) input of [yolo].
+        yolo: the [yolo] layer of the scale.
         width, height: of the network's input, pixels.
-        threshold: least objectness, over 0.
+        threshold: least objectness, greater than 0.
 
     Returns:
         (N, 4) boxes in the network's input, pixels, and (N, classes) objectness times class probability.
@@ -40,7 +40,7 @@ def decode(
 
 
 def areas(boxes: NDArray[np.floating]) -> NDArray[np.floating]:
-    """(N,) areas of (N, 4) boxes, square pixels; 0 of a box that is turned inside out."""
+    """(N,) areas of (N, 4) boxes, square pixels; 0 for a box with x1 < x0 or y1 < y0."""
     return np.prod(np.maximum(boxes[:, 2:] - boxes[:, :2], 0), axis=1)
 
 
@@ -54,9 +54,9 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
 
 
 def suppress(boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap: float) -> NDArray[np.intp]:
-    """(M,) indices, the best first, of the (N, 4) boxes that overlap none of a higher score (N,) by more.
+    """(M,) indices, the best first, of the (N, 4) boxes that overlap no kept box of a higher score (N,) by more.
 
-    Greedy non-maximum suppression; ``overlap`` is intersection over union. The best MOST_BOXES alone are looked at.
+    Greedy non-maximum suppression; ``overlap`` is intersection over union. Only the best MOST_BOXES are considered.
     """
     order = np.argsort(-scores, kind="stable")[:MOST_BOXES]
     kept: list[int] = []
@@ -68,7 +68,7 @@ def suppress(boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap:
 
 
 def size_overlaps(sizes: NDArray[np.floating], anchors: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(N, K) intersection over union of (N, 2) and (K, 2) widths and heights, px, of boxes in the same place."""
+    """(N, K) intersection over union of boxes with (N, 2) and (K, 2) widths and heights, px, at the same place."""
     common = np.minimum(sizes[:, None], anchors[None]).prod(axis=2, dtype=np.float64)
     return common / (sizes.prod(axis=1)[:, None] + anchors.prod(axis=1)[None] - common)
 
@@ -76,7 +76,7 @@ def size_overlaps(sizes: NDArray[np.floating], anchors: NDArray[np.floating]) ->
 def fit_anchors(sizes: NDArray[np.floating], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(count, 2) widths and heights, px, from small to large, that overlap (N, 2) sizes well.
 
-    By k-means on overlap (Redmon and Farhadi, YOLO9000, arXiv:1612.08242, section 2).
+    By k-means on overlap (Redmon and Farhadi, YOLO9000, arXiv:1612.08242, section 2), with medians instead of means.
 
     Raises:
         InputError: fewer different sizes than anchors.

@@ -1,6 +1,6 @@
-"""Networks as Darknet describes them: the text of a ``.cfg`` file, read into typed layers.
+"""Darknet's descriptions of networks: reads the text of a ``.cfg`` file into typed layers.
 
-It consists of sections: ``[kind]``, and under it lines of ``key=value``.
+The text consists of sections: ``[kind]``, and under it lines of ``key=value``.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 
 N = TypeVar("N", int, float)
 MOST_BYTES, MOST_LAYERS = 1_000_000, 1000  # Of a network's text; YOLOv3 has 107 layers
-WIDEST = 64  # Most of a window's size, stride and padding
+WIDEST = 64  # Greatest size, stride or padding of a window
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Convolutional:
 
 @dataclass(frozen=True)
 class Maxpool:
-    """The maximum of a window; ``padding`` is shared by both sides, an odd rest goes to the right and the bottom."""
+    """Max pooling; half of ``padding`` is on each side, the odd pixel at the right and the bottom."""
 
     size: int
     stride: int
@@ -39,28 +39,28 @@ class Maxpool:
 
 @dataclass(frozen=True)
 class Upsample:
-    """Every pixel repeated ``stride`` times both ways."""
+    """Upsampling: every pixel is repeated ``stride`` times along both axes."""
 
     stride: int
 
 
 @dataclass(frozen=True)
 class Route:
-    """The outputs of the layers with these numbers, their channels one after another."""
+    """The outputs of the layers with these numbers, concatenated along the channels."""
 
     layers: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Shortcut:
-    """The output of the layer before plus that of the layer with this number."""
+    """The sum of the outputs of the layer before and of the layer with this number."""
 
     layer: int
 
 
 @dataclass(frozen=True)
 class Yolo:
-    """Boxes at one scale, of the ``anchors`` (width, height in pixels of the input) with the numbers of ``mask``."""
+    """Boxes at one scale, for the ``anchors`` (width, height in pixels of the input) with the numbers in ``mask``."""
 
     anchors: tuple[tuple[float, float], ...]
     mask: tuple[int, ...]
@@ -82,8 +82,8 @@ class DarknetCfg:
     Attributes:
         width, height: of its input, pixels.
         channels: of its input.
-        layers: in order; layers refer to one another by the index in it.
-        name: what errors call it.
+        layers: in order; layers refer to one another by their index in this tuple.
+        name: its name in error messages.
     """
 
     width: int
@@ -106,7 +106,7 @@ class DarknetCfg:
 
     @classmethod
     def parse(cls, text: str, name: str = "cfg") -> "DarknetCfg":
-        """Read a text; InputError, by its line, where a section or setting is unknown, missing or impossible."""
+        """Read a text; InputError, with the line, if a section or setting is unknown, missing or impossible."""
         sections = _read_sections(text, name)
         if not sections or sections[0].kind not in ("net", "network"):
             raise InputError(f"{name}: a Darknet .cfg begins with [net]")
@@ -122,12 +122,12 @@ class DarknetCfg:
 
     @property
     def heads(self) -> list[Yolo]:
-        """The [yolo] layers, one a scale, in order."""
+        """The [yolo] layers, one per scale, in order."""
         return [layer for layer in self.layers if isinstance(layer, Yolo)]
 
     @property
     def classes(self) -> int:
-        """Number of classes that the network tells apart."""
+        """Number of classes."""
         return self.heads[0].classes
 
 
@@ -136,9 +136,9 @@ class _Section:
     """One section.
 
     Attributes:
-        kind: what stands in its brackets.
+        kind: the word in its brackets.
         where: file and line, for errors.
-        index: of its layer; that of [net] is −1.
+        index: of its layer; −1 for [net].
         settings: by key.
     """
 
@@ -152,7 +152,7 @@ class _Section:
         return InputError(f"{self.where}: [{self.kind}] {message}")
 
     def layer(self) -> Layer:
-        """The layer that it describes."""
+        """The layer that the section describes."""
         if self.kind not in _READERS:
             known = ", ".join(f"[{kind}]" for kind in _READERS)
             raise self.error(f"unknown section; YOLOv3 has {known}")
@@ -175,7 +175,7 @@ class _Section:
         return numbers[0]
 
     def numbers(self, key: str, kind: type[N], default: str | None = None) -> list[N]:
-        """Whole numbers or decimals with commas between them."""
+        """A setting of whole numbers or decimals, separated by commas."""
         text = self._text(key, default)
         try:
             return [kind(word) for word in text.replace(" ", "").split(",") if word]
@@ -184,7 +184,7 @@ class _Section:
             raise self.error(f"{key}={text:.80}: not {what}") from None
 
     def flag(self, key: str) -> bool:
-        """Whether a setting is 1; without it, or at 0, it is not."""
+        """Whether a setting is 1; it may be 0 or absent."""
         return self.word(key, ("0", "1"), "0") == "1"
 
     def word(self, key: str, known: Sequence[str], default: str | None = None) -> str:
@@ -195,7 +195,7 @@ class _Section:
         return text
 
     def refuse_others(self, **only: str) -> None:
-        """Refuse other values of these settings: they would make a layer that YOLOv3 does not have."""
+        """Raise InputError for other values of these settings: they would make a layer that YOLOv3 does not have."""
         for key, value in only.items():
             self.word(key, (value,), value)
 
@@ -207,7 +207,7 @@ class _Section:
 
 
 def _read_sections(text: str, name: str) -> list[_Section]:
-    """All sections of a text; ``name`` is what errors call it.
+    """All sections of a text; ``name`` is its name in error messages.
 
     Raises:
         InputError: a line that is neither a section's head nor a setting of one.

@@ -1,4 +1,4 @@
-"""Detections of people, and what any detector offers."""
+"""Detections of people, and the interface of detectors."""
 
 from dataclasses import dataclass
 from typing import Protocol

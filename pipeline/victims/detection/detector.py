@@ -17,11 +17,11 @@ from pipeline.victims.detection.weights import load_network
 
 PERSON = {1: 0, 20: 14, 80: 0}
 """Number of the class ``person`` by the number of classes: victims alone, Pascal VOC, COCO."""
-CONFIDENCE = 0.25  # Least of a detection; so low, it tells only where a victim was found before
+CONFIDENCE = 0.25  # Least confidence of a detection; one this low only helps to find a known victim again
 OVERLAP = 0.45  # Intersection over union above which the less confident of two boxes is dropped
 SMALLER, NEAR = 0.6, 0.15
-"""Size of a second input over the network's own, in which people are found who are too near and too large for the
-network; and the longer side of a box there that counts, over the image's, at least."""
+"""Size of a second input relative to the network's own, for people who are so near that they are too large for the
+network; and least length of the longer side of a box found in it, relative to the image's longer side."""
 
 
 class VictimDetector:
@@ -33,12 +33,12 @@ class VictimDetector:
         confidence: float = CONFIDENCE,
         make_fast: Callable[[DarknetNetwork], FusedNetwork] = FusedNetwork,
     ) -> None:
-        """By a network.
+        """Detect people by a network.
 
         Args:
-            network: whose images are of three channels, of one class or those of COCO or Pascal VOC.
-            confidence: least of a detection, between 0 and 1.
-            make_fast: turns the network into one for this processor.
+            network: network for images of three channels, with one class or the classes of COCO or Pascal VOC.
+            confidence: least confidence of a detection, between 0 and 1.
+            make_fast: turns the network into one for inference on this processor.
 
         Raises:
             InputError: a confidence out of range, or a network of other channels or classes.
@@ -57,7 +57,7 @@ class VictimDetector:
         """People in an (H, W, 3) uint8 image of any size, the most confident first.
 
         Raises:
-            InputError: grey, empty, or of another type.
+            InputError: the image is grey, empty, or of another type.
         """
         check_image(rgb)
         image, least = evenly_exposed(rgb), NEAR * max(rgb.shape)
@@ -89,7 +89,7 @@ class VictimDetector:
 
 
 def of_both_sizes(network: DarknetNetwork) -> list[DarknetNetwork]:
-    """A network and the same for an input SMALLER times as large; the network alone if no smaller one fits."""
+    """The network, and its copy for an input SMALLER times as large, unless rounding to the stride undoes that."""
     stride, cfg = network.stride, network.cfg
     width, height = (stride * ceil(SMALLER * size / stride) for size in (cfg.width, cfg.height))
     is_smaller = width < cfg.width and height < cfg.height
@@ -97,7 +97,7 @@ def of_both_sizes(network: DarknetNetwork) -> list[DarknetNetwork]:
 
 
 def check_image(rgb: NDArray[np.uint8]) -> None:
-    """Raise InputError unless it is an (H, W, 3) uint8 image with something in it."""
+    """Raise InputError unless it is an (H, W, 3) uint8 image that is not empty."""
     if rgb.size == 0:
         raise InputError(f"image: empty, of shape {rgb.shape}")
     if rgb.ndim != 3 or rgb.shape[2] != 3:

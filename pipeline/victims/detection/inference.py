@@ -1,8 +1,8 @@
-"""The network for use on the robot's processor.
+"""The network for inference on the robot's processor.
 
-Batch normalization is folded in, leaky ReLU is done by the convolution itself, kernels lie as oneDNN wants them from
-the start, and images have their channels last. These are the operators that torch.compile calls on a processor;
-called here by hand, they need no C++ compiler on the robot and no minute of compiling.
+Batch normalization is folded into the convolution, which also applies leaky ReLU; kernels are stored in oneDNN's
+layout, and images have their channels last. These are the operators that torch.compile calls on a processor; called
+directly, they need no C++ compiler on the robot and no minute of compiling.
 """
 
 import numpy as np
@@ -14,10 +14,10 @@ from pipeline.victims.detection.network import LEAKY_SLOPE, DarknetConvolution, 
 
 
 class FusedNetwork:
-    """A :class:`DarknetNetwork` in evaluation for one image at a time, faster."""
+    """A faster :class:`DarknetNetwork` in evaluation mode, for one image at a time."""
 
     def __init__(self, network: DarknetNetwork) -> None:
-        """Of a network, which is left unchanged."""
+        """Copy the weights of a network, which stays unchanged."""
         self.cfg = network.cfg
         self._network = DarknetNetwork(network.cfg).eval()
         shapes = [(self.cfg.channels, self.cfg.height, self.cfg.width), *network.shapes]
@@ -28,7 +28,7 @@ class FusedNetwork:
         )
 
     def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
-        """(anchors · (5 + classes), H, W) float32 of each [yolo], from an (H, W, 3) uint8 image of its size."""
+        """(anchors · (5 + classes), H, W) float32 input of each [yolo], from a (height, width, 3) uint8 image."""
         with torch.inference_mode():
             return [head[0].contiguous().numpy() for head in self._network(to_tensor(image[None]))]
 
@@ -56,18 +56,18 @@ class _FusedConvolution(nn.Module):
 
 @torch.no_grad()
 def _folded(layer: DarknetConvolution) -> tuple[Tensor, Tensor]:
-    """Kernel (filters, channels, size, size) and bias (filters,) that do what the layer does in evaluation."""
+    """Kernel (filters, channels, size, size) and bias (filters,) with the batch normalization folded in."""
     conv, norm = layer.conv, layer.norm
     if norm is None:
         assert conv.bias is not None
         return conv.weight.clone(), conv.bias.clone()
     assert norm.running_mean is not None and norm.running_var is not None
-    # In double precision: a variance of nearly nothing makes factors that float32 rounds badly.
+    # In double precision: a variance close to 0 gives factors that float32 rounds badly.
     scale = norm.weight.double() / (norm.running_var.double() + norm.eps).sqrt()
     bias = norm.bias.double() - scale * norm.running_mean.double()
     return (conv.weight.double() * scale[:, None, None, None]).float(), bias.float()
 
 
 def to_tensor(images: NDArray[np.uint8]) -> Tensor:
-    """(N, 3, H, W) float32 of 0 to 1, channels last in memory, of (N, H, W, 3) uint8 images."""
+    """(N, 3, H, W) float32 in 0 to 1, channels last in memory, from (N, H, W, 3) uint8 images."""
     return torch.from_numpy(np.ascontiguousarray(images)).permute(0, 3, 1, 2).float().div_(255)

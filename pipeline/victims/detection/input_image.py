@@ -1,8 +1,8 @@
-"""A camera's image as the network gets it: in even light, and fitted into the network's input.
+"""Prepares a camera's image for the network: compensates uneven light, and fits it into the network's input.
 
-Every part of the image whose surroundings are darker is brought to one brightness, so that people look alike in the
-light of day, in dim light and at the edge of a lamp's cone. In the manner of a retinex (Land, "The retinex theory of
-color vision", Scientific American 237, 1977), with a coarse grid of cells as the surroundings.
+Every part of the image with dark surroundings is brought to one brightness, so that people look alike in daylight, in
+dim light and at the edge of a lamp's cone. This is a retinex (Land, "The retinex theory of color vision", Scientific
+American 237, 1977), with a coarse grid of cells as the surroundings.
 """
 
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 CELLS = (16, 12)  # Cells of the grid along x and y
 BLUR = 2.0
-"""cells, standard deviation of the Gaussian over the grid: dark things stay dark, dark places do not."""
-BRIGHTNESS = 130.0  # Brightness, of 255, to which the brightest channel is brought where it is less
-DARKEST = 12.0  # Brightness, of 255, below which there is nothing but noise to make brighter
+"""cells, standard deviation of the Gaussian over the grid: dark objects stay dark, dark regions are brightened."""
+BRIGHTNESS = 130.0  # Brightness, of 255, to which the brightest channel is raised where it is less
+DARKEST = 12.0  # Brightness, of 255, below which the gain grows no further: there is only noise
 GREY = 128  # Brightness of the bars beside a fitted image, as in Darknet's letterbox_image
 
 
 def evenly_exposed(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """An (H, W, 3) uint8 image in even light; a well-lit image is not changed."""
+    """An (H, W, 3) uint8 image with uneven light compensated; a well-lit image is not changed."""
     light = cv2.resize(rgb, CELLS, interpolation=cv2.INTER_AREA).max(axis=2).astype(np.float32)
     light = cv2.GaussianBlur(light, (0, 0), BLUR, borderType=cv2.BORDER_REPLICATE)
     gain = np.maximum(BRIGHTNESS / np.maximum(light, DARKEST), 1)
@@ -43,7 +43,7 @@ class Letterbox:
     """Where an image lies in the input, its proportions kept.
 
     Attributes:
-        scale: pixels of the input a pixel of the image, in x and y; the two differ by rounding alone.
+        scale: pixels of the input per pixel of the image, in x and y; the two differ only by rounding.
         corner: x, y of its upper left corner in the input, pixels.
         size: width, height of the image.
     """
@@ -64,6 +64,6 @@ class Letterbox:
         return cls((w / columns, h / rows), (left, top), (columns, rows)), canvas
 
     def to_image(self, boxes: NDArray[np.floating]) -> NDArray[np.float32]:
-        """(N, 4) float32 boxes of the input as boxes of the image, cut at its edges."""
+        """(N, 4) float32 boxes in the image, clipped at its edges, of (N, 4) boxes in the input."""
         points = (boxes.reshape(-1, 2, 2) - self.corner) / self.scale
         return np.clip(points, 0, self.size).reshape(-1, 4).astype(np.float32)

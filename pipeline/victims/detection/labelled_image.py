@@ -1,4 +1,4 @@
-"""Images to train on and the people in them."""
+"""Images with the boxes of the people in them, for training and validation."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,9 +13,9 @@ class LabelledImage:
 
     Attributes:
         rgb: (H, W, 3) uint8.
-        boxes: (N, 4) float32 x0, y0, x1, y1 around what is seen of each person, pixels.
-        ignored: (N,) bool: so little is seen that finding the person is neither right nor wrong.
-        shown: (H, W) bool: the pixels that show people, where that is known.
+        boxes: (N, 4) float32 x0, y0, x1, y1 around the visible part of each person, pixels.
+        ignored: (N,) bool: so little is visible that a detection of the person is neither right nor wrong.
+        shown: (H, W) bool: the pixels that show people; None if unknown.
     """
 
     rgb: NDArray[np.uint8]
@@ -36,5 +36,5 @@ class LabelledImages(Protocol):
         ...
 
     def people(self, index: int) -> NDArray[np.floating]:
-        """(N, 2) widths and heights of the people to be found in one image, as shares of the image's."""
+        """(N, 2) widths and heights of the people to be found in one image, as shares of the image's size."""
         ...

@@ -1,8 +1,8 @@
 """The loss of a network that detects people.
 
-As YOLOv3 has it, but for two habits of its successors: boxes are compared by CIoU (Zheng et al., arXiv:1911.08287)
-instead of number by number, and every anchor of about a person's size is to find it, not the best one alone
-(Bochkovskiy et al., YOLOv4, arXiv:2004.10934, section 3.4).
+It is YOLOv3's loss with two changes from its successors: boxes are compared by CIoU (Zheng et al., arXiv:1911.08287)
+instead of coordinate by coordinate, and every anchor of about a person's size is assigned to the person, not only the
+best one (Bochkovskiy et al., YOLOv4, arXiv:2004.10934, section 3.4).
 """
 
 from collections.abc import Sequence
@@ -18,11 +18,11 @@ from pipeline.victims.detection.boxes import LARGEST_EXPONENT, size_overlaps
 from pipeline.victims.detection.darknet_cfg import DarknetCfg, Yolo
 from pipeline.victims.detection.labelled_image import LabelledImage
 
-ALIKE = 0.3  # Least overlap of an anchor's size with a person's for the anchor to be asked for that person
+ALIKE = 0.3  # Least overlap of an anchor's size with a person's for the anchor to be assigned to that person
 NEAR = 0.7
-"""Overlap of a predicted box with a person's from which on its objectness is not held against it, as Darknet's
+"""Least overlap of a predicted box with a person's for its objectness not to be penalized, as Darknet's
 ``ignore_thresh``."""
-BOX_WEIGHT, OBJECTNESS_WEIGHT = 2.0, 1.0  # Weights of boxes and objectness against 1 of the class
+BOX_WEIGHT, OBJECTNESS_WEIGHT = 2.0, 1.0  # Weights of the boxes' and objectness' loss; that of the class has 1
 
 
 Index = tuple[Tensor, ...]
@@ -45,12 +45,12 @@ class YoloLoss:
             predicted = self._boxes(cells, yolo)
             boxes = boxes + (1 - ciou(predicted[index], truths)).sum()
             objectness = objectness + self._objectness(cells, predicted.detach(), index, batch)
-            classes = classes - logsigmoid(cells[..., 5][index]).sum()  # all are people
+            classes = classes - logsigmoid(cells[..., 5][index]).sum()  # the only class is person
             asked += len(truths)
         return (BOX_WEIGHT * boxes + OBJECTNESS_WEIGHT * objectness + classes) / max(1, asked)
 
     def _objectness(self, cells: Tensor, predicted: Tensor, index: Index, batch: Sequence[LabelledImage]) -> Tensor:
-        """Cross entropy of objectness over all cells but those that are near a person without being asked for it."""
+        """Cross entropy of objectness over all cells except those near a person but not assigned to it."""
         wanted = torch.zeros_like(cells[..., 4])
         wanted[index] = 1
         counted = torch.stack([self._far(boxes, image) for boxes, image in zip(predicted, batch, strict=True)])
@@ -58,7 +58,7 @@ class YoloLoss:
         return binary_cross_entropy_with_logits(cells[..., 4][counted], wanted[counted], reduction="sum")
 
     def _far(self, predicted: Tensor, image: LabelledImage) -> Tensor:
-        """(anchors, H, W) bool: boxes that neither overlap a person by NEAR nor lie in an ignored one."""
+        """(anchors, H, W) bool: boxes that do not overlap a person by NEAR or have their middle in an ignored one."""
         far = torch.ones(predicted.shape[:-1], dtype=torch.bool, device=predicted.device)
         middle = (predicted[..., :2] + predicted[..., 2:]) / 2
         for box, ignored in zip(torch.from_numpy(image.boxes).to(far.device), image.ignored, strict=True):
@@ -68,7 +68,7 @@ class YoloLoss:
         return far
 
     def _targets(self, batch: Sequence[LabelledImage], yolo: Yolo, rows: int, columns: int) -> tuple[Index, Tensor]:
-        """Cells of one scale that are to find people, and these people's (P, 4) boxes in pixels of the input."""
+        """Cells of one scale that are assigned to people, and these people's (P, 4) boxes in pixels of the input."""
         anchors = np.array(yolo.anchors)
         parts = [np.zeros((0, 2), int)]
         boxes = [np.zeros((0, 4), np.float32)]
@@ -88,7 +88,7 @@ class YoloLoss:
     def _asked(
         self, boxes: NDArray[np.float32], anchors: NDArray[np.float64], mask: tuple[int, ...]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Pairs of a person and an anchor of the mask that is to find it: the best one and all of about its size."""
+        """Pairs of a person and an assigned anchor of the mask: the best one and all of about the person's size."""
         overlap = size_overlaps(boxes[:, 2:] - boxes[:, :2], anchors)
         asked = overlap >= ALIKE
         if len(boxes):
@@ -108,7 +108,7 @@ class YoloLoss:
 
 
 def iou(a: Tensor, b: Tensor) -> Tensor:
-    """(...) intersection over union of (..., 4) boxes in pairs."""
+    """(...) intersection over union of pairs of (..., 4) boxes."""
     common = (torch.minimum(a[..., 2:], b[..., 2:]) - torch.maximum(a[..., :2], b[..., :2])).clamp(min=0)
     inter = common.prod(dim=-1)
     union = (a[..., 2:] - a[..., :2]).prod(dim=-1) + (b[..., 2:] - b[..., :2]).prod(dim=-1) - inter
@@ -116,7 +116,7 @@ def iou(a: Tensor, b: Tensor) -> Tensor:
 
 
 def ciou(a: Tensor, b: Tensor) -> Tensor:
-    """(P,) complete IoU of (P, 4) boxes in pairs: less for distant middles and for other proportions."""
+    """(P,) complete IoU of pairs of (P, 4) boxes: IoU less penalties for distant middles and unlike proportions."""
     hull = torch.maximum(a[:, 2:], b[:, 2:]) - torch.minimum(a[:, :2], b[:, :2])
     apart = ((a[:, :2] + a[:, 2:] - b[:, :2] - b[:, 2:]) / 2).square().sum(dim=1)
     overlap = iou(a, b)

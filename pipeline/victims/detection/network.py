@@ -1,4 +1,4 @@
-"""YOLOv3 in PyTorch, layer by layer as a Darknet ``.cfg`` has it."""
+"""YOLOv3 in PyTorch, layer by layer as a Darknet ``.cfg`` describes it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,15 +23,15 @@ from pipeline.victims.detection.darknet_cfg import (
 BATCH_NORM_EPSILON = 1e-6  # as Darknet's batchnorm_layer.c on a processor, and OpenCV's reader
 LEAKY_SLOPE = 0.1  # as Darknet's activations.h
 MOST_WEIGHTS, MOST_OUTPUTS = 2**27, 2**29
-"""Numbers that a network may have and may compute for an image, 4 bytes each; YOLOv3 has 62 million, and computes 345
-million for an image of 1024 × 1024 pixels."""
+"""Most weights of a network, and most numbers that it computes for an image, 4 bytes each; YOLOv3 has 62 million
+weights, and computes 345 million numbers for an image of 1024 × 1024 pixels."""
 
 
 class DarknetNetwork(nn.Module):
     """A network of the YOLOv3 family.
 
     Attributes:
-        cfg: what it was built from.
+        cfg: the description from which it was built.
         shapes: (channels, height, width) of each layer's output.
     """
 
@@ -39,7 +39,7 @@ class DarknetNetwork(nn.Module):
         """Build it with random weights.
 
         Raises:
-            InputError: layers that do not fit together, or a network that takes absurdly much memory.
+            InputError: layers that do not fit together, or a network that needs too much memory.
         """
         super().__init__()
         self.cfg = cfg
@@ -71,11 +71,11 @@ class DarknetNetwork(nn.Module):
 
     @property
     def stride(self) -> int:
-        """Pixels of the input, along one side, for each cell of the coarsest scale."""
+        """Pixels of the input, along one side, per cell of the coarsest scale."""
         return self.cfg.width // min(width for _, _, width in self.shapes)
 
     def resized(self, width: int, height: int) -> "DarknetNetwork":
-        """The same weights for an input of another size, in evaluation.
+        """A network in evaluation mode with the same weights for an input of another size.
 
         Raises:
             InputError: layers that do not fit together at that size.
@@ -109,7 +109,7 @@ class DarknetConvolution(nn.Module):
 
 
 class DarknetMaxpool(nn.Module):
-    """Darknet's maximum: a window over the edge sees only what lies inside."""
+    """Darknet's max pooling: of a window over the edge, only pixels inside the image count."""
 
     def __init__(self, layer: Maxpool, height: int, width: int) -> None:
         super().__init__()
@@ -138,7 +138,7 @@ def _module(layer: Layer, shape: tuple[int, int, int]) -> nn.Module:
             return DarknetMaxpool(layer, *shape[1:])
         case Upsample():
             return nn.Upsample(scale_factor=layer.stride, mode="nearest")
-    return nn.Identity()  # route, shortcut and yolo have nothing to learn: forward does them
+    return nn.Identity()  # route, shortcut and yolo have no weights; DarknetNetwork.forward computes them
 
 
 def _shapes(cfg: DarknetCfg) -> list[tuple[int, int, int]]:
@@ -179,7 +179,7 @@ def _shape(
 
 
 def _check_size(cfg: DarknetCfg, shapes: Sequence[tuple[int, int, int]]) -> None:
-    """Raises InputError before memory is asked for that no such network needs."""
+    """Raise InputError for a too large network before its memory is allocated."""
     inputs = [cfg.channels, *(channels for channels, _, _ in shapes)]
     convolutions = [
         (layer, n) for layer, n in zip(cfg.layers, inputs, strict=False) if isinstance(layer, Convolutional)

@@ -33,16 +33,16 @@ LOWEST_CONFIDENCE = 0.01  # Least confidence of the detections that average prec
 PRIOR = 0.01  # Objectness before training (Lin et al., RetinaNet, arXiv:1708.02002, section 3.3)
 WEIGHT_DECAY = 1e-2  # Of kernels, for AdamW
 AVERAGE = 0.998
-"""Share that the average of the weights keeps of itself in a step; the average is what is written."""
+"""Decay of the moving average of the weights per step; the average is validated and written."""
 MAX_GRADIENT = 10.0  # Norm to which gradients are clipped
 
 
 class Trainer(TrainingLoop[list[LabelledImage]]):
-    """The training of a YOLO; beside the weights lie the network (.cfg) and their card (.json).
+    """The training of a YOLO; it writes the network (.cfg) and a card (.json) beside the weights.
 
     Attributes:
-        network: as it learns.
-        average: of its weights over the steps: what is validated and written.
+        network: the network that learns.
+        average: the network with the moving average of the weights, which is validated and written.
     """
 
     SCORES = ("ap50",)
@@ -56,18 +56,18 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
         about: dict[str, Any],
         initial: Path | None = None,
     ) -> None:
-        """Begin or go on as any training.
+        """Start or resume a training, see :class:`TrainingLoop`.
 
         Args:
             training: images to learn from.
             validation: images by which the best weights are chosen.
-            config, out, about: as of :class:`TrainingLoop`; a batch has canvases.
-            initial: weights to begin with, their network beside them with the ending .cfg; if not given, random ones
-                of a network whose anchors fit the images' people.
+            config, out, about: as of :class:`TrainingLoop`; the samples of a batch are canvases.
+            initial: weights to begin with, their network beside them with the ending .cfg; if not given, random
+                weights of a network whose anchors are fitted to the images' people.
 
         Raises:
             InputError: images show no people, the checkpoint is of another training, or the initial
-                network cannot be read or tells more than one class apart.
+                network cannot be read or has more than one class.
         """
         if not any(len(validation.people(index)) for index in range(len(validation))):
             raise InputError("the images to validate with show no people")
@@ -98,7 +98,7 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
     def _update(self) -> None:
         nn.utils.clip_grad_norm_(self.network.parameters(), MAX_GRADIENT)
         super()._update()
-        # The average follows the network; at first faster, while there is little to average.
+        # The average follows the network, faster during the first steps.
         share = min(AVERAGE, (1 + self.step) / (10 + self.step))
         now = self.network.state_dict()
         for name, tensor in self.average.state_dict().items():
@@ -116,7 +116,7 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
 
 
 def fitted_cfg(images: LabelledImages, config: YoloTrainingConfig) -> str:
-    """The ``.cfg`` of a network with anchors fitted to the images' people. InputError if these are too few."""
+    """The ``.cfg`` of a network with anchors fitted to the images' people. InputError if people are too few."""
     build, count = BUILDERS[config.network]
     shares = np.concatenate([images.people(index) for index in range(len(images))])
     rng = np.random.default_rng(config.seed)
@@ -125,7 +125,7 @@ def fitted_cfg(images: LabelledImages, config: YoloTrainingConfig) -> str:
 
 
 def new_network(text: str) -> DarknetNetwork:
-    """A network with random weights that expects people to be rare."""
+    """A network with random weights, its objectness biased to PRIOR because people are rare."""
     network = DarknetNetwork(DarknetCfg.parse(text))
     for layer in network.convolutions:
         nn.init.kaiming_normal_(layer.conv.weight, 0.1, mode="fan_out")
@@ -141,7 +141,7 @@ def new_network(text: str) -> DarknetNetwork:
 
 
 def validate(network: DarknetNetwork, images: LabelledImages) -> float:
-    """Average precision at an overlap of 0.5 of the detector that the robot would use."""
+    """Average precision, at an overlap of 0.5, of the robot's detector with this network."""
     detector = VictimDetector(network, LOWEST_CONFIDENCE)
     result = AveragePrecision()
     for index in range(len(images)):
@@ -153,7 +153,7 @@ def validate(network: DarknetNetwork, images: LabelledImages) -> float:
 
 
 def _optimizer(network: DarknetNetwork, learning_rate: float) -> torch.optim.Optimizer:
-    """AdamW; biases and batch normalization do not decay."""
+    """AdamW, without weight decay for biases and batch normalization."""
     kernels = [p for p in network.parameters() if p.ndim == 4]
     others = [p for p in network.parameters() if p.ndim != 4]
     groups = [{"params": kernels, "weight_decay": WEIGHT_DECAY}, {"params": others, "weight_decay": 0.0}]

@@ -9,11 +9,11 @@ from pipeline.semantic_map.networks.training_config import TrainingConfig
 
 @dataclass(frozen=True, kw_only=True)
 class YoloTrainingConfig(TrainingConfig):
-    """Settings of a training; ``seed`` is also that of the anchors.
+    """Settings of a training; ``seed`` also seeds the fit of the anchors.
 
     Attributes:
-        network: what is trained; larger ones find more and take longer for a frame.
-        width: of the network's input, pixels, a multiple of 32; larger ones find smaller people, and take longer.
+        network: architecture; larger ones find more and take longer for a frame.
+        width: of the network's input, pixels, a multiple of 32; larger inputs show smaller people and take longer.
         height: of the network's input, pixels, a multiple of 32.
     """
 

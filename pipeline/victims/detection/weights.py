@@ -1,8 +1,8 @@
 """Darknet's ``.weights``: a header, then float32 in the order of the layers.
 
 The header is three int32 (major, minor, revision) and the number of images seen, int64 (int32 before version 0.2).
-Each convolution has, as Darknet's ``parser.c`` reads it, its biases, with batch normalization scales, means and
-variances, and then its kernel (filters, channels, size, size).
+Each convolution has, in the order in which Darknet's ``parser.c`` reads them, its biases, then, if it has batch
+normalization, scales, means and variances, and then its kernel (filters, channels, size, size).
 """
 
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ def load_network(cfg: Path, weights: Path) -> DarknetNetwork:
     """A network in evaluation mode.
 
     Raises:
-        InputError: as of :meth:`DarknetCfg.read`, :class:`DarknetNetwork` and :func:`read_weights`.
+        InputError: as :meth:`DarknetCfg.read`, :class:`DarknetNetwork` and :func:`read_weights`.
     """
     network = DarknetNetwork(DarknetCfg.read(cfg))
     read_weights(weights, network)
@@ -82,7 +82,7 @@ def _tensors(network: DarknetNetwork) -> Iterator[Tensor]:
 
 
 def _read_header(content: bytes, path: Path) -> tuple[int, int]:
-    """Images that the network has seen in training, and bytes of the header."""
+    """Number of images that the network has seen in training, and number of bytes of the header."""
     if len(content) < 20:
         raise InputError(f"{path}: {len(content)} bytes, too short for Darknet weights")
     major, minor = (int(number) for number in np.frombuffer(content, "<i4", 2))

@@ -1,4 +1,4 @@
-"""What is no depth, no pose and no camera changes nothing, or is refused before anything changes."""
+"""Invalid depths, poses and cameras are ignored, or refused before anything changes."""
 
 import numpy as np
 import pytest

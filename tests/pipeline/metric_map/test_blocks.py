@@ -1,4 +1,4 @@
-"""The endless array."""
+"""The unbounded array of blocks."""
 
 import numpy as np
 import pytest

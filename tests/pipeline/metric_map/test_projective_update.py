@@ -1,4 +1,4 @@
-"""Depth images, held against exact rays."""
+"""Projective updates by depth images, compared with exact ray traversal."""
 
 import numpy as np
 import pytest

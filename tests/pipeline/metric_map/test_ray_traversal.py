@@ -1,4 +1,4 @@
-"""Ray traversal, held against fine sampling."""
+"""Ray traversal, compared with fine sampling along the rays."""
 
 import numpy as np
 import pytest

@@ -20,13 +20,13 @@ from tests.pipeline.localisation.painted_room import painted
 
 PERIOD = 0.1
 WAY = drive(*[(0.15, 0.0)] * 8, *[(0.05, np.pi / 24)] * 6)
-"""True poses, one each ``PERIOD``."""
+"""True poses, one every ``PERIOD`` s."""
 ODOMETRY = drifting(WAY, stretch=1.02, veer=np.deg2rad(0.05))
 
 
 @cache
 def frames() -> list[Frame]:
-    """Of the drive, with an odometry that drifts."""
+    """The frames of the drive, with an odometry that drifts."""
     found = []
     for k, (true, believed) in enumerate(zip(WAY, ODOMETRY, strict=True)):
         found.append(replace(painted(seen(true, believed, time=k), true), time=round(k * PERIOD, 3)))
@@ -34,7 +34,7 @@ def frames() -> list[Frame]:
 
 
 def camera_poses(poses: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-    """Of the camera, where the robot's are these."""
+    """The camera's poses, given those of the robot."""
     return [T @ T_BASE_CAMERA for T in poses]
 
 
@@ -58,7 +58,7 @@ def write_tum_folder(folder: Path, **files: Iterable[NDArray[np.float64]]) -> Pa
 
 
 Change = Callable[[str, float, Any], Iterable[tuple[str, float, Any]]]
-"""From a topic, a time in s and a message to those that are written in its place."""
+"""Takes a topic, a time in s and a message; returns the messages that are written in its place."""
 
 
 def unchanged(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:

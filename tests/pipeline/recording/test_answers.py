@@ -1,4 +1,4 @@
-"""Kept answers, and files in their folder that are none."""
+"""Kept answers, and files in their folder that are no valid answers."""
 
 import zlib
 from pathlib import Path

@@ -244,7 +244,7 @@ class Blind:
 
 
 def be_elsewhere(explorer, T):
-    """Let the localisation believe from now on that all was seen from elsewhere, by a 4×4 transform in ``map``."""
+    """Make the localisation move all its poses, from now on, by a 4×4 transform in ``map``."""
     localisation = explorer.mapper.localisation
     localisation.restore(replace(localisation.keyframes(), poses=T @ localisation.poses))
     localisation.T_map_odom = T @ localisation.T_map_odom
@@ -252,7 +252,7 @@ def be_elsewhere(explorer, T):
 
 @pytest.fixture(scope="module")
 def corrected(tmp_path_factory):
-    """(explorer, rows) of a robot that learns after two of its three steps, and again at the end, where it is."""
+    """(explorer, rows) of a robot whose poses are corrected after two of its three steps, and again at the end."""
     path = tmp_path_factory.mktemp("wall-1") / "episode.rrd"
     explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier(), detector=Blind()))
     recorder = Recorder(path)

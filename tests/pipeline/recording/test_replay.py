@@ -30,7 +30,7 @@ def replayed(source: Recording, poses: PoseSource) -> tuple[Mapper, list[Replaye
 
 
 def errors(found: list[Replayed], mapper: Mapper) -> np.ndarray:
-    """m from where each frame was taken, seen from the first one."""
+    """(N,) m, errors of the frames' estimated positions relative to the first frame."""
     T_odom_base = [T.frame.T_odom_base for T in found]
     T_map_base = [mapper.localisation.T_map_odom @ T for T in T_odom_base]
     true = [T_map_base[0] @ inverse(WAY[0]) @ T for T in WAY]

@@ -16,7 +16,7 @@ from pipeline.recording.viewer import Viewer
 from tests.recordings import read
 
 ELSEWHERE = "127.0.0.2"
-"""Also this machine: what listens on every interface answers here, what listens on 127.0.0.1 does not."""
+"""Another address of this machine: a server on every interface answers here, one on 127.0.0.1 does not."""
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_the_page_may_ask_this_machine_alone(page):
 
 
 def test_rerun_itself_tells_nobody(tmp_path, monkeypatch):
-    """Rerun keeps what it is about to tell in the home folder."""
+    """Rerun stores telemetry that it is about to send in the home folder."""
     monkeypatch.setenv("HOME", str(tmp_path))
     viewer = Viewer("web")
     viewer.close()

@@ -32,14 +32,14 @@ def block(
 
 
 def victim(points: NDArray[np.float32], cameras: int = 2) -> Victim:
-    """A person seen from so many places, one metre apart, with a deviation of 0.1 m."""
+    """A person seen from ``cameras`` places, one metre apart, with a standard deviation of 0.1 m."""
     photo = np.full((40, 30, 3), (200, 30, 30), np.uint8)
     places = [np.array([0.0, float(k), 0.6]) for k in range(cameras)]
     return Victim(points, np.eye(3) * 100, places, [0.9] * cameras, photo)
 
 
 def victims(*everyone: Victim) -> Victims:
-    """These, and no others."""
+    """A victim map of these victims."""
     result = Victims()
     result.all = list(everyone)
     return result

@@ -1,4 +1,4 @@
-"""Slopes, drops and ceilings of grounds whose shape is known."""
+"""Slopes, drops and ceilings of ground with a known shape."""
 
 import numpy as np
 import pytest
@@ -65,7 +65,7 @@ def test_a_slit_beside_the_ground_is_no_drop(width: float, drops: int) -> None:
 
 def test_there_is_no_drop_to_the_ground_behind_a_wall() -> None:
     above, below = (ground_points(flat, (-1.5, 1.5), (-1.0, 0.5)), ground_points(terrace, (-1.5, 1.5), (0.6, 1.5)))
-    # A kerb before the wall, as the lower part of one that is seen badly.
+    # A kerb in front of the wall, like the lower part of a wall that is seen badly.
     kerb = ground_points(lambda x, y: np.full_like(x, 0.05), (-1.5, 1.5), (0.45, 0.5))
     wall = wall_points((-1.5, 0.53), (1.5, 0.53))
     assert hazards_of(above, kerb, below).drops != []

@@ -236,7 +236,7 @@ def test_a_robot_that_cannot_leave_the_entrance_says_so() -> None:
 
 
 def sheets(html: str, folder: Path) -> int:
-    """Of paper that Chromium prints a page on."""
+    """Number of sheets of paper on which Chromium prints a page."""
     (folder / "page.html").write_text(html)
     flags = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}"]
     pdf = folder / "page.pdf"
@@ -255,7 +255,7 @@ def test_no_sheet_is_printed_for_what_is_folded_away(tmp_path: Path) -> None:
     html = re.sub("<footer>.*?</footer>", "", html)
     figures = re.compile(r"<section>\s*(?=<h2>Figures.*?</section>)", re.DOTALL)
     assert figures.search(html)
-    # On a sheet of their own, of which nothing is left.
+    # The figures begin on a sheet of their own, which is left out because they are folded.
     apart = figures.sub('<div style="break-after: page"></div><section>', html)
     assert sheets(apart, tmp_path) == sheets(
         re.sub(r"<section>\s*<h2>Figures.*?</section>", "", html, flags=re.S), tmp_path

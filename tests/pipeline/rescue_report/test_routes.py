@@ -1,4 +1,4 @@
-"""Ways to people over grounds whose shape is known."""
+"""Ways to people over ground with a known shape."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the robot can know against its own map."""
+"""The evidence of the robot's own data against its map."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.3)
 
 
 def mapped(drift: float, slam: bool = False) -> Mapper:
-    """A robot that turns to and fro twelve times and believes, each time, to have moved on by ``drift`` m."""
+    """The map of a robot that turns to and fro while its odometry drifts by ``drift`` m at each of 12 keyframes."""
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=Slam() if slam else None)
     for k in range(12):
         T = from_yaw(0, 0, 0, 0.3 * (k % 3))
@@ -42,7 +42,7 @@ def test_a_right_map_is_as_its_keyframes_show_it(true: Mapper) -> None:
 
 
 def test_a_map_whose_walls_stand_twice_contradicts_itself(true: Mapper) -> None:
-    drifting = mapped(0.1)  # 1.1 m in all, that an odometry without registration does not notice
+    drifting = mapped(0.1)  # 1.1 m in all, which localisation by odometry alone does not notice
     assert trust_in(drifting).contradicted > 0.05
     assert not trust_in(drifting).is_good
 

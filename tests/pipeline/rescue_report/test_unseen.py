@@ -1,4 +1,4 @@
-"""What the map does not show, in rooms of known shape."""
+"""Unseen ground in rooms of known shape."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ LAST_WALL = wall_points((1.98, -1.5), (1.98, 1.5))
 
 
 def unseen(*clouds: NDArray[np.float32]) -> Unseen:
-    """In a room with three walls."""
+    """The unseen ground in a room with three walls and these clouds."""
     elevation_map = surface_of(*clouds, *WALLS)
     traversability = assess_map(elevation_map)
     reachable = PosePaths(traversability, (-1.5, 0.0)).reachable
@@ -35,7 +35,7 @@ def test_what_was_seen_whole_has_no_rest() -> None:
     assert seen.places == []
     assert seen.area == 0
     assert seen.share == 1
-    # But for the cells that the walls are in.
+    # All but the cells of the walls.
     assert seen.seen == pytest.approx(3.9 * 2.9, abs=0.01)
 
 

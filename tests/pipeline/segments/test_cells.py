@@ -79,7 +79,7 @@ def test_stray_points_at_an_edge_are_no_part_of_the_surface() -> None:
     cells, row = cells_of(np.vstack([surface, [(1.06, 0.5, 0), (1.06, 0.51, 0)]]))
     piece = connected_pieces(cells, np.bincount(row))
     assert (piece[row[-2:]] == NONE).all()
-    # Of the surface itself it is a corner cell at most, of which it fills little.
+    # Of the surface itself, at most corner cells are noise, of which it fills little.
     assert np.count_nonzero(piece == NONE) <= 5
 
 

@@ -12,7 +12,7 @@ from tests.pipeline.segments.patches import deck, segments_of, wall_patch
 WALL = segments_of([wall_patch(0, 3)])
 """Along x from 0 to 3 m at y = 0, 1.2 m high."""
 DOOR = segments_of([wall_patch(0, 1), wall_patch(1.8, 3), wall_patch(0, 3, z0=0.9, z1=1.2)])
-"""The same with an opening from 1 to 1.8 m, 0.9 m high: one segment, whose box closes it."""
+"""The same wall with an opening from 1 to 1.8 m, 0.9 m high: one segment, whose box covers the opening."""
 
 
 def crosses(segments, a, b, **options) -> bool:

@@ -71,5 +71,5 @@ def test_points_go_to_the_nearest_plane_among_neighbours() -> None:
     region = np.array([1, 0, NONE], np.int32)
     near = np.array([[1, NONE], [0, 2], [0, 1]], np.int32)
     claimed = claim_nearest(points, near, np.arange(3), region, planes, 0.05)
-    # The third lies on plane 2, but that is nowhere near it.
+    # The third lies on plane 2, but none of its neighbours belongs to that plane.
     assert claimed.tolist() == [0, 1, NONE]

@@ -63,7 +63,7 @@ def test_decks_that_touch_at_a_corner_are_two_segments() -> None:
 
 
 def test_sliver_of_a_neighbour_does_not_join_it() -> None:
-    """A corner of the other deck, seen alone, is near this deck with all its cells but one."""
+    """A corner of the other deck, seen alone, has all its cells but one within reach of this deck."""
     sliver = deck(1.3, 1.37, 1.27, 1.42)
     assert len(segments_of([deck(0, 1.2, 0, 1.2)], [sliver], [deck(1.3, 2.5, 1.27, 2.5)])) == 2
 

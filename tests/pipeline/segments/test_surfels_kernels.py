@@ -35,7 +35,7 @@ def test_labels_in_one_block_are_kept_apart() -> None:
 
 
 def test_surfaces_one_before_the_other_are_parted_and_a_slanted_one_is_not() -> None:
-    # The near wall ends amid the image block of column 40.
+    # The near wall ends inside the image block of column 40.
     two = look([wall((2, 3), (2, -0.01), -1, 3), wall((3, 3), (3, -3), -1, 3)], AHEAD)
     points, _, blocks, _ = surfels_of(two)
     assert sorted(points[blocks[:, 1] == 40][:2, 2].round(4)) == [2, 3]

@@ -1,4 +1,4 @@
-"""Points of one plane decide together."""
+"""The points of a plane vote on their classes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Other values of a module's constants, for the length of a block."""
+"""Sets a module's constants to other values inside a with block."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""A room for tests: a floor, a wall, and balls for people, seen by an ideal RGB-D camera."""
+"""A room for tests: a floor, a wall, and balls as people, seen by an ideal RGB-D camera."""
 
 from collections.abc import Sequence
 

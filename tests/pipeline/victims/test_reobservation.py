@@ -95,7 +95,7 @@ def test_a_victims_own_feet_do_not_hide_it():
     towards = np.array([x, y, 0.6]) - PERSON[:3]
     feet = np.array(PERSON[:3]) + 0.4 * towards  # further before its middle than the margin
     add_ball(metric_map, (*map(float, feet), 0.15))
-    assert reobservation.gains(place(x, y), bearing_to_person(x, y)) == 0  # they may be another thing's
+    assert reobservation.gains(place(x, y), bearing_to_person(x, y)) == 0  # they may belong to another object
     victim.points = np.vstack([victim.points, feet]).astype(np.float32)
     assert reobservation.gains(place(x, y), bearing_to_person(x, y)) > 0
 

@@ -186,7 +186,7 @@ LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
 
 def test_a_person_seen_in_parts_is_one_person() -> None:
     victims = Victims()
-    with constants(victim_map, GATE=1e-6, BETWEEN=0.2):  # whose parts alone can tell
+    with constants(victim_map, GATE=1e-6, BETWEEN=0.2):  # only overlap can join the parts
         walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
         walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
         assert len(victims.all) == 2

@@ -1,1 +1,1 @@
-"""DGCNN by hand for CPUs: inference, and the gradients of a training step."""
+"""DGCNN hand-written for CPUs: inference, and the gradients of a training step."""

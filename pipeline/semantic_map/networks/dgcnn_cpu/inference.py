@@ -1,4 +1,4 @@
-"""The network's forward pass for one block on the CPU: several times as fast as it is written, and as exact."""
+"""DGCNN's forward pass for one block on the CPU: several times as fast as the network as written, and as exact."""
 
 import os
 from collections.abc import Callable
@@ -18,27 +18,27 @@ from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
 from pipeline.semantic_map.networks.network import check_block
 
 TILE = 64
-"""Points at a time: what belongs to them, above all 1 MB of distances from 4,096 points, stays in the cache."""
+"""Points per tile: their data, above all 1 MB of distances from 4,096 points, stay in the cache."""
 SLOPE32 = np.float32(SLOPE)
 
 Features = NDArray[np.float32]
 Neighbours = NDArray[np.int32]
 Responses = Callable[[slice, Neighbours, Features], None]
-"""Fills in the (R, C) features of some of the points from their (R, k) neighbours."""
+"""Fills in the (R, C) features of the points of a slice from their (R, k) neighbours."""
 
 
 class FastDgcnn:
-    """A trained network made ready.
+    """A trained DGCNN, ready for inference.
 
     An EdgeConv's first layer is linear in [x_j − x_i, x_i], so it is applied to points and added up for edges as
-    A x_j + B x_i. A layer after an activation needs every edge. The very first layer is computed as it stands: it has
+    A x_j + B x_i. A layer after an activation needs every edge. The very first layer is computed edge by edge: it has
     few channels, and the differences of neighbours are small numbers, which A x_j + B x_i would round away. The
     maximum comes before batch norm and activation, which are monotone. The global feature is the same for all points,
-    so its share of the next layer is computed once.
+    so its part of the next layer is computed once.
     """
 
     def __init__(self, network: Dgcnn, threads: int | None = None) -> None:
-        """Take over the weights; ``threads`` is the number of processors if not given.
+        """Copy the weights; ``threads`` is the number of processors if not given.
 
         Raises:
             InputError: k is too large.
@@ -71,7 +71,7 @@ class FastDgcnn:
         return self._segment(torch.cat((x1, x2, x3), dim=1))
 
     def _edge_conv(self, graph: Tensor, responses: Responses, channels: int) -> Tensor:
-        """(N, channels) features, from the (N, C) features that tell which points are neighbours."""
+        """(N, channels) features; neighbours are nearest in the (N, C) features ``graph``."""
         find = neighbour_finder(graph, self.k)
         features = np.empty((len(graph), channels), np.float32)
         self._threads.over(tiles(len(graph)), lambda rows: responses(rows, find(rows), features[rows]))
@@ -102,7 +102,7 @@ class FastDgcnn:
         return responses
 
     def _third(self, x: Tensor) -> Responses:
-        """An EdgeConv of one layer: all of it can wait until after the maximum."""
+        """An EdgeConv of one layer: batch norm and activation follow the maximum."""
         of_neighbour, of_point = self._conv3[0].split(x)
 
         def responses(rows: slice, neighbours: Neighbours, features: Features) -> None:
@@ -131,8 +131,8 @@ class FastDgcnn:
 
 
 def neighbour_finder(x: Tensor, k: int) -> Callable[[slice], Neighbours]:
-    """A function that finds the (R, k) nearest of (N, C) points to some of them, by their distances from all."""
-    # Added up in the same order as in dgcnn.nearest: another one rounds to other neighbours.
+    """A function that finds the (R, k) nearest of the (N, C) points to R of them, by brute force."""
+    # Added up in the same order as in dgcnn.nearest: another order rounds to other neighbours.
     half_square = (x.T.contiguous().square().sum(dim=0) / 2).numpy()
 
     def find(rows: slice) -> Neighbours:
@@ -156,10 +156,10 @@ def linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
 
 @dataclass(frozen=True, eq=False)
 class _Layer:
-    """A linear map and what batch norm makes of its response, scale · W x + shift, with no scale below 0.
+    """A linear map and batch norm, scale · W x + shift, with no scale below 0.
 
     Attributes:
-        weight: (outputs, inputs) float32; rows whose scale would be negative change signs with it.
+        weight: (outputs, inputs) float32; a row and its scale change signs if the scale would be negative.
         scale: (outputs,) float32.
         shift: (outputs,) float32.
     """
@@ -173,7 +173,7 @@ class _Layer:
         convolution, norm = cast(nn.Conv1d, layer[0]), cast(nn.BatchNorm1d, layer[1])
         weight = convolution.weight.detach().flatten(start_dim=1)
         mean, variance = cast(Tensor, norm.running_mean), cast(Tensor, norm.running_var)
-        # Rounded as in batch norm itself.
+        # Rounded as in PyTorch's batch norm.
         scale = torch.rsqrt(variance + norm.eps) * norm.weight.detach()
         shift = norm.bias.detach().double() - mean.double() * scale.double()
         sign = torch.where(scale < 0, -1.0, 1.0)
@@ -185,7 +185,7 @@ class _Layer:
         kernels.largest_edge(responses, self.scale.numpy(), self.shift.numpy(), SLOPE32, features)
 
     def folded(self) -> tuple[Tensor, Tensor]:
-        """Weight and bias of one linear map that does it all."""
+        """Weight and bias of one linear map that includes batch norm."""
         return self.weight * self.scale[:, None], self.shift
 
     def split(self, x: Tensor) -> tuple[Features, Features]:

@@ -1,20 +1,20 @@
-"""The parts of fast inference that are no matrix products. They let other threads of the interpreter run."""
+"""The parts of fast inference that are not matrix products; they release Python's global lock."""
 
 import numpy as np
 from numba import njit
 
 GROUPS = 256
-"""Groups of points, every 256th in one, whose closest members are found first: passes over whole rows stay SIMD."""
+"""Groups of every 256th point; the closest point of each group is found first: passes over whole rows stay SIMD."""
 BOUNDS = 64
-"""Groups of groups. The k-th best of them bounds what a neighbour's closeness can be, so k may not be larger."""
+"""Groups of groups. The k-th largest of their maxima is a lower bound of the neighbours' closeness, so k ≤ BOUNDS."""
 
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def select_nearest(product, half_square, neighbours):
     """The k nearest points, by ``x_i · x_j − |x_j|² / 2``, which is largest where the distance of i and j is least.
 
-    Of equally close points the one with the lower index is nearer. A branch that a processor cannot foretell costs as
-    much as a row of comparisons, so there are next to none.
+    Of equally close points the one with the lower index is taken. A branch that a processor cannot predict costs as
+    much as a row of comparisons, so there are almost none.
 
     Args:
         product: (R, N) float32 ``x_i · x_j`` of R points with all N.
@@ -24,7 +24,7 @@ def select_nearest(product, half_square, neighbours):
     count, k = product.shape[1], neighbours.shape[1]
     best, best_of_best = np.empty(GROUPS, np.float32), np.empty(BOUNDS, np.float32)
     rank, groups = np.empty(BOUNDS, np.int32), np.empty(GROUPS + 1, np.int32)
-    # Zeros: where nothing can be compared, as with NaN, the neighbours are wrong, but they are points.
+    # Zeros: with NaN, which cannot be compared, the neighbours are wrong but still valid indices.
     candidates, closeness = np.zeros(count + 1, np.int32), np.empty(count + 1, np.float32)
     for r in range(len(product)):
         row = product[r]
@@ -44,7 +44,7 @@ def select_nearest(product, half_square, neighbours):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def _best_of_groups(row, half_square, best):
-    """Largest closeness in every group; group g holds the points g, g + GROUPS, g + 2 GROUPS …"""
+    """Fill ``best`` with the largest closeness of every group; group g holds points g, g + GROUPS, g + 2 GROUPS …"""
     whole = len(row) - len(row) % GROUPS
     best[:] = -np.inf
     for start in range(0, whole, GROUPS):
@@ -57,7 +57,7 @@ def _best_of_groups(row, half_square, best):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def _lower_bound(best, best_of_best, rank, k):
-    """A closeness that at least k points reach: the k-th largest of BOUNDS maxima."""
+    """A lower bound of the k nearest points' closeness: the k-th largest of BOUNDS maxima."""
     best_of_best[:] = best[:BOUNDS]
     for start in range(BOUNDS, GROUPS, BOUNDS):
         for b in range(BOUNDS):
@@ -77,7 +77,7 @@ def _lower_bound(best, best_of_best, rank, k):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def _drop_worst(candidates, closeness, found, k):
-    """Leave the k closest candidates at the front."""
+    """Move the k closest candidates to the front."""
     for last in range(found - 1, k - 1, -1):
         worst, least = 0, closeness[0]
         for c in range(1, last + 1):
@@ -93,7 +93,7 @@ def difference_edges(points, first, neighbours, edges):
 
     Args:
         points: (N, C) float32.
-        first, neighbours: index of the first of R points in a row, and their (R, k) int32 neighbours.
+        first, neighbours: index of the first of R successive points, and their (R, k) int32 neighbours.
         edges: (R k, 2 C) float32, filled.
     """
     count, k = neighbours.shape
@@ -139,7 +139,7 @@ def sum_edges(of_neighbour, of_point, neighbours, slope, edges):
 
 @njit(cache=True, nogil=True, boundscheck=False, fastmath={"contract"})
 def largest_edge(edges, scale, shift, slope, features):
-    """LeakyReLU(scale · max over the neighbours + shift): what is monotone can wait until after the maximum.
+    """LeakyReLU(scale · max over the neighbours + shift): monotone functions may follow the maximum.
 
     Args:
         edges: (R k, C) float32.
@@ -162,7 +162,7 @@ def largest_edge(edges, scale, shift, slope, features):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def largest_sum(of_neighbour, of_point, neighbours, slope, features):
-    """LeakyReLU(max over the neighbours of A x_j + B x_i), (R, C) float32; the rest as in sum_edges."""
+    """Fill ``features`` (R, C) float32: LeakyReLU(max over the neighbours of A x_j + B x_i); rest as in sum_edges."""
     count, k = neighbours.shape
     for i in range(count):
         feature = features[i]

@@ -1,4 +1,4 @@
-"""The network for training: blocks of different sizes at once, one after the other in one array of points."""
+"""DGCNN for training: blocks of different sizes, concatenated in one array of points."""
 
 from typing import cast
 
@@ -18,7 +18,7 @@ from pipeline.semantic_map.networks.dgcnn_cpu.training_functions import (
 
 
 class RaggedDgcnn(nn.Module):
-    """A network's forward pass in training mode. An EdgeConv's first layer is applied to points, A x_j + B x_i."""
+    """DGCNN's forward pass in training. An EdgeConv's first layer is applied to points, as A x_j + B x_i."""
 
     def __init__(self, network: Dgcnn) -> None:
         """Share the weights of ``network``."""
@@ -26,7 +26,7 @@ class RaggedDgcnn(nn.Module):
         self.network = network
 
     def forward(self, points: Tensor, sizes: list[int]) -> Tensor:
-        """(P, channels) points, blocks of ``sizes`` that add up to P, to (P, classes) logits."""
+        """(P, channels) points of blocks with ``sizes`` points each, P in sum, to (P, classes) logits."""
         network = self.network
         x, local = points, []
         graph = points[:, -GRAPH_CHANNELS:].contiguous()
@@ -45,14 +45,14 @@ class RaggedDgcnn(nn.Module):
 
 @torch.no_grad()
 def neighbours(x: Tensor, sizes: list[int], k: int) -> Tensor:
-    """(P, k) int32 rows of the k points of the same block that are nearest in (P, C) features."""
+    """(P, k) int32 indices of the k points of the same block that are nearest in (P, C) features."""
     starts = np.cumsum([0, *sizes])
     blocks = zip(x.split(sizes), starts, strict=False)
     return torch.cat([_neighbours_in_block(block, k) + int(start) for block, start in blocks])
 
 
 def edge_conv(conv: EdgeConv, x: Tensor, neighbours: Tensor) -> Tensor:
-    """(P, C) features to (P, C')."""
+    """(P, C) features and (P, k) neighbours to (P, C') features."""
     first, *rest = (cast(nn.Sequential, layer) for layer in conv.layers)
     of_difference, of_point = _weight(first).chunk(2, dim=1)
     a, b = _linear(x, of_difference.contiguous()), _linear(x, of_point - of_difference)
@@ -67,7 +67,7 @@ def edge_conv(conv: EdgeConv, x: Tensor, neighbours: Tensor) -> Tensor:
 
 
 def largest(layer: nn.Sequential, x: Tensor, sizes: list[int]) -> Tensor:
-    """(P, C) features to the (B, C') largest responses of a layer in every block."""
+    """(P, C) features to the (B, C') maximum responses of a layer over every block."""
     if not on_cpu(x):
         responses = _activate(layer, _linear(x, _weight(layer)))
         return torch.stack([block.amax(dim=0) for block in responses.split(sizes)])

@@ -14,13 +14,13 @@ Result = TypeVar("Result")
 class RowThreads:
     """A few threads, each of which computes alone: PyTorch starts no threads of its own inside them.
 
-    Its own share out every small operation, and all wait for the last one each time, for long on a busy machine.
+    PyTorch's own threads split every small operation and then wait for the slowest one, long on a busy machine.
     """
 
     def __init__(self, count: int) -> None:
         """Start ``count`` threads."""
         self._count = count
-        # PyTorch's setting holds for the thread that makes it, and for threads that are started later.
+        # PyTorch's setting holds for the thread that sets it and for threads that start later.
         with torch_threads(1):
             self._pool = ThreadPoolExecutor(count)
             all_started = Barrier(count)
@@ -31,7 +31,7 @@ class RowThreads:
         return self._pool.submit(torch.inference_mode()(action)).result()
 
     def over(self, tiles: Sequence[slice], action: Callable[[slice], object]) -> None:
-        """To be called inside ``run``: call ``action`` for every slice of rows, each in the next free thread."""
+        """Call ``action`` for every slice of rows, each in the next free thread; to be called inside ``run``."""
         left = iter(tiles)
 
         @torch.inference_mode()
@@ -43,7 +43,7 @@ class RowThreads:
         try:
             work()
         finally:
-            # Nothing is left for those that have not begun; waiting for them could take for ever.
+            # Tasks that have not begun have no rows left, and waiting for them could take for ever: cancel them.
             running = [other for other in others if not other.cancel()]
         for other in running:
             other.result()
@@ -51,7 +51,7 @@ class RowThreads:
 
 @contextmanager
 def torch_threads(count: int) -> Iterator[None]:
-    """PyTorch computes in so many threads meanwhile; with one it starts none of its own."""
+    """Let PyTorch compute in ``count`` threads inside the context; with 1 it starts no threads of its own."""
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:

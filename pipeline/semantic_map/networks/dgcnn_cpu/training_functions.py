@@ -1,11 +1,11 @@
-"""Layers for training on a CPU, several times as cheap as differentiating what is written.
+"""Layers for training on a CPU, several times as cheap as automatic differentiation of the network as written.
 
-Each takes the maximum over a group of responses r of a linear map, which are batch-normalized and activated. Both are
-monotone, so they need the maximum alone. Going back, the gradient of a response is
+All but ``Linear`` take the maximum over groups of responses r of a linear map, after batch norm and activation. Both
+are monotone, so they are applied to the maximum alone. In the backward pass, the gradient of a response is
 
     γ/σ · (the gradient of the maximum, where it was taken − mean of β's gradient − (r − μ)/σ · mean of γ's gradient),
 
-a few entries and an affine map of r. So responses need not be kept, and the affine map of r = W h is one of h.
+a few entries and an affine map of r. So responses need not be stored: the affine map of r = W h is one of h.
 
 ``Linear`` and ``LargestLinear`` serve any network on points; the other two are EdgeConvs.
 """
@@ -38,20 +38,20 @@ class Linear(Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, Tensor]:
-        """Gradients of x, where it is wanted, and W."""
+        """Gradients of x, if it is needed, and W."""
         x, weight = ctx.saved_tensors
         to_x = linear(gradients[0], weight.T.contiguous()) if ctx.needs_input_grad[0] else None
         return to_x, gradients[0].T @ x
 
 
 class LargestLinear(Function):
-    """LeakyReLU(norm(W x)), and of that the maximum over the points of each block."""
+    """Maximum of LeakyReLU(norm(W x)) over the points of each block."""
 
     @staticmethod
     def forward(
         ctx: Any, x: Tensor, weight: Tensor, gamma: Tensor, beta: Tensor, sizes: list[int], norm: nn.BatchNorm1d
     ) -> Tensor:
-        """(N, C) x, blocks of ``sizes``, and (C', C) W to (B, C'); gamma and beta are those of ``norm``."""
+        """(N, C) x, in blocks of ``sizes``, and (C', C) W to (B, C'); gamma and beta are those of ``norm``."""
         ctx.linear, ctx.sizes = _LargestResponses(weight, signs(gamma)), sizes
         ctx.save_for_backward(x)
         return ctx.linear.forward(_blocks(x, sizes), len(sizes), len(x), norm)
@@ -66,7 +66,7 @@ class LargestLinear(Function):
 
 
 class LargestSum(Function):
-    """LeakyReLU(norm(A x_j + B x_i)), and of that the maximum over each point's neighbours j."""
+    """Maximum of LeakyReLU(norm(A x_j + B x_i)) over each point's neighbours j."""
 
     @staticmethod
     def forward(
@@ -92,11 +92,11 @@ class LargestSum(Function):
 
 
 class LargestOfTwoLayers(Function):
-    """LeakyReLU(norm(W LeakyReLU(norm(A x_j + B x_i)))), and of that the maximum over each point's neighbours j."""
+    """Maximum of LeakyReLU(norm(W LeakyReLU(norm(A x_j + B x_i)))) over each point's neighbours j."""
 
     @staticmethod
     def forward(ctx: Any, a: Tensor, b: Tensor, js: NDArray[np.int32], norms: Norms, *rest: Tensor) -> Tensor:
-        """(N, C) A x_j and B x_i, (N, k) neighbours to (N, C'); the rest is γ1, β1, (C', C) W, γ2 and β2."""
+        """(N, C) A x_j and B x_i, (N, k) neighbours to (N, C'); ``rest`` is γ1, β1, (C', C) W, γ2 and β2."""
         gamma1, _, weight, gamma2, _ = rest
         edges = Edges(a, b, js)
         ctx.activated = ActivatedEdges(edges, edges.norm(torch.ones_like(gamma1), norms[0]))
@@ -116,18 +116,18 @@ class LargestOfTwoLayers(Function):
 
 
 class _LargestResponses:
-    """The largest responses of W x in groups of x, which come piece by piece."""
+    """The maximum responses of W x over groups of rows x, computed piece by piece."""
 
     largest: Largest
 
     def __init__(self, weight: Tensor, sign: Tensor) -> None:
-        """(C', C) W, and the (C',) signs that batch norm gives its responses."""
+        """(C', C) W, and the (C',) signs of batch norm's γ, by which its rows are multiplied."""
         self.weight, self.sign = weight * sign[:, None], sign
 
     def forward(
         self, pieces: Iterable[tuple[slice, Tensor]], groups: int, count: int, norm: nn.BatchNorm1d
     ) -> Tensor:
-        """(groups, C') of pieces, which are (R k, C) x of R groups in a row; there are ``count`` x in all."""
+        """(groups, C') activated maxima; a piece has the (R k, C) rows of R successive groups, ``count`` in all."""
         channels = len(self.weight)
         responses, winners = np.empty((groups, channels), np.float32), np.empty((groups, channels), np.int32)
         sums = np.zeros(channels), np.zeros(channels)
@@ -138,10 +138,10 @@ class _LargestResponses:
 
 
 class _BackThroughResponses:
-    """From the gradient of what :class:`_LargestResponses` gave to x, piece by piece, W, γ and β."""
+    """The backward pass of :class:`_LargestResponses`: gradients of x, piece by piece, and of W, γ and β."""
 
     def __init__(self, responses: _LargestResponses, gradient: Tensor) -> None:
-        """Take what is the same for all pieces; the gradient of W x is −(constant + factor · W x) but at winners."""
+        """Compute what all pieces share; except at winners, the gradient of W x is −(constant + factor · W x)."""
         self._weight, self._sign, self._largest = responses.weight, responses.sign, responses.largest
         self._to_winners, self._to_gamma, self._to_beta = self._largest.backward(gradient)
         self._constant, factor = self._largest.norm.affine(self._to_gamma, self._to_beta)
@@ -152,7 +152,7 @@ class _BackThroughResponses:
         self._total, self._products = torch.zeros(channels), torch.zeros(channels, channels)
 
     def to_input(self, rows: slice, x: Tensor) -> Tensor:
-        """The gradient of a piece x, of the groups ``rows``."""
+        """The gradient of a piece x, which has the groups ``rows``."""
         to_x = linear(x, *self._affine)
         kernels.backward_through_winners(
             self._to_winners[rows].numpy(), self._largest.winners[rows], self._weight.numpy(), x.numpy(),
@@ -169,5 +169,5 @@ class _BackThroughResponses:
 
 
 def _blocks(x: Tensor, sizes: list[int]) -> Iterable[tuple[slice, Tensor]]:
-    """Blocks of ``sizes``, each a group of its own."""
+    """The points of each block, with a slice that makes the block a group of its own."""
     return ((slice(b, b + 1), block) for b, block in enumerate(x.split(sizes)))

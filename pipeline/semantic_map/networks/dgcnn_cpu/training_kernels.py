@@ -1,4 +1,4 @@
-"""What training does edge by edge besides matrix products. Edges are not stored: each pass makes them anew."""
+"""The parts of training that are not matrix products. Edges are not stored: each pass computes them again."""
 
 import numpy as np
 from numba import njit
@@ -6,7 +6,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def edge_moments(of_neighbour, of_point, neighbours, total, total_square, of_neighbours, of_origins, degree):
-    """Sums over the edges, whose response is A x_j + B x_i.
+    """Add up sums over all edges; the response of an edge is A x_j + B x_i.
 
     Args:
         of_neighbour, of_point: (N, C) float32 A x_j and B x_i.
@@ -37,12 +37,12 @@ def edge_moments(of_neighbour, of_point, neighbours, total, total_square, of_nei
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def largest_of_groups(edges, features, winners, total, total_square):
-    """The maximum of every group of k rows in a row, and which it is; sums over all of them are added up.
+    """The maximum of every group of k successive rows, and its place in the group; also sums over all rows.
 
     Args:
         edges: (R k, C) float32.
-        features: (R, C) float32, filled.
-        winners: (R, C) int32, filled with the winner's place in its group.
+        features: (R, C) float32, filled with the maxima.
+        winners: (R, C) int32, filled with the maximum's place in its group.
         total, total_square: (C,) float64, added to: the rows and their squares.
     """
     k, channels = len(edges) // len(features), edges.shape[1]
@@ -65,7 +65,7 @@ def largest_of_groups(edges, features, winners, total, total_square):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def largest_sums(of_neighbour, of_point, neighbours, features, winners):
-    """Maximum over the neighbours of A x_j + B x_i, (N, C) float32, and (N, C) int32 which neighbour it is."""
+    """Fill the (N, C) float32 maxima over the neighbours of A x_j + B x_i, and (N, C) int32 which neighbours win."""
     count, k = neighbours.shape
     for i in range(count):
         mine, feature, winner = of_point[i], features[i], winners[i]
@@ -82,7 +82,7 @@ def largest_sums(of_neighbour, of_point, neighbours, features, winners):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def add_to_winners(gradient, winners, neighbours, to_neighbour):
-    """Add the gradient (N, C) of a maximum over neighbours to those that won, ``to_neighbour`` (N, C)."""
+    """Add the gradient (N, C) of a maximum over neighbours to the winners' rows of ``to_neighbour`` (N, C)."""
     for i in range(len(gradient)):
         for c in range(gradient.shape[1]):
             to_neighbour[neighbours[i, winners[i, c]], c] += gradient[i, c]
@@ -90,13 +90,13 @@ def add_to_winners(gradient, winners, neighbours, to_neighbour):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def backward_through_winners(gradient, winners, weight, edges, to_edges, to_weight):
-    """The gradient of the maximum over W h, by the few edges that won.
+    """Backward pass of the maximum over W h, through the few edges that are maxima.
 
     Args:
         gradient, winners: (R, C') float32 and int32, of the maximum.
         weight: (C', C) float32 W.
         edges: (R k, C) float32 h.
-        to_edges, to_weight: of the shapes of edges and weight, their gradients are added to them.
+        to_edges, to_weight: of the shapes of edges and weight, to which their gradients are added.
     """
     k = len(edges) // len(gradient)
     for i in range(len(gradient)):
@@ -112,16 +112,16 @@ def backward_through_winners(gradient, winners, weight, edges, to_edges, to_weig
 def backward_through_edges(
     of_neighbour, of_point, first, neighbours, edges, to_edges, slope, to_neighbour, to_point, total, total_response
 ):  # fmt: skip
-    """From the activated edges back to the points they join.
+    """Backward pass from the activated edges to the points that they join.
 
     Args:
         of_neighbour, of_point: (N, C) float32 A x_j and B x_i of all points.
-        first: index of the first of R points in a row.
+        first: index of the first of R successive points.
         neighbours: (N, k) int32.
-        edges, to_edges: (R k, C) float32, those points' edges after LeakyReLU and their gradient.
+        edges, to_edges: (R k, C) float32, these points' edges after LeakyReLU and their gradient.
         slope: of LeakyReLU below 0.
-        to_neighbour, to_point: (N, C) float32, the gradient before LeakyReLU is added to them.
-        total, total_response: (C,) float64, likewise, the latter times the response A x_j + B x_i.
+        to_neighbour, to_point: (N, C) float32, added to: the gradient before LeakyReLU.
+        total, total_response: (C,) float64, added to: that gradient, and its product with A x_j + B x_i.
     """
     k, channels = neighbours.shape[1], edges.shape[1]
     product = np.empty(channels, np.float32)

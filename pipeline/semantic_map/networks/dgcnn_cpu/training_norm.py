@@ -1,4 +1,4 @@
-"""Batch norm over responses that are not kept: their sums going forward, their largest going back."""
+"""Batch norm over responses that are not stored: it needs their sums forward and their maxima backward."""
 
 from dataclasses import dataclass
 from typing import Self, cast
@@ -12,7 +12,7 @@ from torch.nn.functional import leaky_relu
 from pipeline.semantic_map.networks.dgcnn import SLOPE
 
 Sums = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""(C,) and (C,): sums over responses, and over their squares."""
+"""(C,) and (C,): sums over the responses, and over their squares."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Norm:
 
     @classmethod
     def of(cls, sums: Sums, count: int, sign: Tensor, norm: nn.BatchNorm1d) -> Self:
-        """From the sums of the responses times ``sign``; the layer's running mean and variance are kept up."""
+        """From the sums of the responses times ``sign``; updates the layer's running mean and variance."""
         average, average_square = sums[0] / count, sums[1] / count
         mean = torch.from_numpy(average).float()
         variance = torch.from_numpy(np.maximum(average_square - average**2, 0)).float()
@@ -53,19 +53,19 @@ class Norm:
         return self.beta - self.mean * self.scale
 
     def affine(self, to_gamma: Tensor, to_beta: Tensor) -> tuple[Tensor, Tensor]:
-        """(C,) p and (C,) q of p + q r, which batch norm takes from the gradient of a response r."""
+        """(C,) p and (C,) q of p + q r, which batch norm subtracts from the gradient of a response r."""
         factor = self.scale * to_gamma / (self.sigma * self.count)
         return self.scale * to_beta / self.count - factor * self.mean, factor
 
 
 @dataclass(frozen=True, eq=False)
 class Largest:
-    """The largest responses of groups, and what became of them.
+    """The maximum response of each group, and the batch norm that follows.
 
     Attributes:
         responses: (R, C) float32, before batch norm.
-        winners: (R, C) int32, which of its group each is.
-        norm: with γ ≥ 0, so that the largest stays the largest.
+        winners: (R, C) int32, the maximum's place in its group.
+        norm: with γ ≥ 0, so that the maximum stays the maximum.
     """
 
     responses: Tensor
@@ -77,7 +77,7 @@ class Largest:
         return leaky_relu(self.responses * self.norm.scale + self.norm.shift, SLOPE)
 
     def backward(self, gradient: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """From the gradient of ``activated``, to the winners' responses before batch norm's share, to γ and to β."""
+        """Given the gradient of ``activated``: of the winners' responses (without the affine part), of γ and of β."""
         norm = self.norm
         normalized = (self.responses - norm.mean) / norm.sigma
         step = torch.where(normalized * norm.gamma + norm.beta > 0, gradient, SLOPE * gradient)
@@ -85,5 +85,5 @@ class Largest:
 
 
 def signs(gamma: Tensor) -> Tensor:
-    """−1 where batch norm turns the order of responses round, else 1."""
+    """−1 where batch norm reverses the order of responses, else 1."""
     return torch.where(gamma < 0, -1.0, 1.0)

@@ -16,7 +16,7 @@ from tests.pipeline.localisation.driving_robot import seen
 from tests.pipeline.localisation.painted_room import painted
 
 Change = Callable[[str, float, Any], list[tuple[str, float, Any]]]
-"""From a topic, a time in s and a message to what is sent in its place."""
+"""Takes a topic, a time in s and a message; returns what is sent in its place."""
 
 
 def unchanged(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
@@ -47,7 +47,7 @@ class Wire:
 
 
 class End:
-    """Has what a node offers; while one end waits, ``work`` lets the other work."""
+    """Has the interface of a node; while one end waits, ``work`` lets the other one work."""
 
     def __init__(self, wire: Wire, name: str):
         self.wire, self.name = wire, name

@@ -1,4 +1,4 @@
-"""A robot by topics: what it senses, how it drives, and what is said where something is amiss."""
+"""A robot by topics: what it senses, how it drives, and the errors when a topic fails."""
 
 from dataclasses import replace
 from typing import Any
@@ -163,7 +163,7 @@ def late(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
 
 
 def still(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
-    """Odometry whose clock stands."""
+    """Odometry whose clock has stopped."""
     return [(topic, time, messages.odometry(1.0, np.eye(4), Velocity()) if topic == ODOM else message)]
 
 

@@ -21,7 +21,7 @@ POINTS = np.array([[0.5, 1.0, -2.0], [3.0, 4.0, 5.5]], np.float32)
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a drive, and of each other kind of message one."""
+    """A bag of a drive, with one message of each other kind."""
     path = tmp_path_factory.mktemp("bag") / "room"
     others = {
         "/map": messages.occupancy_grid(9.5, Grid(np.array([-2, 4]), 0.5, (2, 3)), np.arange(6).reshape(2, 3)),

@@ -26,7 +26,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def assert_whole(recording: Recording, depth: float = 0.0, rgb: float = 0.0) -> None:
-    """The frames are those of the drive, but for so many m, and grey levels in the mean."""
+    """The frames are those of the drive, up to errors of ``depth``, m, and of the mean ``rgb``, grey levels."""
     for frame, true in zip(recording.frames(), frames(), strict=True):
         assert frame.time == true.time
         assert frame.intrinsics == true.intrinsics

@@ -14,7 +14,7 @@ def network(channels=6, classes=6, seed=0):
 
 
 def with_random_norms(result):
-    """A network in evaluation mode whose batch norms a training might leave."""
+    """A network in evaluation mode with batch norms as a training might leave them."""
     result.eval()
     for module in result.modules():
         if isinstance(module, nn.BatchNorm1d | nn.BatchNorm2d):

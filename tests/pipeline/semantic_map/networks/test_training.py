@@ -1,4 +1,4 @@
-"""Training: it learns, is left and taken up again, and refuses what it cannot learn from."""
+"""Training: it learns, resumes after an interruption, and refuses data from which it cannot learn."""
 
 import json
 from dataclasses import replace

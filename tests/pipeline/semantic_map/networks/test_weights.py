@@ -1,4 +1,4 @@
-"""Weights from files: ours, published ones, and what is no DGCNN at all."""
+"""Weights from files: this project's, published ones, and files that hold no DGCNN."""
 
 import pickle
 from pathlib import Path

@@ -10,11 +10,11 @@ from pipeline.victims.detection.labelled_image import LabelledImage
 
 @dataclass(frozen=True)
 class WhiteBoxes:
-    """Images of 64 × 48 pixels, every third of them without anyone.
+    """Images of 64 × 48 pixels; every third one shows no people.
 
     Attributes:
-        count: how many there are.
-        seed: of where the boxes are.
+        count: number of images.
+        seed: of the boxes' places.
     """
 
     count: int

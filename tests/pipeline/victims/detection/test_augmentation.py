@@ -98,7 +98,7 @@ def test_images_without_anyone_are_refused() -> None:
 
 
 def cut_out(seed: int) -> LabelledImage:
-    """Someone who is known pixel by pixel."""
+    """A person with a known mask of pixels."""
     (image,) = images(1, seed)
     return replace(image, shown=image.rgb.min(axis=2) > 200)
 

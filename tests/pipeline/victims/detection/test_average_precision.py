@@ -73,7 +73,7 @@ def test_each_detection_takes_the_best_that_is_left() -> None:
 
 @given(seed=st.integers(0, 999), count=st.integers(1, 8))
 def test_detections_that_are_sure_only_of_what_is_right_lose_nothing(seed: int, count: int) -> None:
-    """As many wrong ones as wished, if all are less sure than the right ones."""
+    """Any number of wrong detections, if all are less confident than the right ones."""
     rng = np.random.default_rng(seed)
     corner = np.arange(count) * 20.0
     right = np.stack([corner, 0 * corner, corner + 10, 0 * corner + 10], axis=1)

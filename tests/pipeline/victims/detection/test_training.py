@@ -53,7 +53,7 @@ def test_a_perfect_answer_costs_nothing() -> None:
 
 
 def test_a_box_that_is_near_is_let_alone() -> None:
-    """The cell beside the right one says the same box a little off: neither right nor wrong."""
+    """The cell beside the right one predicts nearly the same box: neither right nor wrong."""
     answer = head(-30)
     answer[0, 4:6, 1, 2:4] = 30
     answer[0, 0, 1, 3] = -30  # its middle is where cell 3 begins: 1 pixel to the right, overlap 3/5

@@ -19,7 +19,7 @@ BAGS = (".mcap", ".db3", ".yaml", ".bag")  # Endings of a bag's files
 def map_recording(config: MapRecording) -> None:
     """Make every map, a recording and a report of what a camera recorded.
 
-    Where the recording is broken or nothing tells any more where a frame was taken, what came before is kept.
+    If the recording is broken, or a frame cannot be localised, the maps of the frames before it are kept.
     """
     from sarsim.scripts.recorded_drive import RecordedDrive
 

@@ -1,7 +1,9 @@
+import mujoco
 import numpy as np
 import pytest
 
 from pipeline.labels import Label
+from sarsim.ground_truth.faces import true_faces
 from tests.sarsim.true_planes import faces_of_scene
 
 
@@ -24,3 +26,13 @@ def test_planes_boxes_and_wedges_have_their_faces(faces):
     assert np.degrees(np.arccos(slope.normal[2])) == pytest.approx(16.07, abs=0.01)
     assert area(slope.outline) == pytest.approx(1.2 * np.hypot(0.59, 0.17), rel=1e-3)
     assert slope.outline[:, 0].min() == pytest.approx(-1, abs=1e-6)
+
+
+def test_a_tetrahedron_has_four_faces():
+    scene = """<mujoco><size nuser_geom="1"/><asset><mesh name="tip" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/></asset>
+    <worldbody><geom type="mesh" mesh="tip" user="3"/></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(scene)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    areas = sorted(area(face.outline) for face in true_faces(model, data))
+    assert areas == pytest.approx([0.5, 0.5, 0.5, np.sqrt(3) / 2])

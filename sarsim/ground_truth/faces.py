@@ -52,7 +52,7 @@ def _vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64] | None:
 
 
 def _faces(geom: int, label: Label, vertices: NDArray[np.float64]) -> list[Face]:
-    """The faces of the convex hull of vertices; four in one plane are a plane geom, whose one face is its upper side."""
+    """The faces of the convex hull of vertices; four in one plane are a plane geom, whose face is its upper side."""
     if len(vertices) == 4 and np.linalg.matrix_rank(vertices[1:] - vertices[0]) == 2:
         normal = np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0])
         return [Face(geom, label, normal / np.linalg.norm(normal), vertices)]

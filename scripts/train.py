@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
 VALIDATION_FRAMES = 40
-"""Largest number of clouds for validation, spread evenly over its scenes; 200 took as long as 1,000 training steps."""
+"""Largest number of clouds for validation, spread over its scenes; 200 took as long as 1,000 training steps."""
 
 
 @dataclass(frozen=True, kw_only=True)

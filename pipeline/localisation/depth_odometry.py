@@ -66,9 +66,8 @@ class DepthOdometry:
             new = shares_of(target, cloud, T)[1] if target else new
         self._blind, self._shown = 0, (frame, self._T)
         if not self._kept or self._is_new():
-            self._map.add(len(self._kept), cloud, frame.T_base_camera[:3, 3], new)
+            self._map.add(len(self._kept), self._T, cloud, frame.T_base_camera[:3, 3], new)
             self._kept.append(self._T)
-            self._map.place(np.array(self._kept))
         return self._T
 
     def _by_image(self, frame: Frame) -> NDArray[np.float64] | None:

@@ -28,15 +28,22 @@ class LocalMap:
         self._in_map = self.points, self.normals
 
     def add(
-        self, owner: int, cloud: small_gicp.PointCloud, camera: NDArray[np.float64], new: NDArray[np.bool_]
+        self,
+        owner: int,
+        T_map_base: NDArray[np.float64],
+        cloud: small_gicp.PointCloud,
+        camera: NDArray[np.float64],
+        new: NDArray[np.bool_],
     ) -> None:
-        """Add the ``new`` (N,) points of a keyframe, in ``base_link``, seen from a camera (3,) in ``base_link``."""
-        self.points = np.vstack([self.points, cloud.points()[new, :3]])
-        self.normals = np.vstack([self.normals, front_normals(cloud, camera)[new]])
-        self.owner = np.append(self.owner, np.full(np.count_nonzero(new), owner))
+        """Add the ``new`` (N,) points of a keyframe at a 4×4 pose, seen from a camera (3,) in ``base_link``."""
+        points, normals = cloud.points()[new, :3], front_normals(cloud, camera)[new]
+        R, (at, facing) = T_map_base[:3, :3], self._in_map
+        self._in_map = np.vstack([at, points @ R.T + T_map_base[:3, 3]]), np.vstack([facing, normals @ R.T])
+        self.points, self.normals = np.vstack([self.points, points]), np.vstack([self.normals, normals])
+        self.owner = np.append(self.owner, np.full(len(points), owner))
 
     def place(self, poses: NDArray[np.float64]) -> None:
-        """Transform the points to ``map`` by the poses (K, 4, 4) of their keyframes."""
+        """Transform all points to ``map`` by the poses (K, 4, 4) of their keyframes, which have changed."""
         T = poses[self.owner]
         points = np.einsum("nij,nj->ni", T[:, :3, :3], self.points) + T[:, :3, 3]
         self._in_map = points, np.einsum("nij,nj->ni", T[:, :3, :3], self.normals)

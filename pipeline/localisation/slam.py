@@ -188,11 +188,11 @@ class Slam(Localisation):
         if match.target is not None and match.cloud is not None:
             new = self._connect(number, match.cloud, match.target, match.registration)
         if match.cloud is not None:
-            self.local_map.add(number, match.cloud, frame.T_base_camera[:3, 3], new)
+            self.local_map.add(number, T_map_base, match.cloud, frame.T_base_camera[:3, 3], new)
         self._motions.append(match.prediction.motion if match.prediction else None)
         self._odometry.append((frame.time, frame.T_odom_base))
         self._anchor, self._turned = None, 0.0
-        self._renew()
+        self._deviations = self.graph.deviations()
         if self.closes_loops:
             self._find_loop(number, match)
 
@@ -236,11 +236,8 @@ class Slam(Localisation):
             raise InputError("its episode registered nothing, so no robot finds its place in it")
         self.graph.fix(keyframes.poses, keyframes.ups)
         known = self.local_map
-        known.points, known.normals, known.owner = (
-            keyframes.points.astype(np.float64),
-            keyframes.normals,
-            keyframes.owner,
-        )
+        known.points, known.normals = keyframes.points.astype(np.float64), keyframes.normals
+        known.owner = keyframes.owner
         self._odometry = [(0.0, np.eye(4))] * len(keyframes.poses)
         self._motions = [None] * len(keyframes.poses)
         self._renew()

@@ -20,9 +20,8 @@ AT_WALL = np.array([[2.0, -1.0, 0.0], [2.0, 1.0, 1.2]])
 def local_map(*poses: NDArray[np.float64]) -> LocalMap:
     """A map of keyframes at these poses that have each seen the wall before them."""
     result = LocalMap()
-    for owner in range(len(poses)):
-        result.add(owner, WALL, CAMERA, ALL)
-    result.place(np.array(poses))
+    for owner, pose in enumerate(poses):
+        result.add(owner, pose, WALL, CAMERA, ALL)
     return result
 
 
@@ -75,10 +74,8 @@ def test_points_beyond_the_margin_are_not_taken(margin: float, is_there: bool) -
 def test_what_is_not_new_is_not_added_and_too_few_are_no_target() -> None:
     few = LocalMap()
     new = np.arange(WALL.size()) < LEAST - 1
-    few.add(0, WALL, CAMERA, new)
-    few.place(np.eye(4)[None])
+    few.add(0, np.eye(4), WALL, CAMERA, new)
     np.testing.assert_allclose(few.all_points(), WALL.points()[new, :3], atol=1e-6)
     assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_)) is None
-    few.add(0, WALL, CAMERA, ~new)
-    few.place(np.eye(4)[None])
+    few.add(0, np.eye(4), WALL, CAMERA, ~new)
     assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_)) is not None

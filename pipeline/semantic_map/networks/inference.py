@@ -15,7 +15,7 @@ from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork
 
 
 def for_inference(network: PointNetwork, threads: int | None = None) -> BlockClassifier:
-    """The network ready to classify on ``threads``: if None, one per processor for DGCNN, else PyTorch's number."""
+    """The network ready to classify on so many ``threads``, by default PyTorch's number."""
     if isinstance(network, Dgcnn):
         return FastDgcnn(network, threads)
     return AsWritten(cast(RowNetwork, network), threads)
@@ -30,7 +30,7 @@ class AsWritten:
     """A network whose own forward pass is fast enough for inference."""
 
     def __init__(self, network: RowNetwork, threads: int | None = None) -> None:
-        """Share the network: later changes of its weights take effect. ``threads`` defaults to PyTorch's number."""
+        """Share the network: later changes of its weights take effect."""
         self._network, self._threads = network, threads or torch.get_num_threads()
         self._device = next(network.parameters()).device
         self.classes, self.fewest = network.classes, network.fewest

@@ -1,6 +1,5 @@
 """DGCNN's forward pass for one block on the CPU: several times as fast as the network as written, and as exact."""
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast
@@ -38,7 +37,7 @@ class FastDgcnn:
     """
 
     def __init__(self, network: Dgcnn, threads: int | None = None) -> None:
-        """Copy the weights; ``threads`` is the number of processors if not given.
+        """Copy the weights; ``threads`` defaults to PyTorch's number, which ``OMP_NUM_THREADS`` sets.
 
         Raises:
             InputError: k is too large.
@@ -47,7 +46,7 @@ class FastDgcnn:
             raise InputError(f"DGCNN with k = {network.k}: at most {kernels.BOUNDS} neighbours are selected")
         self._network, self.k = network, network.k
         self.classes, self.fewest = network.classes, network.fewest
-        self._threads = RowThreads(threads or os.cpu_count() or 1)
+        self._threads = RowThreads(threads or torch.get_num_threads())
         self._conv1, self._conv2, self._conv3 = (
             [_Layer.of(cast(nn.Sequential, layer)) for layer in conv.layers] for conv in network.edge_convs
         )

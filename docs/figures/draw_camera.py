@@ -8,18 +8,13 @@ from numpy.typing import NDArray
 
 from pipeline.labels import COLOURS
 from sarsim.arenas.load import load_arena
+from sarsim.dataset.summary import depth_picture
 from sarsim.sensors.camera import RgbdCamera
 from sarsim.sensors.xtion import Xtion
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 POSITION, YAW = (-1.55, 1.1, 0.0), np.radians(4)  # in the northern lane, in front of a victim, a ramp and a deck
 ERROR = 0.04  # m, the end of the error's colour scale
-
-
-def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(H, W, 3) BGR of depths (H, W) in m: near is blue, 3.5 m red, no return black."""
-    picture = cv2.applyColorMap((depth / 3.5 * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
-    return np.where((depth > 0)[..., None], picture, 0).astype(np.uint8)
 
 
 def error_picture(error: NDArray[np.float32], returns: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -52,12 +47,12 @@ def main() -> None:
     rows = [
         [
             titled(ideal.rgb[..., ::-1], "colour"),
-            titled(depth_picture(ideal.depth), "true depth"),
+            titled(depth_picture(ideal.depth)[..., ::-1], "true depth"),
             titled(bgr[ideal.label], "label"),
         ],
         [
             titled(error_picture(noisy.depth - ideal.depth, returns), f"error, red and blue: {ERROR * 100:.0f} cm"),
-            titled(depth_picture(noisy.depth), "depth of the Xtion"),
+            titled(depth_picture(noisy.depth)[..., ::-1], "depth of the Xtion"),
             titled(bgr[noisy.label] * returns[..., None], "labels of its points"),
         ],
     ]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sarsim.arenas.load import load_arena
+from sarsim.dataset.summary import depth_picture
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 IMAGES = Path(__file__).parents[1] / "images"
@@ -43,16 +44,10 @@ def row_of(title: str, config: SimulationConfig) -> NDArray[np.uint8]:
         robot.robot.set_pose(robot.physics, (x, y, 0), (np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))
         robot.physics.forward()
         frame = robot.sense()
-        pictures += [frame.rgb[..., ::-1].copy(), depth_picture(frame.depth)]
+        pictures += [frame.rgb[..., ::-1].copy(), depth_picture(frame.depth)[..., ::-1]]
     robot.close()
     cv2.putText(pictures[0], title, (12, 34), cv2.FONT_HERSHEY_SIMPLEX, 0.9, (255, 255, 255), 2, cv2.LINE_AA)
     return np.hstack(pictures)
-
-
-def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(H, W, 3) BGR of depths (H, W) in m: near is blue, 3.5 m red, no return black."""
-    picture = cv2.applyColorMap((depth / 3.5 * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
-    return np.where((depth > 0)[..., None], picture, 0).astype(np.uint8)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What a user may ask of an episode or a recording; apart from these themselves, for ``--help`` needs no more."""
+"""Settings of episodes, recordings and ROS 2 robots, in a module of their own: ``--help`` needs nothing else."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,58 +13,57 @@ from sarsim.assets import asset
 NetworkName = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext"]
 POINT_NETWORKS: tuple[NetworkName, ...] = get_args(NetworkName)
 Labels = NetworkName | Literal["rules", "truth"] | str
-"""What labels the points: a network, height and slope alone, the simulator, or a class, module:Class."""
+"""Source of the points' labels: a network, height and slope alone, the simulator, or a class, module:Class."""
 Robot = Literal["pioneer3at", "jackal"] | str
-"""One that comes along, or the path of an MJCF file like theirs."""
+"""A robot that sarsim ships, or the path of an MJCF file structured like theirs."""
 Odometry = Literal["truth", "wheel"]
 """The true pose, or dead reckoning by wheels and gyro."""
 LightingName = Literal["normal", "dim", "dark"]
 """See :class:`sarsim.sensors.lighting.Lighting`."""
 NETWORK: NetworkName = "pointnext"
-"""The default one."""
+"""The default network."""
 WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
-"""Of it."""
+"""Weights of the default network."""
 DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
 
 
 @dataclass(frozen=True)
 class EpisodeConfig:
-    """What an episode is made of.
+    """Settings of an episode.
 
     Attributes:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
-        robot: pioneer3at, jackal, or the path of an MJCF file like theirs.
-        start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
-        seed: of everything random; another one shows how much of a result is chance.
-        steps: most steps (sense, map, plan, drive) of exploring, which ends before when no viewpoint is left; fewer
-            make a short episode.
-        map: folder of an earlier episode in the same arena, in whose map the robot finds its place and goes on.
-        resume: folder of an episode that was stopped: with its settings it is driven again from its start, and goes
-            on; its seed makes it the same, bit for bit, and what its networks answered is not computed again.
-        goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
-        home: drive back to the start in the end.
-        labels: what labels the points: a network, height and slope alone (rules), the simulator (truth),
-            to see what perfect labels would bring, or a class of yours, module:Class.
-        weights: of the network, as train.py writes them; the shipped ones by default.
-        detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
+        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        start: start pose: x and y in m, yaw in degrees; by default the arena's own.
+        seed: seed of all random numbers; other seeds show how much of a result is chance.
+        steps: most steps (sense, map, plan, drive) of exploring, which ends earlier when no viewpoint is left.
+        map: folder of an earlier episode in the same place, in whose map the robot finds its pose and goes on.
+        resume: folder of an interrupted episode, which is repeated from its start with its settings and seed, bit for
+            bit, and then continued; stored outputs of its networks are not computed again.
+        goals: places to drive to after exploring, x y x y … in m in the map; the robot chooses a short order.
+        home: drive back to the start at the end.
+        labels: source of the points' labels: a network, height and slope alone (rules), the simulator (truth), to see
+            the effect of perfect labels, or a class of your own, module:Class.
+        weights: weights file of the network, from train.py; by default the shipped one.
+        detector: victim detector: a YOLOv3 as Darknet's .cfg and .weights; None turns it off (faster).
         odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
-        localisation: registration of what the camera sees (slam), or the odometry taken at its word.
-        sensor: the Xtion with its noise, or its range alone, to see what noise costs.
-        lighting: of the arena; in the dark the robot's lamp is on.
-        dust: in the air, from 0 to 1; it swallows depth returns, makes false ones and veils colours.
-        fiducials: AprilTags on the arena's walls, by which the report tells how true distances in the map are; the
-            robot takes no notice of them.
-        speed: at most, on seen level ground with room, m/s; the thesis drives at 0.2.
-        voxel_size: of the metric map, m; smaller voxels show more detail and take more time and memory.
-        graph: what plans are made on: the thesis's minimum spanning tree (mst), or the tree and loops that shorten
-            detours.
-        view: show the episode while it runs: in a new window (spawn), in the browser (web), or not at all.
-        bag: new folder for a ROS 2 bag of all that the robot senses and does, and of its maps.
-        bag_images: depth in it in whole mm (16UC1) or exactly, in m (32FC1); colours as they are or as JPEG.
-        tum: new folder for its images, IMU, odometry and true poses in the layout of the TUM RGB-D benchmark.
-        out: folder for the results; by default runs/<arena>-<seed>, or with --config, which overwrites no run, the
-            same with the first number behind it that is free.
-        random: what a random arena is like.
+        localisation: odometry corrected by registration of the depth images (slam), or uncorrected (odometry).
+        sensor: Xtion camera with its noise, or ideal with the same range, to see the effect of noise.
+        lighting: light in the arena; in the dark, the robot's lamp is on.
+        dust: dust concentration in the air, 0 to 1; dust swallows depth returns, makes false ones and veils colours.
+        fiducials: number of AprilTags on the arena's walls, by which the report measures the error of distances in
+            the map; the robot ignores them.
+        speed: top speed, m/s, on seen level ground with enough room; the thesis drives at 0.2.
+        voxel_size: side of the metric map's voxels, m; smaller voxels show more detail and take more time and memory.
+        graph: graph for path planning: the thesis's minimum spanning tree (mst), or that tree with loops that shorten
+            detours (roadmap).
+        view: live view of the run: in a new window (spawn), in the browser (web), or none.
+        bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
+        bag_images: images in the bag: depth in whole mm (16UC1) or exact, in m (32FC1); colour raw or as JPEG.
+        tum: new folder for the images, IMU data, odometry and true poses in the layout of the TUM RGB-D benchmark.
+        out: folder for the results; by default runs/<arena>-<seed>; with --config that name and the first free number
+            from -2 on, so that no run is overwritten.
+        random: contents of a random arena.
     """
 
     arena: str = "nist_6x4"
@@ -97,30 +96,30 @@ class EpisodeConfig:
 
     @property
     def folder(self) -> Path:
-        """For the results."""
+        """Folder for the results."""
         return self.out or self.resume or Path("runs") / f"{Path(self.arena).stem}-{self.seed}"
 
 
 @dataclass(frozen=True)
 class MapRecording:
-    """What is mapped, and what the recording does not tell itself.
+    """A recording to map, and facts that it does not contain itself.
 
     Attributes:
-        path: a TUM RGB-D folder, the folder or file of a ROS bag (MCAP, SQLite), or a scene's .h5 of a dataset.
+        path: TUM RGB-D folder, folder or file of a ROS bag (MCAP, SQLite), or scene (.h5) of a dataset.
         out: folder for the results, the same files as an episode's.
-        poses: where they come from: recorded odometry, corrected by registration (slam), registration alone,
-            recorded odometry or true poses taken at their word; by default slam if there is odometry.
-        labels: what labels the points: a network, height and slope alone (rules), true labels that a
-            simulator recorded (truth), or a class of yours, module:Class.
-        weights: of the network, as train.py writes them; the shipped ones by default.
-        detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
-        robot: pioneer3at, jackal, or the path of an MJCF file like theirs, for which ground is judged.
-        camera: of the camera on the robot: x y z in m, roll pitch yaw in degrees, pitch positive where it looks down;
-            by default as the recording has it, else level over the floor of the first frame.
-        intrinsics: of the camera, fx fy cx cy in pixels, pixel centres at whole numbers, as calibrations have them.
-        depth_scale: of a folder's depth images, units a metre (5000).
+        poses: source of the poses: recorded odometry corrected by registration (slam), registration alone, or
+            odometry or true poses as recorded; by default slam if there is odometry, else registration.
+        labels: source of the points' labels: a network, height and slope alone (rules), true labels that a simulator
+            recorded (truth), or a class of your own, module:Class.
+        weights: weights file of the network, from train.py; by default the shipped one.
+        detector: victim detector: a YOLOv3 as Darknet's .cfg and .weights; None turns it off (faster).
+        robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees, positive pitch looks down; by
+            default as recorded, else level over the floor of the first frame.
+        intrinsics: fx fy cx cy of the camera in pixels, with pixel centres at whole numbers; by default as recorded.
+        depth_scale: units per metre of a folder's depth images; by default 5000.
         fps: frames per second of a folder whose images have no times.
-        topics: of a bag, those to use where it has several of a kind.
+        topics: names of the topics to use if a bag has several of a kind.
     """
 
     path: Annotated[Path, tyro.conf.Positional]
@@ -139,21 +138,21 @@ class MapRecording:
 
 @dataclass(frozen=True)
 class RosRobotConfig:
-    """What the node simulates.
+    """Settings of the node that simulates a robot.
 
     Attributes:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
-        robot: pioneer3at, jackal, or the path of an MJCF file like theirs.
-        start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
-        seed: of everything random; another one shows how much of a result is chance.
-        lighting: of the arena; in the dark the robot's lamp is on.
-        camera_rate: images a simulated second; each takes some 50 ms to compute, a real Xtion gives 30.
-        pace: of the simulated time: that of the wall's clock (real-time), as fast as it goes (free), or as fast as
-            commands come (commands), for each of which the robot waits 0.1 s at most.
-        stamped: commands are TwistStamped.
-        name: of the node.
-        network: other machines may see the robot, and drive it; else nothing leaves this one.
-        out: folder for what is true of the drive, report.json and trajectory_true.tum; by default it is not told.
+        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        start: start pose: x and y in m, yaw in degrees; by default the arena's own.
+        seed: seed of all random numbers; other seeds show how much of a result is chance.
+        lighting: light in the arena; in the dark, the robot's lamp is on.
+        camera_rate: camera images per simulated second; each takes some 50 ms to compute, a real Xtion gives 30.
+        pace: pace of the simulated time: that of the wall clock (real-time), as fast as possible (free), or as fast
+            as commands come (commands), waiting at most 0.1 s for each.
+        stamped: receive commands as TwistStamped; by default as Twist.
+        name: name of the ROS 2 node.
+        network: connect to other machines as well, which may then drive the robot; by default only to this machine.
+        out: folder for ground truth of the drive, report.json and trajectory_true.tum; by default neither is written.
     """
 
     arena: str = "nist_6x4"
@@ -171,27 +170,27 @@ class RosRobotConfig:
 
 @dataclass(frozen=True)
 class RosExploration:
-    """How a robot of ROS 2 explores.
+    """Settings of the exploration with a ROS 2 robot.
 
     Attributes:
         out: folder for the results, the same files as an episode's.
-        steps: most steps (sense, map, plan, drive) of exploring, which ends before when no viewpoint is left.
-        map: folder of an earlier episode in the same place, in whose map the robot finds its place and goes on.
-        goals: places to drive to after exploring, x y x y … in m; the robot chooses a short order.
-        home: drive back to the start in the end.
-        labels: what labels the points: a network, height and slope alone (rules), or a class of yours,
+        steps: most steps (sense, map, plan, drive) of exploring, which ends earlier when no viewpoint is left.
+        map: folder of an earlier episode in the same place, in whose map the robot finds its pose and goes on.
+        goals: places to drive to after exploring, x y x y … in m in the map; the robot chooses a short order.
+        home: drive back to the start at the end.
+        labels: source of the points' labels: a network, height and slope alone (rules), or a class of your own,
             module:Class.
-        weights: of the network, as train.py writes them; the shipped ones by default.
-        detector: of victims: Darknet's .cfg and .weights of a YOLOv3; None looks for no victims, which is faster.
-        speed: at most, on seen level ground with room, m/s.
-        view: show the drive while it goes on: in a new window (spawn), in the browser (web), or not at all.
-        robot: pioneer3at, jackal, or the path of an MJCF file like theirs, for which ground is judged.
-        camera: of the camera on the robot: x y z in m, roll pitch yaw in degrees, pitch positive where it looks down;
-            by default as the robot's transforms have it.
-        topics: what the robot's topics are called.
-        patience: s that the robot, or one of its topics, may be silent.
-        name: of the node.
-        network: look for the robot on other machines as well.
+        weights: weights file of the network, from train.py; by default the shipped one.
+        detector: victim detector: a YOLOv3 as Darknet's .cfg and .weights; None turns it off (faster).
+        speed: top speed, m/s, on seen level ground with enough room; the thesis drives at 0.2.
+        view: live view of the run: in a new window (spawn), in the browser (web), or none.
+        robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees, positive pitch looks down; by
+            default from the robot's transforms.
+        topics: names of the robot's topics.
+        patience: longest silence of the robot or of one of its topics, s, before the drive ends.
+        name: name of the ROS 2 node.
+        network: connect to other machines as well; by default only to this machine.
     """
 
     out: Path
@@ -213,5 +212,5 @@ class RosExploration:
 
     @property
     def folder(self) -> Path:
-        """For the results."""
+        """Folder for the results."""
         return self.out

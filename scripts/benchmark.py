@@ -27,41 +27,40 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Benchmark:
-    """What is measured; where no value is given, the subject's own default holds, named here in brackets.
+    """What is measured; brackets hold the default of each subject that has the setting.
 
     Attributes:
-        subject: camera, dataset: time of a frame and of a scene beside mujoco.Renderer; metric-map: time and accuracy
-            beside OctoMap; semantic: DGCNN's time, and accuracy of the labels; networks: size, time and
-            accuracy of all five; planning: time of a step on mapped floors; exploration: whole episodes beside two
-            baselines; localisation: recorded drives beside KISS-ICP and Open3D; victims: precision and time of the
+        subject: camera, dataset: time per frame and per scene, against mujoco.Renderer; metric-map: time and
+            accuracy, against OctoMap; semantic: time of DGCNN, and accuracy of the labels; networks: size, time and
+            accuracy of all five; planning: time per step on mapped floors; exploration: whole episodes, against two
+            baselines; localisation: recorded drives, against KISS-ICP and Open3D; victims: precision and time of the
             detector, and whole episodes.
-        json: file for the figures, with the machine and the settings that they hold for.
-        frames: frames in all (camera 60), of a scene (dataset 100, victims 12), of an arena (metric-map 160,
-            semantic 40, networks 24), or at most of a drive (localisation 3000), or steps (planning 24); more make
-            figures steadier.
-        rounds: rounds that are timed (dataset 5, networks, semantic 7, victims 15); 0 times nothing (victims).
-        scenes: random arenas that are rendered (dataset 4, victims 30); 0 for none (victims).
-        seed: of arenas and drives (dataset, metric-map, networks, planning, semantic 0; victims 2026, never trained
-            on).
-        nist: episodes in nist_6x4 (exploration, localisation, victims 10); fewer are done earlier and say less.
-        esogu: episodes in esogu_52x15 (exploration, victims 2, localisation 1).
-        random: episodes in random arenas of difficulties 0, 1 and 2 (exploration, victims 30, localisation 9), or
-            random arenas of all four (networks 20).
+        json: file for the figures, the machine and the settings; by default the figures are only printed.
+        frames: number of frames in all (camera 60), per scene (dataset 100, victims 12), per arena (metric-map 160,
+            semantic 40, networks 24), at most per drive (localisation 3000), or of steps (planning 24); more give
+            steadier figures.
+        rounds: number of timed rounds (dataset 5, networks, semantic 7, victims 15); 0 skips the timing (victims).
+        scenes: number of random arenas to render (dataset 4, victims 30); 0 for none (victims).
+        seed: seed of arenas and drives (dataset, metric-map, networks, planning, semantic 0; victims 2026, on which
+            no network was trained).
+        nist: number of episodes in nist_6x4 (exploration, localisation, victims 10); fewer take less time.
+        esogu: number of episodes in esogu_52x15 (exploration, victims 2, localisation 1).
+        random: number of random arenas: of difficulties 0, 1 and 2, with an episode in each (exploration, victims 30,
+            localisation 9), or of all four (networks 20).
         raf: folder of .raf arenas to explore or to label (exploration, localisation, networks, semantic).
-        raf_frames: frames of each .raf arena (semantic 10, networks 8, of random ones too).
-        baselines: also run what is compared with: two other strategies (exploration), episodes without a detector
-            (victims), OctoMap without discretize (metric-map), the peers (localisation); without them it is done
-            earlier.
-        odometry: of the episodes, the true pose or wheels and gyro (exploration, victims truth).
-        kidnappings: times that a robot is carried elsewhere in its map (localisation 0), in nist_6x4 and in random:1.
-        lighting: of the episodes (exploration, localisation, victims normal) or frames (networks: normal and dark).
-        labels: what labels the points in episodes (exploration, victims dgcnn).
-        weights: of the network that labels (exploration, semantic, victims), or their folder (networks); by default
-            the shipped ones.
-        detector: of victims: .cfg and .weights (exploration, victims); by default the shipped one.
-        workers: episodes at a time (exploration, localisation, victims: one a core).
+        raf_frames: number of frames per .raf arena (semantic 10, networks 8, also per random arena).
+        baselines: also run the baselines unless False, which saves time: two other strategies (exploration), episodes
+            without a detector (victims), OctoMap without discretize (metric-map), KISS-ICP and Open3D (localisation).
+        odometry: odometry of the episodes: wheels and gyro, or the true pose (exploration, victims wheel).
+        kidnappings: number of times that the robot is carried elsewhere in nist_6x4 and in random:1 (localisation 0).
+        lighting: light in episodes (exploration, localisation, victims normal) or frames (networks: normal and dark).
+        labels: source of the points' labels in episodes (exploration, victims pointnext).
+        weights: weights file of the network that labels points (exploration, semantic, victims), or folder of such
+            files (networks); by default the shipped weights.
+        detector: victim detector: .cfg and .weights (exploration, victims); by default the shipped one.
+        workers: number of episodes at a time (exploration, localisation, victims: one per core).
         runs: folder for the result of each episode (exploration, localisation, victims: runs/benchmark-<subject>);
-            those that are there already are not run again. A drive (localisation) takes half a gigabyte.
+            episodes with a result in it are not run again. A drive (localisation) takes half a gigabyte.
     """
 
     subject: Annotated[
@@ -100,7 +99,7 @@ class Benchmark:
 
 
 def benchmark(settings: Benchmark) -> None:
-    """Measure a subject, print the figures, and write them where --json says."""
+    """Measure a subject, print the figures, and write them to --json; brackets hold each subject's default."""
     if settings.json:
         check_folder_of("json", settings.json)
     measure = import_module(f"sarsim.scripts.benchmarks.{settings.subject.replace('-', '_')}").measure

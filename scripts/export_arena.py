@@ -16,9 +16,9 @@ class ExportArena:
 
     Attributes:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
-        out: the MJCF file to write; files that the arena refers to are copied beside it.
-        start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
-        random: what a random arena is like, in a --config file as run_episode.py writes it.
+        out: MJCF file to write; files that the arena refers to are copied beside it.
+        start: start pose: x and y in m, yaw in degrees; by default the arena's own.
+        random: contents of a random arena, set in a --config file as run_episode.py writes it.
     """
 
     arena: str

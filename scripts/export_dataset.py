@@ -16,18 +16,18 @@ EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo", "
 
 @dataclass(frozen=True)
 class ExportDataset:
-    """What is exported, and how; where no value is given, the format's own default holds.
+    """What is exported, and how.
 
     Attributes:
-        format: s3dis: folders of rooms and annotated objects; blocks: HDF5 files to train point networks with; tum:
-            RGB-D sequences for SLAM tools; yolo: images with boxes of victims; coco: images with boxes and masks of
-            everything; mcap: ROS 2 bags.
+        format: s3dis: folders of rooms and annotated objects; blocks: HDF5 files to train point networks; tum: RGB-D
+            sequences for SLAM tools; yolo: images with boxes of victims; coco: images with boxes and masks of victims
+            and all other objects; mcap: ROS 2 bags.
         data: folder of the dataset.
-        out: new folder for the export; it appears when it is whole.
-        voxel: s3dis: m; one point is kept in each cube of this size: larger ones make smaller files (0.02).
-        size: blocks: m, sides of a block in x and y (1.0).
-        points: blocks: points of a block, as many as the network to train takes (4096).
-        min_area: yolo, coco: pixels; what shows fewer gets no box (100).
+        out: new folder for the export; it appears only when the export is complete.
+        voxel: s3dis: side, m, of the cubes that keep one point each; larger ones make smaller files; by default 0.02.
+        size: blocks: sides of a block in x and y, m; by default 1.0.
+        points: blocks: number of points in a block, as many as the network takes; by default 4096.
+        min_area: yolo, coco: least number of visible pixels of an object that gets a box; by default 100.
     """
 
     format: Annotated[Literal["s3dis", "blocks", "tum", "yolo", "coco", "mcap"], tyro.conf.Positional]
@@ -40,7 +40,7 @@ class ExportDataset:
 
 
 def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -> None:
-    """Export scene by scene and say where the result lies."""
+    """Export a dataset scene by scene, and print the folder of the result."""
     from sarsim.dataset.folder import Dataset
 
     kind = getattr(import_module(f"sarsim.dataset.exports.{settings.format}"), EXPORTS[settings.format])

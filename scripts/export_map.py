@@ -27,15 +27,15 @@ def export_map(
     """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS, GIS or drawing programs.
 
     Args:
-        path: folder of the episode, or its metric_map.npz; beside that a semantic_map.ply gives the classes and
+        path: folder of the episode, or its metric_map.npz; semantic_map.ply in the same folder gives the classes, and
             keyframes.npz the ground.
-        out: the file to write. By its ending: .bt is OctoMap's free and occupied space; .ot the same with log-odds,
-            coloured by class; .ply the centres of the occupied voxels, coloured by class; .pgm the ground as the
-            robot judges it, free, lethal or unknown, with a .yaml beside it and slopes as costs in ..._cost.png;
-            .tif, .png, .svg and .dxf the same ground as GeoTIFF, as PNG with a world file, and as outlines.
-        heights: of a .pgm: m, lowest and highest; a slice of the occupancy grid between them instead, which knows no
-            ramps: 0.25 0.65 shows what stands in the robot's way on level ground.
-        robot: pioneer3at, jackal, or the path of an MJCF file like theirs, for which the ground is judged.
+        out: file to write. By its ending: .bt OctoMap with free and occupied space; .ot OctoMap with log-odds,
+            coloured by class; .ply centres of the occupied voxels, coloured by class; .pgm the ground as free, lethal
+            or unknown to the robot, with a .yaml beside it and slopes as costs in ..._cost.png; .tif, .png, .svg and
+            .dxf the same ground as GeoTIFF, as PNG with a world file, and as outlines.
+        heights: lowest and highest height, m, of a slice of the occupancy grid that the .pgm shows instead; a slice
+            does not recognise ramps: 0.25 0.65 shows what stands in the robot's way on level ground.
+        robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
     """
     if out.suffix not in (".bt", ".ot", ".ply", *GROUND):
         raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply, {', '.join(GROUND)}")

@@ -21,11 +21,11 @@ class GenerateDataset(DatasetConfig):
     """What is generated, and how.
 
     Attributes:
-        out: folder for the dataset; one that holds a part of it is completed.
-        scenes: how many arenas; more make a network better on arenas that it has not seen.
-        workers: processes at a time, one a core if not given; the dataset does not depend on it.
-        engine: processes on this machine, or tasks on the Ray cluster that RAY_ADDRESS names (without it, on this
-            machine).
+        out: folder for the dataset; an incomplete dataset in it is completed.
+        scenes: number of scenes; more make a network better in arenas that it has not seen.
+        workers: number of processes, by default one per core; the dataset does not depend on it.
+        engine: processes on this machine (local), or tasks on the Ray cluster that RAY_ADDRESS names (ray; without
+            RAY_ADDRESS on this machine).
     """
 
     out: Path
@@ -35,7 +35,7 @@ class GenerateDataset(DatasetConfig):
 
 
 def generate_dataset(settings: GenerateDataset) -> None:
-    """Generate the dataset, or what is missing of it, and say where it lies."""
+    """Generate a dataset, or the missing part of one, and print its folder."""
     if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
         raise InputError("--scenes, --workers: at least 1")
     from sarsim.dataset.generate import generate

@@ -1,4 +1,4 @@
-"""Map what was recorded, a TUM RGB-D folder, a ROS bag or a scene: ``map_recording.py PATH --out DIR``."""
+"""Map a recording (a TUM RGB-D folder, a ROS bag or a scene): ``map_recording.py PATH --out DIR``."""
 
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ BAGS = (".mcap", ".db3", ".yaml", ".bag")  # Endings of a bag's files
 
 
 def map_recording(config: MapRecording) -> None:
-    """Make every map, a recording and a report of what a camera recorded.
+    """Build all maps, a Rerun recording and a report from the recorded frames of a camera.
 
     If the recording is broken, or a frame cannot be localised, the maps of the frames before it are kept.
     """

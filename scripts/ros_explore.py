@@ -11,9 +11,9 @@ from sarsim.settings import RosExploration
 
 
 def ros_explore(config: RosExploration) -> None:
-    """Explore with the robot that a network of ROS 2 offers, and leave the files of an episode.
+    """Explore with a robot on a ROS 2 network, and write the files of an episode.
 
-    Ctrl-C stops the robot. Where it falls silent or does not obey, what was mapped is kept.
+    Ctrl-C stops the robot. If the robot falls silent or ignores commands, the maps so far are kept.
     """
     from pipeline.recording.live.node import Node
     from sarsim.scripts.ros_drive import RosDrive

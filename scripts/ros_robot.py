@@ -10,7 +10,7 @@ from sarsim.settings import RosRobotConfig
 
 
 def ros_robot(config: RosRobotConfig) -> None:
-    """Show the simulated robot to ROS 2: it senses and obeys by topics, until Ctrl-C."""
+    """Run the simulated robot as a ROS 2 robot, which publishes sensor data and follows commands, until Ctrl-C."""
     from pipeline.recording.live.node import Node
     from sarsim.scripts.simulated_node import SimulatedNode
 

@@ -1,4 +1,4 @@
-"""Run an episode: the robot explores an arena, builds its maps and leaves a recording and a report."""
+"""Run an episode: the robot explores an arena, builds its maps and writes a recording and a report."""
 
 import os
 import shutil
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def run_episode(config: EpisodeConfig) -> None:
-    """Explore an arena, and leave a recording, a report, the maps and config.yaml, with which --config repeats it."""
+    """Explore an arena, and write a recording, a report, the maps and config.yaml, with which --config repeats it."""
     from sarsim.episode import Episode
 
     if config.resume and (config.out or (config.map and config.map.resolve() == config.resume.resolve())):

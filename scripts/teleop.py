@@ -25,12 +25,12 @@ def teleop(
 
     Args:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
-        start: where the robot begins: x and y in m, yaw in degrees; by default where the arena says.
-        out: folder for the recording and the maps of the drive, the same files as an episode's, which Rerun shows
-            meanwhile; without it nothing is mapped.
-        labels: with --out, what labels the points, as in run_episode.py.
-        robot: pioneer3at, jackal, or the path of an MJCF file like theirs.
-        gamepad: a joystick of Linux, such as /dev/input/js0, whose left stick drives beside the keys.
+        start: start pose: x and y in m, yaw in degrees; by default the arena's own.
+        out: folder for the recording and the maps of the drive, the same files as an episode's; Rerun shows them
+            during the drive. By default nothing is mapped.
+        labels: source of the points' labels if --out is given, as in run_episode.py.
+        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        gamepad: joystick device of Linux, such as /dev/input/js0, whose left stick drives the robot as the keys do.
     """
     from pipeline.recording.viewer import has_display
     from sarsim.arenas.load import load_arena

@@ -1,6 +1,6 @@
 """Train one of the robot's networks: ``train.py NETWORK --data DIR --out FILE``.
 
-On several GPUs, or a process for each core of a CPU: ``torchrun --nproc-per-node N scripts/train.py ...``.
+On several GPUs, or a process for each core of a CPU (not yolo): ``torchrun --nproc-per-node N scripts/train.py ...``.
 """
 
 from dataclasses import dataclass, fields
@@ -32,16 +32,16 @@ VALIDATION_FRAMES = 40
 
 @dataclass(frozen=True, kw_only=True)
 class TrainPoints(TrainingConfig):
-    """A network of the semantic map, from datasets of generate_dataset.py.
+    """Train a network of the semantic map with datasets of generate_dataset.py.
 
     Attributes:
-        data: folders of datasets; scenes of the split train are learned from, those of val validated with.
-        out: file for the weights (.safetensors); a checkpoint, a table and the settings (.yaml) get its name with
-            other endings. The same command continues an interrupted training from its checkpoint.
-        stride: use every n-th frame of a scene; larger ones load faster.
-        init: weights to begin with, as this command writes them; random ones if not given.
-        until: stop after that step as if interrupted; the learning rate still falls as --steps says.
-        tensorboard: folder for events of loss and scores; TensorBoard must be installed.
+        data: folders of datasets; the training uses the scenes of the split train, the validation those of val.
+        out: file for the weights (.safetensors); a checkpoint, a table (.csv) and the settings (.yaml) are written
+            beside it. The same command continues an interrupted training from its checkpoint.
+        stride: use only every n-th frame of each scene: fewer frames to load, and fewer that look alike.
+        init: file of initial weights, as written by train.py; by default the weights are random.
+        until: step at which to stop as if interrupted; the learning rate still falls according to --steps.
+        tensorboard: folder for TensorBoard's events of loss and scores; TensorBoard must be installed.
     """
 
     data: tuple[Path, ...]
@@ -54,17 +54,17 @@ class TrainPoints(TrainingConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class TrainYolo(YoloTrainingConfig):
-    """The network that finds victims, from datasets of generate_dataset.py.
+    """Train the victim detector with datasets of generate_dataset.py.
 
     Attributes:
-        data: folders of datasets; scenes of the split train are learned from, those of val validated with.
+        data: folders of datasets; the training uses the scenes of the split train, the validation those of val.
         out: file for the weights (.weights); the network (.cfg), its card (.json), a table (.csv), a checkpoint and
-            the settings (.yaml) get its name with other endings. The same command continues an interrupted training
-            from its checkpoint.
-        stride: use every n-th frame of a scene; larger ones skip frames that look alike.
-        init: weights to begin with, as this command writes them, their .cfg beside them: then its size counts, not
-            --network, --width and --height; random ones if not given.
-        tensorboard: folder for events of loss and scores; TensorBoard must be installed.
+            the settings (.yaml) are written beside it. The same command continues an interrupted training from its
+            checkpoint.
+        stride: use only every n-th frame of each scene: fewer frames to load, and fewer that look alike.
+        init: file of initial weights, as written by train.py; the .cfg beside it then sets network, width and height;
+            by default the weights are random.
+        tensorboard: folder for TensorBoard's events of loss and scores; TensorBoard must be installed.
     """
 
     data: tuple[Path, ...]
@@ -75,7 +75,7 @@ class TrainYolo(YoloTrainingConfig):
 
 
 def train_points(settings: TrainPoints, network: str) -> None:
-    """Train a network of the semantic map, and say where the weights lie."""
+    """Train a network of the semantic map, and print the path of its weights."""
     _check(settings)
     from pipeline.semantic_map.networks.blocks import BlockConfig
     from pipeline.semantic_map.networks.classifier import load_classifier
@@ -99,7 +99,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
 
 
 def train_yolo(settings: TrainYolo) -> None:
-    """Train the network that finds victims, and say where the weights lie."""
+    """Train the victim detector, and print the path of its weights."""
     _check(settings)
     if settings.out.suffix != ".weights":
         raise InputError(f"--out {settings.out}: a name that ends with .weights")

@@ -21,7 +21,7 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
 
     Args:
         path: an .rrd file, or an episode's folder.
-        web: in the browser even if there is a display.
+        web: open the browser even if there is a display.
     """
     recording = find_recording(path)
     # The page ends with this process, even if the signal arrives while the viewer starts.

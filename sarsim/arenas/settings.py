@@ -1,4 +1,4 @@
-"""What a user may ask of an arena; apart from what builds arenas, for ``--help`` needs no more than this."""
+"""Settings of an arena, in a module of their own, because ``--help`` needs no more than these."""
 
 from dataclasses import dataclass
 
@@ -11,25 +11,25 @@ SHARES = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
 
 @dataclass(frozen=True)
 class RandomArenaConfig:
-    """What a random arena is like.
+    """Contents of a random arena.
 
     Attributes:
         columns: tiles of 1.2 m along x, 3 to 20.
         rows: tiles along y, 3 to 20.
         wall_density: share of the inner walls of a perfect maze that stand; 0 is a hall.
         ramps: share of the tiles that are ramps and decks, from difficulty 1 on.
-        clutter: share of the tiles with a diagonal wall, from difficulty 2 on a barrel or crossing ramps, from 3 on a
-            step field; from 2 on as many tiles have a block or a pipe beside a wall.
-        furniture: share of the tiles with furniture or rescue elements that cannot be driven over; as many tiles have
-            something hanging on a wall, and some inner walls are thick or veils.
-        bulky: share of the tiles with what hides much: raised floors to drive under, steep boards, cupboards.
+        clutter: share of the tiles with an obstacle: a diagonal wall, from difficulty 2 also a barrel or crossing
+            ramps, at 3 also a step field; from 2 on, as many tiles have a block or a pipe beside a wall.
+        furniture: share of the tiles with furniture or rescue elements that block the robot; as many tiles have an
+            object on a wall, and some inner walls are thick or veils.
+        bulky: share of the tiles with elements that hide much: raised floors to drive under, steep boards, cupboards.
         victims: number of victims, 0 to 100.
         difficulty: 0 flat; 1 decks and ridges of ramps; 2 crossing ramps, clutter, holes in walls and half-hidden
             victims; 3 continuous ramp fields and step fields; by default the arena's seed modulo 4.
-        ceiling: close the arena at 2.4 m, with all walls up to there.
+        ceiling: ceiling at a height of 2.4 m, with all walls up to it.
         furnished: share of the tiles with furniture of all sizes and colours, in rows along walls: lockers, shelves,
             tables, sofas, beds, stairs.
-        painted: floor, walls, ramps and boards have colours and patterns of their own.
+        painted: random colours and patterns on floor, walls, ramps and boards.
     """
 
     columns: int = 7

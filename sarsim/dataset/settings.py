@@ -18,18 +18,18 @@ class ArenaRange:
     """Random arenas are drawn evenly between these values, ends included.
 
     Attributes:
-        tiles: tiles of 1.2 m along x and along y; large arenas show long views.
+        tiles: number of tiles of 1.2 m along x and along y; large arenas show long views.
         wall_density: share of a maze's inner walls that stand; 0 is a hall.
-        ramps: share of the tiles that are ramps and decks; the thesis's classes 3 and 4 stand on these.
-        clutter: share of the tiles with a barrel, a block, a step field or such; more of it hides more.
-        furniture: share of the tiles with furniture; teaches a network that it is neither wall nor victim.
+        ramps: share of the tiles with ramps and decks, the thesis's classes 3 and 4.
+        clutter: share of the tiles with obstacles such as barrels, blocks and step fields; more of them hide more.
+        furniture: share of the tiles with furniture; it teaches a network what is neither wall nor victim.
         bulky: share of the tiles with raised floors, steep boards and cupboards, which hide much.
-        furnished: share of the tiles with furniture of all sizes and colours, such as lockers and tables; teaches a
-            network what is neither wall nor deck.
-        victims: victims in an arena.
+        furnished: share of the tiles with furniture of all sizes and colours, such as lockers and tables; it teaches
+            a network what is neither wall nor deck.
+        victims: number of victims in an arena.
         difficulty: 0 flat, 1 decks and ridges, 2 crossing ramps and half-hidden victims, 3 ramp and step fields.
-        ceilings: share of the arenas that have one.
-        painted: share of the arenas with colours and patterns of their own, so that colour tells a network less.
+        ceilings: share of the arenas with a ceiling.
+        painted: share of the arenas with random colours and patterns, so that a network relies less on colour.
     """
 
     tiles: tuple[int, int] = (4, 8)
@@ -71,19 +71,19 @@ class ArenaRange:
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """What the scenes of a dataset are made of.
+    """Settings of the scenes of a dataset.
 
     Attributes:
-        seed: of everything random; another one makes other scenes.
-        frames: frames of each scene.
-        width: of the images, pixels.
-        height: of the images, pixels; half of each is four times as fast, and shows less of what is far away.
-        arenas: names or paths, taken in turn; "random" is another random arena each time.
-        random: ranges from which each random arena is drawn.
+        seed: seed of all random numbers; another seed makes other scenes.
+        frames: number of frames in each scene.
+        width: width of the images, pixels.
+        height: height of the images, pixels; half of both is four times as fast but shows less of distant objects.
+        arenas: names or paths of arenas, used in turn; "random" is a new random arena each time.
+        random: ranges from which each random arena is drawn, ends included.
         lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
-        dust: concentration in the scenes with dust in the air, from 0 to 1, drawn evenly between these values.
-        keyframes: m driven and rad turned from one frame to the next; larger ones show more of the arena.
-        frames_per_second: take so many frames of each second of the drive instead, as SLAM needs them.
+        dust: lowest and highest concentration of dust, 0 to 1, in scenes with dust in the air.
+        keyframes: distance (m) or turn (rad) between two frames; larger values show more of the arena.
+        frames_per_second: frames per second of the drive, as SLAM needs them; replaces --keyframes.
     """
 
     seed: int = 0

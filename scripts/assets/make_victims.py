@@ -49,7 +49,7 @@ def make_victims(seed: int = 0, out: Path = LIBRARY) -> None:
     """Model the bodies, let them fall, and write the library.
 
     Args:
-        seed: of all falls.
+        seed: seed of all falls.
         out: file to write.
     """
     people = bodies()

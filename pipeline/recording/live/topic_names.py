@@ -8,12 +8,12 @@ class TopicNames:
     """Names of a robot's topics.
 
     Attributes:
-        depth: images in 16UC1 (mm) or 32FC1 (m), raw or compressedDepth, registered to colour.
-        color: images, raw or compressed.
-        camera_info: of the depth images.
+        depth: depth images in 16UC1 (mm) or 32FC1 (m), raw or compressedDepth, registered to colour.
+        color: colour images, raw or compressed.
+        camera_info: intrinsics of the depth images.
         odom: odometry.
-        imu: gyro and accelerometer; without them the tilt is known only by the odometry.
-        cmd_vel: commands, Twist or TwistStamped, whichever the robot listens to.
+        imu: gyro and accelerometer; without them, the odometry alone gives the robot's tilt.
+        cmd_vel: commands, as Twist or TwistStamped, whichever the robot listens to.
     """
 
     depth: str = "/camera/depth/image_raw"

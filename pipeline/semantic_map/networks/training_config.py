@@ -11,12 +11,12 @@ class TrainingConfig:
 
     Attributes:
         steps: number of batches; more fit the training data better and take longer.
-        batch: samples in a batch, for each worker; larger ones take more memory and make steadier steps.
+        batch: number of samples in a batch of each worker; larger batches take more memory and make steadier steps.
         learning_rate: highest learning rate of AdamW; lower it if the loss jumps, raise it if it hardly falls.
-        seed: of the initial weights, the batches and their augmentation; another seed shows how much is chance.
-        minutes: limit of processor time, without validations, after which the training ends early; the learning rate
-            then falls with the time. It makes networks comparable whose steps take different times.
-        validate_every: steps between validations; each takes time, and the best weights are kept only then.
+        seed: seed of the initial weights, the batches and their augmentation; other seeds show how much is chance.
+        minutes: processor time, min, without validations, after which the training ends early; the learning rate then
+            falls with the time. Use it to compare networks whose steps take different times.
+        validate_every: number of steps between validations; each takes time, and the best weights are kept only then.
     """
 
     steps: int = 3000

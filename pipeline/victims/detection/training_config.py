@@ -12,9 +12,9 @@ class YoloTrainingConfig(TrainingConfig):
     """Settings of a training; ``seed`` also seeds the fit of the anchors.
 
     Attributes:
-        network: architecture; larger ones find more and take longer for a frame.
-        width: of the network's input, pixels, a multiple of 32; larger inputs show smaller people and take longer.
-        height: of the network's input, pixels, a multiple of 32.
+        network: architecture; larger ones find more victims and take longer per frame.
+        width: input width of the network, pixels, a multiple of 32; larger ones find smaller people and take longer.
+        height: input height of the network, pixels, a multiple of 32.
     """
 
     network: Literal["yolov3-small", "yolov3-tiny", "yolov3"] = "yolov3-small"

@@ -23,17 +23,17 @@ SEED = 0  # of the random choice of points
 
 @dataclass(frozen=True)
 class Blocks(Export):
-    """HDF5 files of blocks: 1 m × 1 m in xy, 4096 points, x y z and normalized x y z.
+    """HDF5 files of blocks, by default of 1 m × 1 m in xy with 4096 points: x y z and normalized x y z.
 
-    all_files.txt names them from the folder that this one lies in; meta/class_names.txt names the labels.
+    all_files.txt lists the files by their paths from the parent folder; meta/class_names.txt names the labels.
     """
 
     size: float = 1.0
-    """m, sides of a block in xy."""
+    """Sides of a block in xy, m."""
     points: int = 4096
-    """of a block; drawn without repetition where there are so many."""
+    """Number of points in a block; drawn without repetition if there are so many."""
     min_points: int = 100
-    """blocks with fewer are left out."""
+    """Least number of points; blocks with fewer are left out."""
 
     def __post_init__(self) -> None:
         check("size", self.size, 0.01)

@@ -32,7 +32,7 @@ class Export:
     data: Path
     """Folder of a dataset."""
     out: Path
-    """New folder for the export; it appears when it is whole."""
+    """New folder for the export; it appears only when the export is complete."""
 
     def run(self) -> Iterator[SceneEntry]:
         """Make the export; yields after each scene.
@@ -61,10 +61,10 @@ class Export:
 
 @dataclass(frozen=True)
 class ImageExport(Export):
-    """images/<split>/*.jpg, and what shows in them."""
+    """images/<split>/*.jpg, with annotations of the objects in them."""
 
     min_area: int = 100
-    """pixels; of an object that shows fewer there is no box."""
+    """Least number of visible pixels of an object that gets a box."""
 
     def __post_init__(self) -> None:
         check("min-area", self.min_area, 1)

@@ -15,7 +15,7 @@ from sarsim.dataset.scene_file import Scene
 
 @dataclass(frozen=True)
 class Mcap(Export):
-    """For each scene a bag: a folder with metadata.yaml and an MCAP file."""
+    """For each scene a ROS 2 bag: a folder with metadata.yaml and an MCAP file."""
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """Write a bag for the scene: images and labels, intrinsics, odometry, transforms, and the true poses."""

@@ -20,10 +20,10 @@ AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_5"}  # Published load
 
 @dataclass(frozen=True)
 class S3dis(Export):
-    """Area_N/room/room.txt and Annotations/<label>_<n>.txt, lines of x y z r g b."""
+    """Area_N/room/room.txt and Annotations/<label>_<n>.txt, with lines of x y z (m) and r g b (0 to 255)."""
 
     voxel: float = 0.02
-    """m; of the returns of a scene one is kept in each cube of this size."""
+    """Side of a cube, m; of the returns of a scene, one is kept in each cube."""
 
     def __post_init__(self) -> None:
         check("voxel", self.voxel, 0.001)

@@ -24,9 +24,9 @@ UNITS = 5000  # units of the depth images per metre
 
 @dataclass(frozen=True)
 class Tum(Export):
-    """For each scene rgb/, depth/ (16 bits, 5000 a metre), label/ and a list of each, and two poses of the camera.
+    """For each scene the images in rgb/, depth/ (16 bits, 5000 per metre) and label/, and a list of each kind.
 
-    groundtruth.txt is where it was, odometry.txt where dead reckoning by wheels and gyro has it.
+    groundtruth.txt holds the true poses of the camera, odometry.txt its poses by dead reckoning with wheels and gyro.
     """
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
@@ -90,10 +90,10 @@ class TumSequence:
 class TumDrive(ExitStack):
     """A robot's drive as one sequence of the TUM RGB-D benchmark.
 
-    rgb/, depth/ (16 bits, 5000 a metre), label/ and a list of each; accelerometer.txt, as the benchmark has it, and
-    gyroscope.txt, both of base_link; poses of the camera every control period: groundtruth.txt and odometry.txt;
-    camera.txt, where that is in base_link; keyframes.txt, the images that went into the robot's maps, and whether it
-    labelled them and stood.
+    rgb/, depth/ (16 bits, 5000 per metre), label/: images, with a list of each kind. accelerometer.txt, as in the
+    benchmark, and gyroscope.txt: readings of the IMU in base_link. groundtruth.txt and odometry.txt: poses of the
+    camera every control period. camera.txt: its pose in base_link. keyframes.txt: images that went into the robot's
+    maps, and for each whether the robot labelled it and stood still.
     """
 
     def __init__(self, path: Path, seed: int):

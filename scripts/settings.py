@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, field, fields, is_dataclass, make_dataclass
+from inspect import getdoc
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
@@ -37,7 +38,8 @@ def run_with_settings(
 
     def run() -> None:
         words = common(args)
-        settings = settings_from(kind, words, f"{command.__doc__}\n\n{COMMON}", prog)
+        about = getdoc(getattr(command, "func", command))
+        settings = settings_from(kind, words, f"{about}\n\n{COMMON}", prog)
         command(repeated(settings) if config_file(words) else settings)
 
     guarded(run)

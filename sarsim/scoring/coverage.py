@@ -26,8 +26,11 @@ class Coverage:
     def see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells that (N, 3) returns, m in the world, fell in."""
         grid = self.surface.grid
-        on_ground = np.abs(points[:, 2] - grid.at(self.surface.height, points, outside=np.nan)) < SEEN_HEIGHT
-        self.seen |= grid.mask_of(points[on_ground])
+        cells = grid.cell_of(points)
+        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+        i, j = cells[inside].T
+        on_ground = np.abs(points[inside, 2] - self.surface.height[i, j]) < SEEN_HEIGHT
+        self.seen[i[on_ground], j[on_ground]] = True
 
     @property
     def fraction(self) -> float:

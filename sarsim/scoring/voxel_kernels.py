@@ -5,18 +5,30 @@ from numba import njit
 
 
 @njit(cache=True)
-def mark_crossed(points, origin, crossed):
-    """Mark every voxel on the straight line from ``origin`` to each of ``points``, except its last one.
+def extent(points):
+    """(3,) least and (3,) greatest coordinates of (N, 3) points."""
+    low, high = points[0].copy(), points[0].copy()
+    for n in range(1, len(points)):
+        for axis in range(3):
+            low[axis], high[axis] = min(low[axis], points[n, axis]), max(high[axis], points[n, axis])
+    return low, high
+
+
+@njit(cache=True)
+def mark_rays(points, origin, crossed, ended):
+    """Mark the voxels that the straight lines from ``origin`` to each of ``points`` cross, and those where they end.
 
     Args:
         points: (N, 3) float64, in voxels from the corner of ``crossed``.
         origin: (3,) float64, in the same units.
-        crossed: (nx, ny, nz) bool; origin and points lie inside.
+        crossed: (nx, ny, nz) bool, voxels before the last one of a line; origin and points lie inside.
+        ended: (nx, ny, nz) bool, last voxels of lines.
     """
     for n in range(len(points)):
         # Cross the faces of the grid in the order in which the ray meets them (Siddon's method).
         i, j, k = int(origin[0]), int(origin[1]), int(origin[2])
         a, b, c = int(points[n, 0]), int(points[n, 1]), int(points[n, 2])
+        ended[a, b, c] = True
         dx, dy, dz = points[n, 0] - origin[0], points[n, 1] - origin[1], points[n, 2] - origin[2]
         for _ in range(abs(a - i) + abs(b - j) + abs(c - k)):
             crossed[i, j, k] = True

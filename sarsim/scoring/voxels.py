@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.metric_map.metric_map import MetricMap
-from sarsim.scoring.voxel_kernels import mark_crossed
+from sarsim.scoring.voxel_kernels import extent, mark_rays
 
 
 class VoxelScore:
@@ -26,10 +26,9 @@ class VoxelScore:
             return
         ends = (points.astype(np.float64) - self._corner) / self._size
         start = (camera - self._corner) / self._size
-        self._reserve(np.vstack([ends, start]))
-        mark_crossed(ends - self._lower, start - self._lower, self._crossed)
-        i, j, k = (np.floor(ends).astype(np.int64) - self._lower).T
-        self._surface[i, j, k] = True
+        low, high = extent(ends)
+        self._reserve(np.minimum(low, start), np.maximum(high, start))
+        mark_rays(ends - self._lower, start - self._lower, self._crossed, self._surface)
 
     def report(self) -> dict[str, float]:
         """The figures of the map; empty if nothing was seen.
@@ -55,10 +54,9 @@ class VoxelScore:
             "free_recall": float(free[crossed].mean()),
         }
 
-    def _reserve(self, voxels: NDArray[np.float64]) -> None:
-        """Make room for points (N, 3), in voxels, with a spare voxel on every side."""
-        low = np.floor(voxels.min(axis=0)).astype(np.int64) - 1
-        high = np.floor(voxels.max(axis=0)).astype(np.int64) + 2
+    def _reserve(self, least: NDArray[np.float64], greatest: NDArray[np.float64]) -> None:
+        """Make room for points between two corners (3,), in voxels, with a spare voxel on every side."""
+        low, high = np.floor(least).astype(np.int64) - 1, np.floor(greatest).astype(np.int64) + 2
         if self._surface.size == 0:
             self._lower = low
         before = np.maximum(self._lower - low, 0)

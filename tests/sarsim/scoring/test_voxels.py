@@ -5,19 +5,20 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from pipeline.metric_map.metric_map import MetricMap
-from sarsim.scoring.voxel_kernels import mark_crossed
+from sarsim.scoring.voxel_kernels import extent, mark_rays
 from sarsim.scoring.voxels import VoxelScore
 
 
 @given(hnp.arrays(np.float64, (2, 3), elements=st.floats(0.01, 7.99)))
 def test_crossed_voxels_are_those_that_fine_sampling_finds(ends):
-    crossed = np.zeros((8, 8, 8), np.bool_)
+    crossed, ended = np.zeros((2, 8, 8, 8), np.bool_)
     start, end = ends
-    mark_crossed(end[None], start, crossed)
+    mark_rays(end[None], start, crossed, ended)
     samples = start + np.linspace(0, 1, 4001)[:, None] * (end - start)
     expected = np.zeros_like(crossed)
     expected[tuple(samples.astype(int).T)] = True
     last = tuple(end.astype(int))
+    assert np.argwhere(ended).tolist() == [list(last)]
     assert not crossed[last] or last == tuple(start.astype(int))
     expected[last] = crossed[last] = False
     # Sampling may miss a corner that a ray only grazes; the traversal must not miss a voxel that sampling finds.
@@ -27,6 +28,13 @@ def test_crossed_voxels_are_those_that_fine_sampling_finds(ends):
     for voxel in np.argwhere(crossed & ~expected):
         outside = np.maximum(0, np.maximum(voxel - samples, samples - voxel - 1))
         assert np.linalg.norm(outside, axis=1).min() < 0.004
+
+
+@given(hnp.arrays(np.float64, (5, 3), elements=st.floats(-10, 10)))
+def test_an_extent_is_between_the_least_and_the_greatest_coordinates(points):
+    low, high = extent(points)
+    assert (low == points.min(axis=0)).all()
+    assert (high == points.max(axis=0)).all()
 
 
 def scored(points, camera):

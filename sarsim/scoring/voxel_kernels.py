@@ -5,16 +5,6 @@ from numba import njit
 
 
 @njit(cache=True)
-def extent(points):
-    """(3,) least and (3,) greatest coordinates of (N, 3) points."""
-    low, high = points[0].copy(), points[0].copy()
-    for n in range(1, len(points)):
-        for axis in range(3):
-            low[axis], high[axis] = min(low[axis], points[n, axis]), max(high[axis], points[n, axis])
-    return low, high
-
-
-@njit(cache=True)
 def mark_rays(points, origin, crossed, ended):
     """Mark the voxels that the straight lines from ``origin`` to each of ``points`` cross, and those where they end.
 

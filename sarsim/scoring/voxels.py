@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.metric_map.grid_kernels import box_around
 from pipeline.metric_map.metric_map import MetricMap
-from sarsim.scoring.voxel_kernels import extent, mark_rays
+from sarsim.scoring.voxel_kernels import mark_rays
 
 
 class VoxelScore:
@@ -26,8 +27,8 @@ class VoxelScore:
             return
         ends = (points.astype(np.float64) - self._corner) / self._size
         start = (camera - self._corner) / self._size
-        low, high = extent(ends)
-        self._reserve(np.minimum(low, start), np.maximum(high, start))
+        boxes = np.array([box_around(ends, 1), box_around(start[None], 1)])
+        self._reserve(boxes[:, :3].min(axis=0), boxes.reshape(2, 2, 3).sum(axis=1).max(axis=0))
         mark_rays(ends - self._lower, start - self._lower, self._crossed, self._surface)
 
     def report(self) -> dict[str, float]:
@@ -54,9 +55,8 @@ class VoxelScore:
             "free_recall": float(free[crossed].mean()),
         }
 
-    def _reserve(self, least: NDArray[np.float64], greatest: NDArray[np.float64]) -> None:
-        """Make room for points between two corners (3,), in voxels, with a spare voxel on every side."""
-        low, high = np.floor(least).astype(np.int64) - 1, np.floor(greatest).astype(np.int64) + 2
+    def _reserve(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
+        """Make room for the voxels from ``low`` (3,) to before ``high`` (3,)."""
         if self._surface.size == 0:
             self._lower = low
         before = np.maximum(self._lower - low, 0)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from pipeline.metric_map.metric_map import MetricMap
-from sarsim.scoring.voxel_kernels import extent, mark_rays
+from sarsim.scoring.voxel_kernels import mark_rays
 from sarsim.scoring.voxels import VoxelScore
 
 
@@ -28,13 +28,6 @@ def test_crossed_voxels_are_those_that_fine_sampling_finds(ends):
     for voxel in np.argwhere(crossed & ~expected):
         outside = np.maximum(0, np.maximum(voxel - samples, samples - voxel - 1))
         assert np.linalg.norm(outside, axis=1).min() < 0.004
-
-
-@given(hnp.arrays(np.float64, (5, 3), elements=st.floats(-10, 10)))
-def test_an_extent_is_between_the_least_and_the_greatest_coordinates(points):
-    low, high = extent(points)
-    assert (low == points.min(axis=0)).all()
-    assert (high == points.max(axis=0)).all()
 
 
 def scored(points, camera):

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import linear
 
 
 def mlp(*widths: int) -> nn.Sequential:
@@ -29,3 +30,9 @@ def largest_of_blocks(features: Tensor, sizes: Sequence[int]) -> Tensor:
 def to_points(of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
     """(B, C) features of blocks to (P, C): each point gets the features of its block."""
     return of_blocks.repeat_interleave(torch.tensor(sizes, device=of_blocks.device), dim=0)
+
+
+def linear_of_both(layer: nn.Linear, features: Tensor, of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
+    """``layer`` of (P, C) features with those of each point's block, (B, D), after them; blocks go through it once."""
+    own, common = layer.weight.split([features.shape[1], of_blocks.shape[1]], dim=1)
+    return linear(features, own, layer.bias) + to_points(linear(of_blocks, common), sizes)

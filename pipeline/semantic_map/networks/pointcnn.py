@@ -38,9 +38,19 @@ class Depthwise(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(P, K, C) to (P, C · depth)."""
-        if self.weight.shape[2] == 1:
-            return (x * self.weight[..., 0].T).sum(dim=1)
         return torch.einsum("pkc,ckd->pcd", x, self.weight).flatten(start_dim=1)
+
+    def of_products(self, matrix: Tensor, *parts: Tensor) -> Tensor:
+        """(P, C · depth): ``forward`` of ``matrix`` (P, K, K) times the parts, each (P, K, some of the C channels).
+
+        The matrix is multiplied by the weights, not by the features, so no product of the features' size is stored
+        for the backward pass.
+        """
+        of_parts, turned = [], matrix.transpose(1, 2)
+        for part, weight in zip(parts, self.weight.split([part.shape[2] for part in parts]), strict=True):
+            by_depth = [((turned @ w.T) * part).sum(dim=1) for w in weight.unbind(dim=2)]
+            of_parts.append(torch.stack(by_depth, dim=2).flatten(start_dim=1))
+        return torch.cat(of_parts, dim=1)
 
 
 class XConv(nn.Module):
@@ -72,13 +82,13 @@ class XConv(nn.Module):
         near = nearest(cloud, centres, self.k * self.dilation)[:, :: self.dilation]
         offsets = cloud.positions[near] - centres.positions[:, None]
         count = len(near)
-        features = self.lift(offsets.flatten(end_dim=1)).view(count, self.k, -1)
+        parts = [self.lift(offsets.flatten(end_dim=1)).view(count, self.k, -1)]
         if self.has_features:
-            features = torch.cat((features, cloud.features[near]), dim=-1)
+            parts.append(cloud.features[near])
         matrix = self.x0(offsets.flatten(start_dim=1)).view(count, self.k, self.k)
         matrix = self.x1(matrix).view(count, self.k, self.k)
         matrix = self.x2(matrix).view(count, self.k, self.k)
-        return self.pointwise(self.depthwise(matrix @ features))
+        return self.pointwise(self.depthwise.of_products(matrix, *parts))
 
 
 class PointCnn(RowNetwork):

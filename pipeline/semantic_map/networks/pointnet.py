@@ -1,11 +1,12 @@
 """PointNet for segmentation (Qi et al., CVPR 2017, figure 2): every point on its own, and one global feature."""
 
 from collections.abc import Sequence
+from typing import cast
 
 import torch
 from torch import Tensor, nn
 
-from pipeline.semantic_map.networks.layers import largest_of_blocks, mlp, to_points
+from pipeline.semantic_map.networks.layers import largest_of_blocks, linear_of_both, mlp
 from pipeline.semantic_map.networks.network import RowNetwork
 
 PENALTY = 1e-3
@@ -55,7 +56,7 @@ class PointNet(RowNetwork):
         self.penalty = PENALTY * _distance_from_orthogonal(matrix)
         local = _times(local, matrix, sizes)
         everything = largest_of_blocks(self.points2(local), sizes)
-        x = self.head(torch.cat((local, to_points(everything, sizes)), dim=1))
+        x = self.head[1:](linear_of_both(cast(nn.Linear, self.head[0]), local, everything, sizes))
         return self.classifier(self.dropout(x))
 
 

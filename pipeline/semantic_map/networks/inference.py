@@ -1,11 +1,14 @@
 """Makes a network ready for inference or for training."""
 
+from copy import deepcopy
+from itertools import pairwise
 from typing import cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
+from torch.nn.utils.fusion import fuse_linear_bn_eval
 
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
@@ -30,8 +33,11 @@ class AsWritten:
     """A network whose own forward pass is fast enough for inference."""
 
     def __init__(self, network: RowNetwork, threads: int | None = None) -> None:
-        """Share the network: later changes of its weights take effect."""
-        self._network, self._threads = network, threads or torch.get_num_threads()
+        """Copy the network, its batch norms folded into the layers before them."""
+        self._network, self._threads = deepcopy(network).eval(), threads or torch.get_num_threads()
+        for layers in self._network.modules():
+            if isinstance(layers, nn.Sequential):
+                _fold(layers)
         self._device = next(network.parameters()).device
         self.classes, self.fewest = network.classes, network.fewest
 
@@ -42,9 +48,13 @@ class AsWritten:
             InputError: as :func:`check_block`.
         """
         check_block(self._network, points)
-        was_training = self._network.training
-        self._network.eval()
         with torch_threads(self._threads), torch.inference_mode():
             logits = self._network(torch.from_numpy(points).to(self._device), [len(points)])
-        self._network.train(was_training)
         return cast(NDArray[np.float32], logits.cpu().numpy())
+
+
+def _fold(layers: nn.Sequential) -> None:
+    """Fold batch norms of rows into the linear maps before them."""
+    for place, (layer, after) in enumerate(pairwise(layers)):
+        if isinstance(layer, nn.Linear) and isinstance(after, nn.BatchNorm1d):
+            layers[place], layers[place + 1] = fuse_linear_bn_eval(layer, after), nn.Identity()

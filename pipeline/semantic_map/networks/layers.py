@@ -19,7 +19,9 @@ def mlp(*widths: int) -> nn.Sequential:
 def largest(edges: Tensor, layers: nn.Module) -> Tensor:
     """(Q, K, C) features of edges through ``layers`` to their (Q, C') maximum over the K edges."""
     count, k, _ = edges.shape
-    return layers(edges.flatten(end_dim=1)).view(count, k, -1).max(dim=1).values
+    features = layers(edges.flatten(end_dim=1)).view(count, k, -1)
+    # The one is faster backward, the other forward.
+    return features.max(dim=1).values if torch.is_grad_enabled() else features.amax(dim=1)
 
 
 def largest_of_blocks(features: Tensor, sizes: Sequence[int]) -> Tensor:
@@ -33,6 +35,6 @@ def to_points(of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
 
 
 def linear_of_both(layer: nn.Linear, features: Tensor, of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
-    """``layer`` of (P, C) features with those of each point's block, (B, D), after them; blocks go through it once."""
+    """``layer`` of (P, C) features and, after them, the (B, D) features of each point's block, multiplied once a block."""
     own, common = layer.weight.split([features.shape[1], of_blocks.shape[1]], dim=1)
     return linear(features, own, layer.bias) + to_points(linear(of_blocks, common), sizes)

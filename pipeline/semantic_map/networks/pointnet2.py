@@ -1,9 +1,11 @@
 """PointNet++ for semantic segmentation, single scale (Qi et al., NeurIPS 2017): PointNets on ever larger balls."""
 
 from collections.abc import Sequence
+from typing import cast
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import linear
 
 from pipeline.semantic_map.networks.layers import largest, mlp
 from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, in_ball, interpolated
@@ -28,12 +30,21 @@ class SetAbstraction(nn.Module):
 
     def forward(self, cloud: Cloud) -> Cloud:
         """The centres, with the features of their balls."""
-        index, sizes = farthest(cloud, SHARE)
-        centres = Cloud(cloud.positions[index], cloud.features[index], sizes)
-        near = in_ball(cloud, centres, self.radius, NEIGHBOURS)
-        offsets = cloud.positions[near] - centres.positions[:, None]
-        edges = torch.cat((offsets, cloud.features[near]), dim=-1)
-        return Cloud(centres.positions, largest(edges, self.layers), sizes)
+        centres, edges = balls(cloud, self.radius, cast(nn.Linear, self.layers[0]))
+        return Cloud(centres.positions, largest(edges, self.layers[1:]), centres.sizes)
+
+
+def balls(cloud: Cloud, radius: float, layer: nn.Linear, unit: float = 1.0) -> tuple[Cloud, Tensor]:
+    """Centres of balls of ``radius``, m, and (Q, K, C) ``layer`` of the edges [(x_j − x_i) / ``unit``, features_j].
+
+    The layer is linear, so it is applied to points and centres, which are fewer than the edges.
+    """
+    index, sizes = farthest(cloud, SHARE)
+    centres = Cloud(cloud.positions[index], cloud.features[index], sizes)
+    near = in_ball(cloud, centres, radius, NEIGHBOURS)
+    of_points = layer(torch.cat((cloud.positions / unit, cloud.features), dim=1))
+    of_centres = linear(centres.positions / unit, layer.weight[:, :3])
+    return centres, of_points[near] - of_centres[:, None]
 
 
 class FeaturePropagation(nn.Module):

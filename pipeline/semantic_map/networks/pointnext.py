@@ -7,15 +7,15 @@ has no inverted residual blocks.
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import cast
 
-import torch
 from torch import Tensor, nn
 from torch.nn.functional import relu
 
 from pipeline.semantic_map.networks.layers import largest, mlp
-from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, in_ball
+from pipeline.semantic_map.networks.neighbourhoods import Cloud
 from pipeline.semantic_map.networks.network import RowNetwork
-from pipeline.semantic_map.networks.pointnet2 import NEIGHBOURS, RADII, SHARE, FeaturePropagation
+from pipeline.semantic_map.networks.pointnet2 import RADII, FeaturePropagation, balls
 
 WIDTHS = (32, 64, 128, 256, 512)
 """Features of a point at each level."""
@@ -34,13 +34,9 @@ class SetAbstraction(nn.Module):
 
     def forward(self, cloud: Cloud) -> Cloud:
         """The centres, with the features of their balls."""
-        index, sizes = farthest(cloud, SHARE)
-        centres = Cloud(cloud.positions[index], cloud.features[index], sizes)
-        near = in_ball(cloud, centres, self.radius, NEIGHBOURS)
-        offsets = (cloud.positions[near] - centres.positions[:, None]) / self.radius
-        edges = torch.cat((offsets, cloud.features[near]), dim=-1)
-        features = relu(largest(edges, self.layers) + self.own(centres.features))
-        return Cloud(centres.positions, features, sizes)
+        centres, edges = balls(cloud, self.radius, cast(nn.Linear, self.layers[0]), self.radius)
+        features = relu(largest(edges, self.layers[1:]) + self.own(centres.features))
+        return Cloud(centres.positions, features, centres.sizes)
 
 
 class PointNeXt(RowNetwork):

@@ -82,8 +82,8 @@ def segment(
     start = rng.uniform()
     for grid in range(grids):
         shift = (start + grid / grids) * config.size
-        for block in cut(points, camera, config, shift, network.fewest, rng):
-            logits = network(block.points)
+        blocks = list(cut(points, camera, config, shift, network.fewest, rng))
+        for block, logits in zip(blocks, network.of_blocks(b.points for b in blocks), strict=True):
             if not np.isfinite(logits).all():
                 raise InputError("the network answers with numbers that are not finite: its weights are broken")
             result[block.index] += softmax(logits, axis=1) / grids

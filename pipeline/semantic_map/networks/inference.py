@@ -1,5 +1,6 @@
 """Makes a network ready for inference or for training."""
 
+from collections.abc import Iterable, Iterator
 from copy import deepcopy
 from itertools import pairwise
 from typing import cast
@@ -13,7 +14,7 @@ from torch.nn.utils.fusion import fuse_linear_bn_eval
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
+from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
 from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork, RowNetwork, check_block
 
 
@@ -34,7 +35,8 @@ class AsWritten:
 
     def __init__(self, network: RowNetwork, threads: int | None = None) -> None:
         """Copy the network, its batch norms folded into the layers before them."""
-        self._network, self._threads = deepcopy(network).eval(), threads or torch.get_num_threads()
+        network.penalty = 0.0  # of the last training step: its graph cannot be copied
+        self._network, self._threads = deepcopy(network).eval(), RowThreads(threads or torch.get_num_threads())
         for layers in self._network.modules():
             if isinstance(layers, nn.Sequential):
                 _fold(layers)
@@ -47,9 +49,15 @@ class AsWritten:
         Raises:
             InputError: as :func:`check_block`.
         """
+        return next(self.of_blocks([points]))
+
+    def of_blocks(self, blocks: Iterable[NDArray[np.float32]]) -> Iterator[NDArray[np.float32]]:
+        """The logits of every block; each thread computes blocks of its own, which share no operation."""
+        return self._threads.each(blocks, self._logits)
+
+    def _logits(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
         check_block(self._network, points)
-        with torch_threads(self._threads), torch.inference_mode():
-            logits = self._network(torch.from_numpy(points).to(self._device), [len(points)])
+        logits = self._network(torch.from_numpy(points).to(self._device), [len(points)])
         return cast(NDArray[np.float32], logits.cpu().numpy())
 
 

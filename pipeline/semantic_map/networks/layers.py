@@ -35,6 +35,6 @@ def to_points(of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
 
 
 def linear_of_both(layer: nn.Linear, features: Tensor, of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
-    """``layer`` of (P, C) features and, after them, the (B, D) features of each point's block, multiplied once a block."""
+    """``layer`` of (P, C) features of points, each followed by the (B, D) features of its block."""
     own, common = layer.weight.split([features.shape[1], of_blocks.shape[1]], dim=1)
     return linear(features, own, layer.bias) + to_points(linear(of_blocks, common), sizes)

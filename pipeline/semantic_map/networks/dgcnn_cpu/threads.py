@@ -1,6 +1,6 @@
-"""Threads that share the rows of a block."""
+"""Threads that share the rows of a block, or blocks."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from threading import Barrier
@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import torch
 
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
@@ -29,6 +30,10 @@ class RowThreads:
     def run(self, action: Callable[[], Result]) -> Result:
         """Call ``action`` in one of the threads, without automatic differentiation."""
         return self._pool.submit(torch.inference_mode()(action)).result()
+
+    def each(self, items: Iterable[Item], action: Callable[[Item], Result]) -> Iterator[Result]:
+        """``action`` of every item, each in the next free thread, without automatic differentiation."""
+        return self._pool.map(torch.inference_mode()(action), items)
 
     def over(self, tiles: Sequence[slice], action: Callable[[slice], object]) -> None:
         """Call ``action`` for every slice of rows, each in the next free thread; to be called inside ``run``."""

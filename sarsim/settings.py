@@ -27,37 +27,78 @@ WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
 DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
 
 
-@dataclass(frozen=True)
-class EpisodeConfig:
-    """Settings of an episode.
+@dataclass(frozen=True, kw_only=True)
+class SimulationConfig:
+    """Settings of everything that simulates a robot.
 
     Attributes:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
         robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         seed: seed of all random numbers; other seeds show how much of a result is chance.
-        steps: most steps (sense, map, plan, drive) of exploring, which ends earlier when no viewpoint is left.
-        map: folder of an earlier episode in the same place, in whose map the robot finds its pose and goes on.
-        resume: folder of an interrupted episode, which is repeated from its start with its settings and seed, bit for
-            bit, and then continued; stored outputs of its networks are not computed again.
-        goals: places to drive to after exploring, x y x y … in m in the map; the robot chooses a short order.
-        home: drive back to the start at the end.
-        labels: source of the points' labels: a network, height and slope alone (rules), the simulator (truth), to see
+        lighting: light in the arena; in the dark, the robot's lamp is on.
+    """
+
+    arena: str = "nist_6x4"
+    robot: Robot = "pioneer3at"
+    start: StartPose | None = None
+    seed: int = 0
+    lighting: LightingName = "normal"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerceptionConfig:
+    """Settings of everything that labels points and finds people.
+
+    Attributes:
+        labels: source of the points' labels: a network, height and slope alone (rules), a simulator (truth), to see
             the effect of perfect labels, or a class of your own, module:Class.
         weights: weights file of the network, from train.py; by default the shipped one.
         detector: victim detector: a YOLOv3 as Darknet's .cfg and .weights; None turns it off (faster).
+    """
+
+    labels: Labels = NETWORK
+    weights: Path | None = None
+    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionConfig:
+    """Settings of everything that drives a robot by its own maps.
+
+    Attributes:
+        steps: most steps (sense, map, plan, drive) of exploring, which ends earlier when no viewpoint is left.
+        map: folder of an earlier episode in the same place, in whose map the robot finds its pose and goes on.
+        goals: places to drive to after exploring, x y x y … in m in the map; the robot chooses a short order.
+        home: drive back to the start at the end.
+        speed: top speed, m/s, on seen level ground with enough room; the thesis drives at 0.2.
+        view: live view of the run: in a new window (spawn), in the browser (web), or none.
+    """
+
+    steps: int = 160
+    map: Path | None = None
+    goals: tuple[tuple[float, float], ...] = ()
+    home: bool = False
+    speed: float = 0.5
+    view: Literal["none", "spawn", "web"] = "none"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeConfig(PerceptionConfig, MissionConfig, SimulationConfig):
+    """Settings of an episode.
+
+    Attributes:
+        resume: folder of an interrupted episode, which is repeated from its start with its settings and seed, bit for
+            bit, and then continued; stored outputs of its networks are not computed again.
         odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
         localisation: odometry corrected by registration of the depth images (slam), or uncorrected (odometry).
         sensor: Xtion camera with its noise, or ideal with the same range, to see the effect of noise.
-        lighting: light in the arena; in the dark, the robot's lamp is on.
         dust: dust concentration in the air, 0 to 1; dust swallows depth returns, makes false ones and veils colours.
         fiducials: number of AprilTags on the arena's walls, by which the report measures the error of distances in
             the map; the robot ignores them.
-        speed: top speed, m/s, on seen level ground with enough room; the thesis drives at 0.2.
         voxel_size: side of the metric map's voxels, m; smaller voxels show more detail and take more time and memory.
         graph: graph for path planning: the thesis's minimum spanning tree (mst), or that tree with loops that shorten
             detours (roadmap).
-        view: live view of the run: in a new window (spawn), in the browser (web), or none.
         bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
         bag_images: images in the bag: depth in whole mm (16UC1) or exact, in m (32FC1); colour raw or as JPEG.
         tum: new folder for the images, IMU data, odometry and true poses in the layout of the TUM RGB-D benchmark.
@@ -66,28 +107,14 @@ class EpisodeConfig:
         random: contents of a random arena.
     """
 
-    arena: str = "nist_6x4"
-    robot: Robot = "pioneer3at"
-    start: StartPose | None = None
-    seed: int = 0
-    steps: int = 160
-    map: Path | None = None
     resume: Path | None = None
-    goals: tuple[tuple[float, float], ...] = ()
-    home: bool = False
-    labels: Labels = NETWORK
-    weights: Path | None = None
-    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     odometry: Odometry = "wheel"
     localisation: Literal["slam", "odometry"] = "slam"
     sensor: Literal["xtion", "ideal"] = "xtion"
-    lighting: LightingName = "normal"
     dust: float = 0.0
     fiducials: int = 0
-    speed: float = 0.5
     voxel_size: float = 0.1
     graph: Literal["mst", "roadmap"] = "roadmap"
-    view: Literal["none", "spawn", "web"] = "none"
     bag: Path | None = None
     bag_images: Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"] = "16UC1"
     tum: Path | None = None
@@ -100,8 +127,8 @@ class EpisodeConfig:
         return self.out or self.resume or Path("runs") / f"{Path(self.arena).stem}-{self.seed}"
 
 
-@dataclass(frozen=True)
-class MapRecording:
+@dataclass(frozen=True, kw_only=True)
+class MapRecording(PerceptionConfig):
     """A recording to map, and facts that it does not contain itself.
 
     Attributes:
@@ -109,10 +136,6 @@ class MapRecording:
         out: folder for the results, the same files as an episode's.
         poses: source of the poses: recorded odometry corrected by registration (slam), registration alone, or
             odometry or true poses as recorded; by default slam if there is odometry, else registration.
-        labels: source of the points' labels: a network, height and slope alone (rules), true labels that a simulator
-            recorded (truth), or a class of your own, module:Class.
-        weights: weights file of the network, from train.py; by default the shipped one.
-        detector: victim detector: a YOLOv3 as Darknet's .cfg and .weights; None turns it off (faster).
         robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees, positive pitch looks down; by
             default as recorded, else level over the floor of the first frame.
@@ -125,9 +148,6 @@ class MapRecording:
     path: Annotated[Path, tyro.conf.Positional]
     out: Path
     poses: Literal["slam", "registration", "odometry", "truth"] | None = None
-    labels: Labels = NETWORK
-    weights: Path | None = None
-    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
     robot: Robot = "pioneer3at"
     camera: tuple[float, float, float, float, float, float] | None = None
     intrinsics: tuple[float, float, float, float] | None = None
@@ -136,16 +156,11 @@ class MapRecording:
     topics: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class RosRobotConfig:
+@dataclass(frozen=True, kw_only=True)
+class RosRobotConfig(SimulationConfig):
     """Settings of the node that simulates a robot.
 
     Attributes:
-        arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
-        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
-        start: start pose: x and y in m, yaw in degrees; by default the arena's own.
-        seed: seed of all random numbers; other seeds show how much of a result is chance.
-        lighting: light in the arena; in the dark, the robot's lamp is on.
         camera_rate: camera images per simulated second; each takes some 50 ms to compute, a real Xtion gives 30.
         pace: pace of the simulated time: that of the wall clock (real-time), as fast as possible (free), or as fast
             as commands come (commands), waiting at most 0.1 s for each.
@@ -155,11 +170,6 @@ class RosRobotConfig:
         out: folder for ground truth of the drive, report.json and trajectory_true.tum; by default neither is written.
     """
 
-    arena: str = "nist_6x4"
-    robot: Robot = "pioneer3at"
-    start: StartPose | None = None
-    seed: int = 0
-    lighting: LightingName = "normal"
     camera_rate: float = 5.0
     pace: Literal["commands", "real-time", "free"] = "commands"
     stamped: bool = False
@@ -168,22 +178,12 @@ class RosRobotConfig:
     out: Path | None = None
 
 
-@dataclass(frozen=True)
-class RosExploration:
+@dataclass(frozen=True, kw_only=True)
+class RosExploration(PerceptionConfig, MissionConfig):
     """Settings of the exploration with a ROS 2 robot.
 
     Attributes:
         out: folder for the results, the same files as an episode's.
-        steps: most steps (sense, map, plan, drive) of exploring, which ends earlier when no viewpoint is left.
-        map: folder of an earlier episode in the same place, in whose map the robot finds its pose and goes on.
-        goals: places to drive to after exploring, x y x y … in m in the map; the robot chooses a short order.
-        home: drive back to the start at the end.
-        labels: source of the points' labels: a network, height and slope alone (rules), or a class of your own,
-            module:Class.
-        weights: weights file of the network, from train.py; by default the shipped one.
-        detector: victim detector: a YOLOv3 as Darknet's .cfg and .weights; None turns it off (faster).
-        speed: top speed, m/s, on seen level ground with enough room; the thesis drives at 0.2.
-        view: live view of the run: in a new window (spawn), in the browser (web), or none.
         robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees, positive pitch looks down; by
             default from the robot's transforms.
@@ -194,15 +194,6 @@ class RosExploration:
     """
 
     out: Path
-    steps: int = 160
-    map: Path | None = None
-    goals: tuple[tuple[float, float], ...] = ()
-    home: bool = False
-    labels: Labels = NETWORK
-    weights: Path | None = None
-    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
-    speed: float = 0.5
-    view: Literal["none", "spawn", "web"] = "none"
     robot: Robot = "pioneer3at"
     camera: tuple[float, float, float, float, float, float] | None = None
     topics: TopicNames = field(default_factory=TopicNames)

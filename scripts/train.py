@@ -31,16 +31,17 @@ VALIDATION_FRAMES = 40
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainPoints(TrainingConfig):
-    """Train a network of the semantic map with datasets of generate_dataset.py.
+class TrainingFiles:
+    """What a training reads and writes.
 
     Attributes:
         data: folders of datasets; the training uses the scenes of the split train, the validation those of val.
-        out: file for the weights (.safetensors); a checkpoint, a table (.csv) and the settings (.yaml) are written
-            beside it. The same command continues an interrupted training from its checkpoint.
+        out: file for the weights (points: .safetensors, yolo: .weights, beside which are .cfg and .json); a
+            checkpoint, a table (.csv) and the settings (.yaml) get its name with other endings. The same command
+            continues an interrupted training from its checkpoint.
         stride: use only every n-th frame of each scene: fewer frames to load, and fewer that look alike.
-        init: file of initial weights, as written by train.py; by default the weights are random.
-        until: step at which to stop as if interrupted; the learning rate still falls according to --steps.
+        init: file of initial weights, as written by train.py, whose .cfg then sets a yolo's network, width and
+            height; by default the weights are random.
         tensorboard: folder for TensorBoard's events of loss and scores; TensorBoard must be installed.
     """
 
@@ -48,30 +49,23 @@ class TrainPoints(TrainingConfig):
     out: Path
     stride: int = 1
     init: Path | None = None
-    until: int | None = None
     tensorboard: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainYolo(YoloTrainingConfig):
-    """Train the victim detector with datasets of generate_dataset.py.
+class TrainPoints(TrainingConfig, TrainingFiles):
+    """Train a network of the semantic map with datasets of generate_dataset.py.
 
     Attributes:
-        data: folders of datasets; the training uses the scenes of the split train, the validation those of val.
-        out: file for the weights (.weights); the network (.cfg), its card (.json), a table (.csv), a checkpoint and
-            the settings (.yaml) are written beside it. The same command continues an interrupted training from its
-            checkpoint.
-        stride: use only every n-th frame of each scene: fewer frames to load, and fewer that look alike.
-        init: file of initial weights, as written by train.py; the .cfg beside it then sets network, width and height;
-            by default the weights are random.
-        tensorboard: folder for TensorBoard's events of loss and scores; TensorBoard must be installed.
+        until: step at which to stop as if interrupted; the learning rate still falls according to --steps.
     """
 
-    data: tuple[Path, ...]
-    out: Path
-    stride: int = 1
-    init: Path | None = None
-    tensorboard: Path | None = None
+    until: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainYolo(YoloTrainingConfig, TrainingFiles):
+    """Train the victim detector with datasets of generate_dataset.py."""
 
 
 def train_points(settings: TrainPoints, network: str) -> None:

@@ -15,9 +15,9 @@ from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_cl
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
 from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.network import PointNetwork
+from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
 from sarsim.scripts.benchmarks.common import seconds

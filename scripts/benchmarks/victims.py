@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rich.progress import track
 from rich.table import Table
 
-from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
+from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.victims.detection.architectures import COCO_TINY_ANCHORS, yolov3_tiny
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.detector import VictimDetector

@@ -14,8 +14,8 @@ from torch.nn.utils.fusion import fuse_linear_bn_eval
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
 from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork, RowNetwork, check_block
+from pipeline.semantic_map.networks.threads import Threads
 
 
 def for_inference(network: PointNetwork, threads: int | None = None) -> BlockClassifier:
@@ -36,7 +36,7 @@ class AsWritten:
     def __init__(self, network: RowNetwork, threads: int | None = None) -> None:
         """Copy the network, its batch norms folded into the layers before them."""
         network.penalty = 0.0  # of the last training step: its graph cannot be copied
-        self._network, self._threads = deepcopy(network).eval(), RowThreads(threads or torch.get_num_threads())
+        self._network, self._threads = deepcopy(network).eval(), Threads(threads or torch.get_num_threads())
         for layers in self._network.modules():
             if isinstance(layers, nn.Sequential):
                 _fold(layers)

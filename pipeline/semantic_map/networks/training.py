@@ -17,12 +17,12 @@ from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig
 from pipeline.semantic_map.networks.classifier import save_classifier, segment
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.threads import torch_threads
 from pipeline.semantic_map.networks.inference import for_inference, for_training
 from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.parallel import Worker
 from pipeline.semantic_map.networks.sampling import Batch, BlockSampler
 from pipeline.semantic_map.networks.scores import confusion_of, iou, mean_iou
+from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.semantic_map.networks.training_loop import TrainingLoop
 from pipeline.semantic_map.networks.weights import NETWORKS

@@ -13,8 +13,8 @@ from torch.nn.functional import leaky_relu
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, SLOPE, Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels as kernels
-from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
 from pipeline.semantic_map.networks.network import check_block
+from pipeline.semantic_map.networks.threads import Threads
 
 TILE = 64
 """Points per tile: their data, above all 1 MB of distances from 4,096 points, stay in the cache."""
@@ -46,7 +46,7 @@ class FastDgcnn:
             raise InputError(f"DGCNN with k = {network.k}: at most {kernels.BOUNDS} neighbours are selected")
         self._network, self.k = network, network.k
         self.classes, self.fewest = network.classes, network.fewest
-        self._threads = RowThreads(threads or torch.get_num_threads())
+        self._threads = Threads(threads or torch.get_num_threads())
         self._conv1, self._conv2, self._conv3 = (
             [_Layer.of(cast(nn.Sequential, layer)) for layer in conv.layers] for conv in network.edge_convs
         )

@@ -148,6 +148,15 @@ def test_tiny_blocks_get_answers(name, points):
     assert np.isfinite(answer).all()
 
 
+@pytest.mark.parametrize("name", NEW)
+def test_inference_gives_the_answers_of_the_network_as_written(name):
+    network, blocks = made(name), [corner(100 + 30 * seed, seed) for seed in range(5)]
+    answers = list(for_inference(network, threads=2).of_blocks(blocks))
+    for answer, block in zip(answers, blocks, strict=True):
+        expected = logits(network, block)
+        np.testing.assert_allclose(answer, expected, atol=1e-4 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("name", OURS)
 @pytest.mark.parametrize("shape", [(0, 6), (30, 9), (30,)])
 def test_blocks_of_another_shape_are_refused(name, shape):

@@ -4,13 +4,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-import torch
 
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels
-from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn, tiles
-from pipeline.semantic_map.networks.dgcnn_cpu.threads import RowThreads
+from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from tests.pipeline.semantic_map.networks.small_network import block, network, plain
 
 
@@ -64,31 +62,6 @@ def test_of_equally_close_points_the_lower_index_is_nearer() -> None:
     closeness = np.float32([[0, 1, 2, 1, 1, 2, 0, 1]])
     inference_kernels.select_nearest(closeness, np.zeros(8, np.float32), neighbours)
     assert sorted(neighbours[0].tolist()) == [1, 2, 5]
-
-
-def test_threads_cover_every_row_once_and_leave_torch_its_threads() -> None:
-    before = torch.get_num_threads()
-    visits, threads_inside = np.zeros(1000, int), set()
-
-    def visit(rows: slice) -> None:
-        visits[rows] += 1
-        threads_inside.add(torch.get_num_threads())
-
-    threads = RowThreads(2)
-    threads.run(lambda: threads.over(tiles(1000), visit))
-    assert (visits == 1).all()
-    assert threads_inside == {1}
-    assert torch.get_num_threads() == before
-
-
-@pytest.mark.parametrize("count", [1, 3])
-def test_an_error_in_a_thread_is_raised(count: int) -> None:
-    def fail(rows: slice) -> None:
-        raise ValueError(rows)
-
-    threads = RowThreads(count)
-    with pytest.raises(ValueError, match="slice"):
-        threads.run(lambda: threads.over([slice(0, 4), slice(4, 8)], fail))
 
 
 def test_blocks_can_be_classified_at_once_from_several_threads() -> None:

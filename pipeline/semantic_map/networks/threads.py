@@ -12,7 +12,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-class RowThreads:
+class Threads:
     """A few threads, each of which computes alone: PyTorch starts no threads of its own inside them.
 
     PyTorch's own threads split every small operation and then wait for the slowest one, long on a busy machine.

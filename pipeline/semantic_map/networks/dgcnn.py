@@ -41,7 +41,6 @@ class Dgcnn(PointNetwork):
     """
 
     NAME = "dgcnn"
-    STORED = torch.float32
 
     def __init__(self, channels: int = 6, classes: int = 6, k: int = 20) -> None:
         """Random weights; ``channels`` of a point are x, y, z and more, the last three normalized x, y, z."""

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
@@ -20,14 +19,12 @@ class PointNetwork(nn.Module, ABC):
 
     Attributes:
         NAME: its name in files and commands.
-        STORED: type of the weights in files; half precision changes no class and keeps the files small.
         channels: number per point: x, y, z in m from the middle of the block, and more.
         classes: number of classes.
         penalty: the term that its paper adds to the loss, from the last forward pass.
     """
 
     NAME: ClassVar[str]
-    STORED: ClassVar[torch.dtype] = torch.float16
     penalty: Tensor | float = 0.0
 
     def __init__(self, channels: int, classes: int) -> None:

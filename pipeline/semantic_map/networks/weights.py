@@ -42,8 +42,8 @@ def load_weights(path: Path, network: str | None = None) -> tuple[PointNetwork, 
 
 
 def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | None = None) -> None:
-    """Write the weights, with ``metadata`` about them. InputError if that is impossible."""
-    tensors = {name: t.detach().cpu().to(network.STORED).contiguous() for name, t in network.published().items()}
+    """Write the weights in half precision, and ``metadata`` about them. InputError if that is impossible."""
+    tensors = {name: t.detach().cpu().half().contiguous() for name, t in network.published().items()}
     content = save(tensors, {"network": network.NAME} | network.about() | (metadata or {}))
     with whole_file(path) as file:
         file.write_bytes(content)  # safetensors' own save_file makes files that only their owner may read

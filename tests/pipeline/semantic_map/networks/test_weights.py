@@ -38,9 +38,9 @@ def test_weights_are_as_readable_as_any_other_new_file(tmp_path: Path) -> None:
     assert (tmp_path / "w.safetensors").stat().st_mode == (tmp_path / "other").stat().st_mode
 
 
-def test_a_network_fits_into_4_mb(tmp_path: Path) -> None:
+def test_a_network_fits_into_2_mb(tmp_path: Path) -> None:
     save_weights(tmp_path / "w.safetensors", network())
-    assert (tmp_path / "w.safetensors").stat().st_size < 4e6
+    assert (tmp_path / "w.safetensors").stat().st_size < 2e6
 
 
 def test_batch_norms_registered_twice_are_read_once(tmp_path: Path) -> None:

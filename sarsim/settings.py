@@ -28,8 +28,8 @@ DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulationConfig:
-    """Settings of everything that simulates a robot.
+class SimulatorConfig:
+    """Settings of everything that simulates a robot in an arena.
 
     Attributes:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
@@ -84,7 +84,7 @@ class MissionConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EpisodeConfig(PerceptionConfig, MissionConfig, SimulationConfig):
+class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
     """Settings of an episode.
 
     Attributes:
@@ -157,7 +157,7 @@ class MapRecording(PerceptionConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RosRobotConfig(SimulationConfig):
+class RosRobotConfig(SimulatorConfig):
     """Settings of the node that simulates a robot.
 
     Attributes:

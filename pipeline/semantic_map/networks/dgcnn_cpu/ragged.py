@@ -9,12 +9,7 @@ from torch.nn.functional import batch_norm, leaky_relu
 
 from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, SLOPE, Dgcnn, EdgeConv, nearest
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import neighbour_finder, tiles
-from pipeline.semantic_map.networks.dgcnn_cpu.training_functions import (
-    LargestLinear,
-    LargestOfTwoLayers,
-    LargestSum,
-    Linear,
-)
+from pipeline.semantic_map.networks.dgcnn_cpu.training_functions import LargestLinear, LargestOfTwoLayers, LargestSum
 
 
 class RaggedDgcnn(nn.Module):
@@ -38,8 +33,8 @@ class RaggedDgcnn(nn.Module):
         of_everything, of_local = _weight(network.head1).split((everything.shape[1], x.shape[1]), dim=1)
         counts = torch.tensor(sizes, device=x.device)
         of_block = (everything @ of_everything.T).repeat_interleave(counts, dim=0)
-        x = _activate(network.head1, _linear(x, of_local.contiguous()) + of_block)
-        x = _activate(network.head2, _linear(x, _weight(network.head2)))
+        x = _activate(network.head1, x @ of_local.T + of_block)
+        x = _activate(network.head2, x @ _weight(network.head2).T)
         return network.dropout(x) @ network.classifier.weight.flatten(start_dim=1).T
 
 
@@ -55,7 +50,7 @@ def edge_conv(conv: EdgeConv, x: Tensor, neighbours: Tensor) -> Tensor:
     """(P, C) features and (P, k) neighbours to (P, C') features."""
     first, *rest = (cast(nn.Sequential, layer) for layer in conv.layers)
     of_difference, of_point = _weight(first).chunk(2, dim=1)
-    a, b = _linear(x, of_difference.contiguous()), _linear(x, of_point - of_difference)
+    a, b = x @ of_difference.T, x @ (of_point - of_difference).T
     if not on_cpu(x):
         return _edge_conv_anywhere(first, rest, a, b, neighbours)
     norm, js = _norm(first), neighbours.numpy()
@@ -69,7 +64,7 @@ def edge_conv(conv: EdgeConv, x: Tensor, neighbours: Tensor) -> Tensor:
 def largest(layer: nn.Sequential, x: Tensor, sizes: list[int]) -> Tensor:
     """(P, C) features to the (B, C') maximum responses of a layer over every block."""
     if not on_cpu(x):
-        responses = _activate(layer, _linear(x, _weight(layer)))
+        responses = _activate(layer, x @ _weight(layer).T)
         return torch.stack([block.amax(dim=0) for block in responses.split(sizes)])
     norm = _norm(layer)
     return cast(Tensor, LargestLinear.apply(x, _weight(layer), norm.weight, norm.bias, sizes, norm))
@@ -87,7 +82,7 @@ def _edge_conv_anywhere(
     edges = a[neighbours.flatten().long()].view(count, k, -1) + b[:, None]
     edges = _activate(first, edges.flatten(end_dim=1))
     for layer in rest:
-        edges = _activate(layer, _linear(edges, _weight(layer)))
+        edges = _activate(layer, edges @ _weight(layer).T)
     return edges.view(count, k, -1).amax(dim=1)
 
 
@@ -104,10 +99,6 @@ def _weight(layer: nn.Sequential) -> Tensor:
 
 def _norm(layer: nn.Sequential) -> nn.BatchNorm1d:
     return cast(nn.BatchNorm1d, layer[1])
-
-
-def _linear(x: Tensor, weight: Tensor) -> Tensor:
-    return cast(Tensor, Linear.apply(x, weight)) if on_cpu(x) else x @ weight.T
 
 
 def _activate(layer: nn.Sequential, x: Tensor) -> Tensor:

@@ -1,13 +1,13 @@
 """Layers for training on a CPU, several times as cheap as automatic differentiation of the network as written.
 
-All but ``Linear`` take the maximum over groups of responses r of a linear map, after batch norm and activation. Both
+They take the maximum over groups of responses r of a linear map, after batch norm and activation. Both
 are monotone, so they are applied to the maximum alone. In the backward pass, the gradient of a response is
 
     γ/σ · (the gradient of the maximum, where it was taken − mean of β's gradient − (r − μ)/σ · mean of γ's gradient),
 
 a few entries and an affine map of r. So responses need not be stored: the affine map of r = W h is one of h.
 
-``Linear`` and ``LargestLinear`` serve any network on points; the other two are EdgeConvs.
+``LargestLinear`` serves any network on points; the other two are EdgeConvs.
 """
 
 from collections.abc import Iterable
@@ -25,23 +25,6 @@ from pipeline.semantic_map.networks.dgcnn_cpu.training_edges import ActivatedEdg
 from pipeline.semantic_map.networks.dgcnn_cpu.training_norm import Largest, Norm, signs
 
 Norms = tuple[nn.BatchNorm1d, nn.BatchNorm1d]
-
-
-class Linear(Function):
-    """``x Wᵀ``."""
-
-    @staticmethod
-    def forward(ctx: Any, x: Tensor, weight: Tensor) -> Tensor:
-        """(N, C) x and (C', C) W to (N, C')."""
-        ctx.save_for_backward(x, weight)
-        return linear(x, weight)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, Tensor]:
-        """Gradients of x, if it is needed, and W."""
-        x, weight = ctx.saved_tensors
-        to_x = linear(gradients[0], weight.T.contiguous()) if ctx.needs_input_grad[0] else None
-        return to_x, gradients[0].T @ x
 
 
 class LargestLinear(Function):

@@ -57,10 +57,11 @@ class TrainPoints(TrainingConfig, TrainingFiles):
     """Train a network of the semantic map with datasets of generate_dataset.py.
 
     Attributes:
-        until: step at which to stop as if interrupted; the learning rate still falls according to --steps.
+        column: edge of the columns into which clouds are cut, m; wider ones show a network more at once, the
+            thesis's are 1 m. With --init they are those of its file.
     """
 
-    until: int | None = None
+    column: float = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +73,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
     """Train a network of the semantic map, and print the path of its weights."""
     _check(settings)
     from pipeline.semantic_map.networks.blocks import BlockConfig
-    from pipeline.semantic_map.networks.classifier import load_classifier
+    from pipeline.semantic_map.networks.classifier import LIMITS, load_classifier
     from pipeline.semantic_map.networks.parallel import Worker
     from pipeline.semantic_map.networks.training import Trainer
 
@@ -80,14 +81,18 @@ def train_points(settings: TrainPoints, network: str) -> None:
     scenes = sum(map(_scenes, settings.data))
     about: dict[str, Any] = {"data": list(map(str, settings.data)), "scenes": scenes, "stride": settings.stride}
     initial: PointNetwork | str = network
+    low, high = LIMITS["size"]
+    if not low <= settings.column <= high:
+        raise InputError(f"--column {settings.column:g}: from {low:g} to {high:g} m")
+    blocks = BlockConfig(size=settings.column)
     if settings.init is not None:
-        initial, about["init"] = load_classifier(settings.init, network)[0], str(settings.init)
+        (initial, blocks), about["init"] = load_classifier(settings.init, network), str(settings.init)
     worker = Worker.join()
     try:
-        clouds = _clouds(settings, worker, BlockConfig().voxel_size)
+        clouds = _clouds(settings, worker, blocks.voxel_size)
         validation = clouds["val"][:: 1 + len(clouds["val"]) // VALIDATION_FRAMES]
-        trainer = Trainer(clouds["train"], validation, config, settings.out, worker, about, initial)
-        _train(trainer, settings, "mIoU over the four", settings.until)
+        trainer = Trainer(clouds["train"], validation, config, settings.out, worker, about, initial, blocks)
+        _train(trainer, settings, "mIoU over the four")
     finally:
         worker.leave()
 
@@ -152,9 +157,7 @@ def _clouds(settings: TrainPoints, worker: "Worker", voxel_size: float) -> dict[
     return clouds
 
 
-def _train(
-    trainer: "TrainingLoop[Any]", settings: TrainPoints | TrainYolo, score: str, until: int | None = None
-) -> None:
+def _train(trainer: "TrainingLoop[Any]", settings: TrainPoints | TrainYolo, score: str) -> None:
     """Run a trainer with a progress bar; Ctrl-C ends it after the step under way."""
     leads = trainer.worker.leads
     if leads:
@@ -170,7 +173,7 @@ def _train(
             if hold.signal is not None:
                 raise KeyboardInterrupt(hold.signal)
 
-        trainer.run(report, until)
+        trainer.run(report)
     if leads:
         Console().print(f"Validated best: {score} {trainer.best:.4f}. Weights in {settings.out}", soft_wrap=True)
 

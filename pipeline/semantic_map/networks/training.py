@@ -52,6 +52,7 @@ class Trainer(TrainingLoop[Batch]):
         worker: Worker,
         about: dict[str, Any],
         initial: PointNetwork | str = Dgcnn.NAME,
+        blocks: BlockConfig | None = None,
     ) -> None:
         """Start or resume a training, see :class:`TrainingLoop`.
 
@@ -61,6 +62,7 @@ class Trainer(TrainingLoop[Batch]):
             config, out, worker, about: as of :class:`TrainingLoop`; the samples of a batch are blocks.
             initial: a network to begin with, of six channels and :data:`CLASSES`, or the name of a network, which
                 begins with random weights.
+            blocks: how to cut clouds into blocks; by default columns of 1 m.
 
         Raises:
             InputError: there is nothing to learn from or to validate with, or the checkpoint is of another training.
@@ -70,7 +72,7 @@ class Trainer(TrainingLoop[Batch]):
             if not any(len(cloud.points) for cloud in clouds):
                 raise InputError(f"no labelled points to {purpose} with")
         torch.manual_seed(config.seed)
-        self._validation, self._blocks = validation, BlockConfig()
+        self._validation, self._blocks = validation, blocks or BlockConfig()
         network = NETWORKS[initial](CHANNELS, len(CLASSES)) if isinstance(initial, str) else initial
         if config.batch < FEWEST_BLOCKS:
             raise InputError(f"--batch {config.batch}: at least {FEWEST_BLOCKS}, for batch norm over blocks")
@@ -86,7 +88,8 @@ class Trainer(TrainingLoop[Batch]):
         def draw(step: int) -> Batch:
             return sampler.batch(step * worker.count + worker.rank)
 
-        super().__init__(config, out, worker, about, draw, optimizer, {"network": self.network})
+        networks: dict[str, nn.Module] = {"network": self.network}
+        super().__init__(config, out, worker, about, draw, optimizer, networks, repr(self._blocks))
 
     def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
         """Train as :meth:`TrainingLoop.run`, while PyTorch starts no threads of its own."""

@@ -3,6 +3,9 @@
 import numpy as np
 from numba import njit
 
+CHUNK = 256
+"""Numbers whose maximum is found at once: a compiler turns loops without conditions into vector instructions."""
+
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def farthest_points(points, chosen):
@@ -12,21 +15,32 @@ def farthest_points(points, chosen):
         points: (N, 3) float32, m.
         chosen: (Q,) int64, filled with indices; Q ≤ N.
     """
-    count = len(points)
-    middle = np.zeros(3, np.float32)
-    for c in range(3):
-        middle[c] = points[:, c].mean()
-    distance = np.empty(count, np.float32)
-    x, y, z = middle[0], middle[1], middle[2]
-    for q in range(-1, len(chosen)):
-        if q >= 0:
-            x, y, z = points[chosen[q], 0], points[chosen[q], 1], points[chosen[q], 2]
-        farthest, greatest = 0, np.float32(-1)
-        for i in range(count):
-            d = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2 + (points[i, 2] - z) ** 2
+    xs, ys, zs = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()
+    x, y, z = np.float32(xs.mean()), np.float32(ys.mean()), np.float32(zs.mean())
+    distance = np.full(len(points), np.float32(np.inf))
+    for q in range(len(chosen)):
+        for i in range(len(points)):
+            dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
+            d, least = dx * dx + dy * dy + dz * dz, distance[i]
+            distance[i] = d if d < least else least
+        farthest = place_of_largest(distance.view(np.int32))  # bits of positive numbers have the numbers' order
+        if q == 0:
             # Distances to the middle decide only on the first point: points near the middle may be chosen later.
-            d = min(d, distance[i]) if q > 0 else d
-            distance[i] = d
-            farthest, greatest = (i, d) if d > greatest else (farthest, greatest)
-        if q + 1 < len(chosen):
-            chosen[q + 1] = farthest
+            distance[:] = np.inf
+        chosen[q] = farthest
+        x, y, z = xs[farthest], ys[farthest], zs[farthest]
+
+
+@njit(cache=True, nogil=True, boundscheck=False)
+def place_of_largest(values):
+    """Index of the first of the greatest of (N,) int32 ``values``, none below 0."""
+    largest, place = np.int32(-1), 0
+    for start in range(0, len(values), CHUNK):
+        here = np.int32(-1)
+        for i in range(start, min(start + CHUNK, len(values))):
+            here = max(here, values[i])
+        if here > largest:
+            largest, place = here, start
+    while values[place] < largest:
+        place += 1
+    return place

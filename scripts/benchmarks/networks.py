@@ -57,7 +57,7 @@ def measure(
     files = {
         name: weights / f"{name}.safetensors" for name in NETWORKS if (weights / f"{name}.safetensors").is_file()
     }
-    figures = _sizes(files) | _times(list(drive_through("nist_6x4", timed_frames, seed)), rounds)
+    figures = _sizes(files) | _times(files, list(drive_through("nist_6x4", timed_frames, seed)), rounds)
     groups = {Path(arena).stem: [arena] * bool(frames) for arena in arenas}
     groups["raf_mean"] = [str(path) for path in sorted(raf.glob("*.raf"))] * bool(raf_frames)
     groups["random_mean"] = [f"random:{FIRST_RANDOM + n}" for n in range(random if raf_frames else 0)]
@@ -111,8 +111,8 @@ def _sizes(files: dict[str, Path]) -> dict[str, float]:
     return figures
 
 
-def _times(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
-    """ms of a block and s of a frame, with planes, the networks in turn; random weights take the same time."""
+def _times(files: dict[str, Path], frames: list[TrueFrame], rounds: int) -> dict[str, float]:
+    """ms of a block and s of a frame, with planes, the networks in turn; random weights serve those without a file."""
     torch.manual_seed(0)
     written = {name: kind(CHANNELS, len(CLASSES)).eval() for name, kind in NETWORKS.items()}
     ready = {name: for_inference(network, THREADS) for name, network in written.items()}
@@ -122,7 +122,10 @@ def _times(frames: list[TrueFrame], rounds: int) -> dict[str, float]:
         for name, network in ready.items():
             took = seconds(_answers, network, [blocks[turn % len(blocks)]] * THREADS) / THREADS
             times.setdefault(f"{name}.block_ms", []).extend([1000 * took] * (turn >= 0))
-    classifiers = {name: classifier_of(network) for name, network in written.items()}
+    classifiers = {
+        name: NetworkClassifier(files[name], threads=THREADS) if name in files else classifier_of(network)
+        for name, network in written.items()
+    }
     for frame in frames:
         for name, classifier in classifiers.items():
             took = seconds(classifier.classify, frame.frame, frame.points, frame.T_map_camera)

@@ -112,7 +112,7 @@ def _sizes(files: dict[str, Path]) -> dict[str, float]:
 
 
 def _times(files: dict[str, Path], frames: list[TrueFrame], rounds: int) -> dict[str, float]:
-    """ms of a block and s of a frame, with planes, the networks in turn; random weights serve those without a file."""
+    """ms of a block and s of a frame, with planes, the networks in turn; random weights where there is no file."""
     torch.manual_seed(0)
     written = {name: kind(CHANNELS, len(CLASSES)).eval() for name, kind in NETWORKS.items()}
     ready = {name: for_inference(network, THREADS) for name, network in written.items()}

@@ -57,11 +57,11 @@ class TrainPoints(TrainingConfig, TrainingFiles):
     """Train a network of the semantic map with datasets of generate_dataset.py.
 
     Attributes:
-        column: edge of the columns into which clouds are cut, m; wider ones show a network more at once, the
-            thesis's are 1 m. With --init they are those of its file.
+        column: edge of the columns into which clouds are cut, m; wider ones show a network more at once. With --init
+            they are those of its file.
     """
 
-    column: float = 2.0
+    column: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
     low, high = LIMITS["size"]
     if not low <= settings.column <= high:
         raise InputError(f"--column {settings.column:g}: from {low:g} to {high:g} m")
-    blocks = BlockConfig(size=settings.column)
+    blocks = BlockConfig(size=settings.column, points=round(BlockConfig.points * max(settings.column, 1)))
     if settings.init is not None:
         (initial, blocks), about["init"] = load_classifier(settings.init, network), str(settings.init)
     worker = Worker.join()

@@ -26,8 +26,8 @@ class BlockConfig:
     """m; a cloud is thinned to one point per voxel, so that blocks near the camera are as dense as far ones."""
     size: float = 1.0
     """m, edge of a column in x and y."""
-    points: int = 8192
-    """Most points of a block; a column of 1 m has at most some 4,000, of 2 m some 8,000."""
+    points: int = 4096
+    """Most points of a block."""
     reach: float = 3.5
     """m; normalized coordinates are offsets from the camera divided by this range."""
 

@@ -117,14 +117,16 @@ def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[Tru
         seconds(classifier.classify, frame.frame, cloud, frame.T_map_camera)
         for frame, cloud in zip(frames, clouds, strict=True)
     ]
-    slow = frames[int(np.argsort(times)[len(times) // 2])]
-    thesis = _plain_frame(network, thesis_blocks(slow))
+    plain, thesis = (
+        [_plain_frame(network, blocks(frame)) for frame in track(frames, "as written", transient=True)]
+        for blocks in (robot_blocks, thesis_blocks)
+    )
     return {
         "frame_s": float(np.median(times)),
         "frame_s_worst": float(np.max(times)),
-        "plain_frame_s": _plain_frame(network, robot_blocks(slow)),
-        "plain_thesis_frame_s": thesis,
-        "frame_vs_plain_thesis": float(thesis / np.median(times)),
+        "plain_frame_s": float(np.median(plain)),
+        "plain_thesis_frame_s": float(np.median(thesis)),
+        "frame_vs_plain_thesis": sum(thesis) / sum(times),
     }
 
 
@@ -144,7 +146,7 @@ def robot_blocks(frame: TrueFrame) -> list[Block]:
 
 
 def _plain_frame(network: Dgcnn, blocks: list[Block]) -> float:
-    return sum(seconds(_plain, network, block.points) for block in track(blocks, "as written", transient=True))
+    return sum(seconds(_plain, network, block.points) for block in blocks)
 
 
 def _plain(network: Dgcnn, block: NDArray[np.float32]) -> torch.Tensor:

@@ -80,13 +80,12 @@ def segment(
     """
     result = np.zeros((len(points), network.classes), np.float32)
     start = rng.uniform()
-    for grid in range(grids):
-        shift = (start + grid / grids) * config.size
-        blocks = list(cut(points, camera, config, shift, network.fewest, rng))
-        for block, logits in zip(blocks, network.of_blocks(b.points for b in blocks), strict=True):
-            if not np.isfinite(logits).all():
-                raise InputError("the network answers with numbers that are not finite: its weights are broken")
-            result[block.index] += softmax(logits, axis=1) / grids
+    shifts = [(start + grid / grids) * config.size for grid in range(grids)]
+    blocks = [block for shift in shifts for block in cut(points, camera, config, shift, network.fewest, rng)]
+    for block, logits in zip(blocks, network.of_blocks(b.points for b in blocks), strict=True):
+        if not np.isfinite(logits).all():
+            raise InputError("the network answers with numbers that are not finite: its weights are broken")
+        result[block.index] += softmax(logits, axis=1) / grids
     return result
 
 

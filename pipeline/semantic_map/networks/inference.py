@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import cast
 
 import numpy as np
@@ -16,6 +16,9 @@ from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
 from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork, RowNetwork, check_block
 from pipeline.semantic_map.networks.threads import Threads
+
+TOGETHER = 4000
+"""Points that a thread computes at once: fewer let threads wait for Python's lock, more do not fit into the cache."""
 
 
 def for_inference(network: PointNetwork, threads: int | None = None) -> BlockClassifier:
@@ -52,13 +55,27 @@ class AsWritten:
         return next(self.of_blocks([points]))
 
     def of_blocks(self, blocks: Iterable[NDArray[np.float32]]) -> Iterator[NDArray[np.float32]]:
-        """The logits of every block; each thread computes blocks of its own, which share no operation."""
-        return self._threads.each(blocks, self._logits)
+        """The logits of every block; each thread computes blocks of its own, several at once."""
+        return chain.from_iterable(self._threads.each(_together(blocks), self._logits))
 
-    def _logits(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
-        check_block(self._network, points)
-        logits = self._network(torch.from_numpy(points).to(self._device), [len(points)])
-        return cast(NDArray[np.float32], logits.cpu().numpy())
+    def _logits(self, blocks: list[NDArray[np.float32]]) -> list[NDArray[np.float32]]:
+        for points in blocks:
+            check_block(self._network, points)
+        sizes = list(map(len, blocks))
+        logits = self._network(torch.from_numpy(np.concatenate(blocks)).to(self._device), sizes)
+        return np.split(logits.cpu().numpy(), np.cumsum(sizes)[:-1])
+
+
+def _together(blocks: Iterable[NDArray[np.float32]]) -> Iterator[list[NDArray[np.float32]]]:
+    """Successive blocks that have ``TOGETHER`` points or more in sum."""
+    some: list[NDArray[np.float32]] = []
+    for block in blocks:
+        some.append(block)
+        if sum(map(len, some)) >= TOGETHER:
+            yield some
+            some = []
+    if some:
+        yield some
 
 
 def _fold(layers: nn.Sequential) -> None:

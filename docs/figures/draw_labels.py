@@ -1,4 +1,4 @@
-"""Draw docs/images/semantic-labels.jpg: colour images, and labels: true ones, the network's, and after the vote."""
+"""Draw labels: semantic-labels.jpg with the network and the vote, networks.jpg with all networks."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.labels import COLOURS
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
-from sarsim.settings import WEIGHTS
+from sarsim.settings import POINT_NETWORKS, WEIGHTS
 
 FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
 """By arena, the indices of the drawn frames of a drive."""
@@ -30,9 +30,8 @@ def column(seen: TrueFrame, networks: list[NetworkClassifier]) -> NDArray[np.uin
     return np.vstack([colour, *(label_picture(seen, labels) for labels in (seen.labels, *given))])
 
 
-def main() -> None:
-    """Drive, take frames, and draw them."""
-    networks = [NetworkClassifier(WEIGHTS, vote=False), NetworkClassifier(WEIGHTS)]
+def draw(name: str, networks: list[NetworkClassifier]) -> None:
+    """Drive, take frames, and draw them with the labels of the networks."""
     columns = [
         column(seen, networks)
         for arena, wanted in FRAMES.items()
@@ -40,7 +39,13 @@ def main() -> None:
         if number in wanted
     ]
     picture = cv2.resize(np.hstack(columns), None, fx=0.4, fy=0.4, interpolation=cv2.INTER_AREA)
-    cv2.imwrite(str(Path(__file__).parents[1] / "images" / "semantic-labels.jpg"), picture)
+    cv2.imwrite(str(Path(__file__).parents[1] / "images" / name), picture)
+
+
+def main() -> None:
+    """Draw the default network, alone and with the vote, and all networks alone."""
+    draw("semantic-labels.jpg", [NetworkClassifier(WEIGHTS, vote=False), NetworkClassifier(WEIGHTS)])
+    draw("networks.jpg", [NetworkClassifier(WEIGHTS.with_stem(name), vote=False) for name in POINT_NETWORKS])
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from torch.nn.functional import batch_norm, leaky_relu
 from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, SLOPE, Dgcnn, EdgeConv, nearest
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import neighbour_finder, tiles
 from pipeline.semantic_map.networks.dgcnn_cpu.training_functions import LargestLinear, LargestOfTwoLayers, LargestSum
+from pipeline.semantic_map.networks.layers import to_points
 
 
 class RaggedDgcnn(nn.Module):
@@ -31,9 +32,7 @@ class RaggedDgcnn(nn.Module):
         x = torch.cat(local, dim=1)
         everything = largest(network.embedding, x, sizes)
         of_everything, of_local = _weight(network.head1).split((everything.shape[1], x.shape[1]), dim=1)
-        counts = torch.tensor(sizes, device=x.device)
-        of_block = (everything @ of_everything.T).repeat_interleave(counts, dim=0)
-        x = _activate(network.head1, x @ of_local.T + of_block)
+        x = _activate(network.head1, x @ of_local.T + to_points(everything @ of_everything.T, sizes))
         x = _activate(network.head2, x @ _weight(network.head2).T)
         return network.dropout(x) @ network.classifier.weight.flatten(start_dim=1).T
 

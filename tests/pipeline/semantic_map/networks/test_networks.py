@@ -192,13 +192,16 @@ def test_every_parameter_learns(name):
 
 @pytest.mark.parametrize("name", OURS)
 def test_what_was_saved_is_loaded(name, tmp_path: Path) -> None:
-    path, original = tmp_path / "w.safetensors", in_half_precision(made(name, channels=9, classes=13))
+    path, original = tmp_path / "w.safetensors", made(name, channels=9, classes=13)
+    x = np.random.default_rng(0).uniform(0, 0.3, (60, 9)).astype(np.float32)
+    expected = logits(original, x)
     save_weights(path, original)
     loaded, metadata = load_weights(path, name)
     assert (loaded.channels, loaded.classes, metadata["network"]) == (9, 13, name)
     assert not loaded.training
-    x = np.random.default_rng(0).uniform(0, 0.3, (60, 9)).astype(np.float32)
-    assert (logits(loaded, x) == logits(original, x)).all()
+    assert (logits(loaded, x) == logits(in_half_precision(original), x)).all()
+    if name in NEW:  # DGCNN finds other neighbours by rounded features
+        assert np.abs(logits(loaded, x) - expected).max() < 0.02 * np.abs(expected).max()
 
 
 def test_all_five_fit_into_20_mb(tmp_path: Path) -> None:

@@ -135,7 +135,7 @@ class GridMap:
         self.revision = 0
         self._kinds = dict(layers)
         self._layers = {name: kind.array((0, 0)) for name, kind in layers.items()}
-        self._stamps = {name: np.zeros((0, 0), np.int64) for name, kind in layers.items() if not kind.in_place}
+        self._stamps = {name: np.zeros((0, 0), np.int32) for name, kind in layers.items() if not kind.in_place}
 
     def __getitem__(self, name: str) -> NDArray:
         """(nx, ny, ...) a layer as it is now."""
@@ -160,9 +160,8 @@ class GridMap:
         """Set a layer (nx, ny), or only its cells that ``where`` selects, an index of the array."""
         old = self._layers[name]
         values = np.asarray(values, old.dtype)
-        differs = old[where] != values
-        if old.dtype.kind == "f":
-            differs &= ~(np.isnan(old[where]) & np.isnan(values))
+        # By their bits, so that NaN is equal to NaN.
+        differs = _bits(old[where]) != _bits(values)
         for _ in self._kinds[name].per_cell:
             # Several times as fast as any() along a short last axis.
             differs = reduce(np.logical_or, np.moveaxis(differs, -1, 0))
@@ -195,7 +194,11 @@ class GridMap:
         for name, kind in self._kinds.items():
             self._layers[name] = _grown(self._layers[name], kind.array((nx, ny)), self.grid.box_of(old))
         for name, stamps in self._stamps.items():
-            self._stamps[name] = _grown(stamps, np.zeros((nx, ny), np.int64), self.grid.box_of(old))
+            self._stamps[name] = _grown(stamps, np.zeros((nx, ny), np.int32), self.grid.box_of(old))
+
+
+def _bits(values: NDArray) -> NDArray:
+    return values.view(f"u{values.itemsize}")
 
 
 def _grown(values: NDArray, layer: NDArray, box: Box) -> NDArray:
@@ -205,10 +208,10 @@ def _grown(values: NDArray, layer: NDArray, box: Box) -> NDArray:
 
 
 def blocks(layer: NDArray, size: int) -> NDArray:
-    """(⌈nx / B⌉, ⌈ny / B⌉, B²) the values of a layer in blocks of B × B cells, B being ``size``; 0 beyond its end."""
+    """(B², ⌈nx / B⌉, ⌈ny / B⌉) the values of a layer in blocks of B × B cells, B being ``size``; 0 beyond its end."""
     layer = np.pad(layer, [(0, -n % size) for n in layer.shape])
     nx, ny = np.array(layer.shape) // size
-    return layer.reshape(nx, size, ny, size).swapaxes(1, 2).reshape(nx, ny, -1)
+    return layer.reshape(nx, size, ny, size).transpose(1, 3, 0, 2).reshape(-1, nx, ny)
 
 
 def box_around(mask: NDArray[np.bool_], margin: int) -> Box:

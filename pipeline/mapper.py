@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -299,25 +300,31 @@ class Mapper:
         correction, self.poses = Correction(self.poses, poses), poses
         motions = poses @ np.linalg.inv(self.poses_added)
         with self.stopwatch("correction"):
-            with self.stopwatch("correction_metric_map"):
-                self.metric_map.clear()
-                for observation, T in zip(self.observations, self.poses, strict=True):
-                    self._add_depth(observation, T)
-            with self.stopwatch("correction_traversability"), self.elevation_map.made_anew():
-                for k, evidence in self.ground:
-                    evidence.put(self.elevation_map, self.poses[k])
-            with self.stopwatch("correction_semantic_map"):
-                self.semantic_map.clear()
-                for observation, T in zip(self.observations, self.poses, strict=True):
-                    self._add_classes(observation, T)
-            with self.stopwatch("correction_segments"):
-                self.segments.correct(motions)
+            # In two threads, for the kernels of both release Python's lock.
+            with ThreadPoolExecutor(1) as other:
+                voxels = other.submit(self._make_voxel_maps)
+                with self.stopwatch("correction_traversability"), self.elevation_map.made_anew():
+                    for k, evidence in self.ground:
+                        evidence.put(self.elevation_map, self.poses[k])
+                with self.stopwatch("correction_segments"):
+                    self.segments.correct(motions)
+                voxels.result()
             with self.stopwatch("correction_victims"):
                 self.victims.correct(correction, motions)
                 self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
             with self.stopwatch("correction_topological_map"):
                 self.topological_map.correct(correction)
         return correction
+
+    def _make_voxel_maps(self) -> None:
+        with self.stopwatch("correction_metric_map"):
+            self.metric_map.clear()
+            for observation, T in zip(self.observations, self.poses, strict=True):
+                self._add_depth(observation, T)
+        with self.stopwatch("correction_semantic_map"):
+            self.semantic_map.clear()
+            for observation, T in zip(self.observations, self.poses, strict=True):
+                self._add_classes(observation, T)
 
     def _add_depth(self, observation: Observation, T_map_base: NDArray[np.float64]) -> None:
         T_map_camera = T_map_base @ observation.T_base_camera

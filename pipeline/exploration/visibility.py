@@ -55,8 +55,8 @@ def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArra
 def one_of_each_block(worth: NDArray[np.integer]) -> NDArray[np.int64]:
     """(N, 2) cells: of each block of STRIDE × STRIDE cells the one with the greatest worth (nx, ny), if above 0."""
     parts = blocks(worth, STRIDE)
-    best = parts.argmax(axis=2)
-    places = np.argwhere(parts.max(axis=2) > 0)
+    best = parts.argmax(axis=0)
+    places = np.argwhere(parts.max(axis=0) > 0)
     return places * STRIDE + np.stack(np.divmod(best[tuple(places.T)], STRIDE), axis=1)
 
 
@@ -123,7 +123,7 @@ def _towards(
 ) -> NDArray[np.bool_]:
     """(N, RAYS) the rays from cells (N, 2) that may meet a cell of a mask (nx, ny)."""
     wanted = np.zeros((len(cells), RAYS), np.bool_)
-    parts, side = np.asarray(blocks(mask, STRIDE).any(axis=2)), STRIDE * terrain.cell
+    parts, side = np.asarray(blocks(mask, STRIDE).any(axis=0)), STRIDE * terrain.cell
     here = tuple(cells.T // STRIDE)
     near = ~_farther_than(parts, camera.reach / side + 2)[here]
     # From outside, a ray enters a piece of the mask through its rim.

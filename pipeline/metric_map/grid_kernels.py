@@ -50,7 +50,7 @@ def any_mark(words):
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def fold(words, log_odds, hit, miss, least, greatest):
     """Add a scan's marks to the log-odds of the same voxels.
 

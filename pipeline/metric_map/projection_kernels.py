@@ -52,7 +52,7 @@ class DepthCamera(NamedTuple):
     """m, the side of a voxel."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def observe(depth, pinhole, pose, size, far, margin, marks, flat, high):
     """Mark the voxels in which rays end as HIT and those that they only cross as FREE.
 

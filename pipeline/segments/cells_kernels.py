@@ -79,7 +79,7 @@ def find_slot(keys, shift, key):
     return slot
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def moved(T, points):
     """(N, 3) float32 points, m, moved by the 4×4 float64 transform ``T``."""
     result = np.empty(points.shape, np.float32)
@@ -90,7 +90,7 @@ def moved(T, points):
     return result
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def cells_of_parts(parts, starts, T, points, shift, per_metre):
     """(K,) int64 sorted keys of the cells that contain the points of some parts, each moved by its own transform.
 

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from pipeline.labels import Label
 from pipeline.segments.boxes import Box, Hull, bounding_box, corners
-from pipeline.segments.cells import Cells, centres, in_contact, unite
+from pipeline.segments.cells import REACH, Cells, centres, in_contact, unite
 from pipeline.segments.members import Member, MovedMembers
 from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.planes import PlanePatch
@@ -72,6 +72,11 @@ class Segment:
         cells, moments = unite(self.cells, other.cells), self.moments + other.moments
         hull, members = self.hull.union(other.hull), self.members + other.members
         return Segment.of(min(self.id, other.id), self.label, self.plane.normal, steps, cells, moments, hull, members)
+
+    @cached_property
+    def bounds(self) -> tuple[list[int], list[int]]:
+        """The least and the greatest index of the cells along each axis."""
+        return self.cells.min(axis=0).tolist(), self.cells.max(axis=0).tolist()
 
     @cached_property
     def tree(self) -> KDTree:
@@ -165,8 +170,14 @@ class Segments:
 
 def _are_one(a: Segment, b: Segment) -> bool:
     """Whether two segments continue each other: same class, one plane, in contact."""
-    if a.label != b.label or a.plane.normal @ b.plane.normal < np.cos(MAX_ANGLE):
+    if a.label != b.label or _are_apart(a, b) or a.plane.normal @ b.plane.normal < np.cos(MAX_ANGLE):
         return False
     small, large = (a, b) if a.box.area < b.box.area else (b, a)
     offsets = np.abs(large.plane.distance(corners(small.box))) - small.box.extent[2] / 2
     return bool(offsets.max() <= MAX_OFFSET) and in_contact(a.cells, b.cells)
+
+
+def _are_apart(a: Segment, b: Segment) -> bool:
+    """Whether the bounding boxes of their cells show that two segments are not in contact."""
+    (a_low, a_high), (b_low, b_high) = a.bounds, b.bounds
+    return any(a_low[k] > b_high[k] + REACH or b_low[k] > a_high[k] + REACH for k in range(3))

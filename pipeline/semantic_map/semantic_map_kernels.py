@@ -6,7 +6,7 @@ from numba import int64, njit
 from pipeline.segments.cells_kernels import EMPTY, NOWHERE, find_slot, indices_of, packed
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, block_keys, blocks, rows, size):
     """Add points to the voxels that contain them; returns the numbers of blocks and voxels afterwards.
 

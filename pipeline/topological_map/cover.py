@@ -137,13 +137,9 @@ class Cover:
 
     def lost_without(self, nodes: Collection[int]) -> NDArray[np.int64]:
         """(M, 2) the cells that only these nodes see, outermost first."""
-        for n in nodes:
-            self._count(n, -1)
-        lost = [self._unseen(self._seen_by[n]) for n in nodes]
-        for n in nodes:
-            self._count(n, 1)
-        flat = np.unique(np.ravel_multi_index(tuple(np.concatenate(lost).T), self.grid.shape))
-        cells = np.stack(np.unravel_index(flat, self.grid.shape), axis=1)
+        seen = np.concatenate([self._seen_by[n].seen for n in nodes])
+        corners = np.concatenate([self._seen_by[n].corners for n in nodes]) - self.grid.low
+        cells = kernels.only_seen_by(seen, corners, self.count)
         if not len(cells):
             return cells
         return cells[np.argsort(-np.linalg.norm(cells - cells.mean(axis=0), axis=1), kind="stable")]
@@ -156,18 +152,23 @@ class Cover:
         """Whether a mask (nx, ny) has a cell in a node's window."""
         return bool(mask[self._window(self._seen_by[node])].any())
 
-    def candidates(self, mask: NDArray[np.bool_], within: float) -> NDArray[np.float64]:
-        """(K, 2) m, places near a mask: of every block of standable cells the one farthest from hazards."""
+    def candidates(self, mask: NDArray[np.bool_], within: float, fewest: int = 1) -> NDArray[np.float64]:
+        """(K, 2) m, places near a mask: of every block of standable cells the one farthest from hazards.
+
+        Around it, ``within`` m to each side, are ``fewest`` cells of the mask or more.
+        """
         if not mask.any():
             return np.zeros((0, 2))
         # The window begins at the corner of a block.
-        i, j = box_around(mask, round(within / CELL))
+        reach = round(within / CELL)
+        i, j = box_around(mask, reach)
         window = slice(i.start // _BLOCK * _BLOCK, i.stop), slice(j.start // _BLOCK * _BLOCK, j.stop)
-        near = ndimage.distance_transform_edt(~mask[window]) * CELL <= within
+        share = ndimage.uniform_filter(mask[window].astype(np.float32), 2 * reach + 1, mode="constant")
+        near = share * (2 * reach + 1) ** 2 > fewest - 0.5
         room = np.where(near & self.standable[window], self.traversability.to_hazard[window], 0)
         by_block = blocks(room, _BLOCK)
-        wanted = by_block.any(axis=2)
-        best = np.stack(np.divmod(by_block.argmax(axis=2)[wanted], _BLOCK), axis=-1)
+        wanted = by_block.any(axis=0)
+        best = np.stack(np.divmod(by_block.argmax(axis=0)[wanted], _BLOCK), axis=-1)
         corner = (window[0].start, window[1].start)
         return self.grid.centre_of(np.argwhere(wanted) * _BLOCK + best + corner)
 
@@ -175,12 +176,6 @@ class Cover:
         """Add ``by`` to the counts of the cells that a node sees."""
         visible = self._seen_by[node]
         self.count[self._window(visible)] += by * self._on_grid(visible)
-
-    def _unseen(self, visible: VisibleCells) -> NDArray[np.int64]:
-        """(M, 2) the cells that a place sees and no node does."""
-        window = self._window(visible)
-        unseen = self._on_grid(visible) & (self.count[window] == 0)
-        return np.argwhere(unseen) + np.array([w.start for w in window])
 
     def _window(self, visible: VisibleCells) -> Box:
         """The part of a place's window that lies on the grid."""

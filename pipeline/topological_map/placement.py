@@ -48,7 +48,7 @@ class Placement:
     def cover_rest(self) -> None:
         """Add nodes for the cells that no node sees, the node with the greatest gain first."""
         cover = self._cover
-        visible = cover.visible_from(cover.candidates(cover.wanted, SIGHT))
+        visible = cover.visible_from(cover.candidates(cover.wanted, SIGHT, _SPARE + 1))
         while len(visible.places):
             gains = cover.gains(visible)
             if gains.max() <= _SPARE:
@@ -126,8 +126,11 @@ class Placement:
         if np.linalg.norm(a - b) > 2 * SIGHT:
             return None
         good = self._stand_ins(pair, candidates)
+        if not len(good):
+            return None
         rest, parts = self._nodes.parts(pair), len(self._nodes.parts())
-        for xy, links in zip(good, self._nodes.links_from(good, pair), strict=True):
+        for xy in good:
+            links = self._nodes.links_from(xy[None], pair)[0]
             if 1 + sum(not part & set(links) for part in rest) <= parts:
                 for n in pair:
                     self._nodes.remove(n)

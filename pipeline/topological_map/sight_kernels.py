@@ -49,6 +49,32 @@ def count_in(seen, corners, mask):
 
 
 @njit(cache=True)
+def only_seen_by(seen, corners, counts):
+    """(K, 2) int64, the cells that some places see, by their windows (M, S, S), and no node besides them.
+
+    ``counts`` (nx, ny) is the number of nodes, these included, that see each cell.
+    """
+    size, number = seen.shape[1], 0
+    cells = np.empty((seen.sum(), 2), np.int64)
+    for m in range(len(seen)):
+        for i in range(size):
+            for j in range(size):
+                a, b = corners[m, 0] + i, corners[m, 1] + j
+                if not seen[m, i, j] or not (0 <= a < counts.shape[0] and 0 <= b < counts.shape[1]):
+                    continue
+                left, is_first = counts[a, b] - 1, True
+                for n in range(len(seen)):
+                    c, d = a - corners[n, 0], b - corners[n, 1]
+                    if n != m and 0 <= c < size and 0 <= d < size and seen[n, c, d]:
+                        left -= 1
+                        is_first &= n > m
+                if left == 0 and is_first:
+                    cells[number, 0], cells[number, 1] = a, b
+                    number += 1
+    return cells[:number]
+
+
+@njit(cache=True)
 def see_all(seen, corners, cells, spare):
     """(K,) bool, whether a place sees all but ``spare`` of the cells (M, 2), by its window (K, S, S)."""
     result = np.empty(len(seen), np.bool_)

@@ -28,7 +28,7 @@ def cell_at(x, y, origin, cell):
     return int(np.floor((x - origin[0]) / cell)), int(np.floor((y - origin[1]) / cell))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def bounds(points):
     """(2, 2) the least and the greatest x and y of the points (N, 3) that are finite; (0, 2) if none are."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
@@ -39,7 +39,7 @@ def bounds(points):
     return np.stack((low, high)) if low[0] <= high[0] else np.empty((0, 2))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def accumulate(points, counts, origin, cell, height, hits, returns):
     """Fold points (N, 3), m, into the mean ``height`` of bins (nx, ny, nz), and return their cells, (K, 2) int64.
 
@@ -93,7 +93,7 @@ def column_height(height, hits, headroom):
     return top
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def count_dropouts(points, counts, origin, cell, height, hits, headroom, dropouts):
     """(K, 2) int64, the cells of those points (N, 3), m, that lie near the ground or where the ground is unknown.
 
@@ -134,7 +134,7 @@ def renew_dropout(direction, dropouts, returns, cells, camera, origin, cell):
             direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def extract_elevation(height, hits, cells, headroom, elevation):
     """Renew ``elevation`` (nx, ny) in ``cells`` (K, 2)."""
     for i, j in cells:
@@ -158,7 +158,7 @@ def cells_to_known(elevation, i, j, di, dj, max_gap, dropout=None):
     return 0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def bridge_gaps(elevation, dropout, max_gap):
     """(nx, ny) m, ``elevation`` with unknown cells between two known cells of nearly equal height filled.
 

@@ -6,6 +6,7 @@ columns.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from types import EllipsisType
 
 import numpy as np
@@ -47,6 +48,7 @@ class ElevationMap:
                 "assumed": Layer(np.float32, np.nan, in_place=True),
                 "touched": Layer(np.float32, np.nan, in_place=True),
                 "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
+                "seen": Layer(np.bool_, in_place=True),
                 "been": Layer(np.bool_, in_place=True),
                 "swept": Layer(np.bool_, in_place=True),
                 # Counts of the keyframe that is being added; 0 otherwise.
@@ -92,10 +94,11 @@ class ElevationMap:
         """
         centre, reach = T_map_base[:2, 3], max(radius, ahead)
         self.layers.cover(np.array([centre - reach, centre + reach]))
-        cells = self.grid.centre_of(np.moveaxis(np.indices(self.grid.shape), 0, -1))
-        x, y = np.moveaxis((cells - centre) @ T_map_base[:2, :2], -1, 0)
+        low, high = self.grid.cell_of([centre - reach, centre + reach])
+        cells = low + np.argwhere(np.ones(high + 1 - low, np.bool_))
+        x, y = ((self.grid.centre_of(cells) - centre) @ T_map_base[:2, :2]).T
         on_strip = (x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2)
-        assumed = (np.hypot(x, y) <= radius) | on_strip
+        assumed = tuple(cells[(np.hypot(x, y) <= radius) | on_strip].T)
         self.layers["assumed"][assumed] = T_map_base[2, 3]
         self._refresh(assumed)
 
@@ -110,18 +113,23 @@ class ElevationMap:
         """Mark the cells of (N, 2) places of the robot's middle, m; the cells that it swept hold no panel."""
         if not len(places):
             return
-        reach = self.robot.half_width - POSE_ERROR
+        reach = self._disc.max() * CELL
         self.layers.cover(np.vstack([places - reach, places + reach]))
         cells = self.grid.cell_of(places)
         self.layers["been"][tuple(cells.T)] = True
-        i, j = np.indices((2 * int(reach / CELL) + 1,) * 2) - int(reach / CELL)
-        disc = np.column_stack([i[np.hypot(i, j) * CELL <= reach], j[np.hypot(i, j) * CELL <= reach]])
-        swept = tuple(np.unique((cells[:, None] + disc).reshape(-1, 2), axis=0).T)
+        swept = tuple((cells[:, None] + self._disc).reshape(-1, 2).T)
         self.layers["swept"][swept] = True
         if not self._is_making:
             self.layers.write("driven", True, tuple(cells.T))
             self._write_dropouts(swept)
             self._refresh(swept)
+
+    @cached_property
+    def _disc(self) -> NDArray[np.int64]:
+        """(K, 2) the cells that a robot in the middle of cell (0, 0) certainly sweeps."""
+        reach = self.robot.half_width - POSE_ERROR
+        square = np.argwhere(np.ones((2 * int(reach / CELL) + 1,) * 2)) - int(reach / CELL)
+        return square[np.hypot(*square.T) * CELL <= reach]
 
     def _write_dropouts(self, where: tuple[NDArray, ...] | EllipsisType) -> None:
         """Renew, in cells that changed, whether a panel may stand there: never where the robot has been."""
@@ -151,6 +159,7 @@ class ElevationMap:
         layers, origin, headroom = self.layers, self.grid.origin, self.robot.headroom
         height, filled, returns = (layers[name] for name in ("height", "hits", "returns"))
         cells = kernels.accumulate(points, _counts(points, hits), origin, CELL, height, filled, returns)
+        layers["seen"][tuple(cells.T)] = True
         if dropouts is not None and camera is not None:
             count, direction = layers["dropouts"], layers["dropout_direction"]
             weights = _counts(dropouts, dropout_hits)
@@ -169,14 +178,16 @@ class ElevationMap:
     def made_anew(self) -> Iterator[None]:
         """Forget everything; afterwards the map holds only what the block of the ``with`` statement adds."""
         layers = self.layers
-        for name in ("height", "hits", "been", "swept", "dropout_direction"):
+        for name in ("height", "hits"):  # by far the largest
+            layers[name][layers["seen"]] = 0
+        for name in ("seen", "been", "swept", "dropout_direction"):
             layers[name].fill(0)
         for name in ("returned", "assumed", "touched"):
             layers[name].fill(np.nan)
         self._is_making = True
         yield
         self._is_making = False
-        self._extract(np.argwhere(np.ones(self.grid.shape, np.bool_)))
+        self._extract(np.argwhere(layers["seen"]))
         self._write_dropouts(...)
         layers.write("driven", layers["been"])
         self._refresh(...)

@@ -57,11 +57,11 @@ class TrainPoints(TrainingConfig, TrainingFiles):
     """Train a network of the semantic map with datasets of generate_dataset.py.
 
     Attributes:
-        column: edge of the columns into which clouds are cut, m; wider ones show a network more at once. With --init
-            they are those of its file.
+        colours: learn from colours too, nine channels instead of six; with --init as its file. In the dark they are
+            of no use.
     """
 
-    column: float = 1.0
+    colours: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +72,8 @@ class TrainYolo(YoloTrainingConfig, TrainingFiles):
 def train_points(settings: TrainPoints, network: str) -> None:
     """Train a network of the semantic map, and print the path of its weights."""
     _check(settings)
-    from pipeline.semantic_map.networks.blocks import BlockConfig
-    from pipeline.semantic_map.networks.classifier import LIMITS, load_classifier
+    from pipeline.semantic_map.networks.blocks import COLOURED, BlockConfig
+    from pipeline.semantic_map.networks.classifier import load_classifier
     from pipeline.semantic_map.networks.parallel import Worker
     from pipeline.semantic_map.networks.training import Trainer
 
@@ -81,15 +81,13 @@ def train_points(settings: TrainPoints, network: str) -> None:
     scenes = sum(map(_scenes, settings.data))
     about: dict[str, Any] = {"data": list(map(str, settings.data)), "scenes": scenes, "stride": settings.stride}
     initial: PointNetwork | str = network
-    low, high = LIMITS["size"]
-    if not low <= settings.column <= high:
-        raise InputError(f"--column {settings.column:g}: from {low:g} to {high:g} m")
-    blocks = BlockConfig(size=settings.column, points=round(BlockConfig.points * max(settings.column, 1)))
+    blocks, colours = BlockConfig(), settings.colours
     if settings.init is not None:
         (initial, blocks), about["init"] = load_classifier(settings.init, network), str(settings.init)
+        colours = initial.channels == COLOURED
     worker = Worker.join()
     try:
-        clouds = _clouds(settings, worker, blocks.voxel_size)
+        clouds = _clouds(settings, worker, blocks.voxel_size, colours)
         validation = clouds["val"][:: 1 + len(clouds["val"]) // VALIDATION_FRAMES]
         trainer = Trainer(clouds["train"], validation, config, settings.out, worker, about, initial, blocks)
         _train(trainer, settings, "mIoU over the four")
@@ -133,7 +131,9 @@ def _scenes(data: Path) -> int:
     return len(scenes)
 
 
-def _clouds(settings: TrainPoints, worker: "Worker", voxel_size: float) -> dict[str, list["LabelledCloud"]]:
+def _clouds(
+    settings: TrainPoints, worker: "Worker", voxel_size: float, colours: bool
+) -> dict[str, list["LabelledCloud"]]:
     """The clouds of the splits train and val; prints which classes train lacks."""
     from pipeline.semantic_map.classifier import CLASSES
     from pipeline.semantic_map.networks.clouds import LabelledCloud
@@ -145,7 +145,7 @@ def _clouds(settings: TrainPoints, worker: "Worker", voxel_size: float) -> dict[
         for entry, scene in bars.track(chain(*datasets), total=sum(map(len, datasets)), description="scenes"):
             for index in range(0, len(scene) if entry.split != "test" else 0, settings.stride):
                 pose = scene.T_world_camera(index)
-                clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size))
+                clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size, colours))
     folders = " ".join(map(str, settings.data))
     if not clouds["val"]:
         raise InputError(f"--data {folders}: no scene of the split val, which one in ten is: make 5 at least")

@@ -62,6 +62,18 @@ def test_any_network_is_trained_and_told_what_it_will_not_know(
     assert "weights of pointnext, not of pointnet" in line
 
 
+def test_colours_make_nine_channels_and_go_on_with_them(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = tmp_path / "first.safetensors", tmp_path / "second.safetensors"
+    flags = ["--data", dataset, "--steps", 1, "--batch", 2]
+    call(monkeypatch, "pointnext", *flags, "--out", first, "--colours")
+    call(monkeypatch, "pointnext", *flags, "--out", second, "--init", first)
+    for path in (first, second):
+        with safe_open(path, "np") as file:
+            assert file.metadata()["channels"] == "9"
+
+
 def test_two_processes_train_together(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "w.safetensors"
     flags = ["dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2]

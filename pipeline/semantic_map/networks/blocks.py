@@ -1,4 +1,4 @@
-"""Cuts clouds into blocks for the network: columns of points with six channels each."""
+"""Cuts clouds into blocks for the network: columns of points with six channels each, or nine with their colours."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
+from pipeline.semantic_map.voxels import VoxelCloud
 
-CHANNELS = 6
-"""Number of channels of a point, see :func:`channels`."""
+CHANNELS, COLOURED = 6, 9
+"""Numbers of channels of a point, see :func:`channels`: without and with its colour."""
 NO_CLASS = -1
 CLASS_OF_LABEL = np.full(len(Label), NO_CLASS, np.int8)
 """(8,) index in CLASSES of every label, or NO_CLASS."""
@@ -38,7 +39,7 @@ class Block:
 
     Attributes:
         index: (n,) indices of its points in the cloud; an index may occur several times.
-        points: (n, 6) float32, see :func:`channels`.
+        points: (n, 6 or 9) float32, see :func:`channels`.
     """
 
     index: NDArray[np.int64]
@@ -56,7 +57,7 @@ def cut(
     """Blocks that together contain every point at least once.
 
     Args:
-        points: (M, 3) float32 in ``map``, finite.
+        points: (M, 3) float32 in ``map``, finite, or (M, 6) with their colours.
         camera: (3,) its position in ``map``, m.
         config: how to cut.
         shift: m, by which the grid of columns is moved along x and y.
@@ -78,10 +79,16 @@ def cut(
 def channels(
     points: NDArray[np.float32], centre: NDArray[np.float64], camera: NDArray[np.floating], config: BlockConfig
 ) -> NDArray[np.float32]:
-    """(n, 6) float32: x and y from the middle of the block, z in ``map``, then normalized x, y, z.
+    """(n, 6) float32: x and y from the middle of the block, z in ``map``, then normalized x, y, z, then any colours.
 
     S3DIS normalizes by the extent of a room. A frame has no such extent, so the offset from the camera is divided by
     its range: distances keep their proportions, and the network can learn how noise depends on the distance.
     """
-    here = points - np.append(centre, 0)
-    return np.concatenate([here, (points - camera) / config.reach], axis=1).astype(np.float32)
+    xyz, colours = np.split(points, [3], axis=1)
+    here = xyz - np.append(centre, 0)
+    return np.concatenate([here, (xyz - camera) / config.reach, colours], axis=1).astype(np.float32)
+
+
+def coloured(cloud: VoxelCloud, colours: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """(M, 6) float32 points of a cloud and their mean colours from 0 to 1, given (N, 3) RGB of all returns."""
+    return np.concatenate([cloud.points, cloud.means(colours.astype(np.float32)) / 255], axis=1)

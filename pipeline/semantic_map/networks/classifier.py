@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig, cut
+from pipeline.semantic_map.networks.blocks import CHANNELS, COLOURED, BlockConfig, coloured, cut
 from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork
 from pipeline.semantic_map.networks.weights import load_weights, save_weights
@@ -47,6 +47,7 @@ class NetworkClassifier:
         """
         written, self._blocks = load_classifier(weights, network)
         self._network, self._vote = for_inference(written, threads), vote
+        self._has_colours = written.channels == COLOURED
 
     def classify(
         self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
@@ -54,7 +55,8 @@ class NetworkClassifier:
         """(N, 8) float32 class probabilities; points that are not finite are unlabelled."""
         cloud = VoxelCloud.of(points, self._blocks.voxel_size)
         rng = np.random.default_rng([SEED, int(np.float64(frame.time).view(np.uint64))])
-        of_voxels = segment(self._network, cloud.points, T_map_camera[:3, 3], self._blocks, GRIDS, rng)
+        seen = coloured(cloud, frame.rgb[frame.returns]) if self._has_colours else cloud.points
+        of_voxels = segment(self._network, seen, T_map_camera[:3, 3], self._blocks, GRIDS, rng)
         unknown = np.full((1, len(CLASSES)), 1 / len(CLASSES), np.float32)
         of_points = np.vstack([of_voxels, unknown])[cloud.voxel_of_point]
         if self._vote:
@@ -73,7 +75,7 @@ def segment(
     grids: int,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """(M, classes) float32 probabilities of (M, 3) points, m, the mean over ``grids`` grids of columns.
+    """(M, classes) float32 probabilities of points, as of :func:`cut`, the mean over ``grids`` grids of columns.
 
     Raises:
         InputError: as the network, or its logits are not finite.
@@ -100,8 +102,8 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
     if metadata.get("labels") != _CLASS_NAMES or network.classes != len(CLASSES):
         told = metadata.get("labels", f"{network.classes} unnamed classes")
         raise InputError(f"{path}: a network that tells apart {told}, not {_CLASS_NAMES}; use train.py's")
-    if network.channels != CHANNELS:
-        raise InputError(f"{path}: a network for {network.channels} channels a point, not {CHANNELS}")
+    if network.channels not in (CHANNELS, COLOURED):
+        raise InputError(f"{path}: a network for {network.channels} channels a point, not {CHANNELS} or {COLOURED}")
     try:
         blocks = BlockConfig(**json.loads(metadata["blocks"]))
         for name, (least, most) in LIMITS.items():

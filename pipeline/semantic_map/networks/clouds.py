@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL
+from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL, coloured
 from pipeline.semantic_map.voxels import VoxelCloud
 
 
@@ -17,7 +17,7 @@ class LabelledCloud:
     """The labelled returns of a frame, thinned to one point per voxel.
 
     Attributes:
-        points: (M, 3) float32 in ``map``.
+        points: (M, 3) float32 in ``map``, or (M, 6) with their colours.
         counts: (M, 6) uint16 number of returns by class in the voxel of each point.
         camera: (3,) float64 position of the camera in ``map``.
     """
@@ -27,8 +27,10 @@ class LabelledCloud:
     camera: NDArray[np.float64]
 
     @classmethod
-    def of(cls, frame: Frame, T_map_camera: NDArray[np.float64], voxel_size: float) -> "LabelledCloud":
-        """From a frame with true labels; returns without a label are left out.
+    def of(
+        cls, frame: Frame, T_map_camera: NDArray[np.float64], voxel_size: float, colours: bool = False
+    ) -> "LabelledCloud":
+        """From a frame with true labels; returns without a label are left out. ``colours`` makes nine channels.
 
         Raises:
             InputError: the frame has no labels.
@@ -41,7 +43,8 @@ class LabelledCloud:
         cells = cloud.voxel_of_point * len(CLASSES) + classes[known]
         size = (len(cloud.points) + 1) * len(CLASSES)  # the last row has the returns without a voxel
         counts = np.bincount(cells, minlength=size).reshape(-1, len(CLASSES))[:-1]
-        return cls(cloud.points, counts.clip(max=65535).astype(np.uint16), T_map_camera[:3, 3])
+        points = coloured(cloud, frame.rgb[frame.returns][known]) if colours else cloud.points
+        return cls(points, counts.clip(max=65535).astype(np.uint16), T_map_camera[:3, 3])
 
     @property
     def classes(self) -> NDArray[np.int64]:

@@ -21,6 +21,8 @@ HEIGHT = 0.005
 """m, standard deviation of the vertical shift of the whole cloud."""
 TILT = 0.003
 """rad, standard deviation of the cloud's roll and pitch about the camera."""
+BRIGHTNESS, DARK = (0.3, 1.3), 0.2
+"""Limits of the factor of a cloud's colours, which is drawn uniformly, and the share of clouds that are black."""
 FEWEST_KEPT = 0.6
 """Density: the share of a block's points that is kept is drawn uniformly between this and 1."""
 
@@ -30,7 +32,7 @@ class Batch:
     """Blocks, concatenated.
 
     Attributes:
-        points: (P, 6) float32.
+        points: (P, 6 or 9) float32.
         shares: (P, 6) float32 share of every class in a point's voxel.
         sizes: number of points of every block.
     """
@@ -60,7 +62,7 @@ class BlockSampler:
         return Batch(torch.from_numpy(points), torch.from_numpy(shares), [len(points) for points, _ in drawn])
 
     def _block(self, turn: int) -> tuple[NDArray[np.float32], NDArray[np.uint16]]:
-        """(n, 6) channels and (n, 6) counts."""
+        """(n, 6 or 9) channels and (n, 6) counts."""
         epoch, place = divmod(turn, len(self._clouds))
         order = np.random.default_rng([self._seed, epoch]).permutation(len(self._clouds))
         cloud = self._clouds[order[place]]
@@ -86,10 +88,14 @@ class BlockSampler:
 
 
 def augmented(cloud: LabelledCloud, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """(M, 3) points, m, of the cloud, turned, mirrored, shifted and jittered at random; (3,) the camera position."""
+    """The points of the cloud, turned, mirrored, shifted and jittered at random; (3,) m, the camera position."""
     yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, TILT, 2)
     turn = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
     turn[:, 1] *= rng.choice([-1, 1])
     camera = cloud.camera * [0, 0, 1] + [0, 0, rng.normal(0, HEIGHT)]
-    points = (cloud.points - cloud.camera) @ turn.T + camera
-    return (points + rng.normal(0, JITTER, points.shape)).astype(np.float32), camera
+    xyz, colours = np.split(cloud.points, [3], axis=1)
+    points = (xyz - cloud.camera) @ turn.T + camera
+    points += rng.normal(0, JITTER, points.shape)
+    if colours.size:
+        colours = colours * rng.uniform(*BRIGHTNESS) * (rng.random() >= DARK)
+    return np.concatenate([points, colours], axis=1).astype(np.float32), camera

@@ -13,7 +13,7 @@ from torch.nn.functional import log_softmax
 from pipeline.errors import InputError
 from pipeline.labels import THESIS_FOUR
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig
+from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.classifier import save_classifier, segment
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
@@ -60,8 +60,8 @@ class Trainer(TrainingLoop[Batch]):
             training: clouds to learn from.
             validation: clouds by which the best weights are chosen.
             config, out, worker, about: as of :class:`TrainingLoop`; the samples of a batch are blocks.
-            initial: a network to begin with, of six channels and :data:`CLASSES`, or the name of a network, which
-                begins with random weights.
+            initial: a network to begin with, with the clouds' channels and :data:`CLASSES`, or the name of a network,
+                which begins with random weights.
             blocks: how to cut clouds into blocks; by default columns of 1 m.
 
         Raises:
@@ -73,7 +73,8 @@ class Trainer(TrainingLoop[Batch]):
                 raise InputError(f"no labelled points to {purpose} with")
         torch.manual_seed(config.seed)
         self._validation, self._blocks = validation, blocks or BlockConfig()
-        network = NETWORKS[initial](CHANNELS, len(CLASSES)) if isinstance(initial, str) else initial
+        channels = 3 + training[0].points.shape[1]
+        network = NETWORKS[initial](channels, len(CLASSES)) if isinstance(initial, str) else initial
         if config.batch < FEWEST_BLOCKS:
             raise InputError(f"--batch {config.batch}: at least {FEWEST_BLOCKS}, for batch norm over blocks")
         self.network = network.to(worker.device).train()

@@ -163,7 +163,16 @@ def test_weights_that_answer_with_no_numbers_are_refused(tmp_path: Path) -> None
         classifier(tmp_path / "w.safetensors").classify(FRAME, FRAME.points(EYE), EYE)
 
 
-def test_nine_channels_are_refused(tmp_path: Path) -> None:
+def test_a_network_of_nine_channels_sees_colours(tmp_path: Path) -> None:
     save_classifier(tmp_path / "w.safetensors", network(channels=9), BLOCKS, {})
-    with pytest.raises(InputError, match="9 channels"):
+    points, loaded = FRAME.points(EYE), classifier(tmp_path / "w.safetensors", vote=False)
+    black, grey = (replace(FRAME, rgb=np.full((*FRAME.depth.shape, 3), value, np.uint8)) for value in (0, 128))
+    by_colour = [loaded.classify(frame, points, EYE) for frame in (black, grey, black)]
+    assert (by_colour[0] == by_colour[2]).all()
+    assert np.abs(by_colour[0] - by_colour[1]).max() > 1e-6
+
+
+def test_eight_channels_are_refused(tmp_path: Path) -> None:
+    save_classifier(tmp_path / "w.safetensors", network(channels=8), BLOCKS, {})
+    with pytest.raises(InputError, match="8 channels"):
         NetworkClassifier(tmp_path / "w.safetensors")

@@ -94,6 +94,21 @@ def test_augmentation_is_a_rigid_motion_about_the_vertical(cloud) -> None:
     )
 
 
+def test_clouds_have_the_mean_colours_of_their_voxels_and_become_brighter_or_dark() -> None:
+    frame = look([floor(-5, 5, -5, 5)], EYE)
+    frame = replace(frame, rgb=np.broadcast_to(np.uint8([255, 51, 0]), (*frame.depth.shape, 3)))
+    cloud = LabelledCloud.of(frame, EYE, 0.1, colours=True)
+    assert cloud.points.shape == (len(cloud.counts), 6)
+    assert cloud.points[:, 3:] == pytest.approx(np.tile([1, 0.2, 0], (len(cloud.points), 1)))
+    light = [augmented(cloud, np.random.default_rng(seed))[0][:, 3:] for seed in range(60)]
+    factors = np.array([colours[0, 0] for colours in light])
+    assert all(colours == pytest.approx(f * cloud.points[:, 3:]) for f, colours in zip(factors, light, strict=True))
+    assert 0.05 < (factors == 0).mean() < 0.4
+    assert factors[factors > 0].min() >= 0.3
+    assert factors.max() <= 1.3
+    assert sampler([cloud]).batch(0).points.shape[1] == 9
+
+
 def test_points_are_dropped_and_small_blocks_filled_up(cloud, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = sampler([cloud], blocks=30).batch(0)
     monkeypatch.setattr(sampling, "FEWEST_KEPT", 0.3)

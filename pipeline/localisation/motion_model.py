@@ -75,6 +75,11 @@ class Motion:
         nothing = np.zeros(3)
         return np.stack([nothing, self.turn, nothing, nothing, self.time * np.eye(3)[2]], axis=1)
 
+    @property
+    def drive(self) -> Drive:
+        """The motion for the pose graph."""
+        return Drive(self.T, self.moves, self.jacobian[:, GYRO], _noise(self, GYRO_TURN_SIGMA))
+
     @cached_property
     def jacobian(self) -> NDArray[np.float64]:
         """(6, 5) derivative of the pose after the motion, rad and m in the tangent there, by the parameters."""
@@ -123,12 +128,6 @@ class MotionModel:
         return Prediction(
             motion, orthonormal(T_map_base @ delta), covariance, noise + J @ self._covariance[6:, 6:] @ J.T
         )
-
-    def by_gyro(self, motion: Motion) -> Drive:
-        """The motion without corrections of the gyro, and its derivative by the gyro's errors, for the pose graph."""
-        parameters = self.parameters.copy()
-        parameters[GYRO] = 0.0
-        return Drive(self._delta(motion, parameters), motion.jacobian[:, GYRO], _noise(motion, GYRO_TURN_SIGMA))
 
     def take(self, prediction: Prediction, registration: Registration | None) -> None:
         """Make a keyframe of a prediction; if it was registered, learn from the error of the prediction."""

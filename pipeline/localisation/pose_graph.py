@@ -30,12 +30,14 @@ class Drive(NamedTuple):
     """A motion by odometry.
 
     Attributes:
-        T: 4×4 motion if the gyro had no errors.
-        J: (6, 2) derivative, in the tangent after the motion, by the gyro's errors, see :class:`PoseGraph`.
-        covariance: (6, 6) apart from the gyro's errors, rad² and m².
+        T: 4×4 motion if the odometry had no errors.
+        moves: (3, 5) derivative of the translation, m, by the odometry's errors, see :class:`PoseGraph`.
+        J: (6, 2) derivative, in the tangent after the motion, by the gyro's errors.
+        covariance: (6, 6) apart from these errors, rad² and m².
     """
 
     T: NDArray[np.float64]
+    moves: NDArray[np.float64]
     J: NDArray[np.float64]
     covariance: NDArray[np.float64]
 
@@ -47,11 +49,13 @@ class PoseGraph:
         poses: (K, 4, 4) ``T_map_base`` of every keyframe as now estimated.
         ups: (3,) each, the vertical in the ``base_link`` of each keyframe, by the odometry.
         gyro: (2,) relative error of the gyro's scale, and its bias in rad/s.
+        odometry: (5,) errors of the odometry as now known, parameters of the motion model. All motions follow them,
+            the first ones too; only those of the gyro are estimated by the graph itself.
     """
 
     def __init__(self) -> None:
         self.poses = np.zeros((0, 4, 4))
-        self.gyro = np.zeros(2)
+        self.gyro, self.odometry = np.zeros(2), np.zeros(5)
         self._factors = gtsam.NonlinearFactorGraph()
         self.ups: list[NDArray[np.float64]] = []
         self._links: dict[tuple[int, int], float] = {}
@@ -101,10 +105,15 @@ class PoseGraph:
 
     def drive(self, drive: Drive) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
-        model, delta, j = gtsam.noiseModel.Gaussian.Covariance(drive.covariance), gtsam.Pose3(drive.T), len(self) - 1
+        model, R, j = (
+            gtsam.noiseModel.Gaussian.Covariance(drive.covariance),
+            gtsam.Rot3(drive.T[:3, :3]),
+            len(self) - 1,
+        )
 
         def error(_: object, values: gtsam.Values, H: list[NDArray[np.float64]] | None) -> NDArray[np.float64]:
             between = values.atPose3(j - 1).between(values.atPose3(j))
+            delta = gtsam.Pose3(R, drive.T[:3, 3] + drive.moves @ self.odometry)
             expected = delta.compose(gtsam.Pose3.Expmap(drive.J @ values.atVector(_GYRO)))
             if H is not None:
                 H[0], H[1], H[2] = -between.inverse().AdjointMap(), np.eye(6), -drive.J

@@ -168,7 +168,6 @@ class Slam(Localisation):
         """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
         match = self._match
         assert match is not None and match.frame is frame
-        driven = self.motion.by_gyro(match.prediction.motion) if match.prediction else None
         if match.prediction is not None:
             self.motion.take(match.prediction, match.registration)
         elif match.registration:
@@ -179,8 +178,8 @@ class Slam(Localisation):
         self._unseen_way = 0.0 if match.registration else self._unseen_way + way
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         if match.step is not None:
-            if driven:
-                self.graph.drive(driven)
+            if match.prediction is not None:
+                self.graph.drive(match.prediction.motion.drive)
             else:
                 self.graph.connect(number - 1, number, match.step.T, match.step.information)
             self.graph.link(number - 1, number, np.asarray(np.linalg.inv(match.step.information)))
@@ -201,6 +200,7 @@ class Slam(Localisation):
         loop, self._loop = self._loop, None
         if loop is not None:
             self._close_loop(*loop)
+        self.graph.odometry = self.motion.parameters
         self.graph.optimise()
         if loop is not None:
             self.motion.fit(self._motions, self.poses)

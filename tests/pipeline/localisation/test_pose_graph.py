@@ -156,10 +156,22 @@ def test_a_turn_that_closes_tells_what_is_wrong_with_the_gyro() -> None:
     for k in range(25):
         graph.add(from_yaw(0, 0, 0, k * step), np.array([0.0, 0.0, 1.0]))
         if k:
-            graph.drive(Drive(from_yaw(0, 0, 0, step), J, 1e-6 * np.eye(6)))
+            graph.drive(Drive(from_yaw(0, 0, 0, step), np.zeros((3, 5)), J, 1e-6 * np.eye(6)))
     at = graph.poses[0] @ from_yaw(0, 0, 0, 24 * true)
     graph.connect(0, 24, at, 1e6 * np.eye(6))
     graph.optimise()
     assert graph.gyro[0] == pytest.approx(-0.007, abs=0.0003)
     headings = np.unwrap([yaw_of(T) for T in graph.poses])
     np.testing.assert_allclose(headings, true * np.arange(25), atol=0.001)
+
+
+def test_early_motions_follow_what_is_learnt_later_of_the_tyres() -> None:
+    graph, moves = PoseGraph(), np.zeros((3, 5))
+    moves[0, 0] = 1.0
+    for k in range(4):
+        graph.add(from_yaw(k, 0, 0, 0), np.array([0.0, 0.0, 1.0]))
+        if k:
+            graph.drive(Drive(from_yaw(1, 0, 0, 0), moves, np.zeros((6, 2)), 1e-6 * np.eye(6)))
+    graph.odometry = np.array([0.01, 0, 0, 0, 0])
+    graph.optimise()
+    np.testing.assert_allclose(graph.poses[:, 0, 3], 1.01 * np.arange(4), atol=1e-6)

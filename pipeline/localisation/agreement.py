@@ -10,6 +10,7 @@ from scipy import ndimage
 from pipeline.frame import Frame
 from pipeline.localisation.relocalisation_kernels import cast
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.transforms import angle_of, inverse
 
 TILE = 20
 """Pixels along each side of the squares that are compared: 1.8° of the Xtion's 640 × 480."""
@@ -29,6 +30,8 @@ TELLING, SHOWN = 66, 1 / 3
 arena's frames show nearly all, while before a wall, or where nothing is mapped, a carried robot shows none."""
 NEAREST, FARTHEST = 0.9, 3.3
 """m of depth between which a return is expected."""
+STILL = 0.02, np.deg2rad(2)
+"""m and rad by the odometry; a robot that has moved less sees what it saw before."""
 
 
 class Agreement(NamedTuple):
@@ -93,6 +96,18 @@ def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: Metri
     expected = int(((surface > NEAREST) & (surface < FARTHEST))[1:-1, 1:-1].sum())
     counts = {"explained": explained, "short": short, "through": through, "seen": seen}
     return Agreement(**{name: int((mask & seen).sum()) for name, mask in counts.items()}, expected=expected)
+
+
+def shows_another_place(frame: Frame, last: Frame) -> bool:
+    """Whether a third of the image changed since the last frame although the wheels stood: the robot was carried.
+
+    A frame from elsewhere may say nothing about the map, as before a wall too near for the camera.
+    """
+    moved = inverse(last.T_odom_base) @ frame.T_odom_base
+    if np.linalg.norm(moved[:3, 3]) > STILL[0] or angle_of(moved) > STILL[1]:
+        return False
+    before, now = (np.where(np.isfinite(depths), depths, 0.0) for depths in map(tile_depths, (last, frame)))
+    return bool((np.abs(now - before) > MARGIN).mean() > SHOWN)
 
 
 def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -77,6 +77,11 @@ class OdometryLocalisation:
         return False
 
     @property
+    def agrees(self) -> bool | None:
+        """Whether registration of the newest frame agrees with the odometry; None if it was not registered."""
+        return None
+
+    @property
     def overlap(self) -> float:
         """Share of the newest frame's points that were seen before; 1 if it was not registered."""
         return 1.0

@@ -44,6 +44,8 @@ STRIDE = 2
 """Pixels; every other row and column is enough for means over ``VOXEL``."""
 LEAST_RETURNS, LEAST_POINTS = 300, 50
 """Least number of returns, and of points thinned from them; frames with fewer cannot be registered."""
+PROBABLE = 12.6
+"""χ² of six degrees of freedom, 95 %; frames of another place fit this well by chance only."""
 CONTRADICTED = 100.0
 """χ² above which slipping wheels cannot explain a contradicted odometry: of 800 frames the greatest was 45."""
 POOR, BETTER = 0.6, 0.1
@@ -144,6 +146,12 @@ class Slam(Localisation):
     def is_blind(self) -> bool:
         """Whether the robot has driven too far without a registration to trust its odometry."""
         return self._unseen_way > BLIND and bool(self._match and not self._match.registration)
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether registration of the newest frame agrees with the odometry; None if it was not registered."""
+        match = self._match
+        return match.step is not None and match.registration.chi2 < PROBABLE if match and match.registration else None
 
     @property
     def overlap(self) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.localisation.agreement import Agreement, agreement
+from pipeline.localisation.agreement import Agreement, agreement, shows_another_place
 from pipeline.localisation.odometry import LostError
 from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Keyframe, Mapper
@@ -27,6 +27,9 @@ FITTING = 0.7, 0.75
 """Agreement and overlap of a frame; if both are higher, the map is wrong and not the pose, as behind a curtain."""
 UNRIVALLED = 0.9
 """Overlap of a frame above which its pose is trusted if no other place fits for sure either."""
+REGISTERED = 3
+"""Least number of frames of a full turn that agree with the odometry, while none does not, to trust the pose. In dust
+the map has few voxels to compare with."""
 KIDNAPPED = 0.3
 """m; a robot that has moved farther than this without driving was carried."""
 
@@ -47,6 +50,7 @@ class Lookout:
         self.T_odom_expected: NDArray[np.float64] | None = None
         self._navigator, self._robot, self._mapper = navigator, navigator.robot, mapper
         self._T_odom_keyframe = np.eye(4)
+        self._last: Frame | None = None
         navigator.look = self.look
 
     def sense(self) -> Frame:
@@ -55,10 +59,11 @@ class Lookout:
         Raises:
             LostError: the pose remains in doubt.
         """
+        last = self._last
         with self._mapper.stopwatch("sense"):
             frame = self._sense()
         self._navigator.look = lambda: True
-        frame, is_there = self._confirm(frame)
+        frame, is_there = self._confirm(frame, last)
         frame = frame if is_there else self._find_place(frame)
         self._navigator.look = self.look
         return frame
@@ -97,18 +102,21 @@ class Lookout:
         return frame.points(self.add(frame, labelled=False).T_map_base @ frame.T_base_camera)
 
     def _sense(self) -> Frame:
-        return without_specks(self._robot.sense())
+        self._last = without_specks(self._robot.sense())
+        return self._last
 
     @property
     def _is_lost(self) -> bool:
         """Whether the robot has yet to be localised in the map of an earlier episode."""
         return self._mapper.localisation.may_err and 0 < self._mapper.keyframes == self._mapper.loaded
 
-    def _confirm(self, frame: Frame) -> tuple[Frame, bool]:
+    def _confirm(self, frame: Frame, last: Frame | None) -> tuple[Frame, bool]:
         """Look around until it is clear whether the robot's pose is right: the newest frame, and whether it is."""
         localisation = self._mapper.localisation
         if not localisation.may_err or self._is_lost:
             return frame, not self._is_lost
+        if last is not None and shows_another_place(frame, last):
+            return frame, False
         found = self._agreement(frame)
         for _ in range(LOOKS):
             is_elsewhere = self._was_carried(found) or localisation.is_contradicted
@@ -132,9 +140,10 @@ class Lookout:
     def _find_place(self, frame: Frame) -> Frame:
         """Look around until the robot is localised; returns the newest frame."""
         mapper, relocalisation = self._mapper, Relocalisation(self._robot.model)
-        agreements = []
+        agreements, agrees = [], []
         for _ in range(LOOKS):
             agreements.append(self._agreement(frame))
+            agrees.append(mapper.localisation.agrees)
             relocalisation.add(frame)
             T = relocalisation.find(mapper.metric_map, mapper.elevation_map, mapper.localisation.points())
             if T is not None:
@@ -145,7 +154,9 @@ class Lookout:
         localisation = mapper.localisation
         fits = localisation.overlap > UNRIVALLED and not localisation.is_contradicted
         around = Agreement.of(agreements)
-        if fits or (len(agreements) == LOOKS and not around.was_carried and not around.is_doubtful):
+        is_registered = agrees.count(True) >= REGISTERED and False not in agrees
+        has_seen_all = len(agreements) == LOOKS and not around.was_carried
+        if fits or (has_seen_all and (is_registered or not around.is_doubtful)):
             # The frames fit the map except for something new, or something that the robot has driven through.
             return self._go_on(frame, mapper.localise(frame))
         raise LostError("the camera shows what the map does not, and no place fits for sure")

@@ -58,6 +58,7 @@ def placed(episode: Episode, folder: Path) -> Explorer:
     mapper.localisation.set_down(robot.trajectory[-1].T_world_base)
     mapper.add(frame, mapper.localise(frame))
     explorer.navigator.motion = robot.drive(Velocity())
+    explorer.lookout.sense()  # the last that it sees before it is carried
     return explorer
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame, Intrinsics
 from pipeline.localisation.slam import Slam
 from pipeline.navigation.lookout import is_keyframe
-from pipeline.transforms import inverse, transform_points
+from pipeline.transforms import inverse, orthonormal, transform_points
 from sarsim.robots.skid_steered import robot_model
 from sarsim.scoring.trajectory import is_false
 from sarsim.scripts.benchmarks.localisation_scores import errors_of, nees, trajectory_scores
@@ -133,7 +133,8 @@ class Guided(Method):
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """Register the frame; use the odometry's motion if the frame has too few returns or the peer gets lost."""
         last, self._last = self._last, frame
-        guess = self._T_map_base @ inverse(last.T_odom_base) @ frame.T_odom_base if last else self._T_map_base
+        moved = inverse(last.T_odom_base) @ frame.T_odom_base if last else np.eye(4)
+        guess = orthonormal(self._T_map_base @ moved)  # KISS-ICP aborts at rotations that rounding has bent
         found = guess if is_blind(frame) else self._register(frame, last, guess)
         E = inverse(guess) @ found
         is_lost = not (np.linalg.norm(E[:3, 3]) < STRAYED[0] and np.trace(E[:3, :3]) > 1 + 2 * np.cos(STRAYED[1]))

@@ -79,14 +79,16 @@ def cut(
 def channels(
     points: NDArray[np.float32], centre: NDArray[np.float64], camera: NDArray[np.floating], config: BlockConfig
 ) -> NDArray[np.float32]:
-    """(n, 6) float32: x and y from the middle of the block, z in ``map``, then normalized x, y, z, then any colours.
+    """(n, 6) float32: x and y from the middle of the block, z in ``map``, then normalized x, y, z.
+
+    Colours, if there are any, come in between, as in the blocks of S3DIS: (n, 9).
 
     S3DIS normalizes by the extent of a room. A frame has no such extent, so the offset from the camera is divided by
     its range: distances keep their proportions, and the network can learn how noise depends on the distance.
     """
     xyz, colours = np.split(points, [3], axis=1)
     here = xyz - np.append(centre, 0)
-    return np.concatenate([here, (xyz - camera) / config.reach, colours], axis=1).astype(np.float32)
+    return np.concatenate([here, colours, (xyz - camera) / config.reach], axis=1).astype(np.float32)
 
 
 def coloured(cloud: VoxelCloud, colours: NDArray[np.uint8]) -> NDArray[np.float32]:

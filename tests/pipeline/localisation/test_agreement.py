@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.localisation.agreement import Agreement, agreement
+from pipeline.localisation.agreement import Agreement, agreement, shows_another_place
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.localisation.carried_robot import ROOM, T_BASE_CAMERA, Maps, seen, tour
@@ -61,3 +61,17 @@ def test_what_ought_to_be_seen_and_is_not_leaves_doubt() -> None:
     assert nothing.is_doubtful and not there.is_doubtful
     assert not Agreement.of([nothing, there]).is_doubtful
     assert not agreement(blind, HERE @ T_BASE_CAMERA, MetricMap()).is_doubtful
+
+
+@pytest.mark.parametrize("to", [from_yaw(3, 0.6, 0, 0), from_yaw(4.2, 2.6, 0, -1.5), from_yaw(0.3, 2.0, 0.0, np.pi)])
+def test_a_robot_whose_view_changed_while_its_wheels_stood_was_carried(to: np.ndarray) -> None:
+    before = seen(ROOM, HERE)
+    carried = replace(seen(ROOM, to, seed=1), T_odom_base=before.T_odom_base)
+    assert shows_another_place(carried, before)
+    assert not shows_another_place(seen(ROOM, to, seed=1), before), "by its wheels it drove there"
+
+
+def test_noise_and_a_small_move_show_the_same_place() -> None:
+    before = seen(ROOM, HERE)
+    for move in (from_yaw(0, 0, 0, 0), from_yaw(0.015, -0.01, 0, 0.03)):
+        assert not shows_another_place(seen(ROOM, HERE @ move, seed=2), before)

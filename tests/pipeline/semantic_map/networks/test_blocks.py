@@ -26,6 +26,14 @@ def test_channels_are_relative_to_block_and_camera() -> None:
     )
 
 
+def test_colours_come_between_both_kinds_of_coordinates() -> None:
+    points, config = cloud(4), BlockConfig()
+    plain = channels(points, np.zeros(2), CAMERA, config)
+    nine = channels(np.hstack([points, np.full((4, 3), 0.25, np.float32)]), np.zeros(2), CAMERA, config)
+    assert (nine[:, 3:6] == 0.25).all()
+    assert (nine[:, [0, 1, 2, 6, 7, 8]] == plain).all()
+
+
 @pytest.mark.parametrize("shift", [0.0, 0.3])
 def test_every_point_is_in_one_column(shift: float) -> None:
     points = cloud(3000)

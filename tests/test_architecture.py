@@ -16,7 +16,7 @@ FORBIDDEN = {
     "scripts": ("tests",),
 }
 MOST_ENTRIES = {"pipeline": 22, "sarsim": 16}
-MOST_LINES = 37_903
+MOST_LINES = 38_087
 """Of all packages together, without tests; 27 000 until the robot began to localise itself (SLAM), 31 200 until every
 number of a stranger's file was checked and recordings could be mapped and written, 34 300 until arenas of strangers
 were tried apart, people and maps were written for other programs, robots of ROS 2 explored, and there were five

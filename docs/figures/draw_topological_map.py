@@ -54,8 +54,7 @@ class Picture:
     def edges(self, topology: TopologicalMap, graph: nx.Graph) -> None:
         """Draw the edges of the tree in dark, and all others in another colour."""
         for a, b in graph.edges:
-            ends = np.array([topology.nodes[a].position, topology.nodes[b].position])
-            self.line(ends, TREE if topology.tree.has_edge(a, b) else LOOP, 3)
+            self.line(topology.way(a, b), TREE if topology.tree.has_edge(a, b) else LOOP, 3)
 
     def _pixels(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
         x, y = ((points[:, :2] - self._grid.origin) / self._grid.cell - self._low).T * CELL

@@ -139,7 +139,8 @@ def nodes(topology: TopologicalMap) -> rr.Points3D:
 
 def edges(topology: TopologicalMap) -> rr.LineStrips3D:
     """The edges along which paths are planned."""
-    return rr.LineStrips3D(topology.edges + ABOVE_GROUND, colors=EDGE_COLOUR, radii=0.015)
+    ways = [topology.way(a, b) for a, b in topology.graph.edges]
+    return rr.LineStrips3D([way + ABOVE_GROUND for way in ways], colors=EDGE_COLOUR, radii=0.015)
 
 
 def path(step: Step) -> rr.LineStrips3D:

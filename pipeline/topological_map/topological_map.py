@@ -17,6 +17,7 @@ from pipeline.segments.segments import Segments
 from pipeline.topological_map.links import drive_seconds
 from pipeline.topological_map.node_set import Node, NodeSet
 from pipeline.topological_map.nodes import thesis_places
+from pipeline.topological_map.passages import Passages
 from pipeline.topological_map.placement import Placement
 from pipeline.topological_map.roadmap import collision_free_tree, roadmap
 from pipeline.traversability.pose_paths import PosePaths
@@ -34,13 +35,13 @@ class TopologicalMap:
     Attributes:
         kind: of the graph for plans.
         tree: networkx graph of node ids, the minimum spanning tree: ``weight`` in s, ``length`` in m.
-        graph: the graph for plans, the tree itself or the roadmap.
+        graph: the graph for plans, the tree itself or the roadmap, whose loops may have ``bends`` as well.
     """
 
     def __init__(self, graph: GraphKind = "roadmap"):
         self.kind: GraphKind = graph
         self.tree = self.graph = nx.Graph()
-        self._set = NodeSet()
+        self._set, self._passages = NodeSet(), Passages()
 
     @property
     def nodes(self) -> Mapping[int, Node]:
@@ -65,17 +66,23 @@ class TopologicalMap:
         placement.thin_out({n for n in nodes.nodes if n not in old or nodes.cover.is_near(n, changed)})
         self.tree = collision_free_tree(nodes.free)
         self.graph = self.tree
-        if self.kind == "roadmap":
-            self.graph = roadmap(self.tree, nodes.free, MAX_DETOUR)
+        if self.kind == "roadmap" and len(nodes.nodes) > 1:
+            drives = nodes.free.copy()
+            self._passages.renew(nodes.nodes, nodes.links, nodes.free, changed)
+            self._passages.add_to(drives)
+            self.graph = roadmap(self.tree, drives, MAX_DETOUR)
 
     def correct(self, correction: Correction) -> None:
-        """Move nodes along with the keyframes near them; :meth:`update` then fits them to the ground."""
+        """Move nodes and ways along with the keyframes near them; :meth:`update` then fits them to the ground."""
         self._set.correct(correction)
+        for _, _, edge in self.graph.edges(data=True):
+            if "bends" in edge:
+                edge["bends"] = correction.moved(edge["bends"])
 
-    @property
-    def edges(self) -> NDArray[np.float64]:
-        """(E, 2, 3) m, both ends of every edge of ``graph``."""
-        return np.array([[self.nodes[n].position for n in edge] for edge in self.graph.edges]).reshape(-1, 2, 3)
+    def way(self, a: int, b: int) -> NDArray[np.float64]:
+        """(N, 3) m, the points that an edge leads over, from node ``a`` to node ``b``."""
+        bends = self.graph.edges[a, b].get("bends", np.zeros((0, 3)))
+        return np.vstack([self.nodes[a].position, bends if a < b else bends[::-1], self.nodes[b].position])
 
     def links_from(self, xy: NDArray[np.float64], traversability: Traversability) -> dict[int, float]:
         """Seconds to each of the nodes, by id, that a straight drive joins to a point (2,), m."""
@@ -95,6 +102,7 @@ class TopologicalMap:
                 "length": round(e["length"], 4),
                 "seconds": round(e["weight"], 2),
                 "tree": self.tree.has_edge(a, b),
+                "way": self.way(a, b).round(4).tolist(),
             }
             for a, b, e in self.graph.edges(data=True)
         ]

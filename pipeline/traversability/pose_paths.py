@@ -183,6 +183,17 @@ class PosePaths:
             self._extend(horizon)
             horizon *= GROWTH
 
+    def sources(self) -> NDArray[np.int64]:
+        """(nx, ny) flat index of the cell where the cheapest way to each cell starts; -1 if no way leads there."""
+        starts = self._search.starts
+        if not len(starts):
+            return np.full(self._grid.shape, -1)
+        flat = np.ravel_multi_index(tuple(starts[:, :2].T), self._grid.shape)
+        seconds = self.seconds
+        source = self._search.source.reshape(seconds.shape)
+        best = np.take_along_axis(source, seconds.argmin(axis=2)[..., None], axis=2)[..., 0]
+        return np.where(np.isfinite(self.cost), flat[best], -1)
+
     def path_to(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 2) cell centres from the (nearest) start to a reachable point, m."""
         states = self._states_to(self._grid.cell_of(xy), int(self._settle(xy).argmin()))

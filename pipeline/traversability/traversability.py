@@ -1,6 +1,6 @@
 """Where the robot may stand, turn and drive."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -88,6 +88,11 @@ class Traversability:
         """(nx, ny) where the robot may stand with one heading at least."""
         return self.free[..., 0] != 0
 
+    def part(self, box: Box) -> "Traversability":
+        """The part in a box of cells, with contiguous arrays."""
+        layers = {name: np.ascontiguousarray(getattr(self, name)[box]) for name in LAYERS}
+        return Traversability(self.grid.part(box), robot=self.robot, **layers)
+
     @property
     def terrain(self) -> pose_kernels.Terrain:
         """The ground as the search over poses needs it."""
@@ -103,6 +108,9 @@ class Traversability:
     def on_ground(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 3) the points of the ground at (N, 2) m."""
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
+
+
+LAYERS = [field.name for field in fields(Traversability) if field.name not in ("grid", "robot")]
 
 
 def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:

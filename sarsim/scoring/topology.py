@@ -1,5 +1,6 @@
 """How well the topological map's nodes and edges represent the true environment."""
 
+from itertools import pairwise
 from typing import Any
 
 import networkx as nx
@@ -18,13 +19,16 @@ MIN_GAIN = 0.01  # m², least gain of a node of the greedy cover
 def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, Any]:
     """Size, soundness and coverage of a topological map, and its size against a greedy cover."""
     positions = np.array([node.position[:2] for node in topology.nodes.values()]).reshape(-1, 2)
-    grid, free, edges = truth.grid, ~truth.walls, topology.edges[:, :, :2]
-    through = sum(not line_is_free(*a, *b, grid.origin, grid.cell, free) for a, b in edges)
+    ways = [topology.way(a, b)[:, :2] for a, b in topology.graph.edges]
+    grid, free = truth.grid, ~truth.walls
+    through = sum(
+        not all(line_is_free(*a, *b, grid.origin, grid.cell, free) for a, b in pairwise(way)) for way in ways
+    )
     seen = _seen_from(positions, truth)
     greedy = _greedy_cover(truth, seen)
     return {
         "nodes": len(topology.nodes),
-        "edges": len(edges),
+        "edges": len(ways),
         "components": nx.number_connected_components(topology.graph),
         "edges_through_walls": through,
         "coverage": float(seen[truth.drivable].mean()),

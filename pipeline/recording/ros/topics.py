@@ -131,10 +131,12 @@ class MapTopics:
     def _markers(self, mapper: Mapper, time: float) -> Message:
         topology = mapper.topological_map
         nodes = np.array([node.position for node in topology.nodes.values()]).reshape(-1, 3)
+        ways = [topology.way(a, b) for a, b in topology.graph.edges]
+        edges = np.concatenate([np.zeros((0, 3)), *(np.repeat(way, 2, axis=0)[1:-1] for way in ways)])
         people = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)
         drawn = [
             messages.marker(time, "nodes", "SPHERE_LIST", nodes, 0.15, NODES),
-            messages.marker(time, "edges", "LINE_LIST", topology.edges.reshape(-1, 3), 0.03, EDGES),
+            messages.marker(time, "edges", "LINE_LIST", edges, 0.03, EDGES),
             messages.marker(time, "people", "SPHERE_LIST", people, 0.4, PEOPLE),
         ]
         return messages.make("visualization_msgs/MarkerArray", drawn)

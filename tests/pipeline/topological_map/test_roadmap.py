@@ -43,10 +43,20 @@ def around():
     return room((-2.3, 2.3), (-2.3, 2.3), ISLAND)
 
 
+def test_the_way_around_an_island_is_closed(around):
+    tree = topology_of(*around, (-1.7, 0), graph="mst")
+    loop = topology_of(*around, (-1.7, 0), graph="roadmap")
+    assert nx.is_tree(tree.graph)
+    assert loop.nodes.keys() == tree.nodes.keys()
+    assert len(nx.cycle_basis(loop.graph)) >= 1
+
+
 def test_every_edge_is_a_drive_from_node_to_node(around):
     topology = topology_of(*around, (-1.7, 0))
-    assert len(topology.edges) == topology.graph.number_of_edges() >= 3
-    for (a, b, edge), ends in zip(topology.graph.edges(data=True), topology.edges, strict=True):
-        assert ends.tolist() == [topology.nodes[n].position.tolist() for n in (a, b)]
-        assert np.isfinite(around[0].line_seconds(*ends[:, None])).all()
-        assert edge["length"] == pytest.approx(np.linalg.norm(ends[1, :2] - ends[0, :2]))
+    for a, b, edge in topology.graph.edges(data=True):
+        way = topology.way(a, b)
+        assert way[0].tolist() == topology.nodes[a].position.tolist()
+        assert way[-1].tolist() == topology.nodes[b].position.tolist()
+        assert topology.way(b, a).tolist() == way[::-1].tolist()
+        assert np.isfinite(around[0].line_seconds(way[:-1], way[1:])).all()
+        assert edge["length"] == pytest.approx(np.linalg.norm(np.diff(way[:, :2], axis=0), axis=1).sum())

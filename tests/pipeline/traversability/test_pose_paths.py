@@ -196,6 +196,10 @@ def test_of_several_starts_the_nearest_counts(maze):
     alone = [PosePaths(maze, start) for start in ((-1.0, -1.0), (1.0, -1.0))]
     np.testing.assert_allclose(both.cost, np.minimum(*(paths.cost for paths in alone)), rtol=1e-5)
     np.testing.assert_allclose(both.path_to((0.6, -0.6))[0], (1, -1), atol=0.05)
+    source = both.sources()
+    cells = [np.ravel_multi_index(tuple(maze.grid.cell_of(xy)), maze.grid.shape) for xy in ((-1, -1), (1, -1))]
+    assert source[tuple(maze.grid.cell_of((0.6, -0.6)))] == cells[1]
+    assert set(np.unique(source[both.reachable])) == set(cells)
 
 
 def test_no_start_and_no_way():

@@ -24,8 +24,9 @@ def topology_of(positions, edges):
     nodes = {n: Node(n, Label.TERRAIN, np.array([*p, 0.0])) for n, p in enumerate(positions)}
     graph = nx.Graph(edges)
     graph.add_nodes_from(nodes)
-    ends = np.array([[nodes[n].position for n in edge] for edge in edges]).reshape(-1, 2, 3)
-    return SimpleNamespace(nodes=nodes, graph=graph, edges=ends)
+    return SimpleNamespace(
+        nodes=nodes, graph=graph, way=lambda a, b: np.array([nodes[a].position, nodes[b].position])
+    )
 
 
 def test_edges_through_walls_are_counted(two_rooms):
@@ -56,6 +57,13 @@ def test_the_greedy_cover_is_of_the_ground_that_the_nodes_see(two_rooms):
     assert one_room["nodes_vs_greedy"] == 1
     corner = score_topology(topology_of([(0.1, 0.1), (0.1, 0.2), (0.2, 0.1)], []), two_rooms)
     assert corner["nodes_vs_greedy"] >= 1.5
+
+
+def test_an_edge_with_bends_is_followed_around_the_wall(two_rooms):
+    topology = topology_of([(1, 0.5), (3, 0.5)], [(0, 1)])
+    assert score_topology(topology, two_rooms)["edges_through_walls"] == 1
+    topology.way = lambda a, b: np.array([(1, 0.5, 0), (2.02, 1.7, 0), (3, 0.5, 0)])
+    assert score_topology(topology, two_rooms)["edges_through_walls"] == 0
 
 
 def test_ground_too_small_for_the_coarse_grid_is_covered_by_one_node():

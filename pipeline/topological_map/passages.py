@@ -1,0 +1,107 @@
+"""Ways with bends between neighbouring nodes that no straight drive joins, updated where the ground changes."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.grid_map import box_around
+from pipeline.topological_map.links import Links, drive_seconds
+from pipeline.topological_map.node_set import Node
+from pipeline.traversability.pose_paths import PosePaths, simplify
+from pipeline.traversability.traversability import Traversability
+
+REACH = 3.0
+"""m around changed ground and nodes within which passages are found anew."""
+
+
+class Passages:
+    """The shortest ways between nodes whose regions touch; a cell belongs to the region of the nearest node."""
+
+    def __init__(self) -> None:
+        self._edges: dict[tuple[int, int], dict[str, Any]] = {}
+        self._known: dict[int, bytes] = {}
+
+    def renew(self, nodes: Mapping[int, Node], links: Links, drives: nx.Graph, changed: NDArray[np.bool_]) -> None:
+        """Find passages anew around ``changed`` (nx, ny) ground and around nodes that came, went or moved.
+
+        There are none between nodes that straight ``drives`` join.
+        """
+        grid = links.traversability.grid
+        known = {n: node.position.tobytes() for n, node in nodes.items()}
+        moved = [n for n in known.keys() | self._known.keys() if known.get(n) != self._known.get(n)]
+        places = [data[n] for data in (known, self._known) for n in moved if n in data]
+        mask = changed | grid.mask_of(np.array([np.frombuffer(place) for place in places]).reshape(-1, 3))
+        self._known = known
+        if not mask.any():
+            return
+        inner = box_around(mask, 0)
+        box = box_around(mask, round(REACH / grid.cell))
+        is_old = np.ones(grid.shape, np.bool_)
+        is_old[inner] = False
+        kept = {pair: edge for pair, edge in self._edges.items() if nodes.keys() >= set(pair)}
+        ways = [np.vstack([nodes[a].position, edge["bends"], nodes[b].position]) for (a, b), edge in kept.items()]
+        ends = np.cumsum([0, *map(len, ways)])
+        old = grid.at(is_old, np.vstack([np.zeros((0, 3)), *ways]), outside=1)
+        self._edges = {pair: kept[pair] for k, pair in enumerate(kept) if old[ends[k] : ends[k + 1]].all()}
+        part = links.traversability.part(box)
+        here = {n: node for n, node in nodes.items() if part.grid.mask_of(node.position[None]).any()}
+        for pair, edge in _between(here, links, drives, part).items():
+            self._edges.setdefault(pair, edge)
+
+    def add_to(self, drives: nx.Graph) -> None:
+        """Join the nodes in a graph of straight drives that no such drive joins.
+
+        The edge keeps the ``bends`` of its way: (M, 3) m, from the node of the lower id to the other.
+        """
+        drives.add_edges_from((a, b, edge) for (a, b), edge in self._edges.items() if not drives.has_edge(a, b))
+
+
+def _between(
+    nodes: Mapping[int, Node], links: Links, drives: nx.Graph, part: Traversability
+) -> dict[tuple[int, int], dict[str, Any]]:
+    """The edges of passages between nodes, by lower and higher id, on a part of the ground."""
+    edges: dict[tuple[int, int], dict[str, Any]] = {}
+    if len(nodes) < 2:
+        return edges
+    paths = PosePaths(part, [nodes[n].position for n in sorted(nodes)])
+    for p, q in _meetings(paths):
+        there, back = (paths.path_to(part.grid.centre_of(cell)) for cell in (p, q))
+        a, b = (_nearest(nodes, way[0]) for way in (there, back))
+        if a > b:
+            a, b, there, back = b, a, back, there
+        if a == b or drives.has_edge(a, b):
+            continue
+        way = simplify(np.vstack([there, back[::-1]]), links.traversability)
+        inner = links.traversability.on_ground(way[1:-1])
+        points = np.vstack([nodes[a].position, inner, nodes[b].position])
+        if links.are_free(points[:-1], points[1:]).all():
+            length = float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
+            seconds = float(drive_seconds(links.traversability, points[:-1], points[1:]).sum())
+            edges[a, b] = {"weight": seconds, "length": length, "bends": inner}
+    return edges
+
+
+def _nearest(nodes: Mapping[int, Node], xy: NDArray[np.float64]) -> int:
+    return min(nodes, key=lambda n: float(np.linalg.norm(nodes[n].position[:2] - xy)))
+
+
+def _meetings(paths: PosePaths) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """For every two touching regions the two neighbouring cells (2,) where the way between the nodes is shortest."""
+    source = paths.sources()
+    cells, costs, keys = [], [], []
+    for step in ((1, 0), (0, 1)):
+        here = tuple(slice(None, -1) if s else slice(None) for s in step)
+        there = tuple(slice(1, None) if s else slice(None) for s in step)
+        a, b = source[here], source[there]
+        border = (a != b) & (a >= 0) & (b >= 0)
+        p = np.argwhere(border)
+        cells.append(np.stack([p, p + step], axis=1))
+        costs.append((paths.cost[here] + paths.cost[there])[border])
+        keys.append(np.sort(np.stack([a[border], b[border]], axis=1), axis=1))
+    pairs, cost = np.concatenate(cells), np.concatenate(costs)
+    order = np.argsort(cost, kind="stable")
+    _, first = np.unique(np.concatenate(keys)[order], axis=0, return_index=True)
+    return [(pairs[k, 0], pairs[k, 1]) for k in order[np.sort(first)]]

@@ -57,8 +57,7 @@ class TrainPoints(TrainingConfig, TrainingFiles):
     """Train a network of the semantic map with datasets of generate_dataset.py.
 
     Attributes:
-        colours: learn from colours too, nine channels instead of six; with --init as its file. In the dark they are
-            of no use.
+        colours: learn from colours too, nine channels instead of six; with --init as its file.
     """
 
     colours: bool = False

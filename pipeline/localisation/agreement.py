@@ -30,8 +30,8 @@ TELLING, SHOWN = 66, 1 / 3
 arena's frames show nearly all, while before a wall, or where nothing is mapped, a carried robot shows none."""
 NEAREST, FARTHEST = 0.9, 3.3
 """m of depth between which a return is expected."""
-STILL = 0.02, np.deg2rad(2)
-"""m and rad by the odometry; a robot that has moved less sees what it saw before."""
+STILL, CHANGED = (0.02, np.deg2rad(2)), 1 / 3
+"""m and rad by the odometry, and a share of tiles: a robot that moved less while more tiles changed was carried."""
 
 
 class Agreement(NamedTuple):
@@ -99,7 +99,7 @@ def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: Metri
 
 
 def shows_another_place(frame: Frame, last: Frame) -> bool:
-    """Whether a third of the image changed since the last frame although the wheels stood: the robot was carried.
+    """Whether the image changed since the last frame although the wheels stood: the robot was carried.
 
     A frame from elsewhere may say nothing about the map, as before a wall too near for the camera.
     """
@@ -107,7 +107,7 @@ def shows_another_place(frame: Frame, last: Frame) -> bool:
     if np.linalg.norm(moved[:3, 3]) > STILL[0] or angle_of(moved) > STILL[1]:
         return False
     before, now = (np.where(np.isfinite(depths), depths, 0.0) for depths in map(tile_depths, (last, frame)))
-    return bool((np.abs(now - before) > MARGIN).mean() > SHOWN)
+    return bool((np.abs(now - before) > MARGIN).mean() > CHANGED)
 
 
 def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -105,11 +105,8 @@ class PoseGraph:
 
     def drive(self, drive: Drive) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
-        model, R, j = (
-            gtsam.noiseModel.Gaussian.Covariance(drive.covariance),
-            gtsam.Rot3(drive.T[:3, :3]),
-            len(self) - 1,
-        )
+        model, j = gtsam.noiseModel.Gaussian.Covariance(drive.covariance), len(self) - 1
+        R = gtsam.Rot3(drive.T[:3, :3])
 
         def error(_: object, values: gtsam.Values, H: list[NDArray[np.float64]] | None) -> NDArray[np.float64]:
             between = values.atPose3(j - 1).between(values.atPose3(j))

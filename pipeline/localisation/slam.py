@@ -151,7 +151,9 @@ class Slam(Localisation):
     def agrees(self) -> bool | None:
         """Whether registration of the newest frame agrees with the odometry; None if it was not registered."""
         match = self._match
-        return match.step is not None and match.registration.chi2 < PROBABLE if match and match.registration else None
+        if match is None or match.registration is None:
+            return None
+        return match.step is not None and match.registration.chi2 < PROBABLE
 
     @property
     def overlap(self) -> float:

@@ -155,7 +155,7 @@ class Cover:
     def candidates(self, mask: NDArray[np.bool_], within: float, fewest: int = 1) -> NDArray[np.float64]:
         """(K, 2) m, places near a mask: of every block of standable cells the one farthest from hazards.
 
-        Around it, ``within`` m to each side, are ``fewest`` cells of the mask or more.
+        In the square around it that reaches ``within`` m to each side are ``fewest`` cells of the mask or more.
         """
         if not mask.any():
             return np.zeros((0, 2))
@@ -163,8 +163,10 @@ class Cover:
         reach = round(within / CELL)
         i, j = box_around(mask, reach)
         window = slice(i.start // _BLOCK * _BLOCK, i.stop), slice(j.start // _BLOCK * _BLOCK, j.stop)
-        share = ndimage.uniform_filter(mask[window].astype(np.float32), 2 * reach + 1, mode="constant")
-        near = share * (2 * reach + 1) ** 2 > fewest - 0.5
+        near = ndimage.distance_transform_edt(~mask[window]) * CELL <= within
+        if fewest > 1:
+            share = ndimage.uniform_filter(mask[window].astype(np.float32), 2 * reach + 1, mode="constant")
+            near &= share * (2 * reach + 1) ** 2 > fewest - 0.5
         room = np.where(near & self.standable[window], self.traversability.to_hazard[window], 0)
         by_block = blocks(room, _BLOCK)
         wanted = by_block.any(axis=0)

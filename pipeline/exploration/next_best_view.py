@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -102,8 +103,9 @@ class Exploration:
     def find_frontiers(self, context: Context) -> NDArray[np.float64]:
         """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
         traversability, target = context.traversability, self._terrain.target
-        reach = round(FRONTIER_WIDTH / traversability.grid.cell)
-        around = ndimage.maximum_filter(target, 2 * reach + 1, mode="constant")
+        side = 2 * round(FRONTIER_WIDTH / traversability.grid.cell) + 1
+        # Many times as fast as SciPy's filter.
+        around = cv2.dilate(target.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
         pieces, _ = ndimage.label(around & context.paths.reachable & ~target, np.ones((3, 3)))
         centres = []
         for piece, box in enumerate(ndimage.find_objects(pieces), start=1):

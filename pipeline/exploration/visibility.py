@@ -125,7 +125,7 @@ def _towards(
     wanted = np.zeros((len(cells), RAYS), np.bool_)
     parts, side = np.asarray(blocks(mask, STRIDE).any(axis=0)), STRIDE * terrain.cell
     here = tuple(cells.T // STRIDE)
-    near = ~_farther_than(parts, camera.reach / side + 2)[here]
+    near = (ndimage.distance_transform_edt(~parts) <= camera.reach / side + 2)[here]
     # From outside, a ray enters a piece of the mask through its rim.
     rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
     wanted[near] = kernels.rays_towards(_places(cells[near], terrain), rim, terrain.origin, side, camera.reach)
@@ -136,14 +136,6 @@ def _towards(
 def _places(cells: NDArray[np.int64], terrain: kernels.Terrain) -> NDArray[np.float64]:
     """(N, 2) m, the middles of cells."""
     return terrain.origin + (cells + 0.5) * terrain.cell
-
-
-def _farther_than(mask: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
-    """(I, J) whether a square is farther than ``reach`` squares from a mask (I, J)."""
-    if not mask.any():
-        return ~mask
-    distance: NDArray[np.float64] = ndimage.distance_transform_edt(~mask)
-    return distance > reach
 
 
 def _rays_in_view(camera: kernels.CameraView) -> int:

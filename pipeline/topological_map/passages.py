@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.grid_map import box_around
+from pipeline.topological_map.cover import SIGHT
 from pipeline.topological_map.links import Links, drive_seconds
 from pipeline.topological_map.node_set import Node
 from pipeline.traversability.pose_paths import PosePaths, simplify
 from pipeline.traversability.traversability import Traversability
-
-REACH = 3.0
-"""m around changed ground and nodes within which passages are found anew."""
 
 
 class Passages:
@@ -38,7 +36,8 @@ class Passages:
         if not mask.any():
             return
         inner = box_around(mask, 0)
-        box = box_around(mask, round(REACH / grid.cell))
+        # A node sees no ground farther away, so the nodes whose regions changed are in this box.
+        box = box_around(mask, round(SIGHT / grid.cell))
         is_old = np.ones(grid.shape, np.bool_)
         is_old[inner] = False
         kept = {pair: edge for pair, edge in self._edges.items() if nodes.keys() >= set(pair)}

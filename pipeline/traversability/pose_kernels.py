@@ -235,12 +235,16 @@ def line_seconds(ax, ay, bx, by, backward, terrain, costs):
     length = np.sqrt(dx * dx + dy * dy)
     cos, sin = (dx / length, dy / length) if length > 0 else (1.0, 0.0)
     steps = int(np.ceil(length / terrain.cell)) + 1
+    # An obstacle so near to the middle lies in the footprint, along whatever heading: most lines are blocked so.
+    inside = min(costs.half_length, costs.half_width) - LENIENCY - terrain.cell
+    for s in range(steps + 1):
+        i, j = cell_at(ax + dx * s / steps, ay + dy * s / steps, terrain.origin, terrain.cell)
+        if not (0 <= i < nx and 0 <= j < ny) or terrain.to_obstacle[i, j] < inside + 0.01 * terrain.least[i, j]:
+            return np.inf
     total = 0.0
     for s in range(steps + 1):
         x, y = ax + dx * s / steps, ay + dy * s / steps
         i, j = cell_at(x, y, terrain.origin, terrain.cell)
-        if not (0 <= i < nx and 0 <= j < ny):
-            return np.inf
         room = room_at(x, y, cos, sin, terrain, costs)
         if 100 * room < terrain.least[i, j] - 0.5:
             return np.inf

@@ -170,10 +170,11 @@ class Exploration:
 
     def correct(self, correction: Correction) -> None:
         """Move the cells that keyframes missed along with them, and the expected cells with the newest keyframe."""
+        grid = self._layers.grid
+        expected = grid.centre_of(self._expected - grid.low)
         moved = [(correction.motion_at(place), place, cells) for place, cells in self._missed]
         self._missed = [(moved_by(T, place[None])[0], moved_by(T, cells)) for T, place, cells in moved]
-        self._expected = self._cells_of(moved_by(correction.motions[-1], self._centres_of(self._expected)))
-        grid = self._layers.grid
+        self._expected = self._cells_of(moved_by(correction.motions[-1], expected))
         probability, missed_from = np.full(grid.shape, PRIOR), np.full((*grid.shape, 2), np.inf)
         for place, centres in self._missed:
             where = tuple((self._cells_of(centres) - grid.low).T)
@@ -181,10 +182,6 @@ class Exploration:
             missed_from[where] = place
         self._layers.write("probability", probability)
         self._layers.write("missed_from", missed_from)
-
-    def _centres_of(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(N, 2) m, centres of cells (N, 2), absolute indices."""
-        return self._layers.grid.centre_of(cells - self._layers.grid.low)
 
     def _cells_of(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
         """(M, 2) absolute indices of the cells, each once, that hold places (N, 2), m, on the grid."""

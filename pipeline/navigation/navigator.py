@@ -175,7 +175,7 @@ class Navigator:
     def _approach(self, T: NDArray[np.float64], target: NDArray[np.float64], backwards: bool) -> Iterator[Velocity]:
         """Commands that turn the robot to the way point and drive it there."""
         # The bearing before the turn: while the robot slides in the turn, that of a near way point changes as well.
-        heading = _bearing(T[:2, 3], target) + np.pi * backwards
+        heading = float(np.arctan2(*(target - T[:2, 3])[::-1])) + np.pi * backwards
         if abs(wrap_angle(heading - yaw_of(T))) > (TURN_LIMIT if self._on_ramp else SWERVE):
             yield from self._turn_to(heading)
         yield from self._straight_to(self.T_map_base[:2, 3].copy(), target, backwards)
@@ -300,7 +300,3 @@ class Navigator:
     def _time(self) -> float:
         assert self.motion is not None
         return self.motion.time
-
-
-def _bearing(start: NDArray[np.float64], target: NDArray[np.float64]) -> float:
-    return float(np.arctan2(target[1] - start[1], target[0] - start[0]))

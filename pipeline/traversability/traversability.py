@@ -172,7 +172,8 @@ def assess(
     to_hazard = np.minimum(grid.distance_to(hazard), FAR)
     obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell)
     ramp, uphill = _ramps(slope, gradient, hazard, cell)
-    clearance, least = _clearances(obstacle, to_obstacle, robot, cell, within), _least(driven)
+    clearance = _clearances(obstacle, to_obstacle, robot, cell, within)
+    least = np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST)).astype(np.int8)
     free = pose_kernels.free_poses(clearance, least)
     return Traversability(
         grid=grid,
@@ -187,8 +188,8 @@ def assess(
         ramp=ramp,
         uphill=uphill,
         free=free,
-        turnable=_turnable(free, clearance, least) & ~ramp,
-        tall=_tall(elevation, hazard),
+        turnable=(free[..., 0] != 0) & (clearance.min(axis=2) >= round(100 * LEAST)) & ~ramp,
+        tall=hazard & (elevation > ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), 5) + TALL),
         sealed=_without_gaps(elevation, hazard),
         robot=robot,
     )
@@ -210,18 +211,6 @@ def _clearances(
     rows, columns = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
     size = robot.half_length, robot.half_width
     return pose_kernels.clearances(obstacle, to_obstacle, *size, cell, rows, columns)
-
-
-def _least(driven: NDArray[np.bool_]) -> NDArray[np.int8]:
-    return np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST)).astype(np.int8)
-
-
-def _turnable(free: NDArray[np.uint8], clearance: NDArray[np.int8], least: NDArray[np.int8]) -> NDArray[np.bool_]:
-    return (free[..., 0] != 0) & (clearance.min(axis=2) >= np.maximum(least, round(100 * LEAST)))
-
-
-def _tall(elevation: NDArray[np.float32], hazard: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    return hazard & (elevation > ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), 5) + TALL)
 
 
 def _without_gaps(elevation: NDArray[np.float32], hazard: NDArray[np.bool_]) -> NDArray[np.float32]:

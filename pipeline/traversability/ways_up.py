@@ -8,12 +8,17 @@ from scipy import ndimage
 
 from pipeline.traversability.traversability import Traversability
 
+JOINT = 0.1
+"""m, side of the voxels whose neighbours belong to one surface, and greatest height of the foot of one that leads up.
+"""
+
 
 def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Which of the points (N, 3) that look like ramps and decks cannot carry the robot.
 
-    Such a point is higher than the robot's headroom above the nearest ground that the robot can get to, or farther
-    than half of its width from any square of that side on the points' surface, as the feet of a chair are.
+    Such a point is farther than half of the robot's width from any square of that side on the points' surface, as the
+    feet of a chair are, or it is higher than the robot's headroom above the nearest ground that the robot can get to
+    and belongs to no surface that comes down to this ground, as every ramp does, however steep.
 
     Args:
         ground: its traversability.
@@ -26,7 +31,20 @@ def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArr
     side = ceil(ground.robot.width / 2 / ground.grid.cell)
     broad = ndimage.binary_opening(surface, np.ones((side, side)))
     near = ndimage.binary_dilation(broad, np.ones((2 * side - 1, 2 * side - 1)))
-    return ~near[tuple(cells.T)] | (height_above_ways(ground, places, points) > ground.robot.headroom)
+    narrow, height = ~near[tuple(cells.T)], height_above_ways(ground, places, points)
+    high = height > ground.robot.headroom
+    return narrow | high & ~_comes_down(points, ~narrow, height) if high.any() else narrow
+
+
+def _comes_down(
+    points: NDArray[np.floating], counts: NDArray[np.bool_], height: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """(N,) whether points (N, 3) belong to a surface of those that count whose foot has almost no height (N,), m."""
+    voxels = tuple(((points - points.min(axis=0)) / JOINT).astype(np.int64).T)
+    filled = np.zeros([side.max() + 1 for side in voxels], np.bool_)
+    filled[tuple(side[counts] for side in voxels)] = True
+    surface = ndimage.label(filled, np.ones((3, 3, 3)))[0][voxels]
+    return counts & np.isin(surface, surface[counts & (height < JOINT)])
 
 
 def height_above_ways(

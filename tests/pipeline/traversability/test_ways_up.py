@@ -53,3 +53,16 @@ def test_a_table_is_no_way_however_broad() -> None:
         [0, 0, PIONEER.headroom + 0.05], np.float32
     )
     assert is_no_way(assess_map(surface_of(np.vstack([floor, top]))), HERE, top).all()
+
+
+def test_a_ramp_that_is_too_steep_for_the_robot_leads_up_all_the_same() -> None:
+    def steep(x, y):
+        return np.where(np.abs(y) < 0.6, np.clip(x - 1, 0, 1.1), 0.0)
+
+    world = ground_points(steep, (-1, 3), (-1, 1))
+    ramp = world[(np.abs(world[:, 1]) < 0.55) & (world[:, 0] > 1)]
+    assert ramp[:, 2].max() > PIONEER.headroom
+    ground = assess_map(surface_of(world))
+    assert ground.hazard[tuple(ground.grid.cell_of(ramp[ramp[:, 0] < 2]).T)].all()
+    assert not is_no_way(ground, HERE, ramp).any()
+    assert is_no_way(ground, HERE, ramp[ramp[:, 2] > 0.3])[-1]

@@ -23,12 +23,13 @@ MIN_GAIN = 0.03
 """m²; a viewpoint that is expected to show less is not worth the drive."""
 WALL_MARGIN = 0.25
 """m; unknown ground nearer to a hazard cannot be driven on and is not worth a keyframe."""
-PRIOR = 0.9
-"""Probability that ground which should be in view can be seen at all."""
-SHOW_PROBABILITY = 0.7
-"""Probability that a keyframe with ground in view shows it, if the ground can be seen at all."""
-GIVE_UP = 0.03
-"""Probability below which a cell is given up."""
+CHANCES = 0.9, 0.73, 0.45, 0.2, 0.07
+"""Probability that ground which should be in view is there, after 0, 1, … keyframes that should have shown it and did
+not, by Bayes' rule: 0.9 at first, and a keyframe shows ground in view with probability 0.7. Then it is given up."""
+EXPERIENCE = 1.0
+"""m² of missed ground that the robot looks for again until what it finds counts as much as these numbers."""
+ROUND = 0.05
+"""What it learns is rounded to multiples of this, so that rays are cast anew only when that changes much."""
 FRONTIER_WIDTH = 0.35
 """m; reachable ground this close to unseen ground is a frontier."""
 KEYFRAME_TIME = 2.0
@@ -69,12 +70,16 @@ class Exploration:
                 "elevation": Layer(np.float32, np.nan),
                 "gradient": Layer(np.float32, per_cell=(2,)),
                 "target": Layer(np.bool_),
-                "probability": Layer(np.float32, PRIOR),
+                "misses": Layer(np.uint8),
+                "probability": Layer(np.float32, CHANCES[0]),
                 "missed_from": Layer(np.float32, np.inf, per_cell=(2,)),
             },
         )
         self._expected = np.zeros((0, 2), np.int64)
         self._missed: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+        # By the number of misses, m² in which ground was looked for, and in which it was shown.
+        self._looked_for = np.full(len(CHANCES), EXPERIENCE)
+        self._shown = EXPERIENCE * np.array(CHANCES)
         self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
 
     def observe(self, context: Context) -> None:
@@ -175,12 +180,12 @@ class Exploration:
         moved = [(correction.motion_at(place), place, cells) for place, cells in self._missed]
         self._missed = [(moved_by(T, place[None])[0], moved_by(T, cells)) for T, place, cells in moved]
         self._expected = self._cells_of(moved_by(correction.motions[-1], expected))
-        probability, missed_from = np.full(grid.shape, PRIOR), np.full((*grid.shape, 2), np.inf)
+        misses, missed_from = np.zeros(grid.shape, np.uint8), np.full((*grid.shape, 2), np.inf)
         for place, centres in self._missed:
             where = tuple((self._cells_of(centres) - grid.low).T)
-            probability[where] = after_miss(probability[where])
+            misses[where] += 1
             missed_from[where] = place
-        self._layers.write("probability", probability)
+        self._layers.write("misses", np.minimum(misses, len(CHANCES)))
         self._layers.write("missed_from", missed_from)
 
     def _cells_of(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -190,23 +195,31 @@ class Exploration:
         return grid.low + cells[((cells >= 0) & (cells < grid.shape)).all(axis=1)]
 
     def _count_misses(self, measured: NDArray[np.float32], position: NDArray[np.float64]) -> None:
-        """Record which cells the last keyframe should have shown and did not, and lower their probability."""
+        """Record which cells the last keyframe should have shown and did not, and how often such cells are shown."""
         cells = self._expected - self._layers.grid.low
-        cells = cells[np.isnan(measured[tuple(cells.T)])]
-        missed = tuple(cells.T)
+        # A correction of the map may have brought more misses together.
+        misses = np.minimum(self._layers["misses"][tuple(cells.T)], len(CHANCES) - 1)
+        is_shown = ~np.isnan(measured[tuple(cells.T)])
+        self._looked_for += CELL**2 * np.bincount(misses, minlength=len(CHANCES))
+        self._shown += CELL**2 * np.bincount(misses[is_shown], minlength=len(CHANCES))
+        cells = cells[~is_shown]
         if len(cells):
             self._missed.append((position.copy(), self._layers.grid.centre_of(cells)))
-        self._layers.write("probability", after_miss(self._layers["probability"][missed]), missed)
-        self._layers.write("missed_from", position, missed)
+        self._layers.write("misses", misses[~is_shown] + 1, tuple(cells.T))
+        self._layers.write("missed_from", position, tuple(cells.T))
         self._expected = np.zeros((0, 2), np.int64)
 
     def _write_terrain(self, context: Context) -> None:
         """Update the layers of the ground; unseen ground that may be traversable is a target until it is given up."""
-        layers, may_show = self._layers, self._layers["probability"] >= GIVE_UP
-        may_be_driven = context.traversability.to_hazard >= WALL_MARGIN
+        layers, may_be_driven = self._layers, context.traversability.to_hazard >= WALL_MARGIN
+        # At first sight ground stays likely: beyond a rim there is none, but behind the next corner there may be.
+        chances = np.append(np.round(self._shown / self._looked_for / ROUND) * ROUND, 0.0)
+        chances[0] = CHANCES[0]
+        probability = chances.astype(np.float32)[layers["misses"]]
         layers.write("elevation", context.traversability.sealed)
         layers.write("gradient", context.traversability.gradient)
-        layers.write("target", np.isnan(context.measured) & may_be_driven & may_show)
+        layers.write("probability", probability)
+        layers.write("target", np.isnan(context.measured) & may_be_driven & (probability > 0))
 
     @property
     def _terrain(self) -> kernels.Terrain:
@@ -226,8 +239,3 @@ class Exploration:
 def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
     """(N, 2) cells: of each block the one with the most reachable headings."""
     return visibility.one_of_each_block(np.bitwise_count(context.paths.headings))
-
-
-def after_miss(probability: NDArray[np.floating]) -> NDArray[np.floating]:
-    """(N,) probability that ground can be seen, after a keyframe that should have shown it and did not (Bayes)."""
-    return probability * (1 - SHOW_PROBABILITY) / (1 - probability * SHOW_PROBABILITY)

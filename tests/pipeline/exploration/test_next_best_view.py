@@ -3,9 +3,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pipeline.exploration import visibility
+from pipeline.exploration import next_best_view, visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.next_best_view import GIVE_UP, PRIOR, Exploration, after_miss
+from pipeline.exploration.next_best_view import CHANCES, Exploration
 from pipeline.localisation.correction import Correction
 from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
@@ -247,11 +247,18 @@ def test_it_is_weighed_with_the_ground_left_to_see():
 
 
 def test_a_miss_lowers_the_probability_by_bayes_rule_until_the_cell_is_given_up():
-    first = after_miss(np.array([PRIOR]))[0]
-    missed = PRIOR * 0.3
-    assert first == pytest.approx(missed / (missed + 1 - PRIOR))
-    misses, probability = 0, np.array([PRIOR])
-    while probability[0] >= GIVE_UP:
-        misses, probability = misses + 1, after_miss(probability)
-    assert 3 <= misses <= 8
-    assert after_miss(np.array([0.0, 1.0])).tolist() == [0.0, 1.0]
+    for before, after in pairwise((*CHANCES, 0.02)):
+        missed = before * (1 - 0.7)
+        assert after == pytest.approx(missed / (missed + 1 - before), abs=0.01)
+
+
+def test_a_robot_that_finds_nothing_beyond_rims_looks_there_less_often(monkeypatch):
+    looks = []
+    world = surface_of(ground_points(flat, (-3, 3), (-1, 1)))
+    for experience in (1e6, 1.0):
+        monkeypatch.setattr(next_best_view, "EXPERIENCE", experience)
+        exploration, pose, n = Exploration(PIONEER), from_yaw(0, 0, 0, 0), 0
+        while (viewpoint := next_viewpoint(exploration, world, pose)) is not None:
+            pose, n = from_yaw(*viewpoint.position, 0, viewpoint.heading), n + 1
+        looks.append(n)
+    assert 5 < looks[1] <= 0.7 * looks[0]

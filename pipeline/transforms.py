@@ -1,7 +1,11 @@
 """Rigid transforms as 4×4 matrices; ``T_a_b`` transforms coordinates in frame b to frame a."""
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+Angle = TypeVar("Angle", float, NDArray[np.floating])
 
 
 def transform_points(T: NDArray[np.float64], points: NDArray) -> NDArray[np.float32]:
@@ -65,11 +69,6 @@ def level(up: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([np.cross(left, up), left, up])
 
 
-def wrap_angle(angle: float) -> float:
-    """The same angle in [−π, π)."""
-    return float(wrap_angles(np.asarray(angle)))
-
-
-def wrap_angles(angles: NDArray[np.floating]) -> NDArray[np.floating]:
-    """The same angles (N, ...) in [−π, π), rad."""
-    return (angles + np.pi) % (2 * np.pi) - np.pi
+def wrap_angle(angle: Angle) -> Angle:
+    """The same angle, or angles (N, ...), in [−π, π), rad."""
+    return (angle + np.pi) % (2 * np.pi) - np.pi

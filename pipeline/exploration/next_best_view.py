@@ -28,8 +28,6 @@ CHANCES = 0.9, 0.73, 0.45, 0.2, 0.07
 not, by Bayes' rule: 0.9 at first, and a keyframe shows ground in view with probability 0.7. Then it is given up."""
 EXPERIENCE = 1.0
 """m² of missed ground that the robot looks for again until what it finds counts as much as these numbers."""
-ROUND = 0.05
-"""What it learns is rounded to multiples of this, so that rays are cast anew only when that changes much."""
 FRONTIER_WIDTH = 0.35
 """m; reachable ground this close to unseen ground is a frontier."""
 KEYFRAME_TIME = 2.0
@@ -213,7 +211,8 @@ class Exploration:
         """Update the layers of the ground; unseen ground that may be traversable is a target until it is given up."""
         layers, may_be_driven = self._layers, context.traversability.to_hazard >= WALL_MARGIN
         # At first sight ground stays likely: beyond a rim there is none, but behind the next corner there may be.
-        chances = np.append(np.round(self._shown / self._looked_for / ROUND) * ROUND, 0.0)
+        # Rounded, so that rays are cast anew only when they change much.
+        chances = np.append(np.round(self._shown / self._looked_for, 1), 0.0)
         chances[0] = CHANCES[0]
         probability = chances.astype(np.float32)[layers["misses"]]
         layers.write("elevation", context.traversability.sealed)

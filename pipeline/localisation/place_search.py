@@ -13,7 +13,7 @@ from scipy import ndimage
 from pipeline.localisation.relocalisation_kernels import count_values, score
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
-from pipeline.transforms import from_yaw, inverse, wrap_angles, yaw_of
+from pipeline.transforms import from_yaw, inverse, wrap_angle, yaw_of
 from pipeline.traversability.elevation_map import ElevationMap
 
 UNKNOWN, SURFACE, FREE = range(3)
@@ -156,6 +156,6 @@ def search(
         x, y, z = places[n].tolist()
         guesses.append(Guess(from_yaw(x, y, z, YAWS[m]), float(scores[n, m])))
         beside = np.hypot(*(places[:, :2] - places[n, :2]).T) < DISTINCT[0]
-        turned = np.abs(wrap_angles(YAWS - YAWS[m])) < DISTINCT[1]
+        turned = np.abs(wrap_angle(YAWS - YAWS[m])) < DISTINCT[1]
         scores[np.ix_(beside, turned)] = -np.inf
     return []

@@ -14,7 +14,7 @@ from pipeline.planning.path_plan import plan_path
 from pipeline.rescue_report.hazards import APART, Hazards
 from pipeline.rescue_report.places import Place, places
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.transforms import wrap_angle, wrap_angles
+from pipeline.transforms import wrap_angle
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 
@@ -186,7 +186,7 @@ def straight_parts(way: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
     steps = np.diff(way, axis=0)
     way = way[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
     bearings = np.arctan2(*np.diff(way, axis=0).T[::-1])
-    bends = 1 + np.flatnonzero(np.abs(wrap_angles(np.diff(bearings))) > STRAIGHT)
+    bends = 1 + np.flatnonzero(np.abs(wrap_angle(np.diff(bearings))) > STRAIGHT)
     for a, b in pairwise([0, *bends.tolist(), len(way) - 1]):
         if b > a:
             yield way[a : b + 1]

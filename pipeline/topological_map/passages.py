@@ -20,7 +20,7 @@ class Passages:
 
     def __init__(self) -> None:
         self._edges: dict[tuple[int, int], dict[str, Any]] = {}
-        self._known: dict[int, bytes] = {}
+        self._known: dict[int, Node] = {}
 
     def renew(self, nodes: Mapping[int, Node], links: Links, drives: nx.Graph, changed: NDArray[np.bool_]) -> None:
         """Find passages anew around ``changed`` (nx, ny) ground and around nodes that came, went or moved.
@@ -28,11 +28,10 @@ class Passages:
         There are none between nodes that straight ``drives`` join.
         """
         grid = links.traversability.grid
-        known = {n: node.position.tobytes() for n, node in nodes.items()}
-        moved = [n for n in known.keys() | self._known.keys() if known.get(n) != self._known.get(n)]
-        places = [data[n] for data in (known, self._known) for n in moved if n in data]
-        mask = changed | grid.mask_of(np.array([np.frombuffer(place) for place in places]).reshape(-1, 3))
-        self._known = known
+        before, self._known = self._known, dict(nodes)
+        pairs = (before, nodes), (nodes, before)
+        moved = [known[n].position for known, other in pairs for n in known if known[n] is not other.get(n)]
+        mask = changed | grid.mask_of(np.array(moved).reshape(-1, 3))
         if not mask.any():
             return
         inner = box_around(mask, 0)

@@ -65,6 +65,7 @@ class Costs(NamedTuple):
         backward: cost of a drive backwards, relative to one forwards.
         stray: greatest deviation of the robot from its way, m.
         slide: additional deviation in a turn, m per unit of slope.
+        lean: how far the top of the body leans downhill, m per unit of slope: its height.
         across: relative increase of the time by driving across a slope, per unit of slope.
         risk: relative increase of the time if a collision is certain.
     """
@@ -79,6 +80,7 @@ class Costs(NamedTuple):
     backward: float
     stray: float
     slide: float
+    lean: float
     across: float
     risk: float
 
@@ -184,7 +186,8 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
     on_ramp = uphill[0] != 0 or uphill[1] != 0
     speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.narrow_speed)
     seconds = (1.0 + costs.across * across) / speed
-    return seconds * (costs.backward if backward else 1.0) * (1.0 + costs.risk * danger(clearance, costs.stray))
+    room = clearance - costs.lean * across
+    return seconds * (costs.backward if backward else 1.0) * (1.0 + costs.risk * danger(room, costs.stray))
 
 
 @njit(cache=True)
@@ -192,7 +195,8 @@ def turn_seconds_per_radian(clearance, uphill, costs):
     """Cost of a radian of a turn in place, s, with ``clearance`` m around the footprint on a slope (2,)."""
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
-    return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray + costs.slide * slope))
+    room = clearance - costs.lean * slope
+    return seconds * (1.0 + costs.risk * danger(room, 0.5 * costs.stray + costs.slide * slope))
 
 
 @njit(cache=True)

@@ -126,6 +126,7 @@ def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:
         backward=BACKWARD,
         stray=caution * STRAY,
         slide=caution * robot.ramp_slide / np.tan(robot.max_tilt),
+        lean=robot.body_height,
         across=1 / np.tan(robot.max_tilt),
         risk=RISK,
     )

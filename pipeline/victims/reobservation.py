@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 from pipeline.frame import Frame
 from pipeline.localisation.correction import Correction, moved_by
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.transforms import wrap_angles
+from pipeline.transforms import wrap_angle
 from pipeline.victims.victim_map import APART, Victim, Victims
 
 REWARD = 1.0  # m² of unseen ground to which a viewpoint towards an unconfirmed victim is equivalent
@@ -80,7 +80,7 @@ class Reobservation:
             camera = places[n] + (0, 0, self.camera_height)
             reward[n] *= self._map.is_free_along(camera, target, body, MARGIN, BESIDE_CAMERA, STEP)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
-        return reward[:, None] * (np.abs(wrap_angles(off)) <= HALF_VIEW)
+        return reward[:, None] * (np.abs(wrap_angle(off)) <= HALF_VIEW)
 
 
 def _newness(victim: Victim, places: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -102,4 +102,4 @@ def _angles(a: NDArray[np.float64], b: NDArray[np.float64], target: NDArray[np.f
     """(N, M) horizontal angles, rad, between places (N, 2 or 3) and (M, 2) as seen from a target (3,)."""
     to_a, to_b = a[:, :2] - target[:2], b - target[:2]
     bearing_a, bearing_b = np.arctan2(to_a[:, 1], to_a[:, 0]), np.arctan2(to_b[:, 1], to_b[:, 0])
-    return np.abs(wrap_angles(bearing_a[:, None] - bearing_b))
+    return np.abs(wrap_angle(bearing_a[:, None] - bearing_b))

@@ -165,7 +165,8 @@ def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Victim]:
         geoms = np.flatnonzero((model.geom_bodyid == body) & (labels == Label.VICTIM))
         if name.startswith(PREFIX) and geoms.size:
             pose = from_rotation(data.xmat[body].reshape(3, 3), data.xpos[body])
-            victims.append(Victim(name.removeprefix(PREFIX), pose, _box(model, geoms), geoms))
+            box = _extremes(np.concatenate([_extent(model, int(geom)) for geom in geoms]))
+            victims.append(Victim(name.removeprefix(PREFIX), pose, box, geoms))
     return victims
 
 
@@ -208,11 +209,6 @@ def _cover(
 def _extremes(places: NDArray[np.float64]) -> NDArray[np.float64]:
     """(2, 3) lowest and highest corner of points (N, 3)."""
     return np.stack([places.min(axis=0), places.max(axis=0)])
-
-
-def _box(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(2, 3) lowest and highest corner of geoms in the frame of their body, m."""
-    return _extremes(np.concatenate([_extent(model, int(geom)) for geom in geoms]))
 
 
 def _extent(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.transforms import wrap_angles
+from pipeline.transforms import wrap_angle
 
 SECTION = 1.0  # m driven between the two poses of a relative pose error
 
@@ -24,7 +24,7 @@ def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64])
     scores = {
         "ate_m": rms(distance),
         "max_m": float(distance.max()),
-        "heading_deg": float(np.rad2deg(rms(wrap_angles(yaw - believed)))),
+        "heading_deg": float(np.rad2deg(rms(wrap_angle(yaw - believed)))),
         "drift_percent": float(100 * distance[-1] / way[-1]) if way[-1] else 0.0,
     }
     first = np.flatnonzero(way <= way[-1] - SECTION)

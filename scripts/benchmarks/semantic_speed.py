@@ -118,7 +118,10 @@ def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[Tru
         for frame, cloud in zip(frames, clouds, strict=True)
     ]
     plain, thesis = (
-        [_plain_frame(network, blocks(frame)) for frame in track(frames, "as written", transient=True)]
+        [
+            sum(seconds(_plain, network, block.points) for block in blocks(frame))
+            for frame in track(frames, "as written", transient=True)
+        ]
         for blocks in (robot_blocks, thesis_blocks)
     )
     return {
@@ -143,10 +146,6 @@ def robot_blocks(frame: TrueFrame) -> list[Block]:
     config, rng = BlockConfig(), np.random.default_rng(0)
     cloud = VoxelCloud.of(frame.points, config.voxel_size)
     return list(cut(cloud.points, frame.T_map_camera[:3, 3], config, 0.0, 20, rng))
-
-
-def _plain_frame(network: Dgcnn, blocks: list[Block]) -> float:
-    return sum(seconds(_plain, network, block.points) for block in blocks)
 
 
 def _plain(network: Dgcnn, block: NDArray[np.float32]) -> torch.Tensor:

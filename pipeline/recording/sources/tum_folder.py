@@ -123,7 +123,8 @@ def _frames(
         if abs(times[nearest] - time) > APART:
             recording.leave_out("depth images without a colour image")
             continue
-        metres, rgb = _depth(file, scale), _colour(colour[nearest][1])
+        metres = _depth(file, scale)
+        rgb = np.ascontiguousarray(_image(colour[nearest][1], cv2.IMREAD_COLOR)[..., ::-1])
         size = size or metres.shape
         if metres.shape != size or rgb.shape[:2] != size:
             sizes = " and ".join(f"{w} × {h}" for h, w in {size, metres.shape, rgb.shape[:2]})
@@ -138,10 +139,6 @@ def _depth(file: Path, scale: float) -> NDArray[np.float32]:
     if image.ndim != 2 or image.dtype not in (np.uint16, np.float32):
         raise InputError(f"{file}: not a depth image: it has {image.dtype} pixels of the shape {image.shape}")
     return np.asarray(image / np.float32(scale), np.float32)
-
-
-def _colour(file: Path) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(_image(file, cv2.IMREAD_COLOR)[..., ::-1])
 
 
 def _image(file: Path, flags: int) -> NDArray:

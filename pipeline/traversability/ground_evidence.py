@@ -35,9 +35,10 @@ class Seen:
     dropout_hits: NDArray[np.uint32]
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
-        """Add the returns and the dropouts, seen from the 4×4 pose ``T_map_base``."""
+        """Add the returns and the dropouts, seen from the 4×4 pose ``T_map_base``, where the robot can stand."""
         points, dropouts = moved(T_map_base, self.points), moved(T_map_base, self.dropouts)
         elevation_map.update(points, dropouts, T_map_base[:2, 3], self.hits, self.dropout_hits)
+        elevation_map.add_track(T_map_base[None, :2, 3])
 
 
 @dataclass(frozen=True, eq=False)

@@ -186,7 +186,7 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
     on_ramp = uphill[0] != 0 or uphill[1] != 0
     speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.narrow_speed)
     seconds = (1.0 + costs.across * across) / speed
-    room = clearance - costs.lean * across
+    room = clearance - costs.lean * np.hypot(uphill[0], uphill[1])
     return seconds * (costs.backward if backward else 1.0) * (1.0 + costs.risk * danger(room, costs.stray))
 
 

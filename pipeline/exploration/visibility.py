@@ -125,6 +125,7 @@ def _towards(
     wanted = np.zeros((len(cells), RAYS), np.bool_)
     parts, side = np.asarray(blocks(mask, STRIDE).any(axis=0)), STRIDE * terrain.cell
     here = tuple(cells.T // STRIDE)
+    # For an empty mask the distances mean nothing, but then no ray meets a square either.
     near = (ndimage.distance_transform_edt(~parts) <= camera.reach / side + 2)[here]
     # From outside, a ray enters a piece of the mask through its rim.
     rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))

@@ -9,8 +9,7 @@ from scipy import ndimage
 from pipeline.traversability.traversability import Traversability
 
 JOINT = 0.1
-"""m, side of the voxels whose neighbours belong to one surface, and greatest height of the foot of one that leads up.
-"""
+"""m, side of the voxels that join a surface if they are neighbours, and greatest height of the foot of a ramp."""
 
 
 def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]) -> NDArray[np.bool_]:

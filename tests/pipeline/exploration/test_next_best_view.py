@@ -250,6 +250,7 @@ def test_a_miss_lowers_the_probability_by_bayes_rule_until_the_cell_is_given_up(
     for before, after in pairwise((*CHANCES, 0.02)):
         missed = before * (1 - 0.7)
         assert after == pytest.approx(missed / (missed + 1 - before), abs=0.01)
+    assert 3 <= len(CHANCES) <= 8
 
 
 def test_a_robot_that_finds_nothing_beyond_rims_looks_there_less_often(monkeypatch):

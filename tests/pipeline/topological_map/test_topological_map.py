@@ -188,6 +188,8 @@ def test_the_file_holds_every_node_and_edge(ramp_world, tmp_path):
     positions = {n["id"]: n["position"] for n in content["nodes"]}
     for edge in content["edges"]:
         assert [edge["way"][0], edge["way"][-1]] == [positions[n] for n in edge["nodes"]]
+        parts = np.linalg.norm(np.diff(np.array(edge["way"])[:, :2], axis=0), axis=1)
+        assert edge["length"] == pytest.approx(parts.sum(), abs=1e-3)
 
 
 def test_nodes_move_with_the_map_under_their_ids():

@@ -1,6 +1,6 @@
 """Path plan (thesis 3.4): Dijkstra's algorithm on the topological map."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import networkx as nx
@@ -125,19 +125,11 @@ def _nodes_between(
     topology: TopologicalMap, traversability: Traversability, start: NDArray[np.float64], goal: NDArray[np.float64]
 ) -> list[int]:
     """Ids of the nodes on the quickest way, by Dijkstra's algorithm; none if no way leads over nodes."""
-    graph = _linked(topology, traversability, {"start": start, "goal": goal})
+    graph = topology.graph.copy()
+    for name, xy in (("start", start), ("goal", goal)):
+        graph.add_node(name)
+        graph.add_weighted_edges_from((name, n, s) for n, s in topology.links_from(xy, traversability).items())
     try:
         return nx.dijkstra_path(graph, "start", "goal")[1:-1]
     except nx.NetworkXNoPath:
         return []
-
-
-def _linked(
-    topology: TopologicalMap, traversability: Traversability, places: Mapping[str, NDArray[np.float64]]
-) -> nx.Graph:
-    """The graph of the map with places (2,), by name, each joined to every node that a straight drive reaches."""
-    graph = topology.graph.copy()
-    for name, xy in places.items():
-        graph.add_node(name)
-        graph.add_weighted_edges_from((name, n, s) for n, s in topology.links_from(xy, traversability).items())
-    return graph

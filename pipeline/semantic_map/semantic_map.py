@@ -16,8 +16,8 @@ from pipeline.semantic_map.semantic_map_kernels import accumulate
 VOXEL = 0.02  # m, the edge of the voxels; each keeps one point whatever the number of frames
 RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
 SKIN = 0.03  # m; a point this near to a person's points belongs to that person
-IsNoWay = Callable[[NDArray[np.float32]], NDArray[np.bool_]]
-"""Takes (N, 3) points in ``map`` labelled as ramps; returns (N,), True where the robot cannot drive on them."""
+IsNoWay = Callable[[NDArray[np.float32], NDArray[np.bool_]], NDArray[np.bool_]]
+"""Takes (N, 3) points in ``map`` labelled as ramps, and which are straight ones; (N,) where no robot can drive."""
 
 
 class SemanticMap:
@@ -108,7 +108,8 @@ class SemanticMap:
         labels = self._rows[: self._size, 4:].argmax(axis=1).astype(np.uint8)
         if self._is_no_way is not None:
             ramps = np.flatnonzero(np.isin(labels, RAMPS))
-            labels[ramps[self._is_no_way(self._rows[ramps, 1:4])]] = Label.CLUTTER
+            is_deck = labels[ramps] == Label.STRAIGHT_RAMP
+            labels[ramps[self._is_no_way(self._rows[ramps, 1:4], is_deck)]] = Label.CLUTTER
         if self._people and not (labels == Label.VICTIM).any():
             for person in self._people:
                 labels[self._points_of(person)] = Label.VICTIM

@@ -12,7 +12,12 @@ JOINT = 0.1
 """m, side of the voxels that join a surface if they are neighbours, and greatest height of the foot of a ramp."""
 
 
-def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]) -> NDArray[np.bool_]:
+def is_no_way(
+    ground: Traversability,
+    places: NDArray[np.float64],
+    points: NDArray[np.floating],
+    from_below: NDArray[np.bool_] | np.bool_ = np.False_,
+) -> NDArray[np.bool_]:
     """Which of the points (N, 3) that look like ramps and decks cannot carry the robot.
 
     Such a point is farther than half of the robot's width from any square of that side on the points' surface, as the
@@ -23,6 +28,7 @@ def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArr
         ground: its traversability.
         places: (K, 3) where the robot stood, m.
         points: (N, 3), m.
+        from_below: (N,) which are of decks seen from below; what leads up to them may not have been in view.
     """
     cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
     surface = np.zeros(ground.grid.shape, bool)
@@ -31,7 +37,7 @@ def is_no_way(ground: Traversability, places: NDArray[np.float64], points: NDArr
     broad = ndimage.binary_opening(surface, np.ones((side, side)))
     near = ndimage.binary_dilation(broad, np.ones((2 * side - 1, 2 * side - 1)))
     narrow, height = ~near[tuple(cells.T)], height_above_ways(ground, places, points)
-    high = height > ground.robot.headroom
+    high = (height > ground.robot.headroom) & ~from_below
     return narrow | high & ~_comes_down(points, ~narrow, height) if high.any() else narrow
 
 

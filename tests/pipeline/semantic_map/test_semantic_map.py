@@ -50,10 +50,10 @@ def test_what_lies_at_the_points_of_people_is_victim() -> None:
 
 
 def test_a_ramp_that_is_no_way_is_clutter() -> None:
-    semantic_map = SemanticMap(lambda points: points[:, 2] - (points[:, 0] > 1) > 0.5)
-    points = cloud((0, 0, 0.4), (0, 0, 0.6), (0, 0.1, 0.6), (0, 0.2, 0.6), (2, 0, 0.6))
-    semantic_map.update(points, one_hot(4, 4, 3, 1, 4))
-    assert semantic_map.labels().tolist() == [4, Label.CLUTTER, Label.CLUTTER, 1, 4]
+    semantic_map = SemanticMap(lambda points, is_deck: points[:, 2] - (is_deck & (points[:, 0] > 1)) > 0.5)
+    points = cloud((0, 0, 0.4), (0, 0, 0.6), (0, 0.1, 0.6), (0, 0.2, 0.6), (2, 0, 0.6), (3, 0, 0.6))
+    semantic_map.update(points, one_hot(4, 4, 3, 1, 4, 3))
+    assert semantic_map.labels().tolist() == [4, Label.CLUTTER, Label.CLUTTER, 1, 4, Label.CLUTTER]
 
 
 def test_a_classifier_that_knows_victims_has_the_say() -> None:

@@ -52,7 +52,10 @@ def test_a_table_is_no_way_however_broad() -> None:
     top = floor[(np.abs(floor[:, :2] - (1.2, 0.0)) < 0.4).all(axis=1)] + np.array(
         [0, 0, PIONEER.headroom + 0.05], np.float32
     )
-    assert is_no_way(assess_map(surface_of(np.vstack([floor, top]))), HERE, top).all()
+    world = assess_map(surface_of(np.vstack([floor, top])))
+    assert is_no_way(world, HERE, top).all()
+    from_below = top[:, 0] > 1.2
+    np.testing.assert_array_equal(is_no_way(world, HERE, top, from_below), ~from_below)
 
 
 def test_a_ramp_that_is_too_steep_for_the_robot_leads_up_all_the_same() -> None:

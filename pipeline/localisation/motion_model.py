@@ -36,8 +36,7 @@ of the bias. For the simulated gyro 2e-4 was measured."""
 WAY_SIGMA = 0.003, 0.015, 0.01
 """m, m per m driven and m per rad turned: standard deviation of the translation: skid-steered wheels slide."""
 SLIDE_SIGMA = 0.5
-"""m per rad turned, times the sine of the tilt: standard deviation of the slide. 0.45 was measured on half ramps: a
-robot that stands askew turns about whichever wheels carry it."""
+"""m per rad turned, times the sine of the tilt: standard deviation of the slide; 0.45 was measured on half ramps."""
 
 
 @dataclass(frozen=True, eq=False)

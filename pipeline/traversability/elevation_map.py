@@ -21,8 +21,6 @@ CELL = 0.05
 
 POSE_ERROR = 0.05
 """m by which the radius of the disc that the robot certainly swept is smaller than half the footprint's width."""
-_AROUND = np.argwhere(np.ones((3, 3))) - 1
-"""(9, 2) a cell and its neighbours: the cells where the robot may have been by a pose that is off by POSE_ERROR."""
 
 _UNKNOWN = Layer(np.float32, np.nan)
 
@@ -82,7 +80,7 @@ class ElevationMap:
 
     @property
     def driven(self) -> NDArray[np.bool_]:
-        """(nx, ny) where the middle of the robot has been, to within a cell."""
+        """(nx, ny) where the middle of the robot has been."""
         return self.layers["driven"]
 
     def assume_ground(self, T_map_base: NDArray[np.float64], radius: float, ahead: float, width: float) -> None:
@@ -118,12 +116,11 @@ class ElevationMap:
         reach = self._disc.max() * CELL
         self.layers.cover(np.vstack([places - reach, places + reach]))
         cells = self.grid.cell_of(places)
-        been = tuple((cells[:, None] + _AROUND).reshape(-1, 2).T)
-        self.layers["been"][been] = True
+        self.layers["been"][tuple(cells.T)] = True
         swept = tuple((cells[:, None] + self._disc).reshape(-1, 2).T)
         self.layers["swept"][swept] = True
         if not self._is_making:
-            self.layers.write("driven", True, been)
+            self.layers.write("driven", True, tuple(cells.T))
             self._write_dropouts(swept)
             self._refresh(swept)
 

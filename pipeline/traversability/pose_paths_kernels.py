@@ -59,6 +59,16 @@ def level_ticks(cell, costs):
     return result
 
 
+@njit(cache=True)
+def was_near(i, j, least):
+    """Whether the robot's middle has been in a cell or next to it: there ``least`` (nx, ny), cm, is negative."""
+    for a in range(max(i - 1, 0), min(i + 2, least.shape[0])):
+        for b in range(max(j - 1, 0), min(j + 2, least.shape[1])):
+            if least[a, b] < 0:
+                return True
+    return False
+
+
 @njit(cache=True, inline="always")
 def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, escape_factor):
     """Cost in ticks of a move from (i, j, h) to (a, b, k) on a way from a start (2,); -1 if it is not allowed."""
@@ -73,8 +83,7 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, es
     is_free = entered >= terrain.least[a, b]
     if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
         return -1
-    # Where the robot has been the least clearance is negative.
-    if not is_free and entered < before and terrain.least[a, b] >= 0:
+    if not is_free and entered < before and not was_near(a, b, terrain.least):
         return -1
     if terrain.ramp[a, b]:
         step = move_ticks(h, move, room, terrain.uphill[a, b], terrain.cell, costs)

@@ -88,8 +88,7 @@ def test_where_the_robot_has_driven_it_may_drive_again():
     corridor.update(wall_points((0, -0.22), (0.05, -0.22)))  # a chair leg, or noise
     assert not drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
     corridor.add_track(np.column_stack([np.linspace(-0.6, 0.6, 50), np.full(50, 0.02)]))
-    for y in (0.02, 0.07):  # and in the next cell, though the wall is 1 cm away there
-        assert drives(assess_map(corridor), (-0.6, y), (0.6, y))
+    assert drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
     corridor.update(wall_points((0, -0.17), (0.05, -0.17)))  # in the robot's way
     assert not drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
 

@@ -358,7 +358,7 @@ class Mapper:
 
     def _is_no_way(self, points: NDArray[np.float32], is_deck: NDArray[np.bool_]) -> NDArray[np.bool_]:
         ground = self._traversability_layer.update(self.elevation_map)
-        cameras = [(T @ seen.T_base_camera)[2, 3] for T, seen in zip(self.poses, self.observations, strict=True)]
+        cameras = [T[2] @ seen.T_base_camera[:, 3] for T, seen in zip(self.poses, self.observations, strict=True)]
         return is_no_way(ground, self.poses[:, :3, 3], points, is_deck & (points[:, 2] > max(cameras, default=0.0)))
 
     def _find_victims(self, frame: Frame, T_map_camera: NDArray[np.float64]) -> list[Detection]:

@@ -63,7 +63,7 @@ def test_segments_lie_where_the_planes_are(report):
 
 
 def test_true_labels_make_no_error(report):
-    assert report["semantic_map"]["accuracy"] > 0.99
+    assert report["semantic_map"]["accuracy"] > 0.9995
 
 
 def test_the_robot_knows_where_it_is(report):
@@ -80,7 +80,8 @@ def test_every_file_reads_back(episode, report):
     assert len(load_metric_map(episode / "metric_map.npz").occupied_centres()) > 1000
     cloud = o3d.t.io.read_point_cloud(str(episode / "semantic_map.ply"))
     assert len(cloud.point.positions) == report["semantic_map"]["points"]
-    assert set(np.unique(cloud.point["label"].numpy())) == {1, 2, 3, 4, 6}
+    labels, counts = np.unique(cloud.point["label"].numpy(), return_counts=True)
+    assert set(labels[counts > 9]) == {1, 2, 3, 4, 6}  # points of a ramp that lie alone are clutter
     for name in ("trajectory_true.tum", "trajectory_estimated.tum"):
         rows = np.loadtxt(episode / name)
         assert rows.shape[1] == 8

@@ -1,6 +1,7 @@
 """Victims as Rerun draws them: in the camera's image, on the map, and their photos; lengths in m."""
 
 from collections.abc import Sequence
+from math import ceil, sqrt
 
 import cv2
 import numpy as np
@@ -17,8 +18,8 @@ from pipeline.victims.victim_map import Victim, Victims
 CONFIRMED, UNCONFIRMED, REFUSED = (40, 220, 90), (255, 170, 40), (160, 160, 160)  # RGB
 CERTAIN = np.sqrt(7.815)
 """Half axes of the 95 % ellipsoid, in standard deviations: χ² of three degrees of freedom."""
-PHOTO, COLUMNS = (220, 240), 3
-"""Width and height in pixels of a photo on the sheet, and number of photos in a row."""
+PHOTO, SHEET = (220, 240), (660, 804)
+"""Width and height in pixels of a photo and of the whole sheet: the viewer shows no images whose size changes."""
 CAPTION_HEIGHT = 28  # Pixels below a photo
 BACKGROUND = 38  # Grey level behind the photos
 
@@ -71,16 +72,15 @@ def ways(strips: Sequence[NDArray[np.float64]]) -> rr.LineStrips3D:
 
 
 def photo_sheet(victims: Victims) -> rr.EncodedImage:
-    """The victims' photos with their display ids, row by row."""
+    """The victims' photos with their display ids, row by row, as many in a row as there are rows."""
     cells = [_photo(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)]
-    rows = -(-len(cells) // COLUMNS) or 1
-    columns = min(len(cells), COLUMNS) or 1
+    side = ceil(sqrt(len(cells))) or 1
     width, height = PHOTO[0], PHOTO[1] + CAPTION_HEIGHT
-    sheet = np.full((rows * height, columns * width, 3), BACKGROUND, np.uint8)
+    sheet = np.full((side * height, side * width, 3), BACKGROUND, np.uint8)
     for k, cell in enumerate(cells):
-        i, j = divmod(k, COLUMNS)
+        i, j = divmod(k, side)
         sheet[i * height : (i + 1) * height, j * width : (j + 1) * width] = cell
-    return colour_image(sheet)
+    return colour_image(cv2.resize(sheet, SHEET, interpolation=cv2.INTER_AREA).astype(np.uint8))
 
 
 def _photo(text: str, photo: NDArray[np.uint8], colour: tuple[int, int, int]) -> NDArray[np.uint8]:

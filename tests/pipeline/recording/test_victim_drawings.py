@@ -81,8 +81,8 @@ def test_ellipsoids_turn_as_their_covariance_does():
 def test_photos_stand_beside_each_other(rows):
     data = np.array(rows["/world/victims/photos"][-1]["EncodedImage:blob"]).astype(np.uint8).ravel()
     sheet = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1]
-    width, height = victim_drawings.PHOTO
-    assert sheet.shape[1] == 2 * width
+    width, height = (side // 2 for side in victim_drawings.SHEET)  # two in a row
+    assert sheet.shape[1::-1] == victim_drawings.SHEET
     for middle in (width // 2, 3 * width // 2):
         np.testing.assert_allclose(sheet[height // 2, middle], ALICE.photo[0, 0], atol=12)
 
@@ -95,4 +95,8 @@ def test_ways_are_drawn_over_the_ground(rows):
 def test_no_victims_can_be_drawn():
     assert len(victim_drawings.boxes(victims()).centers) == 0
     assert len(victim_drawings.certainty(victims()).centers) == 0
-    victim_drawings.photo_sheet(victims())
+    (blob,) = victim_drawings.photo_sheet(victims()).blob.as_arrow_array().to_pylist()
+    empty = cv2.imdecode(np.array(blob, np.uint8), cv2.IMREAD_COLOR)
+    assert (
+        empty.shape[1::-1] == victim_drawings.SHEET
+    )  # as with victims: the viewer shows no image that changes its size

@@ -19,7 +19,7 @@ CONFIRMED, UNCONFIRMED, REFUSED = (40, 220, 90), (255, 170, 40), (160, 160, 160)
 CERTAIN = np.sqrt(7.815)
 """Half axes of the 95 % ellipsoid, in standard deviations: χ² of three degrees of freedom."""
 PHOTO, SHEET = (220, 240), (660, 804)
-"""Width and height in pixels of a photo and of the whole sheet: the viewer shows no images whose size changes."""
+"""Width and height in pixels of a photo and of every sheet: the viewer takes JPEGs of one entity for a video."""
 CAPTION_HEIGHT = 28  # Pixels below a photo
 BACKGROUND = 38  # Grey level behind the photos
 

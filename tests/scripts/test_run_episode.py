@@ -81,7 +81,8 @@ def test_every_file_reads_back(episode, report):
     cloud = o3d.t.io.read_point_cloud(str(episode / "semantic_map.ply"))
     assert len(cloud.point.positions) == report["semantic_map"]["points"]
     labels, counts = np.unique(cloud.point["label"].numpy(), return_counts=True)
-    assert set(labels[counts > 9]) == {1, 2, 3, 4, 6}  # points of a ramp that lie alone are clutter
+    assert set(labels) - {7} == {1, 2, 3, 4, 6}
+    assert counts[labels == 7].sum() < 10  # points of a ramp that lie alone are clutter
     for name in ("trajectory_true.tum", "trajectory_estimated.tum"):
         rows = np.loadtxt(episode / name)
         assert rows.shape[1] == 8

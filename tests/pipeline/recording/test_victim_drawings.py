@@ -97,6 +97,4 @@ def test_no_victims_can_be_drawn():
     assert len(victim_drawings.certainty(victims()).centers) == 0
     (blob,) = victim_drawings.photo_sheet(victims()).blob.as_arrow_array().to_pylist()
     empty = cv2.imdecode(np.array(blob, np.uint8), cv2.IMREAD_COLOR)
-    assert (
-        empty.shape[1::-1] == victim_drawings.SHEET
-    )  # as with victims: the viewer shows no image that changes its size
+    assert empty.shape[1::-1] == victim_drawings.SHEET  # as with victims

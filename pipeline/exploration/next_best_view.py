@@ -23,9 +23,11 @@ MIN_GAIN = 0.03
 """m²; a viewpoint that is expected to show less is not worth the drive."""
 WALL_MARGIN = 0.25
 """m; unknown ground nearer to a hazard cannot be driven on and is not worth a keyframe."""
-CHANCES = 0.9, 0.73, 0.45, 0.2, 0.07
+CHANCES = 0.9, 0.73, 0.45, 0.2
 """Probability that ground which should be in view is there, after 0, 1, … keyframes that should have shown it and did
-not, by Bayes' rule: 0.9 at first, and a keyframe shows ground in view with probability 0.7. Then it is given up."""
+not, by Bayes' rule: 0.9 at first, and a keyframe shows ground in view with probability 0.7."""
+GIVEN_UP = 0.1
+"""Ground that is there with a lower probability is no longer looked for."""
 EXPERIENCE = 1.0
 """m² of missed ground that the robot looks for again until what it finds counts as much as these numbers."""
 FRONTIER_WIDTH = 0.35
@@ -74,7 +76,6 @@ class Exploration:
             },
         )
         self._expected = np.zeros((0, 2), np.int64)
-        self._missed: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
         # By the number of misses, m² in which ground was looked for, and in which it was shown.
         self._looked_for = np.full(len(CHANCES), EXPERIENCE)
         self._shown = EXPERIENCE * np.array(CHANCES)
@@ -172,49 +173,46 @@ class Exploration:
             horizon *= GROWTH
 
     def correct(self, correction: Correction) -> None:
-        """Move the cells that keyframes missed along with them, and the expected cells with the newest keyframe."""
-        grid = self._layers.grid
-        expected = grid.centre_of(self._expected - grid.low)
-        moved = [(correction.motion_at(place), place, cells) for place, cells in self._missed]
-        self._missed = [(moved_by(T, place[None])[0], moved_by(T, cells)) for T, place, cells in moved]
-        self._expected = self._cells_of(moved_by(correction.motions[-1], expected))
-        misses, missed_from = np.zeros(grid.shape, np.uint8), np.full((*grid.shape, 2), np.inf)
-        for place, centres in self._missed:
-            where = tuple((self._cells_of(centres) - grid.low).T)
-            misses[where] += 1
-            missed_from[where] = place
-        self._layers.write("misses", np.minimum(misses, len(CHANCES)))
-        self._layers.write("missed_from", missed_from)
-
-    def _cells_of(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
-        """(M, 2) absolute indices of the cells, each once, that hold places (N, 2), m, on the grid."""
-        grid = self._layers.grid
-        cells = np.unique(grid.cell_of(places), axis=0)
-        return grid.low + cells[((cells >= 0) & (cells < grid.shape)).all(axis=1)]
+        """Move missed cells with the keyframe that missed them last, and expected cells with the newest keyframe."""
+        layers, grid = self._layers, self._layers.grid
+        expected = moved_by(correction.motions[-1], grid.centre_of(self._expected - grid.low))
+        self._expected = grid.low + np.argwhere(grid.mask_of(expected))
+        count, place = layers["misses"], layers["missed_from"]
+        cells = np.argwhere(count)
+        # Where two cells come together, the last one counts: the one that was missed more often.
+        cells = cells[count[tuple(cells.T)].argsort(kind="stable")]
+        old = tuple(cells.T)
+        T_new_old = correction.motion_at(place[old])
+        there = grid.cell_of(moved_by(T_new_old, grid.centre_of(cells)))
+        is_inside = ((there >= 0) & (there < grid.shape)).all(axis=1)
+        new = tuple(there[is_inside].T)
+        misses, missed_from = np.zeros_like(count), np.full_like(place, np.inf)
+        misses[new], missed_from[new] = count[old][is_inside], moved_by(T_new_old, place[old])[is_inside]
+        layers.write("misses", misses)
+        layers.write("missed_from", missed_from)
 
     def _count_misses(self, measured: NDArray[np.float32], position: NDArray[np.float64]) -> None:
         """Record which cells the last keyframe should have shown and did not, and how often such cells are shown."""
         cells = self._expected - self._layers.grid.low
-        # A correction of the map may have brought more misses together.
+        # A correction of the map may have brought a cell here that was given up.
         misses = np.minimum(self._layers["misses"][tuple(cells.T)], len(CHANCES) - 1)
         is_shown = ~np.isnan(measured[tuple(cells.T)])
         self._looked_for += CELL**2 * np.bincount(misses, minlength=len(CHANCES))
         self._shown += CELL**2 * np.bincount(misses[is_shown], minlength=len(CHANCES))
-        cells = cells[~is_shown]
-        if len(cells):
-            self._missed.append((position.copy(), self._layers.grid.centre_of(cells)))
-        self._layers.write("misses", misses[~is_shown] + 1, tuple(cells.T))
-        self._layers.write("missed_from", position, tuple(cells.T))
+        missed = tuple(cells[~is_shown].T)
+        self._layers.write("misses", misses[~is_shown] + 1, missed)
+        self._layers.write("missed_from", position, missed)
         self._expected = np.zeros((0, 2), np.int64)
 
     def _write_terrain(self, context: Context) -> None:
         """Update the layers of the ground; unseen ground that may be traversable is a target until it is given up."""
         layers, may_be_driven = self._layers, context.traversability.to_hazard >= WALL_MARGIN
+        chances = np.minimum.accumulate(self._shown / self._looked_for)
         # At first sight ground stays likely: beyond a rim there is none, but behind the next corner there may be.
-        # Rounded, so that rays are cast anew only when they change much.
-        chances = np.append(np.round(self._shown / self._looked_for, 1), 0.0)
         chances[0] = CHANCES[0]
-        probability = chances.astype(np.float32)[layers["misses"]]
+        # Rounded, so that rays are cast anew only when they change much.
+        rounded = np.where(chances < GIVEN_UP, 0.0, np.round(chances, 1))
+        probability = np.append(rounded, 0.0).astype(np.float32)[layers["misses"]]
         layers.write("elevation", context.traversability.sealed)
         layers.write("gradient", context.traversability.gradient)
         layers.write("probability", probability)

@@ -81,6 +81,8 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     ground is assumed to continue at the last known height, but to fall behind the crest of a ramp as the ramp rose;
     ground that a keyframe missed is assumed to fall as well. Ground that is met at a grazing angle gives no return.
 
+    Unknown ground is no likelier than any unknown ground right before it, past which the ray must lead.
+
     Returns the summed distances of the target cells in view, weighted by their probability, and their number; times
     the step and the angle between rays the sum is an area. The flat indices of these cells are written to ``seen``.
     """
@@ -95,7 +97,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     ahead = view.ahead * np.cos(tilt) - view.height * np.sin(tilt)
     horizon, ceiling = np.tan(tilt + view.lower_edge), np.tan(tilt + view.upper_edge)
     unknown, fall = 0.0, np.tan(tilt) if np.tan(tilt) > RAMP else 0.0
-    total, count = 0.0, 0
+    total, count, chance = 0.0, 0, 1.0
     d = 0.5 * cell
     while d < view.far and unknown < MAX_UNKNOWN:
         d += cell
@@ -118,8 +120,9 @@ def cast_ray(x, y, bearing, view, terrain, seen):
         horizon = max(horizon, slope)
         if is_unknown:
             unknown += cell
+        chance = min(chance if is_unknown else 1.0, terrain.probability[i, j])
         if is_shown(x, y, i, j, d, slope, rise, view, terrain):
-            total += d * terrain.probability[i, j]
+            total += d * chance
             seen[count] = i * ny + j
             count += 1
     return total, count

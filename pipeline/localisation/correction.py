@@ -22,14 +22,13 @@ class Correction:
         self.turns = Rotation.from_matrix(self.motions[:, :3, :3]).magnitude()
         self._tree = cKDTree(before[:, :2, 3])
 
-    def motion_at(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
-        """4×4 motion of the keyframe that stood nearest to a place (2 or 3,), m."""
-        return np.asarray(self.motions[self._tree.query(place[:2])[1]])
+    def motion_at(self, places: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(..., 4, 4) motions of the keyframes that stood nearest to places (..., 2 or 3), m."""
+        return np.asarray(self.motions[self._tree.query(places[..., :2])[1]])
 
     def moved(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 2 or 3) float64 places, m, each moved along with the keyframe that stood nearest to it."""
-        T = self.motions[self._tree.query(places[:, :2])[1]]
-        return moved_by(T, places)
+        return moved_by(self.motion_at(places), places)
 
 
 def moved_by(T: NDArray[np.float64], places: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.exploration import next_best_view, visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.next_best_view import CHANCES, Exploration
+from pipeline.exploration.next_best_view import CHANCES, GIVEN_UP, Exploration
 from pipeline.localisation.correction import Correction
 from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
@@ -247,10 +247,11 @@ def test_it_is_weighed_with_the_ground_left_to_see():
 
 
 def test_a_miss_lowers_the_probability_by_bayes_rule_until_the_cell_is_given_up():
-    for before, after in pairwise((*CHANCES, 0.02)):
+    for before, after in pairwise((*CHANCES, 0.07)):
         missed = before * (1 - 0.7)
         assert after == pytest.approx(missed / (missed + 1 - before), abs=0.01)
     assert 3 <= len(CHANCES) <= 8
+    assert 0.07 < GIVEN_UP < min(CHANCES)
 
 
 def test_a_robot_that_finds_nothing_beyond_rims_looks_there_less_often(monkeypatch):

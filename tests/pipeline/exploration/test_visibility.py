@@ -112,3 +112,12 @@ def test_a_view_is_that_of_the_camera_on_the_robot():
     assert view.upper_edge == pytest.approx(-PITCH + half, abs=0.03)
     assert view.upper_edge < -PITCH + half
     assert view.field_of_view == pytest.approx(2 * np.arctan2(INTRINSICS.width / 2, INTRINSICS.fx), abs=0.08)
+
+
+def test_unknown_ground_is_no_likelier_than_unknown_ground_before_it_up_to_known_ground():
+    terrain, ahead = terrain_with(known_up_to(100)), np.array([[4.0, 2.5]])
+    sure = visibility.gains(ahead, CAMERA, terrain)[0, 0]
+    terrain.probability[100:102] = 0.1
+    assert visibility.gains(ahead, CAMERA, terrain)[0, 0] == pytest.approx(0.1 * sure)
+    terrain.elevation[103:105] = 0.0
+    assert visibility.gains(ahead, CAMERA, terrain)[0, 0] > 0.8 * sure

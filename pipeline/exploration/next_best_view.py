@@ -179,15 +179,12 @@ class Exploration:
         self._expected = grid.low + np.argwhere(grid.mask_of(expected))
         count, place = layers["misses"], layers["missed_from"]
         cells = np.argwhere(count)
-        # Where two cells come together, the last one counts: the one that was missed more often.
-        cells = cells[count[tuple(cells.T)].argsort(kind="stable")]
-        old = tuple(cells.T)
-        T_new_old = correction.motion_at(place[old])
+        T_new_old = correction.motion_at(place[tuple(cells.T)])
         there = grid.cell_of(moved_by(T_new_old, grid.centre_of(cells)))
         is_inside = ((there >= 0) & (there < grid.shape)).all(axis=1)
-        new = tuple(there[is_inside].T)
+        old, new = tuple(cells[is_inside].T), tuple(there[is_inside].T)
         misses, missed_from = np.zeros_like(count), np.full_like(place, np.inf)
-        misses[new], missed_from[new] = count[old][is_inside], moved_by(T_new_old, place[old])[is_inside]
+        misses[new], missed_from[new] = count[old], moved_by(T_new_old[is_inside], place[old])
         layers.write("misses", misses)
         layers.write("missed_from", missed_from)
 

@@ -166,7 +166,7 @@ def _train(trainer: "TrainingLoop[Any]", settings: TrainPoints | TrainYolo, scor
         bar = bars.add_task("steps", total=settings.steps, completed=trainer.step)
 
         def report(now: "TrainingLoop[Any]") -> None:
-            bars.update(bar, completed=now.step, description=f"steps, best {now.best:.3f}")
+            bars.update(bar, completed=now.step, description=f"steps, {score} {now.score:.3f}")
             if write_events:
                 write_events(now)
             if hold.signal is not None:
@@ -174,7 +174,7 @@ def _train(trainer: "TrainingLoop[Any]", settings: TrainPoints | TrainYolo, scor
 
         trainer.run(report)
     if leads:
-        Console().print(f"Validated best: {score} {trainer.best:.4f}. Weights in {settings.out}", soft_wrap=True)
+        Console().print(f"Validated: {score} {trainer.score:.4f}. Weights in {settings.out}", soft_wrap=True)
 
 
 def _events(folder: Path) -> "Callable[[TrainingLoop[Any]], None]":

@@ -58,7 +58,7 @@ class Trainer(TrainingLoop[Batch]):
 
         Args:
             training: clouds to learn from.
-            validation: clouds by which the best weights are chosen.
+            validation: clouds for the scores.
             config, out, worker, about: as of :class:`TrainingLoop`; the samples of a batch are blocks.
             initial: a network to begin with, with the clouds' channels and :data:`CLASSES`, or the name of a network,
                 which begins with random weights.

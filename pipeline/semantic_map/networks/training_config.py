@@ -16,7 +16,7 @@ class TrainingConfig:
         seed: seed of the initial weights, the batches and their augmentation; other seeds show how much is chance.
         minutes: processor time, min, without validations, after which the training ends early; the learning rate then
             falls with the time. Use it to compare networks whose steps take different times.
-        validate_every: number of steps between validations; each takes time, and the best weights are kept only then.
+        validate_every: number of steps between validations; each takes time, and weights are written only then.
     """
 
     steps: int = 3000

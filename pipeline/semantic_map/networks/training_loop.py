@@ -1,4 +1,4 @@
-"""The training loop of any network: it learns from batches and keeps the weights that validate best."""
+"""The training loop of any network: it learns from batches and writes its weights at every validation."""
 
 import csv
 import json
@@ -33,13 +33,12 @@ class TrainingLoop(ABC, Generic[Batch]):
     """A training that can be interrupted at any step and resumed; it ends with the same weights.
 
     Attributes:
-        SCORES: names of a validation's scores; the weights with the highest first score are kept.
+        SCORES: names of a validation's scores.
         config: settings.
         out: file for the weights; a checkpoint and a table (.csv) get its name with other endings.
         worker: this process.
         step: number of batches so far.
         spent: s of processor time for these batches, without validations.
-        best: highest first score so far.
         rows: of the table, one for each validation: step, mean loss since the row before, scores.
     """
 
@@ -76,7 +75,7 @@ class TrainingLoop(ABC, Generic[Batch]):
         self._parts: dict[str, Any] = networks | {"optimizer": optimizer}
         self._settings = json.dumps(asdict(config)) + data
         self._checkpoint = out.with_suffix(".checkpoint")
-        self.step, self.spent, self.best = 0, 0.0, float("-inf")
+        self.step, self.spent = 0, 0.0
         self.rows, self._losses = list[list[float]](), list[float]()
         if self._checkpoint.exists():
             self._resume()
@@ -121,7 +120,7 @@ class TrainingLoop(ABC, Generic[Batch]):
                     self.step += 1
                     self.spent += process_time() - start
                     if self.step % self.config.validate_every == 0 or self.progress >= 1:
-                        self._keep_best()
+                        self._keep()
                     elif self.step % SAVE_EVERY == 0:
                         self._save()
                     report(self)
@@ -139,20 +138,19 @@ class TrainingLoop(ABC, Generic[Batch]):
         self._update()
         return float(loss.detach())
 
-    def _keep_best(self) -> None:
+    @property
+    def score(self) -> float:
+        """The first score of the last validation; NaN before it."""
+        return self.rows[-1][2] if self.rows else float("nan")
+
+    def _keep(self) -> None:
+        """Validate and write the weights: those of the last step, because a validation that is small chooses badly."""
         if self.worker.leads:
             scores = self._validate()
             self.rows.append([self.step, float(np.mean(self._losses)), *scores])
             self._losses = []
-            if scores[0] > self.best:
-                self.best = scores[0]
-                of_best = {
-                    "step": self.step,
-                    "processor_s": round(self.spent, 1),
-                    self.SCORES[0]: self.best,
-                    "config": asdict(self.config),
-                }
-                self._write(self._about | of_best)
+            now = {"step": self.step, "processor_s": round(self.spent, 1), self.SCORES[0]: scores[0]}
+            self._write(self._about | now | {"config": asdict(self.config)})
             with whole_file(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
                 csv.writer(stream).writerows([("step", "loss", *self.SCORES), *self.rows])
             self._save()
@@ -160,13 +158,7 @@ class TrainingLoop(ABC, Generic[Batch]):
 
     def _save(self) -> None:
         if self.worker.leads:
-            state = {
-                "step": self.step,
-                "spent": self.spent,
-                "best": self.best,
-                "rows": self.rows,
-                "losses": self._losses,
-            }
+            state = {"step": self.step, "spent": self.spent, "rows": self.rows, "losses": self._losses}
             state |= {name: part.state_dict() for name, part in self._parts.items()}
             with whole_file(self._checkpoint) as file:
                 torch.save({"settings": self._settings} | state, file)
@@ -179,7 +171,7 @@ class TrainingLoop(ABC, Generic[Batch]):
                 raise InputError(f"{self._checkpoint} is of a training with other settings or data: {remedy}")
             for name, part in self._parts.items():
                 part.load_state_dict(state[name])
-            self.step, self.spent, self.best = state["step"], state["spent"], state["best"]
+            self.step, self.spent = state["step"], state["spent"]
             self.rows, self._losses = state["rows"], state["losses"]
         except (OSError, RuntimeError, KeyError, TypeError, EOFError, pickle.UnpicklingError) as error:
             raise InputError(f"{self._checkpoint}: not a checkpoint of this program: {remedy}") from error

@@ -1,4 +1,4 @@
-"""Training of a network on random canvases; the weights that validate best are kept."""
+"""Training of a network on random canvases."""
 
 import json
 from copy import deepcopy
@@ -60,7 +60,7 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
 
         Args:
             training: images to learn from.
-            validation: images by which the best weights are chosen.
+            validation: images for the score.
             config, out, about: as of :class:`TrainingLoop`; the samples of a batch are canvases.
             initial: weights to begin with, their network beside them with the ending .cfg; if not given, random
                 weights of a network whose anchors are fitted to the images' people.

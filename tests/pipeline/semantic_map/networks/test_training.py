@@ -40,7 +40,7 @@ def test_floor_and_walls_are_learned(clouds, tmp_path: Path) -> None:
     out = tmp_path / "w.safetensors"
     training = trainer(clouds, out, replace(CONFIG, steps=60, validate_every=30))
     training.run()
-    assert training.best > 0.85
+    assert training.score > 0.85
     assert NetworkClassifier(out)
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".checkpoint", ".csv", ".safetensors"]
     header, *rows = (tmp_path / "w.csv").read_text().splitlines()

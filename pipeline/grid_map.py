@@ -45,17 +45,21 @@ class Grid:
         """(..., 2) centres of elements (..., 2), m."""
         return self.origin + (np.asarray(cells) + 0.5) * self.cell
 
+    def holds(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(...) whether elements (..., 2) lie on the grid."""
+        return np.asarray(((cells >= 0) & (cells < self.shape)).all(axis=-1))
+
     def at(self, layer: NDArray, xy: ArrayLike, outside: float = 0) -> NDArray:
         """(...) values of a layer at points (..., 2 or 3), m; ``outside`` beyond the grid."""
         cells = self.cell_of(xy)
-        inside = ((cells >= 0) & (cells < self.shape)).all(axis=-1)
+        inside = self.holds(cells)
         cells = np.where(np.expand_dims(inside, -1), cells, 0)
         return np.where(inside, layer[cells[..., 0], cells[..., 1]], layer.dtype.type(outside))
 
     def mask_of(self, xy: ArrayLike) -> NDArray[np.bool_]:
         """(nx, ny) the cells that hold points (N, 2 or 3), m; points beyond the grid are left out."""
         cells = self.cell_of(xy)
-        i, j = cells[((cells >= 0) & (cells < self.shape)).all(axis=1)].T
+        i, j = cells[self.holds(cells)].T
         mask = np.zeros(self.shape, np.bool_)
         mask[i, j] = True
         return mask

@@ -181,7 +181,7 @@ class Exploration:
         cells = np.argwhere(count)
         T_new_old = correction.motion_at(place[tuple(cells.T)])
         there = grid.cell_of(moved_by(T_new_old, grid.centre_of(cells)))
-        is_inside = ((there >= 0) & (there < grid.shape)).all(axis=1)
+        is_inside = grid.holds(there)
         old, new = tuple(cells[is_inside].T), tuple(there[is_inside].T)
         misses, missed_from = np.zeros_like(count), np.full_like(place, np.inf)
         misses[new], missed_from[new] = count[old], moved_by(T_new_old[is_inside], place[old])

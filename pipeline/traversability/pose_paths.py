@@ -65,7 +65,7 @@ class PosePaths:
         if heading is None:
             snapped = [self._grid.nearest(traversability.traversable, xy, SNAP) for xy in wanted]
         else:
-            snapped = [xy if self._grid.at(np.ones(self._grid.shape, bool), xy) else None for xy in wanted]
+            snapped = [xy if self._grid.holds(self._grid.cell_of(xy)) else None for xy in wanted]
         places = [xy for xy in snapped if xy is not None]
         self.start = snapped[0]
         self._search = self._begin(self._states(places))
@@ -172,7 +172,7 @@ class PosePaths:
     def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
         """(..., 16) s to points (...), m, with each heading; the least of all, or that of ``heading``, is known."""
         cells, horizon = self._grid.cell_of(xy), FIRST_HORIZON
-        if not ((cells >= 0) & (cells < self._grid.shape)).all():
+        if not self._grid.holds(cells).all():
             return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
         where = tuple(np.moveaxis(cells, -1, 0))
         while True:

@@ -27,7 +27,7 @@ class Coverage:
         """Mark the cells that (N, 3) returns, m in the world, fell in."""
         grid = self.surface.grid
         cells = grid.cell_of(points)
-        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+        inside = grid.holds(cells)
         i, j = cells[inside].T
         on_ground = np.abs(points[inside, 2] - self.surface.height[i, j]) < SEEN_HEIGHT
         self.seen[i[on_ground], j[on_ground]] = True

@@ -22,7 +22,7 @@ from pipeline.semantic_map.planar_vote import planar_vote
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
 from sarsim.scripts.benchmarks.semantic import KEYFRAMES, LIGHTINGS, SHARED
-from sarsim.scripts.benchmarks.semantic_accuracy import Change, Scores, scores
+from sarsim.scripts.benchmarks.semantic_accuracy import KINDS, Change, Scores, scores
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, classifier_of, thesis_blocks
 from sarsim.settings import WEIGHTS, LightingName
 
@@ -91,7 +91,7 @@ def group_figures(group: str, of_arenas: Sequence[Scores]) -> dict[str, float]:
     place, dark, _ = group.partition(".dark")
     for contender in of_arenas[0]:
         name, alone, _ = contender.partition(".alone")
-        for kind in ("frame", "fused"):
+        for kind in KINDS:
             found = [of_arena[contender][kind] for of_arena in of_arenas]
             for score in sorted(set().union(*found)):
                 what = score if score == "miou_four" else f"iou.{score}"
@@ -138,9 +138,9 @@ def _answers(network: BlockClassifier, blocks: list[NDArray[np.float32]]) -> Non
 
 
 def table(figures: dict[str, float], groups: Sequence[str]) -> Table:
-    """A column for each network: size, times, and mean IoU over the four classes of frames and of the fused map."""
+    """A column for each network: size, times, and mean IoU over the four classes by kind."""
     rows = {"parameters": "{:,.0f}", "train_s": "{:,.0f}", "block_ms": "{:.1f}", "frame_s": "{:.2f}"}
-    rows |= {f"miou_four.{group}.{kind}": "{:.3f}" for group in groups for kind in ("frame", "fused")}
+    rows |= {f"miou_four.{group}.{kind}": "{:.3f}" for group in groups for kind in KINDS}
     result = Table("", *NETWORKS)
     for row, form in rows.items():
         values = [figures.get(f"{name}.{row}") for name in NETWORKS]

@@ -16,31 +16,34 @@ from sarsim.scripts.benchmarks.labelled_drives import TrueFrame
 Change = Callable[[TrueFrame, NDArray[np.float32]], NDArray[np.float32]]
 """A function that changes the (N, 8) probabilities that a classifier gave the returns of a frame."""
 AS_GIVEN: Mapping[str, Change] = {"": lambda frame, given: given}
+KINDS = ("frame", "voxels", "fused")
 Scores = dict[str, dict[str, dict[str, float]]]
-"""``miou_four`` and the IoU by label, by the classifier's name with the change's suffix, then by frame or fused."""
+"""``miou_four`` and the IoU by label, by the classifier's name with the change's suffix, then by kind."""
 
 
 class Tally:
     """The labels of some frames against the true ones, and those of the map fused from them."""
 
     def __init__(self) -> None:
-        self._confusion = np.zeros((len(Label), len(Label)), np.int64)
+        self._returns, self._voxels = np.zeros((2, len(Label), len(Label)), np.int64)
         self._map, self._truth = SemanticMap(), SemanticMap()
 
     def add(self, frame: TrueFrame, given: NDArray[np.float32]) -> None:
         """Add the (N, 8) probabilities that a classifier gave the returns of a frame."""
-        points, truth = frame.points, frame.labels
-        self._confusion += confusion_matrix(truth, given.argmax(axis=1).astype(np.uint8))
-        self._map.update(points, given)
-        self._truth.update(points, np.eye(len(Label), dtype=np.float32)[truth])
+        points, truth = frame.points, np.eye(len(Label), dtype=np.float32)[frame.labels]
+        self._returns += confusion_matrix(frame.labels, given.argmax(axis=1).astype(np.uint8))
+        alone, true = SemanticMap(), SemanticMap()
+        for labels, of in ((alone, given), (true, truth), (self._map, given), (self._truth, truth)):
+            labels.update(points, of)
+        self._voxels += confusion_matrix(true.labels(), alone.labels())
 
-    def frames(self) -> dict[str, float]:
-        """IoU by label, and ``miou_four``, of every return of every frame."""
-        return _flat(label_figures(self._confusion))
+    def scores(self) -> dict[str, dict[str, float]]:
+        """IoU by label, and ``miou_four``: of all returns of each frame, of its voxels, of the fused map's voxels.
 
-    def fused(self) -> dict[str, float]:
-        """IoU by label, and ``miou_four``, of the points of the fused map."""
-        return _flat(compared(self._truth, self._map))
+        A near surface has many more returns than a far one, but no more voxels, so only the last two compare.
+        """
+        figures = label_figures(self._returns), label_figures(self._voxels), compared(self._truth, self._map)
+        return {kind: _flat(of) for kind, of in zip(KINDS, figures, strict=True)}
 
 
 def scores(
@@ -53,7 +56,7 @@ def scores(
             given = classifier.classify(frame.frame, frame.points, frame.T_map_camera)
             for change, changed in changes.items():
                 tallies[name + change].add(frame, changed(frame, given))
-    return {name: {"frame": tally.frames(), "fused": tally.fused()} for name, tally in tallies.items()}
+    return {name: tally.scores() for name, tally in tallies.items()}
 
 
 def accuracy(frames: Iterable[TrueFrame], network: PointClassifier | None) -> dict[str, dict[str, float]]:

@@ -24,6 +24,12 @@ def test_a_cell_lies_where_its_absolute_index_says():
     np.testing.assert_allclose(grid.centre_of([0, 2]), ((-3 + 0.5) * 0.5, (9 + 0.5) * 0.5))
 
 
+def test_a_grid_holds_its_cells_and_no_others():
+    grid = Grid(np.array([5, -9]), 0.05, (7, 3))
+    cells = np.array([[(0, 0), (6, 2)], [(7, 0), (0, -1)]])
+    assert grid.holds(cells).tolist() == [[True, True], [False, False]]
+
+
 def test_a_part_of_a_grid_lies_where_its_cells_do():
     grid = Grid(np.array([-3, 7]), 0.5, (10, 10))
     part = grid.part((slice(2, 6), slice(1, 3)))

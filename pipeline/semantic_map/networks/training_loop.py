@@ -144,7 +144,7 @@ class TrainingLoop(ABC, Generic[Batch]):
         return self.rows[-1][2] if self.rows else float("nan")
 
     def _keep(self) -> None:
-        """Validate and write the weights: those of the last step, because a validation that is small chooses badly."""
+        """Validate, and write the present weights whatever the score: a small validation chooses badly."""
         if self.worker.leads:
             scores = self._validate()
             self.rows.append([self.step, float(np.mean(self._losses)), *scores])

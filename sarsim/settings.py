@@ -132,7 +132,7 @@ class MapRecording(PerceptionConfig):
     """A recording to map, and facts that it does not contain itself.
 
     Attributes:
-        path: TUM RGB-D folder, folder or file of a ROS bag (MCAP, SQLite), or scene (.h5) of a dataset.
+        path: TUM RGB-D folder, folder of numbered images, ROS bag (MCAP, SQLite, ROS 1), or scene (.h5) of a dataset.
         out: folder for the results, the same files as an episode's.
         poses: source of the poses: recorded odometry corrected by registration (slam), registration alone, or
             odometry or true poses as recorded; by default slam if there is odometry, else registration.

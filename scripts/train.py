@@ -9,6 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.console import Console
 
 from pipeline.errors import InputError
@@ -70,7 +71,7 @@ class TrainYolo(YoloTrainingConfig, TrainingFiles):
 
 def train_points(settings: TrainPoints, network: str) -> None:
     """Train a network of the semantic map, and print the path of its weights."""
-    _check(settings)
+    _check(settings, ".safetensors")
     from pipeline.semantic_map.networks.blocks import COLOURED, BlockConfig
     from pipeline.semantic_map.networks.classifier import load_classifier
     from pipeline.semantic_map.networks.parallel import Worker
@@ -87,7 +88,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
     worker = Worker.join()
     try:
         clouds = _clouds(settings, worker, blocks.voxel_size, colours)
-        validation = clouds["val"][:: 1 + len(clouds["val"]) // VALIDATION_FRAMES]
+        validation = clouds["val"][:: -(-len(clouds["val"]) // VALIDATION_FRAMES)]
         trainer = Trainer(clouds["train"], validation, config, settings.out, worker, about, initial, blocks)
         _train(trainer, settings, "mIoU over the four")
     finally:
@@ -96,9 +97,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
 
 def train_yolo(settings: TrainYolo) -> None:
     """Train the victim detector, and print the path of its weights."""
-    _check(settings)
-    if settings.out.suffix != ".weights":
-        raise InputError(f"--out {settings.out}: a name that ends with .weights")
+    _check(settings, ".weights")
     from pipeline.victims.detection.training import Trainer
     from sarsim.dataset.victim_images import VictimImages
 
@@ -111,7 +110,9 @@ def train_yolo(settings: TrainYolo) -> None:
         _train(trainer, settings, "AP50")
 
 
-def _check(settings: TrainPoints | TrainYolo) -> None:
+def _check(settings: TrainPoints | TrainYolo, ending: str) -> None:
+    if settings.out.suffix != ending:
+        raise InputError(f"--out {settings.out}: a name that ends with {ending}")
     if settings.stride < 1:
         raise InputError("--stride: at least 1")
     check_folder_of("out", settings.out)
@@ -146,9 +147,9 @@ def _clouds(
                 pose = scene.T_world_camera(index)
                 clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size, colours))
     folders = " ".join(map(str, settings.data))
-    if not clouds["val"]:
-        raise InputError(f"--data {folders}: no scene of the split val, which one in ten is: make 5 at least")
-    seen = sum(cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"])
+    if absent := [split for split in ("train", "val") if not clouds[split]]:
+        raise InputError(f"--data {folders}: no scene of the split {absent[0]}: make 5 scenes at least")
+    seen = np.sum([cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"]], axis=0)
     missing = [label.name.lower() for label, count in zip(CLASSES, seen, strict=True) if not count]
     if missing and worker.leads:
         told = f"--data {folders}: no point of {', '.join(missing)}, which the network will not know"

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from statistics import mean
 
@@ -106,8 +107,9 @@ def _sizes(files: dict[str, Path]) -> dict[str, float]:
     for name, kind in NETWORKS.items():
         figures[f"{name}.parameters"] = sum(p.numel() for p in kind(CHANNELS, len(CLASSES)).parameters())
         if name in files:
-            training = json.loads(load_weights(files[name], name)[1].get("training", "{}"))
-            figures |= {f"{name}.train_s": s for s in [training.get("processor_s")] if s is not None}
+            _, metadata = load_weights(files[name], name)
+            with suppress(KeyError, TypeError, ValueError):  # Files of other programs tell nothing of the training.
+                figures[f"{name}.train_s"] = float(json.loads(metadata["training"])["processor_s"])
     return figures
 
 

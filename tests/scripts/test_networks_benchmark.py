@@ -14,7 +14,7 @@ from pipeline.semantic_map.networks.weights import NETWORKS
 from pipeline.semantic_map.rules import RuleClassifier
 from sarsim.scripts.benchmarks import networks
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
-from sarsim.scripts.benchmarks.semantic_accuracy import scores
+from sarsim.scripts.benchmarks.semantic_accuracy import KINDS, scores
 
 
 def test_the_truth_is_right_and_the_vote_changes_what_is_not() -> None:
@@ -27,11 +27,12 @@ def test_the_truth_is_right_and_the_vote_changes_what_is_not() -> None:
 
 
 def test_figures_have_the_agreed_names_and_are_means_over_arenas() -> None:
-    one = {"pointnet.alone": {"frame": {"miou_four": 0.5, "wall": 1.0}, "fused": {"miou_four": 0.25}}}
-    two = {"pointnet.alone": {"frame": {"miou_four": 0.7}, "fused": {"miou_four": 0.75}}}
+    one = {"pointnet.alone": {"frame": {"miou_four": 0.5, "wall": 1.0}, "voxels": {}, "fused": {"miou_four": 0.25}}}
+    two = {"pointnet.alone": {"frame": {"miou_four": 0.7}, "voxels": {"wall": 0.4}, "fused": {"miou_four": 0.75}}}
     assert networks.group_figures("raf_mean.dark", [one, two]) == {
         "pointnet.miou_four.raf_mean.frame.alone.dark": pytest.approx(0.6),
         "pointnet.iou.wall.raf_mean.frame.alone.dark": 1.0,
+        "pointnet.iou.wall.raf_mean.voxels.alone.dark": 0.4,
         "pointnet.miou_four.raf_mean.fused.alone.dark": 0.5,
     }
 
@@ -45,11 +46,11 @@ def test_a_small_comparison_has_accuracy_of_what_has_weights_and_times_of_all(tm
         assert {f"{name}.{figure}" for figure in ("parameters", "block_ms", "frame_s")} <= set(result.figures)
     assert result.figures["pointnext.train_s"] == 12.5
     accuracy = {key for key in result.figures if ".miou_four." in key}
-    kinds = ("frame", "fused", "frame.alone", "fused.alone")
+    kinds = {kind + change for kind in KINDS for change in ("", ".alone")}
     assert accuracy == {f"pointnext.miou_four.nist_6x4.{kind}" for kind in kinds}
     assert json.dumps(result.details)
     assert result.table is not None
-    assert (len(result.table.columns), result.table.row_count) == (6, 6)
+    assert (len(result.table.columns), result.table.row_count) == (6, 7)
 
 
 @pytest.mark.parametrize(

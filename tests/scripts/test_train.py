@@ -74,9 +74,10 @@ def test_colours_make_nine_channels_and_go_on_with_them(
             assert file.metadata()["channels"] == "9"
 
 
-def test_two_processes_train_together(dataset: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("limit", [["--steps", 2], ["--steps", 400, "--minutes", 0.05]])
+def test_two_processes_train_together(limit: list, dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "w.safetensors"
-    flags = ["dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2]
+    flags = ["dgcnn", "--data", dataset, "--out", out, *limit, "--batch", 2]
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", 2, TRAIN, *flags]
     subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
     assert NetworkClassifier(out)
@@ -91,6 +92,8 @@ def test_two_processes_train_together(dataset: Path, tmp_path: Path) -> None:
         (["dgcnn", "--data", "DATA", "--out", "nowhere/w.safetensors"], "there is no folder"),
         (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--steps", "0"], "--steps"),
         (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--stride", "0"], "--stride"),
+        (["dgcnn", "--data", "DATA", "--out", "w.csv"], "ends with .safetensors"),
+        (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--learning-rate", "-1"], "--learning-rate"),
     ],
 )
 def test_what_cannot_work_is_status_2_and_one_line(
@@ -121,6 +124,19 @@ def test_a_missing_scene_is_noticed_before_any_is_read(
     assert raised.value.code == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert "00003.h5: missing, 1 of 5 scenes are" in line
+
+
+def test_a_dataset_without_scenes_to_learn_from_is_refused(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = shutil.copytree(dataset, tmp_path / "data")
+    content = json.loads((copy / "dataset.json").read_text())
+    content["scenes"] = [scene for scene in content["scenes"] if scene["split"] == "val"]
+    (copy / "dataset.json").write_text(json.dumps(content))
+    with pytest.raises(SystemExit) as raised:
+        call(monkeypatch, "dgcnn", "--data", copy, "--out", tmp_path / "w.safetensors")
+    assert raised.value.code == 2
+    assert "no scene of the split train" in capsys.readouterr().err
 
 
 def test_a_dataset_of_another_version_is_refused(

@@ -1,5 +1,5 @@
 """Networks that classify points: one module per network; one trainer, sampler and file format for all.
 
 A network's module, such as ``dgcnn``, holds the network as published and the names of its weights. ``dgcnn_cpu`` is a
-faster DGCNN; its ``threads``, ``training_norm``, ``Linear`` and ``LargestLinear`` serve any network on points.
+faster DGCNN.
 """

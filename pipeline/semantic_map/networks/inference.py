@@ -24,7 +24,7 @@ TOGETHER = 4000
 def for_inference(network: PointNetwork, threads: int | None = None) -> BlockClassifier:
     """The network ready to classify on so many ``threads``, by default PyTorch's number."""
     if isinstance(network, Dgcnn):
-        return FastDgcnn(network, threads)
+        return FastDgcnn(deepcopy(network).cpu(), threads)
     return AsWritten(cast(RowNetwork, network), threads)
 
 

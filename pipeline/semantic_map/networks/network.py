@@ -19,7 +19,7 @@ class PointNetwork(nn.Module, ABC):
 
     Attributes:
         NAME: its name in files and commands.
-        channels: number per point: x, y, z in m from the middle of the block, and more.
+        channels: number per point: x, y in m from the middle of the block, z in m, and more.
         classes: number of classes.
         penalty: the term that its paper adds to the loss, from the last forward pass.
     """

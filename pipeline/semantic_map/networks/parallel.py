@@ -43,6 +43,13 @@ class Worker:
         """The module, its gradients averaged over all workers."""
         return DistributedDataParallel(module) if self.count > 1 else module
 
+    def agreed(self, value: float) -> float:
+        """Process 0's value, in every process."""
+        shared = torch.tensor(value, dtype=torch.float64, device=self.device)
+        if self.count > 1:
+            distributed.broadcast(shared, 0)
+        return float(shared)
+
     def wait(self) -> None:
         """Wait until all workers call this."""
         if self.count > 1:

@@ -48,7 +48,7 @@ class BlockSampler:
     def __init__(
         self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, size: int, fewest: int, seed: int
     ) -> None:
-        """A batch has ``size`` blocks, each of another cloud; a block has at least ``fewest`` points."""
+        """A batch has ``size`` blocks, of the clouds in turn; a block has at least ``fewest`` points."""
         self._clouds, self._blocks, self._size = clouds, blocks, size
         self._fewest, self._seed = fewest, seed
 

@@ -90,12 +90,14 @@ class Trainer(TrainingLoop[Batch]):
             return sampler.batch(step * worker.count + worker.rank)
 
         networks: dict[str, nn.Module] = {"network": self.network}
-        super().__init__(config, out, worker, about, draw, optimizer, networks, repr(self._blocks))
+        points = [sum(len(cloud.points) for cloud in clouds) for clouds in (training, validation)]
+        data = f"{network.NAME} {channels} {worker.count} {points} {self._blocks}"
+        super().__init__(config, out, worker, about, draw, optimizer, networks, data)
 
-    def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
+    def run(self, report: Callable[[Self], object] = lambda training: None) -> None:
         """Train as :meth:`TrainingLoop.run`, while PyTorch starts no threads of its own."""
         with torch_threads(1):
-            super().run(report, until)
+            super().run(report)
 
     def _loss(self, batch: Batch) -> Tensor:
         logits = self._parallel(batch.points.to(self.worker.device), batch.sizes)

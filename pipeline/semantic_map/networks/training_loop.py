@@ -103,22 +103,20 @@ class TrainingLoop(ABC, Generic[Batch]):
             return self.step / self.config.steps
         return max(self.step / self.config.steps, self.spent / 60 / self.config.minutes)
 
-    def run(self, report: Callable[[Self], object] = lambda training: None, until: int | None = None) -> None:
-        """Train to the end, or until a step. ``report`` is called after every step.
-
-        If it stops before the end, for ``until`` or an interruption, it writes a checkpoint.
-        """
-        last = self.config.steps if until is None else min(until, self.config.steps)
+    def run(self, report: Callable[[Self], object] = lambda training: None) -> None:
+        """Train to the end. ``report`` is called after every step; if it raises, a checkpoint is written first."""
+        if self.progress >= 1 and self.worker.leads and not self.out.exists():
+            self._write_weights()
         with ThreadPoolExecutor(1) as pool:
             coming = pool.submit(self._draw, self.step)
             try:
-                while self.step < last and self.progress < 1:
+                while self.progress < 1:
                     start = process_time()
                     batch = coming.result()
                     coming = pool.submit(self._draw, self.step + 1)  # during this step
                     self._losses.append(self._learn(batch))
                     self.step += 1
-                    self.spent += process_time() - start
+                    self.spent = self.worker.agreed(self.spent + process_time() - start)
                     if self.step % self.config.validate_every == 0 or self.progress >= 1:
                         self._keep()
                     elif self.step % SAVE_EVERY == 0:
@@ -149,12 +147,15 @@ class TrainingLoop(ABC, Generic[Batch]):
             scores = self._validate()
             self.rows.append([self.step, float(np.mean(self._losses)), *scores])
             self._losses = []
-            now = {"step": self.step, "processor_s": round(self.spent, 1), self.SCORES[0]: scores[0]}
-            self._write(self._about | now | {"config": asdict(self.config)})
+            self._write_weights()
             with whole_file(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
                 csv.writer(stream).writerows([("step", "loss", *self.SCORES), *self.rows])
             self._save()
         self.worker.wait()
+
+    def _write_weights(self) -> None:
+        now = {"step": self.step, "processor_s": round(self.spent, 1), self.SCORES[0]: self.score}
+        self._write(self._about | now | {"config": asdict(self.config)})
 
     def _save(self) -> None:
         if self.worker.leads:
@@ -167,14 +168,15 @@ class TrainingLoop(ABC, Generic[Batch]):
         remedy = "remove it, or choose another --out"
         try:
             state = torch.load(self._checkpoint, map_location=self.worker.device, weights_only=True)
-            if state["settings"] != self._settings:
-                raise InputError(f"{self._checkpoint} is of a training with other settings or data: {remedy}")
-            for name, part in self._parts.items():
+            is_same = state["settings"] == self._settings
+            for name, part in self._parts.items() if is_same else ():
                 part.load_state_dict(state[name])
-            self.step, self.spent = state["step"], state["spent"]
+            self.step, self.spent = int(state["step"]), float(state["spent"])
             self.rows, self._losses = state["rows"], state["losses"]
-        except (OSError, RuntimeError, KeyError, TypeError, EOFError, pickle.UnpicklingError) as error:
+        except (OSError, RuntimeError, LookupError, TypeError, ValueError, EOFError, pickle.UnpicklingError) as error:
             raise InputError(f"{self._checkpoint}: not a checkpoint of this program: {remedy}") from error
+        if not is_same:
+            raise InputError(f"{self._checkpoint} is of a training with other settings or data: {remedy}")
 
 
 def schedule(progress: float, warm_up: float = WARM_UP) -> float:

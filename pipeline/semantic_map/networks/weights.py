@@ -42,8 +42,15 @@ def load_weights(path: Path, network: str | None = None) -> tuple[PointNetwork, 
 
 
 def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | None = None) -> None:
-    """Write the weights in half precision, and ``metadata`` about them. InputError if that is impossible."""
+    """Write the weights in half precision, and ``metadata`` about them.
+
+    Raises:
+        InputError: the file cannot be written, or half precision cannot hold a weight: the training diverged.
+    """
     tensors = {name: t.detach().cpu().half().contiguous() for name, t in network.published().items()}
+    for name, tensor in tensors.items():
+        if not tensor.isfinite().all():
+            raise InputError(f"{path}: {name} is too large for half precision: lower the learning rate")
     content = save(tensors, {"network": network.NAME} | network.about() | (metadata or {}))
     with whole_file(path) as file:
         file.write_bytes(content)  # safetensors' own save_file makes files that only their owner may read

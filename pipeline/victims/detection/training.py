@@ -88,7 +88,8 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
         self._yolo_loss = YoloLoss(self.network.cfg)
         networks: dict[str, nn.Module] = {"network": self.network, "average": self.average}
         optimizer = _optimizer(self.network, config.learning_rate)
-        super().__init__(config, out, Worker(0, 1, device), about, draw, optimizer, networks, self._text)
+        data = f"{len(training)} {len(validation)} {self._text}"
+        super().__init__(config, out, Worker(0, 1, device), about, draw, optimizer, networks, data)
 
     def _loss(self, batch: list[LabelledImage]) -> Tensor:
         images = to_tensor(np.stack([image.rgb for image in batch])).to(self.worker.device)

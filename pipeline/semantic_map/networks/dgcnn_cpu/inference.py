@@ -37,7 +37,7 @@ class FastDgcnn:
     """
 
     def __init__(self, network: Dgcnn, threads: int | None = None) -> None:
-        """Copy the weights; ``threads`` defaults to PyTorch's number, which ``OMP_NUM_THREADS`` sets.
+        """Prepare the network, which is on the CPU; ``threads`` defaults to PyTorch's number (``OMP_NUM_THREADS``).
 
         Raises:
             InputError: k is too large.

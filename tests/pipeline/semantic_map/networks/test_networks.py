@@ -64,6 +64,17 @@ def logits(network, *blocks):
 # As published
 
 
+@pytest.mark.parametrize("name", OURS)
+def test_what_classifies_keeps_its_weights_while_the_network_goes_on_learning(name):
+    network, points = made(name), corner(90)
+    fast = for_inference(network, 1)
+    before = fast(points)
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.mul_(2)
+    np.testing.assert_array_equal(fast(points), before)
+
+
 @pytest.mark.parametrize(
     ("name", "points", "written"),
     [

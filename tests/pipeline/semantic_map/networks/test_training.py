@@ -32,6 +32,16 @@ def clouds():
     return [LabelledCloud.of(look(SCENE, eye), eye, 0.1) for eye in POSES]
 
 
+def at(step):
+    """A report that interrupts a training at a step."""
+
+    def interrupt(training):
+        if training.step == step:
+            raise KeyboardInterrupt
+
+    return interrupt
+
+
 def trainer(clouds, out, config=CONFIG):
     return Trainer(clouds[:3], clouds[3:], config, out, ALONE, {"data": "walls"})
 
@@ -51,12 +61,8 @@ def test_floor_and_walls_are_learned(clouds, tmp_path: Path) -> None:
 def test_interrupted_and_taken_up_again_it_leaves_the_same_weights(clouds, tmp_path: Path) -> None:
     trainer(clouds, tmp_path / "whole.safetensors").run()
 
-    def interrupt(training):
-        if training.step == 8:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        trainer(clouds, tmp_path / "left.safetensors").run(interrupt)
+        trainer(clouds, tmp_path / "left.safetensors").run(at(8))
     again = trainer(clouds, tmp_path / "left.safetensors")
     assert again.step == 8
     again.run()
@@ -65,15 +71,36 @@ def test_interrupted_and_taken_up_again_it_leaves_the_same_weights(clouds, tmp_p
     assert (tmp_path / "whole.csv").read_text() == (tmp_path / "left.csv").read_text()
 
 
-def test_left_at_a_step_and_taken_up_again_it_leaves_the_same_weights(clouds, tmp_path: Path) -> None:
-    trainer(clouds, tmp_path / "whole.safetensors").run()
-    trainer(clouds, tmp_path / "left.safetensors").run(until=7)
-    again = trainer(clouds, tmp_path / "left.safetensors")
-    assert again.step == 7
-    again.run(until=100)
-    assert again.step == CONFIG.steps
-    whole, left = (load_file(tmp_path / f"{name}.safetensors") for name in ("whole", "left"))
-    assert all((whole[name] == left[name]).all() for name in whole)
+def test_a_finished_training_writes_the_weights_again_if_they_are_missing(clouds, tmp_path: Path) -> None:
+    out = tmp_path / "w.safetensors"
+    trainer(clouds, out).run()
+    before, table = load_file(out), (tmp_path / "w.csv").read_text()
+    out.unlink()
+    trainer(clouds, out).run()
+    after = load_file(out)
+    assert all((before[name] == after[name]).all() for name in before)
+    assert (tmp_path / "w.csv").read_text() == table
+
+
+def test_the_last_weights_are_kept_however_they_validate(clouds, tmp_path: Path, monkeypatch) -> None:
+    out, scores = tmp_path / "w.safetensors", iter([0.9, 0.1])
+    training = trainer(clouds, out)
+    monkeypatch.setattr(training, "_validate", lambda: [next(scores)])
+    training.run()
+    assert training.score == 0.1
+    with safe_open(out, "np") as file:
+        about = json.loads(file.metadata()["training"])
+    assert (about["step"], about["miou_four"]) == (CONFIG.steps, 0.1)
+
+
+def test_weights_of_a_training_that_diverged_are_not_written(clouds, tmp_path: Path) -> None:
+    out = tmp_path / "w.safetensors"
+    training = trainer(clouds, out)
+    with torch.no_grad():
+        next(training.network.parameters()).fill_(1e6)
+    with pytest.raises(InputError, match="too large for half precision"):
+        training.run()
+    assert not out.exists()
 
 
 def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> None:
@@ -83,7 +110,8 @@ def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> 
     for name, initial in (("random", "dgcnn"), ("trained", load_classifier(first)[0])):
         out = tmp_path / f"{name}.safetensors"
         training = Trainer(clouds[:3], clouds[3:], CONFIG, out, ALONE, {}, initial)
-        training.run(until=6)
+        with pytest.raises(KeyboardInterrupt):
+            training.run(at(6))
         losses[name] = training.rows[0][1]
     assert losses["trained"] < losses["random"] / 2
 
@@ -94,7 +122,8 @@ def test_another_network_learns_and_goes_on_where_it_was_left(name: str, clouds,
     whole = Trainer(clouds[:3], clouds[3:], config, tmp_path / "whole.safetensors", ALONE, {}, name)
     whole.run()
     assert whole.rows[1][1] < whole.rows[0][1]  # the loss
-    Trainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name).run(until=5)
+    with pytest.raises(KeyboardInterrupt):
+        Trainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name).run(at(5))
     again = Trainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name)
     assert again.step == 5
     again.run()
@@ -120,8 +149,8 @@ def test_a_training_that_is_killed_keeps_its_checkpoints(clouds, tmp_path: Path,
     monkeypatch.setattr(training_loop, "SAVE_EVERY", 3)
     kept = []
     path = tmp_path / "w.checkpoint"
-    trainer(clouds, tmp_path / "w.safetensors").run(lambda now: kept.append(path.exists()), until=4)
-    assert kept == [False, False, True, True]
+    trainer(clouds, tmp_path / "w.safetensors").run(lambda now: kept.append(path.exists()))
+    assert kept[:4] == [False, False, True, True]
 
 
 def test_a_batch_of_one_block_is_refused(clouds, tmp_path: Path) -> None:
@@ -137,15 +166,26 @@ def test_no_time_to_train_in_is_refused(minutes: float) -> None:
 
 def test_a_checkpoint_of_other_settings_is_refused(clouds, tmp_path: Path) -> None:
     trainer(clouds, tmp_path / "w.safetensors", replace(CONFIG, steps=1)).run()
+    out = tmp_path / "w.safetensors"
     with pytest.raises(InputError, match="other settings"):
-        trainer(clouds, tmp_path / "w.safetensors")
+        trainer(clouds, out)
+    for other in ((clouds[:2], "dgcnn"), (clouds[:3], "pointnext")):
+        with pytest.raises(InputError, match="other settings or data"):
+            Trainer(other[0], clouds[3:], replace(CONFIG, steps=1), out, ALONE, {}, other[1])
 
 
-@pytest.mark.parametrize("content", [b"", b"no checkpoint"])
-def test_another_file_in_a_checkpoints_place_is_refused(clouds, tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "w.checkpoint").write_bytes(content)
+@pytest.mark.parametrize("content", [b"", b"no checkpoint", torch.zeros(3), {"settings": 1}])
+def test_another_file_in_a_checkpoints_place_is_refused(clouds, tmp_path: Path, content) -> None:
+    path = tmp_path / "w.checkpoint"
+    path.write_bytes(content) if isinstance(content, bytes) else torch.save(content, path)
     with pytest.raises(InputError, match="not a checkpoint"):
         trainer(clouds, tmp_path / "w.safetensors")
+
+
+@pytest.mark.parametrize("change", [{"learning_rate": -1.0}, {"learning_rate": float("nan")}, {"seed": -1}])
+def test_settings_that_no_training_can_have_are_refused(change: dict) -> None:
+    with pytest.raises(InputError, match=r"--learning-rate|--seed"):
+        TrainingConfig(**change)
 
 
 def test_nothing_to_learn_from_is_refused(clouds, tmp_path: Path) -> None:

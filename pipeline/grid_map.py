@@ -151,10 +151,7 @@ class GridMap:
         if min(first.tolist()) >= 0 and all(k < n for k, n in zip(last.tolist(), self.grid.shape, strict=True)):
             return
         first, last = self.grid.low + first, self.grid.low + last
-        self._grow(
-            np.minimum(first // BLOCK * BLOCK, self.grid.low),
-            np.maximum((last // BLOCK + 1) * BLOCK, self.grid.low + self.grid.shape),
-        )
+        self._grow(first // BLOCK * BLOCK, (last // BLOCK + 1) * BLOCK)
 
     def match(self, grid: Grid) -> None:
         """Grow until another grid of the same cells lies on this one."""

@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.exploration.next_best_view import Exploration
-from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
+from pipeline.exploration.viewpoint import ARRIVED, Context, Strategy, Viewpoint
 from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.pose_paths import PosePaths
 
-ARRIVED = 0.15
-"""m; a robot this close to a goal has reached it."""
 PROGRESS = 0.5
 """s; a drive that shortens the way to its goal by no more than this was in vain."""
 PATIENCE = 5
@@ -149,7 +147,8 @@ class Goals:
         self._topology, self._snap = topology, snap
         self._context: Context | None = None
         self._goal: NDArray[np.float64] | None = None
-        self._set_out, self._way_left, self._in_vain = False, np.inf, 0
+        # By a goal's id: s of the shortest way to it so far, and how many drives since did not shorten it.
+        self._tries: dict[int, tuple[float, int]] = {}
 
     def observe(self, context: Context) -> None:
         """Count goals that are near as visited, and give up a goal if drives bring the robot no nearer to it."""
@@ -158,9 +157,9 @@ class Goals:
             place = self._place(goal, context.paths)
             if np.linalg.norm(place - context.T_map_base[:2, 3]) <= ARRIVED:
                 self._end(goal, None)
-            elif self._set_out and goal is self._goal and self._was_in_vain(context.paths.cost_to(place)):
+            elif goal is self._goal and self._was_in_vain(goal, context.paths.cost_to(place)):
                 self._end(goal, f"{goal_name(goal)} is given up: {PATIENCE} drives brought the robot no nearer")
-        self._set_out = False
+        self._goal = None
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The next goal; None if none is left that is reachable on the map so far."""
@@ -174,11 +173,10 @@ class Goals:
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember the goal to which the robot sets out."""
         places = [self._place(goal, context.paths) for goal in self.left]
-        goal = next(g for g, place in zip(self.left, places, strict=True) if (place == viewpoint.position).all())
-        self._set_out = True
-        if goal is not self._goal:
-            self._goal, self._in_vain = goal, 0
-            self._way_left = context.paths.cost_to(viewpoint.position)
+        self._goal = next(
+            g for g, place in zip(self.left, places, strict=True) if (place == viewpoint.position).all()
+        )
+        self._tries.setdefault(id(self._goal), (context.paths.cost_to(viewpoint.position), 0))
 
     def refuse(self, why: str | None = None) -> None:
         """Give up the goals that are left; the reason is ``why``, or else the obstacle that the last step showed."""
@@ -195,13 +193,12 @@ class Goals:
         place = paths.traversability.grid.nearest(paths.reachable, goal, self._snap)
         return goal if place is None else place
 
-    def _was_in_vain(self, way_left: float) -> bool:
-        """Whether ``PATIENCE`` drives to the present goal have not shortened the way to it."""
-        if way_left < self._way_left - PROGRESS:
-            self._way_left, self._in_vain = way_left, 0
-        else:
-            self._in_vain += 1
-        return self._in_vain >= PATIENCE
+    def _was_in_vain(self, goal: NDArray[np.float64], way_left: float) -> bool:
+        """Whether ``PATIENCE`` drives to a goal, the last one among them, have not shortened the way to it."""
+        shortest, in_vain = self._tries[id(goal)]
+        is_shorter = way_left < shortest - PROGRESS
+        self._tries[id(goal)] = (way_left, 0) if is_shorter else (shortest, in_vain + 1)
+        return self._tries[id(goal)][1] >= PATIENCE
 
     def _end(self, goal: NDArray[np.float64], obstacle: str | None) -> None:
         self.left = [other for other in self.left if other is not goal]

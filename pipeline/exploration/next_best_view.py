@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.exploration.viewpoint import ARRIVED, Context, Viewpoint
 from pipeline.grid_map import GridMap, Layer
 from pipeline.localisation.correction import Correction, moved_by
 from pipeline.robot import RobotModel
@@ -75,7 +75,7 @@ class Exploration:
                 "missed_from": Layer(np.float32, np.inf, per_cell=(2,)),
             },
         )
-        self._expected = np.zeros((0, 2), np.int64)
+        self._expected, self._aim = np.zeros((0, 2), np.int64), np.full(2, np.nan)
         # By the number of misses, m² in which ground was looked for, and in which it was shown.
         self._looked_for = np.full(len(CHANCES), EXPERIENCE)
         self._shown = EXPERIENCE * np.array(CHANCES)
@@ -99,7 +99,7 @@ class Exploration:
         """Remember what a keyframe from this viewpoint should show."""
         camera = visibility.camera_view(context.frame, self._robot)
         in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
-        self._expected = self._layers.grid.low + np.argwhere(in_view)
+        self._expected, self._aim = self._layers.grid.low + np.argwhere(in_view), viewpoint.position
         if self.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             self.rewards.aim(place, viewpoint.heading)
@@ -154,6 +154,7 @@ class Exploration:
             gains = gains + self.rewards.gains(traversability.on_ground(candidates), ANGLES)
         there = np.vstack([traversability.grid.cell_of(paths.start), cells])
         can_face = bits(paths.headings[tuple(there.T)])
+        gains = np.where(can_face, gains, 0.0)
         is_some = (gains >= MIN_GAIN).any(axis=1)
         if not is_some.any():
             return None
@@ -176,6 +177,7 @@ class Exploration:
         """Move missed cells with the keyframe that missed them last, and expected cells with the newest keyframe."""
         layers, grid = self._layers, self._layers.grid
         expected = moved_by(correction.motions[-1], grid.centre_of(self._expected - grid.low))
+        (self._aim,) = moved_by(correction.motions[-1], self._aim[None])
         self._expected = grid.low + np.argwhere(grid.mask_of(expected))
         count, place = layers["misses"], layers["missed_from"]
         cells = np.argwhere(count)
@@ -194,8 +196,10 @@ class Exploration:
         # A correction of the map may have brought a cell here that was given up.
         misses = np.minimum(self._layers["misses"][tuple(cells.T)], len(CHANCES) - 1)
         is_shown = ~np.isnan(measured[tuple(cells.T)])
-        self._looked_for += CELL**2 * np.bincount(misses, minlength=len(CHANCES))
-        self._shown += CELL**2 * np.bincount(misses[is_shown], minlength=len(CHANCES))
+        # A keyframe from elsewhere, after a drive that failed, tells nothing of how often missed ground shows.
+        if np.linalg.norm(position - self._aim) < ARRIVED:
+            self._looked_for += CELL**2 * np.bincount(misses, minlength=len(CHANCES))
+            self._shown += CELL**2 * np.bincount(misses[is_shown], minlength=len(CHANCES))
         missed = tuple(cells[~is_shown].T)
         self._layers.write("misses", misses[~is_shown] + 1, missed)
         self._layers.write("missed_from", position, missed)

@@ -10,6 +10,9 @@ from pipeline.frame import Frame
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 
+ARRIVED = 0.15
+"""m; a robot this close to a viewpoint or goal has reached it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:

@@ -5,14 +5,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.visibility_kernels import RAYS
+from pipeline.exploration.visibility_kernels import RAYS, STEP
 from pipeline.frame import Frame
 from pipeline.grid_map import blocks
 from pipeline.robot import RobotModel
 from pipeline.traversability.pose_kernels import ANGLES
 
-STEP = 2 * np.pi / RAYS
-"""rad, from one ray to the next."""
 STRIDE = 5
 """Cells along each side of the blocks, each of which has one place for viewpoints."""
 

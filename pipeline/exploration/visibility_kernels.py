@@ -11,6 +11,8 @@ from pipeline.traversability.elevation_kernels import cell_at
 
 RAYS = 180
 """Number of directions around a viewpoint."""
+STEP = 2 * np.pi / RAYS
+"""rad, from one ray to the next."""
 RAMP = np.tan(RAMP_TILT)
 """Slope above which ground that rises is a ramp."""
 SUSPECTED_FALL = 0.28
@@ -154,12 +156,11 @@ def ray_gains(places, view, terrain, wanted, known):
     """(N, RAYS) m² that each ray from (N, 2) points should show: cast if ``wanted``, otherwise as ``known``."""
     result = known.copy()
     seen = np.zeros(int(view.far / terrain.cell) + 9, np.int64)
-    step = 2 * np.pi / RAYS
     for n in range(len(places)):
         for m in range(RAYS):
             if wanted[n, m]:
-                total, _ = cast_ray(places[n, 0], places[n, 1], m * step, view, terrain, seen)
-                result[n, m] = total * terrain.cell * step
+                total, _ = cast_ray(places[n, 0], places[n, 1], m * STEP, view, terrain, seen)
+                result[n, m] = total * terrain.cell * STEP
     return result
 
 
@@ -170,7 +171,7 @@ def rays_towards(places, mask, origin, side, reach):
     The squares have sides of ``side`` m, and the corner of the first one is ``origin``.
     """
     wanted = np.zeros((len(places), RAYS), np.bool_)
-    step, radius, around = 2 * np.pi / RAYS, side / np.sqrt(2), int(reach / side) + 1
+    radius, around = side / np.sqrt(2), int(reach / side) + 1
     rows, columns = np.nonzero(mask)
     if len(rows) == 0:
         return wanted
@@ -187,7 +188,7 @@ def rays_towards(places, mask, origin, side, reach):
                     continue
                 half = np.arcsin(radius / distance) if distance > radius else np.pi
                 bearing = np.arctan2(y, x)
-                for m in range(int(np.floor((bearing - half) / step)), int(np.ceil((bearing + half) / step)) + 1):
+                for m in range(int(np.floor((bearing - half) / STEP)), int(np.ceil((bearing + half) / STEP)) + 1):
                     wanted[n, m % RAYS] = True
     return wanted
 

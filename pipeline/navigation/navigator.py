@@ -50,8 +50,10 @@ class Outcome(Enum):
     TILTED = "tilted"
     BLOCKED = "blocked"
     """An obstacle that the map does not show stands in the way."""
-    MOVED = "maybe carried elsewhere"
-    """The robot was carried elsewhere, or may have been."""
+    MOVED = "carried elsewhere"
+    """The odometry jumped."""
+    UNSURE = "pose in doubt"
+    """The robot stopped to look around."""
 
 
 @dataclass
@@ -247,7 +249,7 @@ class Navigator:
         for command in commands:
             if not self.look():
                 self._drive(Velocity())
-                return Outcome.MOVED
+                return Outcome.UNSURE
             if command.v > 0 and not isinstance(command, Turn) and not is_clear(self.T_map_base[:2, 3]):
                 self._drive(Velocity())
                 return Outcome.BLOCKED

@@ -13,16 +13,14 @@ from pipeline.traversability.traversability import Traversability
 
 STRIDE = 0.4
 """m of straight driving between two checks."""
-NEAR = 0.9
-"""m from the robot's middle; its camera sees nothing nearer."""
 FAR = 2.0
 """m from the robot's middle; farther obstacles do not count yet."""
-BEYOND = 0.35
-"""m behind the way point, where the robot's front comes to stand; farther obstacles do not count."""
+MARGIN = 0.1
+"""m before the robot's front at the way point in which obstacles count."""
 SIDE_MARGIN = 0.0215
 """m on each side of the footprint that must be free as well."""
-LOW, HIGH = 0.15, 0.6
-"""m above the ground in the map; obstacles have returns between these heights."""
+LOW = 0.15
+"""m above the ground in the map; obstacles have returns between this height and the robot's headroom."""
 MIN_RETURNS = 50
 """Least number of returns in a cell with an obstacle; noise gives none, the thickest dust at most 17, measured."""
 
@@ -47,8 +45,8 @@ class ObstacleCheck:
         It takes an image when the way point is new, and every ``STRIDE``, unless the way point is nearer than the
         camera sees.
         """
-        is_new = target is not self._target
-        if np.linalg.norm(target - position) + BEYOND < NEAR:
+        is_new, model = target is not self._target, self._traversability.robot
+        if np.linalg.norm(target - position) + model.half_length < model.camera_range[0]:
             return True
         if is_new or np.linalg.norm(position - self._last) >= STRIDE:
             self._target, self._last = target, position
@@ -62,9 +60,9 @@ class ObstacleCheck:
         ahead = (target - start) / length
         along = (points[:, :2] - start) @ ahead
         across = (points[:, :2] - start) @ np.array([-ahead[1], ahead[0]])
-        on_way = (along > 0) & (along < min(length + BEYOND, FAR))
+        on_way = (along > 0) & (along < min(length + ground.robot.half_length + MARGIN, FAR))
         near = points[on_way & (abs(across) < ground.robot.half_width + SIDE_MARGIN)]
         height = near[:, 2] - ground.grid.at(ground.elevation, near, outside=np.nan)
-        near = near[ground.grid.at(ground.traversable, near) & (height > LOW) & (height < HIGH)]
+        near = near[ground.grid.at(ground.traversable, near) & (height > LOW) & (height < ground.robot.headroom)]
         _, cell, count = np.unique(ground.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
         return near[count[cell.ravel()] >= MIN_RETURNS]

@@ -12,8 +12,8 @@ from pipeline.traversability.traversability import NARROW_SPEED, RAMP_MARGIN, ST
 
 BRAKING = 0.2
 """m/s², so that wheels do not skid."""
-AHEAD = np.arange(0.0, 0.9, 0.05)
-"""m from the robot's middle on its way at which ground is checked: enough to brake from 0.5 m/s, front included."""
+STEP = 0.05
+"""m between the places on the way at which ground is checked, far enough ahead to brake from full speed."""
 BESIDE = 1.0
 """m from a person within which the robot drives no faster than where it has no room."""
 
@@ -29,18 +29,19 @@ class Pace:
     ):
         """``ramps``, ``people``: (N, 3) points of each inclined ramp and person of the semantic map, m."""
         self._traversability, robot = traversability, traversability.robot
+        self._ahead = np.arange(0.0, robot.half_length + robot.speed**2 / (2 * BRAKING) + STEP, STEP)
         slow = (ramps, RAMP_MARGIN, robot.ramp_speed), (people, BESIDE, NARROW_SPEED)
         self._slow = [(KDTree(np.vstack(these)[:, :2]), near, most) for these, near, most in slow if len(these)]
 
     def __call__(self, here: NDArray[np.float64], along: NDArray[np.float64]) -> float:
         """m/s for a robot at (2,) m that drives along a unit vector (2,): it can brake in time for slower ground."""
         t, robot = self._traversability, self._traversability.robot
-        places = here + AHEAD[:, None] * along
+        places = here + self._ahead[:, None] * along
         clearance = t.clearance[..., nearest_heading(float(np.arctan2(along[1], along[0]))) % STANDING]
         speeds = level_speed(0.01 * t.grid.at(clearance, places), robot.speed, min(robot.speed, NARROW_SPEED))
         speeds = np.where(t.grid.at(t.ramp, places), np.minimum(robot.ramp_speed, speeds), speeds)
         for tree, near, most in self._slow:
             is_near = np.isfinite(tree.query(places, distance_upper_bound=near)[0])
             speeds = np.where(is_near, np.minimum(most, speeds), speeds)
-        left = np.maximum(AHEAD - robot.half_length, 0.0)
+        left = np.maximum(self._ahead - robot.half_length, 0.0)
         return float(np.sqrt(speeds**2 + 2 * BRAKING * left).min())

@@ -40,8 +40,9 @@ def plan_path(
 ) -> PathPlan | None:
     """The plan from the start of ``paths`` to a goal (2 or 3,), m, with a given final heading, rad, or any.
 
-    Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree the way leads over each of them;
-    on the roadmap the way is the search's own, which is quicker, and leads past them.
+    Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree the way leads over each of them,
+    unless one straight drive leads to the goal; on the roadmap the way is the search's own, which is quicker, and
+    leads past them.
     Returns None if no way leads to the goal: :func:`obstacle_to` says why.
     """
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
@@ -52,7 +53,8 @@ def plan_path(
     nodes = _nodes_between(topology, traversability, paths.start, goal) if len(way.places) > 1 else []
     ways = [way]
     if topology.kind == "mst" and nodes:
-        ways = _ways_over([topology.nodes[n].position[:2] for n in nodes], paths, goal, heading) or ways
+        over = _ways_over([topology.nodes[n].position[:2] for n in nodes], paths, goal, heading)
+        ways, nodes = (over, nodes) if over else (ways, [])
     places = np.vstack([w.places for w in ways])
     length = float(np.linalg.norm(np.diff(np.vstack([paths.start, places]), axis=0), axis=1).sum())
     return PathPlan(traversability.on_ground(places), np.concatenate([w.backwards for w in ways]), nodes, length)
@@ -67,7 +69,7 @@ def _ways_over(
         if not np.isfinite(paths.cost_to(place)):
             return []
         ways.append(paths.way_to(place, heading if place is goal else None))
-        paths = PosePaths(paths.traversability, place, ways[-1].heading)
+        paths = PosePaths(paths.traversability, place, ways[-1].heading, paths.caution)
     return ways
 
 
@@ -114,7 +116,7 @@ def order_goals(topology: TopologicalMap, paths: PosePaths, goals: Sequence[Arra
     """
     places = [np.asarray(goal, np.float64)[:2] for goal in goals]
     wanted = [k for k, place in enumerate(places) if obstacle_to(paths, place) is None]
-    there = [paths, *(PosePaths(paths.traversability, places[k]) for k in wanted)]
+    there = [paths, *(PosePaths(paths.traversability, places[k], caution=paths.caution) for k in wanted)]
     seconds = np.zeros((len(wanted) + 1, len(wanted) + 1))
     for row, ways in zip(seconds, there, strict=False):
         row[1:] = [min(ways.cost_to(places[k]), FARTHEST) for k in wanted]

@@ -177,7 +177,9 @@ class Cover:
     def _count(self, node: int, by: int) -> None:
         """Add ``by`` to the counts of the cells that a node sees."""
         visible = self._seen_by[node]
-        self.count[self._window(visible)] += by * self._on_grid(visible)
+        window, corner = self._window(visible), visible.corners[0] - self.grid.low
+        i, j = (slice(w.start - c, w.stop - c) for w, c in zip(window, corner, strict=True))
+        self.count[window] += by * visible.seen[0][i, j]
 
     def _window(self, visible: VisibleCells) -> Box:
         """The part of a place's window that lies on the grid."""
@@ -185,12 +187,6 @@ class Cover:
         low = np.maximum(corner, 0)
         high = np.maximum(np.minimum(corner + 2 * _REACH + 1, self.grid.shape), low)
         return slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
-
-    def _on_grid(self, visible: VisibleCells) -> NDArray[np.bool_]:
-        """(I, J) the cells that a place sees in the part of its window that lies on the grid."""
-        corner = visible.corners[0] - self.grid.low
-        i, j = (slice(w.start - c, w.stop - c) for w, c in zip(self._window(visible), corner, strict=True))
-        return visible.seen[0][i, j]
 
 
 @cache

@@ -7,16 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
+from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segment, Segments
 from pipeline.topological_map.cover import Cover
+from pipeline.traversability.traversability import RAMP_MARGIN
 
 LEVEL = 0.12
 """m; ground that differs more in height from a segment does not belong to it."""
 LARGE_RAMP = 1.8
 """m; a longer straight ramp has a node in each half."""
-FOOT_DISTANCE = 0.45
-"""m from the bottom edge of an inclined ramp to its node, where the whole robot stands level."""
 MAX_SLOPE = np.deg2rad(35)
 """rad; a steeper plane is a ramp's side."""
 MIN_AREA = 0.1
@@ -40,7 +40,7 @@ class Place:
 
 def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: Cover) -> list[Place]:
     """The places of all segments and of terrain patches, moved to where the robot can stand and turn."""
-    wanted = [(p, s.label) for s in segments for p in segment_nodes(s)]
+    wanted = [(p, s.label) for s in segments for p in segment_nodes(s, cover.traversability.robot)]
     wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
     places = []
     for place, label in wanted:
@@ -59,13 +59,13 @@ def label_at(point: NDArray[np.float64], segments: Segments) -> Label:
     return Label.TERRAIN
 
 
-def segment_nodes(segment: Segment) -> NDArray[np.float64]:
+def segment_nodes(segment: Segment, robot: RobotModel) -> NDArray[np.float64]:
     """(N, 3) places in ``map`` for the nodes of a straight or an inclined ramp; none on other segments."""
     if segment.box.area >= MIN_AREA and segment.plane.normal[2] >= np.cos(MAX_SLOPE):
         if segment.label is Label.STRAIGHT_RAMP:
             return _middles(segment)
         if segment.label is Label.INCLINED_RAMP:
-            return _bottom(segment)[None]
+            return _bottom(segment, robot.half_length + RAMP_MARGIN)[None]
     return np.zeros((0, 3))
 
 
@@ -79,11 +79,11 @@ def _middles(segment: Segment) -> NDArray[np.float64]:
     return np.stack([T[:3, 3] - quarter, T[:3, 3] + quarter])
 
 
-def _bottom(segment: Segment) -> NDArray[np.float64]:
-    """Before the bottom edge of an inclined ramp, where the robot does not slide."""
+def _bottom(segment: Segment, distance: float) -> NDArray[np.float64]:
+    """(3,) ``distance`` m before the bottom edge of an inclined ramp, where the whole robot stands level."""
     box = segment.box
     downhill = np.array([*segment.plane.normal[:2], 0.0])
     downhill /= np.linalg.norm(downhill)
     # The box's y axis runs along the slope, up or down.
     along = box.T_map_box[:3, 1] * np.sign(box.T_map_box[:3, 1] @ downhill)
-    return box.T_map_box[:3, 3] + along * box.extent[1] / 2 + downhill * FOOT_DISTANCE
+    return box.T_map_box[:3, 3] + along * box.extent[1] / 2 + downhill * distance

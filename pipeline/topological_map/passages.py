@@ -34,20 +34,11 @@ class Passages:
         mask = changed | grid.mask_of(np.array(moved).reshape(-1, 3))
         if not mask.any():
             return
-        inner = box_around(mask, 0)
         # A node sees no ground farther away, so the nodes whose regions changed are in this box.
-        box = box_around(mask, round(SIGHT / grid.cell))
-        is_old = np.ones(grid.shape, np.bool_)
-        is_old[inner] = False
-        kept = {pair: edge for pair, edge in self._edges.items() if nodes.keys() >= set(pair)}
-        ways = [np.vstack([nodes[a].position, edge["bends"], nodes[b].position]) for (a, b), edge in kept.items()]
-        ends = np.cumsum([0, *map(len, ways)])
-        old = grid.at(is_old, np.vstack([np.zeros((0, 3)), *ways]), outside=1)
-        self._edges = {pair: kept[pair] for k, pair in enumerate(kept) if old[ends[k] : ends[k + 1]].all()}
-        part = links.traversability.part(box)
-        here = {n: node for n, node in nodes.items() if part.grid.mask_of(node.position[None]).any()}
-        for pair, edge in _between(here, links, drives, part).items():
-            self._edges.setdefault(pair, edge)
+        part = links.traversability.part(box_around(mask, round(SIGHT / grid.cell)))
+        here = {n: node for n, node in nodes.items() if part.grid.holds(part.grid.cell_of(node.position))}
+        kept = {pair: edge for pair, edge in self._edges.items() if all(nodes.get(n) is before[n] for n in pair)}
+        self._edges = _free(kept, nodes, links) | _between(here, links, drives, part)
 
     def add_to(self, drives: nx.Graph) -> None:
         """Join the nodes in a graph of straight drives that no such drive joins.
@@ -55,6 +46,19 @@ class Passages:
         The edge keeps the ``bends`` of its way: (M, 3) m, from the node of the lower id to the other.
         """
         drives.add_edges_from((a, b, edge) for (a, b), edge in self._edges.items() if not drives.has_edge(a, b))
+
+
+def _free(
+    edges: Mapping[tuple[int, int], dict[str, Any]], nodes: Mapping[int, Node], links: Links
+) -> dict[tuple[int, int], dict[str, Any]]:
+    """The edges whose ways still meet no obstacle."""
+    ways = [np.vstack([nodes[a].position, edge["bends"], nodes[b].position]) for (a, b), edge in edges.items()]
+    starts, ends = (
+        np.vstack([np.zeros((0, 3)), *(way[side] for way in ways)]) for side in (slice(-1), slice(1, None))
+    )
+    of_leg = np.repeat(np.arange(len(ways)), [len(way) - 1 for way in ways])
+    blocked = set(of_leg[~links.are_free(starts, ends)].tolist())
+    return {pair: edge for k, (pair, edge) in enumerate(edges.items()) if k not in blocked}
 
 
 def _between(

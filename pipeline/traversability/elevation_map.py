@@ -107,7 +107,7 @@ class ElevationMap:
         self.layers.cover(points)
         i, j = self.grid.cell_of(points).T
         self.layers["touched"][i, j] = points[:, 2]
-        self._refresh(~np.isnan(self.layers["touched"]))
+        self._refresh((i, j))
 
     def add_track(self, places: NDArray[np.float64]) -> None:
         """Mark the cells of (N, 2) places of the robot's middle, m; the cells that it swept hold no panel."""

@@ -24,6 +24,10 @@ SWEEP = 1
 """cm that a turn to the next heading may come nearer to an obstacle."""
 TICK = 0.01
 """s, the unit of costs."""
+BACKING = 2.0
+"""Cost of a drive backwards, relative to one forwards: the camera looks the other way."""
+RISK = 20.0
+"""Seconds added to each second in which the robot is certain to meet an obstacle."""
 STOP = 1.5
 """s that a bend of the way takes: slow down, set off again."""
 BUCKETS = 8192
@@ -60,14 +64,12 @@ class Costs(NamedTuple):
 
     Attributes:
         half_length, half_width: of the footprint, m.
-        speed, narrow_speed, ramp_speed: m/s, on level ground with much and with no room, and on ramps.
-        turn_rate, ramp_turn_rate: rad/s.
-        backward: cost of a drive backwards, relative to one forwards.
+        speed, narrow_speed, ramp_speed: m/s, on level ground with much and with no room, and on ramps, as expected.
+        turn_rate, ramp_turn_rate: rad/s, as expected.
         stray: greatest deviation of the robot from its way, m.
         slide: additional deviation in a turn, m per unit of slope.
         lean: how far the top of the body leans downhill, m per unit of slope: its height.
         across: relative increase of the time by driving across a slope, per unit of slope.
-        risk: relative increase of the time if a collision is certain.
     """
 
     half_length: float
@@ -77,12 +79,10 @@ class Costs(NamedTuple):
     ramp_speed: float
     turn_rate: float
     ramp_turn_rate: float
-    backward: float
     stray: float
     slide: float
     lean: float
     across: float
-    risk: float
 
 
 @njit(cache=True)
@@ -187,7 +187,7 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
     speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.narrow_speed)
     seconds = (1.0 + costs.across * across) / speed
     room = clearance - costs.lean * np.hypot(uphill[0], uphill[1])
-    return seconds * (costs.backward if backward else 1.0) * (1.0 + costs.risk * danger(room, costs.stray))
+    return seconds * (BACKING if backward else 1.0) * (1.0 + RISK * danger(room, costs.stray))
 
 
 @njit(cache=True)
@@ -196,7 +196,7 @@ def turn_seconds_per_radian(clearance, uphill, costs):
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
     room = clearance - costs.lean * slope
-    return seconds * (1.0 + costs.risk * danger(room, 0.5 * costs.stray + costs.slide * slope))
+    return seconds * (1.0 + RISK * danger(room, 0.5 * costs.stray + costs.slide * slope))
 
 
 @njit(cache=True)
@@ -212,7 +212,7 @@ def room_at(x, y, cos, sin, terrain, costs):
     i, j = cell_at(x, y, terrain.origin, terrain.cell)
     if not (0 <= i < nx and 0 <= j < ny):
         return -1.0
-    radius = np.hypot(costs.half_length, costs.half_width) + costs.stray + LENIENCY
+    radius = np.hypot(costs.half_length, costs.half_width) + FARTHEST
     if terrain.to_obstacle[i, j] > radius + terrain.cell:
         return FARTHEST
     least, reach = FARTHEST, int(radius / terrain.cell) + 1

@@ -14,8 +14,8 @@ from pipeline.traversability.traversability import LEAST, STANDING, Traversabili
 
 SNAP = 0.5
 """m; a start where the robot cannot stand is moved to the nearest place where it can within this distance."""
-ESCAPE, ESCAPE_FACTOR = 0.8, 5.0
-"""m that a robot with too little clearance may drive despite that, and by how much such moves cost more."""
+ESCAPE = 0.8
+"""m that a robot with too little clearance may drive despite that."""
 FIRST_HORIZON, GROWTH = 4.0, 1.5
 """s, limit of the cost in the first search for a place, and the factor by which the limit grows until it is found."""
 SHORTEST = 0.95
@@ -49,6 +49,7 @@ class PosePaths:
     Attributes:
         traversability: of the ground.
         start: (2,) m, the (first) start; None if the robot can stand nowhere near.
+        caution: factor of the measured deviations that the costs allow for.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class PosePaths:
 
         The costs allow for ``caution`` times the measured deviations of the robot from its way.
         """
-        self._costs = costs_of(traversability.robot, caution)
+        self._costs, self.caution = costs_of(traversability.robot, caution), caution
         self.traversability, self._grid = traversability, traversability.grid
         self._heading = heading
         wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
@@ -94,7 +95,6 @@ class PosePaths:
             np.zeros(size, np.int16),
             kernels.level_ticks(self._grid.cell, self._costs),
             ESCAPE if can_escape else -1.0,
-            ESCAPE_FACTOR,
             np.ones(1, np.int64),
         )
         self._queue = _queue(max(ENTRIES, 2 * len(starts)))

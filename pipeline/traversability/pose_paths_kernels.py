@@ -23,6 +23,8 @@ from pipeline.traversability.pose_kernels import (
 
 FORWARD, BACKWARD, LEFT, RIGHT = 1, 2, 3, 4
 """Moves."""
+ESCAPE_FACTOR = 5.0
+"""Factor of the cost of moves through poses without room."""
 _UNDO = np.array([0, BACKWARD, FORWARD, RIGHT, LEFT])
 
 
@@ -70,7 +72,7 @@ def was_near(i, j, least):
 
 
 @njit(cache=True, inline="always")
-def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, escape_factor):
+def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
     """Cost in ticks of a move from (i, j, h) to (a, b, k) on a way from a start (2,); -1 if it is not allowed."""
     half = HEADINGS // 2
     before, entered = terrain.clearance[i, j, h % half], terrain.clearance[a, b, k % half]
@@ -89,7 +91,7 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, es
         step = move_ticks(h, move, room, terrain.uphill[a, b], terrain.cell, costs)
     else:
         step = level[move, h, max(room, 0)]
-    return step if is_free else min(int(escape_factor * step), BUCKETS - 1)
+    return step if is_free else min(int(ESCAPE_FACTOR * step), BUCKETS - 1)
 
 
 class Search(NamedTuple):
@@ -103,7 +105,6 @@ class Search(NamedTuple):
         level: (5, 16, R) ticks of moves on level ground, see :func:`level_ticks`.
         escape: m from its start within which a robot may drive through poses without room, as long as the clearance
             does not shrink, or where the robot has been.
-        factor: factor of the cost of such moves.
         now: (1,) int64 the cost up to which all poses are settled.
     """
 
@@ -113,7 +114,6 @@ class Search(NamedTuple):
     source: NDArray[np.int16]
     level: NDArray[np.int32]
     escape: float
-    factor: float
     now: NDArray[np.int64]
 
 
@@ -183,7 +183,7 @@ def extend(search, queue, terrain, costs, until):
     """
     nx, ny = terrain.least.shape
     cost, source, level, now = search.cost, search.source, search.level, search.now[0]
-    escape, factor = int(search.escape / terrain.cell), search.factor
+    escape = int(search.escape / terrain.cell)
     while queue.used[0] > 0 and now <= until:
         search.now[0] = now
         if queue.used[1] + RIGHT > len(queue.state):
@@ -200,7 +200,7 @@ def extend(search, queue, terrain, costs, until):
             a, b, k = move_from(i, j, h, move)
             if not (0 <= a < nx and 0 <= b < ny):
                 continue
-            step = entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape, factor)
+            step = entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape)
             then, new = (a * ny + b) * HEADINGS + k, now + step
             if step > 0 and (cost[then] == 0 or cost[then] > new):
                 cost[then], search.came_by[then], source[then] = new, move, source[state]

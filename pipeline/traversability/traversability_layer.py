@@ -5,27 +5,26 @@ from numpy.typing import NDArray
 
 from pipeline.grid_map import GridMap, Layer, box_around, inside
 from pipeline.traversability.elevation_map import CELL, ElevationMap
-from pipeline.traversability.pose_kernels import HEADINGS, UNKNOWN
+from pipeline.traversability.pose_kernels import HEADINGS
 from pipeline.traversability.traversability import FAR, MAX_DROP_GAP, Traversability, assess
 
 _NO = Layer(np.bool_)
 JUDGED = {
     "gradient": Layer(np.float32, per_cell=(2,)),
     "hazard": _NO,
-    "to_hazard": Layer(np.float64, FAR),
-    "obstacle": Layer(np.uint8, UNKNOWN),
+    "to_hazard": Layer(np.float64),
+    "obstacle": Layer(np.uint8),
     "to_obstacle": Layer(np.float64),
-    "clearance": Layer(np.int8, -100, per_cell=(HEADINGS,)),
+    "clearance": Layer(np.int8, per_cell=(HEADINGS,)),
     "least": Layer(np.int8),
     "ramp": _NO,
     "uphill": Layer(np.float32, per_cell=(2,)),
     "free": Layer(np.uint8, per_cell=(2,)),
     "turnable": _NO,
     "tall": _NO,
-    "sealed": Layer(np.float32, np.nan),
+    "sealed": Layer(np.float32),
 }
-"""The layers computed from the elevation, from depth dropouts and from where the robot drove; ``fill`` is their value
-where all ground is unknown."""
+"""The layers computed from the elevation, from depth dropouts and from where the robot drove."""
 
 REACH = round((FAR + MAX_DROP_GAP) / CELL) + 5
 """Cells within which a change has an effect: a cell affects hazards across a gap, a hazard affects cells up to

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.exploration.viewpoint import Context
-from pipeline.mission import ARRIVED, PATIENCE, Goals
+from pipeline.exploration.viewpoint import ARRIVED, Context
+from pipeline.mission import PATIENCE, Goals
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw
 from pipeline.traversability.pose_paths import PosePaths

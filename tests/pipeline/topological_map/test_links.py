@@ -63,7 +63,7 @@ def test_a_metre_on_a_ramp_takes_longer():
     )
     assert level == pytest.approx(1.0 / PIONEER.speed + STOP)
     length = RUN + 1.2
-    assert length / PIONEER.speed * 1.3 < ramp - STOP < length / RAMP_SPEED
+    assert length / PIONEER.speed * 1.3 < ramp - STOP < length / (RAMP_SPEED * PIONEER.ramp_speed)
 
 
 def test_no_edge_is_longer_than_the_longest():

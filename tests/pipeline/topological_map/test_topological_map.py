@@ -14,6 +14,7 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import assess_map
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.topological_map.grounds import patch, room, topology_of
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
 
@@ -41,7 +42,7 @@ def ramp_world():
 def test_a_large_deck_has_a_node_in_each_half():
     segments = Segments()
     segments.update(ramp_patches(), 0)
-    nodes = segment_nodes(segments.of(Label.STRAIGHT_RAMP)[0])
+    nodes = segment_nodes(segments.of(Label.STRAIGHT_RAMP)[0], PIONEER)
     np.testing.assert_allclose(sorted(nodes[:, 0]), [RUN + 0.6, RUN + 1.8], atol=0.05)
     np.testing.assert_allclose(nodes[:, 1:], [[0, RISE]] * 2, atol=0.02)
 
@@ -50,13 +51,13 @@ def test_a_small_deck_has_one_in_its_middle():
     segments = Segments()
     deck = ground_points(ramp_and_deck, (RUN, RUN + 1.6), (-0.6, 0.6))
     segments.update([patch(Label.STRAIGHT_RAMP, deck, (0, 0, 5))], 0)
-    np.testing.assert_allclose(segment_nodes(next(iter(segments))), [[RUN + 0.8, 0, RISE]], atol=0.05)
+    np.testing.assert_allclose(segment_nodes(next(iter(segments)), PIONEER), [[RUN + 0.8, 0, RISE]], atol=0.05)
 
 
 def test_the_node_of_an_inclined_ramp_lies_before_its_bottom():
     segments = Segments()
     segments.update(ramp_patches(), 0)
-    nodes = segment_nodes(segments.of(Label.INCLINED_RAMP)[0])
+    nodes = segment_nodes(segments.of(Label.INCLINED_RAMP)[0], PIONEER)
     np.testing.assert_allclose(nodes, [[-0.45, 0, 0]], atol=0.03)
 
 
@@ -64,7 +65,7 @@ def test_the_side_of_a_ramp_has_no_node():
     segments = Segments()
     side = wall_points((0, -0.6), (RUN, -0.6), height=0.3)
     segments.update([patch(Label.INCLINED_RAMP, side, (0, -3, 1))], 0)
-    assert len(segment_nodes(next(iter(segments)))) == 0
+    assert len(segment_nodes(next(iter(segments)), PIONEER)) == 0
 
 
 def test_nodes_and_tree_lead_up_the_ramp(ramp_world):

@@ -53,7 +53,7 @@ def graph_of(traversability):
             there = kernels.move_from(i, j, h, move)
             if all(0 <= k < n for k, n in zip(there, stands.shape, strict=True)) and stands[there]:
                 pose = (i, j, h)
-                ticks = kernels.entry_ticks(*pose, *there, move, pose, terrain, level, costs, -1, 1.0)
+                ticks = kernels.entry_ticks(*pose, *there, move, pose, terrain, level, costs, -1)
                 if ticks > 0:
                     graph.add_edge(pose, there, weight=ticks)
     return graph
@@ -179,7 +179,7 @@ def test_on_a_slope_the_body_leans_towards_the_wall():
     costs, lean = costs_of(PIONEER), 0.28 * PIONEER.body_height
     for uphill in (np.array([0.28, 0.0]), np.array([0.0, 0.28])):
         free, near = (pose_kernels.drive_seconds_per_metre(room, 1, 0, uphill, False, costs) for room in (0.2, 0.09))
-        assert near / free == pytest.approx(1 + costs.risk * (1 - (0.09 - lean) / costs.stray))
+        assert near / free == pytest.approx(1 + pose_kernels.RISK * (1 - (0.09 - lean) / costs.stray))
 
 
 def test_the_deck_is_reached_over_its_ramp_only():

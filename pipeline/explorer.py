@@ -16,7 +16,6 @@ from pipeline.navigation.lookout import KIDNAPPED, Lookout
 from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.navigation.pace import Pace
-from pipeline.navigation.recovery import touched
 from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.segments.cells import centres
@@ -171,7 +170,7 @@ class Explorer:
         track = np.array(self.navigator.track).reshape(-1, 2)
         # If the robot did not get free, an obstacle mapped beside it would only shut it in.
         halts = [halt for halt in self.navigator.halts if halt.touches]
-        self.mapper.add_drive(track, obstacles, [touched(halt, self.robot.model) for halt in halts])
+        self.mapper.add_drive(track, obstacles, [halt.touched(self.robot.model) for halt in halts])
         self.track = np.vstack([self.track, track])
 
     def settle(self) -> bool:

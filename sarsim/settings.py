@@ -6,6 +6,7 @@ from typing import Annotated, Literal, get_args
 
 import tyro
 
+from pipeline.errors import InputError
 from pipeline.recording.live.topic_names import TopicNames
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.assets import asset
@@ -81,6 +82,11 @@ class MissionConfig:
     home: bool = False
     speed: float = 0.5
     view: Literal["none", "spawn", "web"] = "none"
+
+    def __post_init__(self) -> None:
+        """Raise InputError for settings out of range."""
+        if not 0 < self.speed < float("inf"):
+            raise InputError(f"--speed {self.speed:g}: more than 0")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -94,7 +94,8 @@ class SimulatedRobot:
         self._environment = rescue_environment(arena, seed, config.robot)
         self._environment.reset()
         self.robot: SkidSteered = self._environment.task.robot
-        self.model = replace(self.robot.model, speed=config.speed or self.robot.model.speed)
+        speed = min(config.speed or self.robot.model.speed, self.robot.drive.top_speed)
+        self.model = replace(self.robot.model, speed=speed)
         self.physics = self._environment.physics
         set_lighting(self.physics, self.robot, lighting)
         self.renderer = Renderer(self.physics.model.ptr)

@@ -104,6 +104,12 @@ class Exploration:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             self.rewards.aim(place, viewpoint.heading)
 
+    @property
+    def chances(self) -> NDArray[np.float64]:
+        """(K,) probability that ground is there after 0, 1, … misses, by Bayes' rule and what the robot has found."""
+        # At first sight ground stays likely: beyond a rim there is none, but behind the next corner there may be.
+        return np.append(CHANCES[0], np.minimum.accumulate(self._shown / self._looked_for)[1:])
+
     def find_frontiers(self, context: Context) -> NDArray[np.float64]:
         """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
         traversability, target = context.traversability, self._terrain.target
@@ -153,18 +159,16 @@ class Exploration:
         if self.rewards and self.rewards.wanted:
             gains = gains + self.rewards.gains(traversability.on_ground(candidates), ANGLES)
         there = np.vstack([traversability.grid.cell_of(paths.start), cells])
-        can_face = bits(paths.headings[tuple(there.T)])
-        gains = np.where(can_face, gains, 0.0)
+        gains = np.where(bits(paths.headings[tuple(there.T)]), gains, 0.0)
         is_some = (gains >= MIN_GAIN).any(axis=1)
         if not is_some.any():
             return None
-        candidates, gains, can_face, there = candidates[is_some], gains[is_some], can_face[is_some], there[is_some]
+        candidates, gains, there = candidates[is_some], gains[is_some], there[is_some]
         horizon, straight = FIRST_HORIZON, paths.least_seconds_to(there)[:, None]
         while True:
-            known = np.where(can_face, paths.seconds_to(there, horizon), np.inf)
+            known = paths.seconds_to(there, horizon)
             # Ways beyond the search's horizon cost more than the horizon, and no less than a straight drive.
-            beyond = np.inf if paths.is_complete else np.maximum(straight, horizon)
-            least = np.where(can_face, np.minimum(known, beyond), np.inf)
+            least = np.minimum(known, np.inf if paths.is_complete else np.maximum(straight, horizon))
             worth = self.worth(gains, least.min(axis=1), KEYFRAME_TIME + least)
             n, m = np.unravel_index(worth.argmax(), worth.shape)
             if worth[n, m] <= 0 or (paths.is_complete and np.isinf(known[n, m])):
@@ -208,9 +212,7 @@ class Exploration:
     def _write_terrain(self, context: Context) -> None:
         """Update the layers of the ground; unseen ground that may be traversable is a target until it is given up."""
         layers, may_be_driven = self._layers, context.traversability.to_hazard >= WALL_MARGIN
-        chances = np.minimum.accumulate(self._shown / self._looked_for)
-        # At first sight ground stays likely: beyond a rim there is none, but behind the next corner there may be.
-        chances[0] = CHANCES[0]
+        chances = self.chances
         # Rounded, so that rays are cast anew only when they change much.
         rounded = np.where(chances < GIVEN_UP, 0.0, np.round(chances, 1))
         probability = np.append(rounded, 0.0).astype(np.float32)[layers["misses"]]

@@ -11,8 +11,8 @@ from pipeline.labels import RAMP_TILT
 from pipeline.navigation.attitude import Attitude
 from pipeline.navigation.pace import BRAKING
 from pipeline.navigation.progress import Progress, Turn
-from pipeline.robot import Motion, Robot, Velocity
-from pipeline.transforms import wrap_angle, yaw_of
+from pipeline.robot import Motion, Robot, RobotModel, Velocity
+from pipeline.transforms import transform_points, wrap_angle, yaw_of
 
 LEAN = RAMP_TILT - np.deg2rad(2)
 """rad; a robot that leans more is on a ramp, even if only its first wheels are."""
@@ -40,6 +40,8 @@ JUMP = 0.15
 """m; a robot that moves farther than this from one control period to the next was kidnapped."""
 BACK_OUT, BACK_TURN = 0.3, np.deg2rad(20)
 """m and rad by which the robot drives or turns back after it was held."""
+BUMPER_GAP = 0.036
+"""m before the footprint at which the robot maps what it touched."""
 
 
 class Outcome(Enum):
@@ -51,9 +53,7 @@ class Outcome(Enum):
     BLOCKED = "blocked"
     """An obstacle that the map does not show stands in the way."""
     MOVED = "carried elsewhere"
-    """The odometry jumped."""
-    UNSURE = "pose in doubt"
-    """The robot stopped to look around."""
+    UNSURE = "pose in doubt, so the robot looks around"
 
 
 @dataclass
@@ -89,6 +89,13 @@ class Halt:
     def touches(self) -> bool:
         """Whether the robot got free of an obstacle right before its leading end; in a turn it may be anywhere."""
         return self.freed and not isinstance(self.command, Turn)
+
+    def touched(self, robot: RobotModel) -> NDArray[np.float64]:
+        """(N, 3) points in ``map`` right before the leading end of the robot, as high as its body, m."""
+        ahead = (robot.half_length + BUMPER_GAP) * np.sign(self.command.v)
+        across = np.linspace(-robot.half_width, robot.half_width, 21)
+        points = [[ahead, left, robot.body_height] for left in across]
+        return transform_points(self.T_map_base, np.array(points)).astype(np.float64)
 
 
 IsClear = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from pipeline.traversability.pose_kernels import level_speed
+from pipeline.traversability.pose_kernels import NARROW_SPEED, level_speed
 from pipeline.traversability.pose_paths import nearest_heading
-from pipeline.traversability.traversability import NARROW_SPEED, RAMP_MARGIN, STANDING, Traversability
+from pipeline.traversability.traversability import RAMP_MARGIN, STANDING, Traversability
 
 BRAKING = 0.2
 """m/s², so that wheels do not skid."""
@@ -38,7 +38,7 @@ class Pace:
         t, robot = self._traversability, self._traversability.robot
         places = here + self._ahead[:, None] * along
         clearance = t.clearance[..., nearest_heading(float(np.arctan2(along[1], along[0]))) % STANDING]
-        speeds = level_speed(0.01 * t.grid.at(clearance, places), robot.speed, min(robot.speed, NARROW_SPEED))
+        speeds = level_speed(0.01 * t.grid.at(clearance, places), robot.speed)
         speeds = np.where(t.grid.at(t.ramp, places), np.minimum(robot.ramp_speed, speeds), speeds)
         for tree, near, most in self._slow:
             is_near = np.isfinite(tree.query(places, distance_upper_bound=near)[0])

@@ -1,6 +1,6 @@
 """A cloud thinned to one point per voxel: near surfaces get as many points as far ones, and noise averages out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -32,10 +32,9 @@ class VoxelCloud:
         rank = np.append(np.empty(len(keys), np.int64), len(keys))
         rank[keys.argsort()] = np.arange(len(keys))
         voxel_of_point = rank[found]
-        hits, *sums = (np.bincount(voxel_of_point, of, len(keys))[: len(keys)] for of in (None, *points.T))
-        return cls(
-            (np.stack(sums, axis=1) / hits[:, None]).astype(np.float32), hits.astype(np.uint32), voxel_of_point
-        )
+        hits = np.bincount(voxel_of_point, minlength=len(keys))[: len(keys)].astype(np.uint32)
+        cloud = cls(points, hits, voxel_of_point)
+        return replace(cloud, points=cloud.means(points))
 
     def means(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """(M, C) float32 mean over the points of every voxel, given the (N, C) values of all points."""

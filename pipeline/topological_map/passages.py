@@ -1,6 +1,7 @@
 """Ways with bends between neighbouring nodes that no straight drive joins, updated where the ground changes."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 import networkx as nx
@@ -53,11 +54,9 @@ def _free(
 ) -> dict[tuple[int, int], dict[str, Any]]:
     """The edges whose ways still meet no obstacle."""
     ways = [np.vstack([nodes[a].position, edge["bends"], nodes[b].position]) for (a, b), edge in edges.items()]
-    starts, ends = (
-        np.vstack([np.zeros((0, 3)), *(way[side] for way in ways)]) for side in (slice(-1), slice(1, None))
-    )
+    legs = np.array([leg for way in ways for leg in pairwise(way)]).reshape(-1, 2, 3)
     of_leg = np.repeat(np.arange(len(ways)), [len(way) - 1 for way in ways])
-    blocked = set(of_leg[~links.are_free(starts, ends)].tolist())
+    blocked = of_leg[~links.are_free(legs[:, 0], legs[:, 1])]
     return {pair: edge for k, (pair, edge) in enumerate(edges.items()) if k not in blocked}
 
 

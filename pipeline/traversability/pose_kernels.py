@@ -24,6 +24,8 @@ SWEEP = 1
 """cm that a turn to the next heading may come nearer to an obstacle."""
 TICK = 0.01
 """s, the unit of costs."""
+NARROW_SPEED = 0.2
+"""m/s, greatest speed where obstacles leave no room around the footprint."""
 BACKING = 2.0
 """Cost of a drive backwards, relative to one forwards: the camera looks the other way."""
 RISK = 20.0
@@ -64,7 +66,7 @@ class Costs(NamedTuple):
 
     Attributes:
         half_length, half_width: of the footprint, m.
-        speed, narrow_speed, ramp_speed: m/s, on level ground with much and with no room, and on ramps, as expected.
+        speed, ramp_speed: m/s, on level ground with much room, and on ramps, as expected.
         turn_rate, ramp_turn_rate: rad/s, as expected.
         stray: greatest deviation of the robot from its way, m.
         slide: additional deviation in a turn, m per unit of slope.
@@ -75,7 +77,6 @@ class Costs(NamedTuple):
     half_length: float
     half_width: float
     speed: float
-    narrow_speed: float
     ramp_speed: float
     turn_rate: float
     ramp_turn_rate: float
@@ -174,8 +175,9 @@ def danger(clearance, spread):
 
 
 @njit(cache=True)
-def level_speed(room, speed, narrow_speed):
+def level_speed(room, speed):
     """m/s on level ground with ``room`` m around the footprint, a number or an array: the less, the slower."""
+    narrow_speed = min(speed, NARROW_SPEED)
     return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / FARTHEST, 1.0)
 
 
@@ -184,7 +186,7 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
     """Cost of a metre along (cos, sin), s, with ``clearance`` m around the footprint on a slope (2,)."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
-    speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.narrow_speed)
+    speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed)
     seconds = (1.0 + costs.across * across) / speed
     room = clearance - costs.lean * np.hypot(uphill[0], uphill[1])
     return seconds * (BACKING if backward else 1.0) * (1.0 + RISK * danger(room, costs.stray))

@@ -25,8 +25,6 @@ RAMP_MARGIN = 0.2
 """m; this close to a ramp the robot's wheels may already be on it."""
 RAMP_SPEED, TURN_RATE, RAMP_TURN_RATE = 0.67, 0.63, 0.43
 """Expected, as shares of the robot's greatest: it speeds up and brakes, and on ramps it aligns itself and slips."""
-NARROW_SPEED = 0.2
-"""m/s, greatest speed where obstacles leave no room around the footprint."""
 STRAY = 0.1
 """m, greatest deviation of the robot from its way."""
 LEAST = 0.04
@@ -49,12 +47,8 @@ class Traversability:
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: bool, steps and slopes that the robot cannot drive over.
         to_hazard: float64 m to the nearest hazard, at most :data:`FAR`.
-        obstacle: uint8, :data:`HAZARD` also where a thin panel may stand, :data:`UNKNOWN`, or 0.
-        to_obstacle: float64 m to the nearest obstacle, at most :data:`FAR`.
-        clearance: (nx, ny, 16) int8 cm to the nearest obstacle by heading and turn, see the kernels' ``Terrain``.
-        least: int8 cm, least clearance that is allowed.
-        ramp: bool, the wheels are on a ramp or right before it.
-        uphill: (nx, ny, 2) float32 gradient of the nearest ramp where ``ramp`` holds; 0 elsewhere.
+        obstacle, to_obstacle, clearance, least, ramp, uphill: as of :class:`pose_kernels.Terrain`; distances are at
+            most :data:`FAR`, and a thin panel that may stand there is a hazard.
         free: (nx, ny, 2) uint8 bits of the eight headings with which it can stand, and of the turns it can make.
         turnable: bool, where the robot may turn around, on level ground.
         tall: bool, hazards that hide what is behind them, unlike decks and ramps.
@@ -115,7 +109,6 @@ def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:
         half_length=robot.half_length,
         half_width=robot.half_width,
         speed=robot.speed,
-        narrow_speed=min(robot.speed, NARROW_SPEED),
         ramp_speed=RAMP_SPEED * robot.ramp_speed,
         turn_rate=TURN_RATE * robot.turn_rate,
         ramp_turn_rate=RAMP_TURN_RATE * robot.ramp_turn_rate,

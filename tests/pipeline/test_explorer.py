@@ -59,6 +59,16 @@ def test_ground_is_level_wherever_the_robot_is_set_down(explorer, moved):
     assert step.was_kidnapped == (moved == (5.0, 5.0))
 
 
+@pytest.mark.parametrize("outcome", [Outcome.UNSURE, Outcome.MOVED])
+def test_a_robot_that_stopped_in_doubt_was_not_carried(explorer, outcome):
+    explorer.navigator.follow = lambda way_points, *rest: explorer.navigator.legs.append(
+        Leg(way_points[-1, :2], outcome, 1.0)
+    )
+    explorer.navigator.motion = explorer.robot.drive(Velocity())
+    explorer.drive(explorer.step())
+    assert explorer.step().was_kidnapped == (outcome is Outcome.MOVED)
+
+
 def test_a_robot_that_was_not_lifted_trusts_what_it_saw(explorer):
     explorer.step()
     known = explorer.mapper.elevation_map.elevation.copy()

@@ -59,6 +59,13 @@ def test_it_grows_in_blocks_around_points():
     assert grid_map["slope"].shape == (2 * BLOCK, 2 * BLOCK, 2)
 
 
+def test_it_begins_where_the_points_are_however_far_away():
+    grid_map = GridMap(0.05, LAYERS)
+    grid_map.cover(np.array([(1000.0, -2000.0), (1001.0, -1999.0)]))
+    assert max(grid_map.grid.shape) <= 2 * BLOCK
+    assert grid_map.grid.mask_of(np.array([(1000.5, -1999.5)])).any()
+
+
 def test_it_takes_the_extent_of_another_grid():
     grid_map, grid = GridMap(0.05, LAYERS), Grid(np.array([5, -9]), 0.05, (7, 3))
     grid_map.match(grid)

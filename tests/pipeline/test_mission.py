@@ -1,8 +1,11 @@
 """Driving to goals on known ground, by a robot that gets wherever it is sent unless it is held."""
 
+from itertools import count
+
 import numpy as np
 import pytest
 
+from pipeline import mission
 from pipeline.exploration.viewpoint import ARRIVED, Context
 from pipeline.mission import PATIENCE, Goals
 from pipeline.topological_map.topological_map import TopologicalMap
@@ -70,6 +73,14 @@ def test_a_robot_that_comes_nearer_is_patient(world):
     goals = Goals(world[1], [(-1.0, -1.4)])
     assert len(drive(world, goals, share=0.15)) > PATIENCE
     assert goals.visits[0].obstacle is None
+
+
+def test_goals_that_take_turns_are_given_up_too(world, monkeypatch):
+    turns = count()
+    monkeypatch.setattr(mission, "order_goals", lambda *given: [next(turns) % len(given[2])] if given[2] else [])
+    goals = Goals(world[1], [(-1.0, -1.4), (1.5, -1.5)])
+    assert len(drive(world, goals, share=0.0)) <= 2 * PATIENCE
+    assert all("given up" in str(visit.obstacle) for visit in goals.visits)
 
 
 def test_home_may_be_beside_where_the_robot_can_drive(world):

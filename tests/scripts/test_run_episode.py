@@ -282,6 +282,8 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--detector", "none.cfg", "none.weights"], "none.cfg: No such file"),
         (["--detector", "one.cfg"], "--detector"),
         (["--steps", "0"], "--steps 0"),
+        (["--speed", "0"], "--speed 0"),
+        (["--speed", "nan"], "--speed nan"),
         (["--fiducials", "99"], "--fiducials 99: 0 to 50"),
         (["--steps", "many"], "--steps"),
         (["--out", "/dev/null/x"], "/dev/null/x"),

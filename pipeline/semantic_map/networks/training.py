@@ -16,7 +16,6 @@ from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.classifier import save_classifier, segment
 from pipeline.semantic_map.networks.clouds import LabelledCloud
-from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.inference import for_inference, for_training
 from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.parallel import Worker
@@ -51,7 +50,7 @@ class Trainer(TrainingLoop[Batch]):
         out: Path,
         worker: Worker,
         about: dict[str, Any],
-        initial: PointNetwork | str = Dgcnn.NAME,
+        initial: PointNetwork | str,
         blocks: BlockConfig | None = None,
     ) -> None:
         """Start or resume a training, see :class:`TrainingLoop`.

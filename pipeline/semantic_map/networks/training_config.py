@@ -32,7 +32,5 @@ class TrainingConfig:
             raise InputError(f"--minutes {self.minutes:g}: more than 0")
         if min(self.steps, self.batch, self.validate_every) < 1:
             raise InputError("--steps, --batch, --validate-every: at least 1")
-        if not 0 < self.learning_rate < float("inf"):
-            raise InputError(f"--learning-rate {self.learning_rate:g}: more than 0")
-        if self.seed < 0:
-            raise InputError(f"--seed {self.seed}: at least 0")
+        if not 0 < self.learning_rate < float("inf") or self.seed < 0:
+            raise InputError("--learning-rate: more than 0; --seed: at least 0")

@@ -42,11 +42,7 @@ def load_weights(path: Path, network: str | None = None) -> tuple[PointNetwork, 
 
 
 def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | None = None) -> None:
-    """Write the weights in half precision, and ``metadata`` about them.
-
-    Raises:
-        InputError: the file cannot be written, or half precision cannot hold a weight: the training diverged.
-    """
+    """Write the weights in half precision, and ``metadata`` about them. InputError if that is impossible."""
     tensors = {name: t.detach().cpu().half().contiguous() for name, t in network.published().items()}
     for name, tensor in tensors.items():
         if not tensor.isfinite().all():

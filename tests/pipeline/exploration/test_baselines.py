@@ -65,6 +65,13 @@ def test_a_frontier_smaller_than_the_robot_comes_last_but_comes():
     assert not NearestFrontier(PIONEER).worth(0.01 * gains, distance, seconds).any()
 
 
+def test_where_the_robot_can_not_turn_the_frontier_behind_it_is_left_for_later():
+    world = room((-2, 0.33), (2, 0.33), x=(-2, 2), y=(-0.33, 0.33))
+    world.update(wall_points((-2, -0.33), (2, -0.33)))
+    for exploration in (Exploration(PIONEER), NearestFrontier(PIONEER)):
+        assert next_viewpoint(exploration, world, from_yaw(0, 0, 0, 0)) is not None
+
+
 def test_nothing_is_left_in_a_closed_room():
     exploration = NearestFrontier(PIONEER)
     assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None

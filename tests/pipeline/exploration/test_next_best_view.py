@@ -254,6 +254,18 @@ def test_a_miss_lowers_the_probability_by_bayes_rule_until_the_cell_is_given_up(
     assert 0.07 < GIVEN_UP < min(CHANCES)
 
 
+def test_a_drive_that_failed_teaches_nothing_of_rims():
+    walls = [wall_points((-6, y), (6, y)) for y in (-1, 1)]
+    world, chances = surface_of(ground_points(flat, (-6, 6), (-1, 1)), *walls), []
+    for arrives in (True, False):
+        exploration, pose = Exploration(PIONEER), from_yaw(0, 0, 0, 0)
+        for _ in range(3):
+            viewpoint = next_viewpoint(exploration, world, pose)
+            pose = from_yaw(*viewpoint.position, 0, viewpoint.heading) if arrives else pose
+        chances.append(exploration.chances[1])
+    assert chances[0] < 0.6 < chances[1] == CHANCES[1]
+
+
 def test_a_robot_that_finds_nothing_beyond_rims_looks_there_less_often(monkeypatch):
     looks = []
     world = surface_of(ground_points(flat, (-3, 3), (-1, 1)))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.navigation.navigator import BACK_OUT, Navigator, Outcome
+from pipeline.navigation.navigator import BACK_OUT, BUMPER_GAP, Halt, Navigator, Outcome
 from pipeline.navigation.progress import OVERDUE
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
@@ -313,3 +313,11 @@ def test_a_turn_that_makes_up_for_sliding_is_not_held_where_the_ramp_ends():
     navigator.follow(np.array([(0.0, 0.0)]), np.deg2rad(170))
     assert any(abs(command.v) > 0.05 for command in robot.commands[20:40])
     assert navigator.halts == []
+
+
+def test_what_it_touched_stands_right_before_the_end_that_went_ahead():
+    for v, end in ((0.2, 1), (-0.2, -1)):
+        points = Halt(from_yaw(1, 2, 0, np.pi / 2), Velocity(v), True).touched(PIONEER)
+        np.testing.assert_allclose(points[:, 1], 2 + end * (PIONEER.half_length + BUMPER_GAP))
+        np.testing.assert_allclose(np.ptp(points[:, 0]), PIONEER.width, rtol=1e-6)
+        np.testing.assert_allclose(points[:, 2], PIONEER.body_height)

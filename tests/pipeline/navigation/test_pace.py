@@ -3,17 +3,19 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from pipeline.navigation.pace import BRAKING, Pace
-from pipeline.traversability.traversability import NARROW_SPEED, assess_map
+from pipeline.traversability.pose_kernels import NARROW_SPEED
+from pipeline.traversability.traversability import assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
 EAST, WEST = np.array([1.0, 0.0]), np.array([-1.0, 0.0])
 
 
-def pace(world, **semantic):
-    return Pace(replace(assess_map(world), robot=replace(PIONEER, speed=0.5)), **semantic)
+def pace(world, speed=0.5, **semantic):
+    return Pace(replace(assess_map(world), robot=replace(PIONEER, speed=speed)), **semantic)
 
 
 def test_it_slows_down_before_a_ramp_and_not_behind_it():
@@ -24,8 +26,9 @@ def test_it_slows_down_before_a_ramp_and_not_behind_it():
     assert at(np.array([-0.3, 0.0]), EAST) == PIONEER.ramp_speed
 
 
-def test_it_can_brake_in_time():
-    at = pace(surface_of(ground_points(ridge, (-4, 4), (-2, 2))))
+@pytest.mark.parametrize("speed", [0.5, 0.7, 2.0])
+def test_it_can_brake_in_time(speed):
+    at = pace(surface_of(ground_points(ridge, (-4, 4), (-2, 2))), speed)
     speeds = [at(np.array([x, 0.0]), EAST) for x in np.arange(-3.0, -RUN, 0.05)]
     assert (np.diff(np.square(speeds)) >= -2 * BRAKING * 0.05 - 1e-6).all()
     assert speeds[0] > 0.4 > 0.2 > speeds[-1]

@@ -44,7 +44,7 @@ def at(step):
 
 
 def trainer(clouds, out, config=CONFIG):
-    return Trainer(clouds[:3], clouds[3:], config, out, ALONE, {"data": "walls"})
+    return Trainer(clouds[:3], clouds[3:], config, out, ALONE, {"data": "walls"}, "dgcnn")
 
 
 def test_floor_and_walls_are_learned(clouds, tmp_path: Path) -> None:
@@ -191,9 +191,9 @@ def test_settings_that_no_training_can_have_are_refused(change: dict) -> None:
 
 def test_nothing_to_learn_from_is_refused(clouds, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="to train with"):
-        Trainer([], clouds, CONFIG, tmp_path / "w.safetensors", ALONE, {})
+        Trainer([], clouds, CONFIG, tmp_path / "w.safetensors", ALONE, {}, "dgcnn")
     with pytest.raises(InputError, match="to validate with"):
-        Trainer(clouds, [], CONFIG, tmp_path / "w.safetensors", ALONE, {})
+        Trainer(clouds, [], CONFIG, tmp_path / "w.safetensors", ALONE, {}, "dgcnn")
 
 
 def test_rare_classes_weigh_more(clouds) -> None:

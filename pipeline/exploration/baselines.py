@@ -10,10 +10,10 @@ from pipeline.transforms import wrap_angle
 
 
 class NearestFrontier(Exploration):
-    """Drives to the nearest place from which unseen ground should come into view (Yamauchi 1997).
+    """Drives to the place that costs least to reach and from which unseen ground should show (Yamauchi 1997).
 
     There it takes the heading with the greatest gain. What counts as unseen, what a keyframe should show and when a
-    cell is given up are as in :class:`Exploration`, but the gain per second and the time for turning do not count.
+    cell is given up are as in :class:`Exploration`, but the gain per second and the turn at the place do not count.
     As with Yamauchi, frontiers smaller than the robot come last.
     """
 

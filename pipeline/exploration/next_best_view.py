@@ -21,8 +21,6 @@ from pipeline.traversability.pose_paths import FIRST_HORIZON, GROWTH, bits
 
 MIN_GAIN = 0.03
 """m²; a viewpoint that is expected to show less is not worth the drive."""
-WALL_MARGIN = 0.25
-"""m; unknown ground nearer to a hazard cannot be driven on and is not worth a keyframe."""
 CHANCES = 0.9, 0.73, 0.45, 0.2
 """Probability that ground which should be in view is there, after 0, 1, … keyframes that should have shown it and did
 not, by Bayes' rule: 0.9 at first, and a keyframe shows ground in view with probability 0.7."""
@@ -30,8 +28,6 @@ GIVEN_UP = 0.1
 """Ground that is there with a lower probability is no longer looked for."""
 EXPERIENCE = 1.0
 """m² of missed ground that the robot looks for again until what it finds counts as much as these numbers."""
-FRONTIER_WIDTH = 0.35
-"""m; reachable ground this close to unseen ground is a frontier."""
 KEYFRAME_TIME = 2.0
 """s that a keyframe costs in addition to the way."""
 
@@ -113,8 +109,8 @@ class Exploration:
     def find_frontiers(self, context: Context) -> NDArray[np.float64]:
         """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
         traversability, target = context.traversability, self._terrain.target
-        side = 2 * round(FRONTIER_WIDTH / traversability.grid.cell) + 1
-        # Many times as fast as SciPy's filter.
+        side = 2 * round(self._robot.corner_radius / traversability.grid.cell) + 1
+        # The ground that the robot's corners may touch around unseen cells; many times as fast as SciPy's filter.
         around = cv2.dilate(target.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
         pieces, _ = ndimage.label(around & context.paths.reachable & ~target, np.ones((3, 3)))
         centres = []
@@ -211,7 +207,8 @@ class Exploration:
 
     def _write_terrain(self, context: Context) -> None:
         """Update the layers of the ground; unseen ground that may be traversable is a target until it is given up."""
-        layers, may_be_driven = self._layers, context.traversability.to_hazard >= WALL_MARGIN
+        # Unknown ground nearer to a hazard than half of the robot cannot be driven on.
+        layers, may_be_driven = self._layers, context.traversability.to_hazard >= self._robot.half_width
         chances = self.chances
         # Rounded, so that rays are cast anew only when they change much.
         rounded = np.where(chances < GIVEN_UP, 0.0, np.round(chances, 1))

@@ -19,8 +19,8 @@ from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_kernels import ANGLES
 from pipeline.traversability.pose_paths import FIRST_HORIZON, GROWTH, bits
 
-MIN_GAIN = 0.03
-"""m²; a viewpoint that is expected to show less is not worth the drive."""
+MIN_GAIN, MIN_RATE = 0.03, 5e-4
+"""m² and m²/s; a viewpoint that is expected to show less is not worth the drive, nor its risk."""
 CHANCES = 0.9, 0.73, 0.45, 0.2
 """Probability that ground which should be in view is there, after 0, 1, … keyframes that should have shown it and did
 not, by Bayes' rule: 0.9 at first, and a keyframe shows ground in view with probability 0.7."""
@@ -130,7 +130,7 @@ class Exploration:
             distance: (N,) s to the viewpoints' places, with any heading.
             seconds: (N, 16) s until the keyframe is taken.
         """
-        return np.where(gains >= MIN_GAIN, gains / seconds, 0.0)
+        return np.where((gains >= MIN_GAIN) & (gains >= MIN_RATE * seconds), gains / seconds, 0.0)
 
     def _narrow(self, context: Context, camera: kernels.CameraView) -> NDArray[np.int64]:
         """(N, 2) all reachable cells where the robot cannot turn around, near ground taken for flat at the start.

@@ -246,6 +246,12 @@ def test_it_is_weighed_with_the_ground_left_to_see():
     assert np.linalg.norm(viewpoints[1].position - (1, 0)) < 0.3
 
 
+def test_the_dearer_a_way_is_the_more_it_must_show():
+    gains, seconds = np.array([[0.02, 0.04, 0.04, 0.4, 0.4]]), np.array([[1.0, 70.0, 90.0, 790.0, 900.0]])
+    worth = Exploration(PIONEER).worth(gains, seconds[:, 0], seconds)
+    np.testing.assert_allclose(worth, [[0, 0.04 / 70, 0, 0.4 / 790, 0]])
+
+
 def test_a_miss_lowers_the_probability_by_bayes_rule_until_the_cell_is_given_up():
     for before, after in pairwise((*CHANCES, 0.07)):
         missed = before * (1 - 0.7)

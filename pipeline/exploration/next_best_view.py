@@ -19,8 +19,8 @@ from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_kernels import ANGLES
 from pipeline.traversability.pose_paths import FIRST_HORIZON, GROWTH, bits
 
-MIN_GAIN, MIN_RATE = 0.03, 5e-4
-"""m² and m²/s; a viewpoint that is expected to show less is not worth the drive, nor its risk."""
+MIN_GAIN, MIN_RATE = 0.03, 1 / 3600
+"""m² and m²/s, 1 m² per hour; a viewpoint that is expected to show less is not worth the drive, nor its risk."""
 CHANCES = 0.9, 0.73, 0.45, 0.2
 """Probability that ground which should be in view is there, after 0, 1, … keyframes that should have shown it and did
 not, by Bayes' rule: 0.9 at first, and a keyframe shows ground in view with probability 0.7."""

@@ -147,10 +147,10 @@ class GridMap:
 
     def cover(self, xy: NDArray) -> None:
         """Grow in whole blocks until the bounding box of the points (N, 2 or 3) m lies on the grid."""
-        first, last = self.grid.cell_of(np.stack([xy.min(axis=0), xy.max(axis=0)]))
-        if min(first.tolist()) >= 0 and all(k < n for k, n in zip(last.tolist(), self.grid.shape, strict=True)):
+        corners = self.grid.cell_of(np.stack([xy.min(axis=0), xy.max(axis=0)]))
+        if self.grid.holds(corners).all():
             return
-        first, last = self.grid.low + first, self.grid.low + last
+        first, last = self.grid.low + corners
         self._grow(first // BLOCK * BLOCK, (last // BLOCK + 1) * BLOCK)
 
     def match(self, grid: Grid) -> None:

@@ -9,7 +9,6 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from rich.console import Console
 
 from pipeline.errors import InputError
@@ -149,7 +148,7 @@ def _clouds(
     folders = " ".join(map(str, settings.data))
     if absent := [split for split in ("train", "val") if not clouds[split]]:
         raise InputError(f"--data {folders}: no scene of the split {absent[0]}: make 5 scenes at least")
-    seen = np.sum([cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"]], axis=0)
+    seen = sum(cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"])
     missing = [label.name.lower() for label, count in zip(CLASSES, seen, strict=True) if not count]
     if missing and worker.leads:
         told = f"--data {folders}: no point of {', '.join(missing)}, which the network will not know"

@@ -76,7 +76,7 @@ class Explorer:
         self.reobservation = Reobservation(self.mapper.victims, self.mapper.metric_map)
         exploration = Exploration(robot.model)
         exploration.rewards = self.reobservation
-        self.mission = Mission(exploration, self.mapper.topological_map)
+        self.mission = Mission(exploration)
         self.navigator = Navigator(robot)
         self.lookout = Lookout(self.navigator, self.mapper)
         self.steps = 0

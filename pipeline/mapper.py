@@ -27,7 +27,6 @@ from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
 from pipeline.semantic_map.voxels import VoxelCloud
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import inverse, transform_points
-from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_map import CELL, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
 from pipeline.traversability.pose_paths import PosePaths
@@ -229,7 +228,7 @@ class Mapper:
         self.poses = np.concatenate([self.poses, T_map_base[None]])
         self.poses_added = np.concatenate([self.poses_added, T_map_base[None]])
         with self.stopwatch("elevation_map"):
-            self._add_ground(frame, observation)
+            self._add_ground(frame, cloud)
         nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
         keyframe = Keyframe(frame, T_map_base, *nothing, [], [], self.keyframes)
         self.observations.append(observation)
@@ -331,16 +330,14 @@ class Mapper:
         self._depth = unpack_depth(observation.depth, self._depth)
         self.metric_map.integrate(self._depth, observation.intrinsics, T_map_camera)
 
-    def _add_ground(self, frame: Frame, observation: Observation) -> None:
+    def _add_ground(self, frame: Frame, cloud: VoxelCloud) -> None:
         """Put the ground that a new keyframe shows, and the ground taken for flat, into the elevation map."""
         k, T_map_base = self.keyframes, self.poses[-1]
         if self._set_down is not None:
             T_base_start = inverse(T_map_base) @ self._set_down
             self._put(k, Assumed(T_base_start, START_RADIUS, START_AHEAD, START_WIDTH))
             self._set_down = None
-        dropouts = VoxelCloud.of(find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera), VOXEL)
-        missing = dropouts.points, dropouts.hits
-        self._put(k, Seen(observation.points, observation.hits, *missing))
+        self._put(k, Seen.of(frame, cloud))
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
         self.ground.append((keyframe, evidence))

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import ARRIVED, Context, Strategy, Viewpoint
 from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
-from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.pose_paths import PosePaths
 
 PROGRESS = 0.5
@@ -46,10 +45,9 @@ class Mission:
         may_explore: whether exploring is allowed, also on the way to goals.
     """
 
-    def __init__(self, exploration: Exploration, topology: TopologicalMap):
-        """``topology``: gives the times of drives between goals."""
+    def __init__(self, exploration: Exploration):
+        """``exploration``: the strategy to begin with."""
         self.exploration = exploration
-        self._topology = topology
         self.goals: Goals | None = None
         self.may_explore = True
         self._visited: dict[str, Goals] = {}
@@ -84,9 +82,9 @@ class Mission:
         """
         yield "exploring"
         if goals:
-            yield from self._visit("goals", Goals(self._topology, goals), robot)
+            yield from self._visit("goals", Goals(goals), robot)
         if home and robot.T_map_start is not None:
-            yield from self._visit("home", Goals(self._topology, [robot.T_map_start[:2, 3]], HOME_SNAP), robot)
+            yield from self._visit("home", Goals([robot.T_map_start[:2, 3]], HOME_SNAP), robot)
 
     def _visit(self, name: str, goals: "Goals", robot: Standing) -> Iterator[str]:
         self.goals = self._visited[name] = goals
@@ -134,17 +132,11 @@ class Goals:
         visits: outcomes of the other goals, in the order in which they were visited or given up.
     """
 
-    def __init__(self, topology: TopologicalMap, goals: Sequence[ArrayLike], snap: float = 0.0):
-        """Begin with all goals (2,), m in ``map``.
-
-        Args:
-            topology: gives the times of drives between them.
-            goals: where to go.
-            snap: m; a goal off reachable ground is replaced by the nearest reachable place within this distance.
-        """
+    def __init__(self, goals: Sequence[ArrayLike], snap: float = 0.0):
+        """Goals (2,), m in ``map``; the nearest reachable ground within ``snap`` m stands for one."""
         self.left = [np.asarray(goal, np.float64) for goal in goals]
         self.visits: list[Visit] = []
-        self._topology, self._snap = topology, snap
+        self._snap = snap
         self._context: Context | None = None
         self._goal: NDArray[np.float64] | None = None
         # By a goal's id: s of the shortest way to it so far, and how many drives since did not shorten it.
@@ -164,7 +156,7 @@ class Goals:
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The next goal; None if none is left that is reachable on the map so far."""
         places = [self._place(goal, context.paths) for goal in self.left]
-        order = order_goals(self._topology, context.paths, places)
+        order = order_goals(context.paths, places)
         if not order:
             return None
         way = places[order[0]] - context.T_map_base[:2, 3]
@@ -172,18 +164,13 @@ class Goals:
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember the goal to which the robot sets out."""
-        places = [self._place(goal, context.paths) for goal in self.left]
-        self._goal = next(
-            g for g, place in zip(self.left, places, strict=True) if (place == viewpoint.position).all()
-        )
+        self._goal = next(g for g in self.left if (self._place(g, context.paths) == viewpoint.position).all())
         self._tries.setdefault(id(self._goal), (context.paths.cost_to(viewpoint.position), 0))
 
     def refuse(self, why: str | None = None) -> None:
         """Give up the goals that are left; the reason is ``why``, or else the obstacle that the last step showed."""
         for goal in list(self.left):
-            obstacle = None
-            if why is None and self._context is not None:
-                obstacle = obstacle_to(self._context.paths, goal)
+            obstacle = obstacle_to(self._context.paths, goal) if why is None and self._context else None
             self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
 
     def _place(self, goal: NDArray[np.float64], paths: PosePaths) -> NDArray[np.float64]:

@@ -17,12 +17,11 @@ class NearestFrontier(Exploration):
     As with Yamauchi, frontiers smaller than the robot come last.
     """
 
-    def worth(
-        self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 16) m², gains of the nearest place that is worth the drive, 0 elsewhere; see the base class."""
         size = self._robot.length * self._robot.width
         large = gains >= (size if (gains >= size).any() else MIN_GAIN)
+        distance = seconds.min(axis=1)
         near = distance == np.where(large.any(axis=1), distance, np.inf).min()
         return np.where(large & near[:, None], gains, 0.0)
 

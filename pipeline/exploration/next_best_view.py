@@ -120,14 +120,11 @@ class Exploration:
             centres.append([*traversability.grid.centre_of(middle), traversability.elevation[tuple(middle)]])
         return np.array(centres).reshape(-1, 3)
 
-    def worth(
-        self, gains: NDArray[np.float64], distance: NDArray[np.float64], seconds: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 16) scores of viewpoints, of which the greatest is chosen: 0 for those not worth the drive.
 
         Args:
             gains: (N, 16) m² that each viewpoint is expected to show.
-            distance: (N,) s to the viewpoints' places, with any heading.
             seconds: (N, 16) s until the keyframe is taken.
         """
         return np.where((gains >= MIN_GAIN) & (gains >= MIN_RATE * seconds), gains / seconds, 0.0)
@@ -165,7 +162,7 @@ class Exploration:
             known = paths.seconds_to(there, horizon)
             # Ways beyond the search's horizon cost more than the horizon, and no less than a straight drive.
             least = np.minimum(known, np.inf if paths.is_complete else np.maximum(straight, horizon))
-            worth = self.worth(gains, least.min(axis=1), KEYFRAME_TIME + least)
+            worth = self.worth(gains, KEYFRAME_TIME + least)
             n, m = np.unravel_index(worth.argmax(), worth.shape)
             if worth[n, m] <= 0 or (paths.is_complete and np.isinf(known[n, m])):
                 return None

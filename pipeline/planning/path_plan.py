@@ -106,7 +106,7 @@ def place_name(xy: NDArray[np.float64]) -> str:
     return f"({x:.2f}, {y:.2f}) m"
 
 
-def order_goals(topology: TopologicalMap, paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
+def order_goals(paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
     """The order in which to visit several goals so that the drive from the start of ``paths`` is short.
 
     Goals that the robot cannot drive to are left out: :func:`obstacle_to` says why.

@@ -23,7 +23,6 @@ from pipeline.segments.members import Member
 from pipeline.segments.plane import Moments
 from pipeline.semantic_map.semantic_map import VOXEL
 from pipeline.semantic_map.voxels import VoxelCloud
-from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_map import CELL, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
 from pipeline.victims.victim_map import Sighting, Victim
@@ -180,10 +179,9 @@ def _observations(e: Arrays) -> Iterator[tuple[Observation, Seen]]:
         cloud = VoxelCloud.of(frame.points(T), CELL / 2 if labelled < 0 else VOXEL)
         if labelled not in (-1, len(cloud.points)):
             raise ValueError(f"a keyframe has shares of {labelled} points, not of {len(cloud.points)}")
-        dropouts = VoxelCloud.of(find_depth_dropouts(frame.depth, intrinsics, T), VOXEL)
         yield (
             Observation(depth, intrinsics, T, cloud.points, cloud.hits, None if labelled < 0 else probabilities),
-            Seen(cloud.points, cloud.hits, dropouts.points, dropouts.hits),
+            Seen.of(frame, cloud),
         )
 
 

@@ -14,6 +14,8 @@ NOISE = 0.1
 """Share of a bin's hits that may stray into the next one."""
 MAX_GAP_RISE = 0.05
 """m, greatest difference in height across a gap that the robot rolls over, and that is therefore filled."""
+RAY_HEIGHT = 0.1
+"""m; a ray that passes over a cell no higher above its ground shows that no obstacle stands there."""
 DROPOUT_HEIGHT = 0.1
 """m; a depth dropout makes the ground unknown only if it lies within this height of it."""
 COS_OTHER_SIDE = np.cos(np.deg2rad(15))
@@ -29,17 +31,6 @@ def cell_at(x, y, origin, cell):
 
 
 @njit(cache=True, nogil=True)
-def bounds(points):
-    """(2, 2) the least and the greatest x and y of the points (N, 3) that are finite; (0, 2) if none are."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for n in range(points.shape[0]):
-        x, y = points[n, 0], points[n, 1]
-        if np.isfinite(x + y + points[n, 2]):
-            low[0], low[1], high[0], high[1] = min(low[0], x), min(low[1], y), max(high[0], x), max(high[1], y)
-    return np.stack((low, high)) if low[0] <= high[0] else np.empty((0, 2))
-
-
-@njit(cache=True, nogil=True)
 def accumulate(points, counts, origin, cell, height, hits, returns):
     """Fold points (N, 3), m, into the mean ``height`` of bins (nx, ny, nz), and return their cells, (K, 2) int64.
 
@@ -48,10 +39,8 @@ def accumulate(points, counts, origin, cell, height, hits, returns):
     nx, ny, nz = height.shape
     cells, size = np.empty((len(points), 2), np.int64), 0
     for n in range(points.shape[0]):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        if not np.isfinite(x + y + z):
-            continue
-        i, j = cell_at(x, y, origin, cell)
+        z = points[n, 2]
+        i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
         k = int(np.floor((z - Z_MIN) / Z_BIN))
         if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
             continue
@@ -135,6 +124,22 @@ def renew_dropout(direction, dropouts, returns, cells, camera, origin, cell):
 
 
 @njit(cache=True, nogil=True)
+def lower_ceiling(ceiling, points, camera, origin, cell):
+    """Lower ``ceiling`` (nx, ny), m, to the rays from ``camera`` (3,) to returns ``points`` (N, 3).
+
+    A ray is followed back from a cell before its return, where noise does not matter, up to ``RAY_HEIGHT`` above it.
+    """
+    nx, ny = ceiling.shape
+    for n in range(len(points)):
+        dx, dy, dz = camera[0] - points[n, 0], camera[1] - points[n, 1], camera[2] - points[n, 2]
+        steps = np.sqrt(dx * dx + dy * dy) / cell
+        for k in range(1, int(steps * min(RAY_HEIGHT / max(dz, 1e-6), 1.0)) + 1):
+            i, j = cell_at(points[n, 0] + dx * k / steps, points[n, 1] + dy * k / steps, origin, cell)
+            if 0 <= i < nx and 0 <= j < ny:
+                ceiling[i, j] = min(ceiling[i, j], points[n, 2] + dz * k / steps)
+
+
+@njit(cache=True, nogil=True)
 def extract_elevation(height, hits, cells, headroom, elevation):
     """Renew ``elevation`` (nx, ny) in ``cells`` (K, 2)."""
     for i, j in cells:
@@ -159,11 +164,12 @@ def cells_to_known(elevation, i, j, di, dj, max_gap, dropout=None):
 
 
 @njit(cache=True, nogil=True)
-def bridge_gaps(elevation, dropout, max_gap):
+def bridge_gaps(elevation, dropout, ceiling, max_gap):
     """(nx, ny) m, ``elevation`` with unknown cells between two known cells of nearly equal height filled.
 
     Gaps run along the axes and the diagonals over at most ``max_gap`` cells; where several gaps cross, the last one
-    counts. Nothing is filled across a ``dropout`` (nx, ny) cell.
+    counts. Only cells are filled over which a ray passed, at most at ``ceiling`` (nx, ny), m: elsewhere a thin wall
+    may stand that was seen from neither side. Nothing is filled across a ``dropout`` (nx, ny) cell.
     """
     filled = elevation.copy()
     nx, ny = elevation.shape
@@ -175,7 +181,9 @@ def bridge_gaps(elevation, dropout, max_gap):
                 gap = cells_to_known(elevation, i, j, di, dj, max_gap, dropout)
                 rise = elevation[i + gap * di, j + gap * dj] - elevation[i, j]
                 for k in range(1, gap if abs(rise) <= MAX_GAP_RISE else 0):
-                    filled[i + k * di, j + k * dj] = elevation[i, j] + rise * k / gap
+                    a, b, ground = i + k * di, j + k * dj, elevation[i, j] + rise * k / gap
+                    if ceiling[a, b] <= ground + RAY_HEIGHT:
+                        filled[a, b] = ground
     return filled
 
 

@@ -44,6 +44,7 @@ class ElevationMap:
                 "driven": Layer(np.bool_),
                 "height": Layer(np.float32, per_cell=(kernels.LEVELS,), in_place=True),
                 "hits": Layer(np.uint16, per_cell=(kernels.LEVELS,), in_place=True),
+                "ceiling": Layer(np.float32, np.inf, in_place=True),
                 "returned": Layer(np.float32, np.nan, in_place=True),
                 "assumed": Layer(np.float32, np.nan, in_place=True),
                 "touched": Layer(np.float32, np.nan, in_place=True),
@@ -149,17 +150,24 @@ class ElevationMap:
         Args:
             points: (N, 3) in ``map``, m; points that are not finite are ignored.
             dropouts: (M, 3) m, where ground should have been seen and was not.
-            camera: (2 or 3,) position of the camera, m.
+            camera: (3,) position of the camera, m; without it no gap is filled for what these points show.
             hits, dropout_hits: (N,) and (M,) uint32, number of pixels that each point is the mean of; 1 if not given.
         """
-        box = kernels.bounds(points)
-        if not len(box):
+        is_finite = np.isfinite(points).all(axis=1)
+        points, counts = points[is_finite], _counts(points, hits)[is_finite]
+        if not len(points):
             return
-        self.layers.cover(box)
+        seen_from = np.zeros((0, 2)) if camera is None else camera[None, :2]
+        corners = np.vstack([points[:, :2].min(axis=0), points[:, :2].max(axis=0), seen_from])
+        self.layers.cover(corners)
         layers, origin, headroom = self.layers, self.grid.origin, self.robot.headroom
         height, filled, returns = (layers[name] for name in ("height", "hits", "returns"))
-        cells = kernels.accumulate(points, _counts(points, hits), origin, CELL, height, filled, returns)
+        cells = kernels.accumulate(points, counts, origin, CELL, height, filled, returns)
         layers["seen"][tuple(cells.T)] = True
+        if camera is not None:
+            kernels.lower_ceiling(layers["ceiling"], points, camera, origin, CELL)
+            # The ground is renewed where rays passed, too.
+            cells = np.concatenate([cells, self.grid.cell_of(corners)])
         if dropouts is not None and camera is not None:
             count, direction = layers["dropouts"], layers["dropout_direction"]
             weights = _counts(dropouts, dropout_hits)
@@ -184,6 +192,7 @@ class ElevationMap:
             layers[name].fill(0)
         for name in ("returned", "assumed", "touched"):
             layers[name].fill(np.nan)
+        layers["ceiling"].fill(np.inf)
         self._is_making = True
         yield
         self._is_making = False
@@ -205,13 +214,15 @@ class ElevationMap:
             return
         layers, gap = self.layers, round(self.robot.max_gap / CELL) + 1
         here, around = box_around(changed, gap), box_around(changed, 2 * gap)
-        returned, touched, dropout = (layers[name][around] for name in ("returned", "touched", "dropout"))
+        returned, touched, dropout, ceiling = (
+            layers[name][around] for name in ("returned", "touched", "dropout", "ceiling")
+        )
         measured = np.where(dropout, np.float32(np.nan), returned)
         known = np.where(np.isnan(returned), layers["assumed"][around], returned)
         known[dropout] = np.nan
         for layer in (measured, known):
             np.copyto(layer, touched, where=~np.isnan(touched))
-        bridged = kernels.bridge_gaps(known, dropout, gap - 1)
+        bridged = kernels.bridge_gaps(known, dropout, ceiling, gap - 1)
         layers.write("measured", measured[inside(here, around)], here)
         layers.write("elevation", bridged[inside(here, around)], here)
 

@@ -6,8 +6,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.frame import Frame
 from pipeline.segments.cells_kernels import moved
-from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.semantic_map.voxels import VoxelCloud
+from pipeline.traversability.depth_dropouts import find_depth_dropouts
+from pipeline.traversability.elevation_map import CELL, ElevationMap
 
 
 class GroundEvidence(Protocol):
@@ -27,17 +30,27 @@ class Seen:
         hits: (N,) uint32, number of returns that each point is the mean of.
         dropouts: (M, 3) float32 in ``base_link``, m, where ground should have been seen.
         dropout_hits: (M,) uint32, number of pixels that each dropout is the mean of.
+        T_base_camera: 4×4.
     """
 
     points: NDArray[np.float32]
     hits: NDArray[np.uint32]
     dropouts: NDArray[np.float32]
     dropout_hits: NDArray[np.uint32]
+    T_base_camera: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, frame: Frame, cloud: VoxelCloud) -> "Seen":
+        """What a frame shows; ``cloud``: its returns in ``base_link``, thinned."""
+        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera)
+        missing = VoxelCloud.of(dropouts, CELL / 2)
+        return cls(cloud.points, cloud.hits, missing.points, missing.hits, frame.T_base_camera)
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
         """Add the returns and the dropouts, seen from the 4×4 pose ``T_map_base``, where the robot can stand."""
         points, dropouts = moved(T_map_base, self.points), moved(T_map_base, self.dropouts)
-        elevation_map.update(points, dropouts, T_map_base[:2, 3], self.hits, self.dropout_hits)
+        camera = (T_map_base @ self.T_base_camera)[:3, 3]
+        elevation_map.update(points, dropouts, camera, self.hits, self.dropout_hits)
         elevation_map.add_track(T_map_base[None, :2, 3])
 
 

@@ -93,7 +93,7 @@ def test_a_robot_that_is_held_again_and_again_stays(explorer):
 
 def test_goals_come_before_views_and_views_only_as_long_as_goals_are_out_of_reach(explorer):
     explorer.step()
-    explorer.mission.goals = Goals(explorer.mapper.topological_map, [(9.0, 9.0), (1.2, 0.0)])
+    explorer.mission.goals = Goals([(9.0, 9.0), (1.2, 0.0)])
     viewpoint = explorer.step().viewpoint
     np.testing.assert_allclose(viewpoint.position, (1.2, 0.0))
     explorer.robot.T = from_yaw(1.2, 0.0, 0, np.pi)
@@ -102,5 +102,5 @@ def test_goals_come_before_views_and_views_only_as_long_as_goals_are_out_of_reac
     assert len(explorer.mission.goals.left) == 1
     explorer.mission.may_explore = False
     assert explorer.step().viewpoint is None
-    explorer.mission.may_explore, explorer.mission.goals = True, Goals(explorer.mapper.topological_map, [])
+    explorer.mission.may_explore, explorer.mission.goals = True, Goals([])
     assert explorer.step().viewpoint is None

@@ -28,10 +28,10 @@ def wall_points(a: tuple[float, float], b: tuple[float, float], height: float = 
     return np.column_stack([xy, z.ravel()]).astype(np.float32)
 
 
-def surface_of(*clouds: NDArray[np.float32]) -> ElevationMap:
-    """The elevation map of some clouds."""
+def surface_of(*clouds: NDArray[np.float32], camera: tuple[float, float, float] | None = None) -> ElevationMap:
+    """The elevation map of some clouds, seen by a camera or from nowhere."""
     elevation_map = ElevationMap(PIONEER)
-    elevation_map.update(np.vstack(clouds))
+    elevation_map.update(np.vstack(clouds), camera=None if camera is None else np.array(camera))
     return elevation_map
 
 

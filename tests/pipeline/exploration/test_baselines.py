@@ -57,12 +57,12 @@ def test_what_is_larger_does_not_draw_it_away_from_what_is_nearer():
 
 def test_a_frontier_smaller_than_the_robot_comes_last_but_comes():
     gains = np.array([[0.1, 0.2], [0.0, 0.9], [0.3, 0.8]])
-    distance, seconds = np.array([0.0, 2.0, 1.0]), np.ones((3, 2))
-    worth = NearestFrontier(PIONEER).worth(gains, distance, seconds)
+    seconds = np.array([[0.0, 3.0], [2.0, 2.5], [4.0, 1.0]])
+    worth = NearestFrontier(PIONEER).worth(gains, seconds)
     np.testing.assert_equal(worth, [[0, 0], [0, 0], [0.3, 0.8]])
-    worth = NearestFrontier(PIONEER).worth(0.25 * gains, distance, seconds)
+    worth = NearestFrontier(PIONEER).worth(0.25 * gains, seconds)
     np.testing.assert_equal(worth, 0.25 * np.array([[0, 0.2], [0, 0], [0, 0]]))
-    assert not NearestFrontier(PIONEER).worth(0.01 * gains, distance, seconds).any()
+    assert not NearestFrontier(PIONEER).worth(0.01 * gains, seconds).any()
 
 
 def test_where_the_robot_can_not_turn_the_frontier_behind_it_is_left_for_later():

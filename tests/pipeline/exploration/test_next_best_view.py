@@ -248,7 +248,7 @@ def test_it_is_weighed_with_the_ground_left_to_see():
 
 def test_the_dearer_a_way_is_the_more_it_must_show():
     gains, seconds = np.array([[0.02, 0.04, 0.04, 0.4, 0.4]]), np.array([[1.0, 140.0, 150.0, 1400.0, 1500.0]])
-    worth = Exploration(PIONEER).worth(gains, seconds[:, 0], seconds)
+    worth = Exploration(PIONEER).worth(gains, seconds)
     np.testing.assert_allclose(worth, [[0, 0.04 / 140, 0, 0.4 / 1400, 0]])
 
 

@@ -92,12 +92,12 @@ def test_what_stands_between_the_robot_and_a_goal_is_said():
 
 
 def test_goals_come_in_a_short_order_and_those_out_of_reach_not_at_all(u_turn):
-    traversability, topology = u_turn
+    traversability, _ = u_turn
     paths = PosePaths(traversability, (-2.4, -1.5))
     goals = [(1.5, -1.5), (-1.0, 0.0), (1.0, 1.0), (9.0, 9.0), (-1.0, -1.4)]
-    assert order_goals(topology, paths, goals) == [4, 1, 2, 0]
-    assert order_goals(topology, paths, [(9.0, 9.0)]) == []
-    assert order_goals(topology, PosePaths(traversability, (30.0, 30.0)), goals) == []
+    assert order_goals(paths, goals) == [4, 1, 2, 0]
+    assert order_goals(paths, [(9.0, 9.0)]) == []
+    assert order_goals(PosePaths(traversability, (30.0, 30.0)), goals) == []
 
 
 def test_a_robot_that_stands_too_near_to_a_wall_may_still_be_told_to_stay():

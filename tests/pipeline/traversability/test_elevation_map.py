@@ -65,11 +65,28 @@ def test_points_that_are_not_finite_change_nothing():
 
 def test_narrow_gaps_are_bridged_and_wide_ones_are_not():
     ground = ground_points(flat, (0, 1), (0, 1))
-    narrow = surface_of(ground[(ground[:, 0] < 0.5) | (ground[:, 0] > 0.65)])
-    wide = surface_of(ground[(ground[:, 0] < 0.5) | (ground[:, 0] > 0.75)])
+    narrow = surface_of(ground[(ground[:, 0] < 0.5) | (ground[:, 0] > 0.65)], camera=(-2, 0.5, 0.6))
+    wide = surface_of(ground[(ground[:, 0] < 0.5) | (ground[:, 0] > 0.75)], camera=(-2, 0.5, 0.6))
     assert narrow.grid.at(narrow.elevation, [0.575, 0.5], np.nan) == 0
     assert np.isnan(wide.grid.at(wide.elevation, [0.575, 0.5], np.nan))
     assert np.isnan(narrow.grid.at(narrow.measured, [0.575, 0.5], np.nan))
+
+
+@pytest.mark.parametrize("cameras", [[(-2, 0.5, 0.6), (3, 0.5, 0.6)], [(0.575, -2, 0.6)]])
+def test_a_gap_that_no_ray_passed_over_stays_open(cameras):
+    """A thin wall stands there that was seen from neither side, or along its face."""
+    ground, elevation_map = ground_points(flat, (0, 1), (0, 1)), ElevationMap(PIONEER)
+    sides = ground[ground[:, 0] < 0.5], ground[ground[:, 0] > 0.65]
+    for camera, points in zip(cameras, sides if len(cameras) > 1 else [np.vstack(sides)], strict=True):
+        elevation_map.update(points, camera=np.array(camera))
+    assert np.isnan(elevation_map.grid.at(elevation_map.elevation, [0.575, 0.5], np.nan))
+
+
+def test_a_gap_is_filled_by_a_later_ray_to_ground_behind_it():
+    ground, camera = ground_points(flat, (0, 1), (0, 1)), np.array([-2, 0.5, 0.6])
+    elevation_map = surface_of(ground[(ground[:, 0] < 0.5) | (ground[:, 0] > 0.65)])
+    elevation_map.update(ground[ground[:, 0] > 0.95], camera=camera)
+    assert elevation_map.grid.at(elevation_map.elevation, [0.575, 0.5], np.nan) == 0
 
 
 STRIPE = ground_points(flat, (-1, 1), (-0.01, 0.01))
@@ -78,7 +95,7 @@ STRIPE = ground_points(flat, (-1, 1), (-0.01, 0.01))
 
 def seen_along_a_panel() -> ElevationMap:
     elevation_map, ground = ElevationMap(PIONEER), ground_points(flat, (-1, 1), (-1, 1))
-    elevation_map.update(ground[np.abs(ground[:, 1]) > 0.01], STRIPE, np.array([-2.0, 0.0]))
+    elevation_map.update(ground[np.abs(ground[:, 1]) > 0.01], STRIPE, np.array([-2.0, 0.0, 0.6]))
     return elevation_map
 
 
@@ -91,7 +108,7 @@ def test_where_ground_drops_out_it_is_unknown_whatever_the_returns():
     assert elevation_map.grid.at(elevation_map.elevation, [0.0, 0.06], np.nan) == 0
 
 
-@pytest.mark.parametrize(("camera", "is_cleared"), [((0.0, -2.0), True), ((-2.0, -0.3), False)])
+@pytest.mark.parametrize(("camera", "is_cleared"), [((0.0, -2.0, 0.6), True), ((-2.0, -0.3, 0.6), False)])
 def test_a_dropout_is_cleared_by_a_keyframe_from_another_side(camera, is_cleared):
     elevation_map = seen_along_a_panel()
     elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera))
@@ -103,7 +120,7 @@ def test_a_single_cell_with_a_dropout_is_not_bridged():
         ElevationMap(PIONEER),
         STRIPE[np.abs(STRIPE[:, 0] - 0.025) < 0.024] + np.float32([0, 0.025, 0]),
     )
-    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), cell, np.array([-2.0, 0.0]))
+    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), cell, np.array([-2.0, 0.0, 0.6]))
     assert elevation_map.dropout.sum() == 1
     assert np.isnan(elevation_map.grid.at(elevation_map.elevation, [0.025, 0.025], np.nan))
 
@@ -111,8 +128,8 @@ def test_a_single_cell_with_a_dropout_is_not_bridged():
 def test_no_gap_is_bridged_across_a_dropout():
     ground = ground_points(flat, (-1, 1), (-1, 1))
     gap = ground[np.abs(ground[:, 1] - 0.025) > 0.075]
-    bridged, open_gap = surface_of(gap), ElevationMap(PIONEER)
-    open_gap.update(gap, STRIPE + np.float32([0, 0.025, 0]), np.array([-2.0, 0.0]))
+    bridged, open_gap = surface_of(gap, camera=(0, -3, 0.6)), ElevationMap(PIONEER)
+    open_gap.update(gap, STRIPE + np.float32([0, 0.025, 0]), np.array([0, -3, 0.6]))
     assert bridged.grid.at(bridged.elevation, [0.0, 0.06], np.nan) == 0
     assert np.isnan(open_gap.grid.at(open_gap.elevation, [0.0, 0.06], np.nan))
 
@@ -120,7 +137,7 @@ def test_no_gap_is_bridged_across_a_dropout():
 def test_a_dropout_above_or_below_the_ground_does_not_count():
     elevation_map = ElevationMap(PIONEER)
     high = STRIPE + np.float32([0, 0, 0.3])
-    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), high, np.array([-2.0, 0.0]))
+    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), high, np.array([-2.0, 0.0, 0.6]))
     assert not elevation_map.dropout.any()
 
 
@@ -165,7 +182,7 @@ def test_order_of_points_does_not_matter(points, random):
 
 def test_where_the_robot_has_been_no_panel_stands():
     panel = np.array([[0.025, y, 0.0] for y in np.arange(-0.975, 1.0, 0.05)], np.float32).repeat(60, axis=0)
-    camera = np.array([-2.0, 0.0])
+    camera = np.array([-2.0, 0.0, 0.6])
     for comes_first in (True, False):
         world = surface_of(ground_points(flat, (-2, 2), (-1, 1)))
         if comes_first:

@@ -23,7 +23,7 @@ def step(elevation_map, piece):
     points = wall_points((0, 0), (0.8, 0.3)) if height is None else ground_points(height, (-1.2, 1.2), (-0.8, 0.8))
     points = points + np.array([x, y, 0], np.float32)
     missing = points[np.abs(points[:, 0] - x) < 0.03] if drops_out else np.zeros((0, 3), np.float32)
-    elevation_map.update(points, missing, np.array([x - 2, y]))
+    elevation_map.update(points, missing, np.array([x - 2, y, 0.6]))
     elevation_map.add_track(np.array([[x, y - 0.1], [x + 0.3, y]]))
 
 
@@ -45,8 +45,9 @@ def test_gaps_are_bridged_keyframe_by_keyframe_as_on_the_whole_map(steps):
     elevation_map = ElevationMap(PIONEER)
     for piece in steps:
         step(elevation_map, piece)
-    known = elevation_map.measured
-    np.testing.assert_array_equal(elevation_map.elevation, kernels.bridge_gaps(known, elevation_map.dropout, 3))
+    ceiling, dropout = elevation_map.layers["ceiling"], elevation_map.dropout
+    filled = kernels.bridge_gaps(elevation_map.measured, dropout, ceiling, 3)
+    np.testing.assert_array_equal(elevation_map.elevation, filled)
 
 
 def test_what_was_given_out_stays_as_it_was():

@@ -14,8 +14,8 @@ NOISE = 0.1
 """Share of a bin's hits that may stray into the next one."""
 MAX_GAP_RISE = 0.05
 """m, greatest difference in height across a gap that the robot rolls over, and that is therefore filled."""
-RAY_HEIGHT = 0.1
-"""m; a ray that passes over a cell no higher above its ground shows that no obstacle stands there."""
+RAY_HEIGHT = 0.3
+"""m; a ray that passes over a cell no higher above its ground shows that no wall stands there."""
 DROPOUT_HEIGHT = 0.1
 """m; a depth dropout makes the ground unknown only if it lies within this height of it."""
 COS_OTHER_SIDE = np.cos(np.deg2rad(15))

@@ -150,16 +150,12 @@ class Explorer:
         paths = PosePaths(self.mapper.traversability, T_map_base[:2, 3], yaw_of(T_map_base), caution)
         context = Context(keyframe.frame, T_map_base, self.mapper.elevation_map.measured, paths)
         self.mission.observe(context)
-        return self._choose(context), context
-
-    def _choose(self, context: Context) -> Viewpoint | None:
-        """The mission's next viewpoint, to which the robot now sets out; None for a robot that is held."""
         choice = None if self.is_held else self.mission.next_viewpoint(context)
         if choice is None:
-            return None
+            return None, context
         strategy, viewpoint = choice
         strategy.commit(viewpoint, context)
-        return viewpoint
+        return viewpoint, context
 
     def _plan(self, viewpoint: Viewpoint, context: Context) -> PathPlan | None:
         heading = viewpoint.heading if viewpoint.turn else None

@@ -215,6 +215,13 @@ def blocks(layer: NDArray, size: int) -> NDArray:
     return layer.reshape(nx, size, ny, size).transpose(1, 3, 0, 2).reshape(-1, nx, ny)
 
 
+def best_of_blocks(worth: NDArray, size: int) -> NDArray[np.int64]:
+    """(N, 2) cells: of each block of ``size`` × ``size`` cells the one of greatest worth (nx, ny), if above 0."""
+    parts = blocks(worth, size)
+    best, wanted = parts.argmax(axis=0), parts.max(axis=0) > 0
+    return np.argwhere(wanted) * size + np.stack(np.divmod(best[wanted], size), axis=1)
+
+
 def box_around(mask: NDArray[np.bool_], margin: int) -> Box:
     """The bounding box of a mask (nx, ny) that is not empty, ``margin`` cells larger where the grid allows."""
     slices = []

@@ -11,7 +11,7 @@ from scipy import ndimage
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.viewpoint import ARRIVED, Context, Viewpoint
-from pipeline.grid_map import GridMap, Layer
+from pipeline.grid_map import GridMap, Layer, best_of_blocks
 from pipeline.localisation.correction import Correction, moved_by
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
@@ -232,4 +232,4 @@ class Exploration:
 
 def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
     """(N, 2) cells: of each block the one with the most reachable headings."""
-    return visibility.one_of_each_block(np.bitwise_count(context.paths.headings))
+    return best_of_blocks(np.bitwise_count(context.paths.headings), visibility.STRIDE)

@@ -50,14 +50,6 @@ def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArra
     return sums[:, middle + half + 1] - sums[:, middle - half]
 
 
-def one_of_each_block(worth: NDArray[np.integer]) -> NDArray[np.int64]:
-    """(N, 2) cells: of each block of STRIDE × STRIDE cells the one with the greatest worth (nx, ny), if above 0."""
-    parts = blocks(worth, STRIDE)
-    best = parts.argmax(axis=0)
-    places = np.argwhere(parts.max(axis=0) > 0)
-    return places * STRIDE + np.stack(np.divmod(best[tuple(places.T)], STRIDE), axis=1)
-
-
 def cells_in_view(
     position: NDArray[np.float64], heading: float, camera: kernels.CameraView, terrain: kernels.Terrain
 ) -> NDArray[np.bool_]:

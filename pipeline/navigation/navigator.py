@@ -63,12 +63,10 @@ class Leg:
     Attributes:
         target: (2,) m in ``map``.
         outcome: how it ended.
-        duration: s.
     """
 
     target: NDArray[np.float64]
     outcome: Outcome
-    duration: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +151,7 @@ class Navigator:
         self.halts, self.track = [], []
         here = self._drive(Velocity())[:2, 3]
         if start is not None and np.linalg.norm(here - start) > JUMP:
-            self.legs.append(Leg(here, Outcome.MOVED, 0.0))
+            self.legs.append(Leg(here, Outcome.MOVED))
             return False
         backwards = np.zeros(len(way_points), np.bool_) if backwards is None else backwards
         for target, backs in zip(way_points, backwards, strict=True):
@@ -172,13 +170,12 @@ class Navigator:
 
     def _drive_leg(self, target: NDArray[np.float64], backwards: bool, is_clear: IsClear) -> bool:
         """Turn towards the way point, or away from it, then drive straight to it."""
-        T, started = self.T_map_base, self._time
-        outcome = Outcome.REACHED
+        T, outcome = self.T_map_base, Outcome.REACHED
         length = float(np.linalg.norm(target - T[:2, 3]))
         if length > POSITION_TOLERANCE:
             commands = self._approach(T, target, backwards)
             outcome = self._finish(commands, lambda here: is_clear(here, target), length)
-        self.legs.append(Leg(target, outcome, self._time - started))
+        self.legs.append(Leg(target, outcome))
         return outcome is Outcome.REACHED
 
     def _approach(self, T: NDArray[np.float64], target: NDArray[np.float64], backwards: bool) -> Iterator[Velocity]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.grid_map import Box, Grid, GridMap, Layer, blocks, box_around
+from pipeline.grid_map import Box, Grid, GridMap, Layer, best_of_blocks, box_around
 from pipeline.segments.cells import centres
 from pipeline.segments.segments import Segment
 from pipeline.topological_map import sight_kernels as kernels
@@ -168,11 +168,8 @@ class Cover:
             share = ndimage.uniform_filter(mask[window].astype(np.float32), 2 * reach + 1, mode="constant")
             near &= share * (2 * reach + 1) ** 2 > fewest - 0.5
         room = np.where(near & self.standable[window], self.traversability.to_hazard[window], 0)
-        by_block = blocks(room, _BLOCK)
-        wanted = by_block.any(axis=0)
-        best = np.stack(np.divmod(by_block.argmax(axis=0)[wanted], _BLOCK), axis=-1)
-        corner = (window[0].start, window[1].start)
-        return self.grid.centre_of(np.argwhere(wanted) * _BLOCK + best + corner)
+        corner = np.array([side.start for side in window])
+        return self.grid.centre_of(corner + best_of_blocks(room, _BLOCK))
 
     def _count(self, node: int, by: int) -> None:
         """Add ``by`` to the counts of the cells that a node sees."""

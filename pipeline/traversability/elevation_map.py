@@ -49,7 +49,6 @@ class ElevationMap:
                 "assumed": Layer(np.float32, np.nan, in_place=True),
                 "touched": Layer(np.float32, np.nan, in_place=True),
                 "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
-                "seen": Layer(np.bool_, in_place=True),
                 "been": Layer(np.bool_, in_place=True),
                 "swept": Layer(np.bool_, in_place=True),
                 # Counts of the keyframe that is being added; 0 otherwise.
@@ -101,14 +100,14 @@ class ElevationMap:
         on_strip = (x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2)
         assumed = tuple(cells[(np.hypot(x, y) <= radius) | on_strip].T)
         self.layers["assumed"][assumed] = T_map_base[2, 3]
-        self._refresh(assumed)
+        self._renew(assumed)
 
     def add_obstacle(self, points: NDArray[np.float64]) -> None:
         """Put an obstacle that the robot touched into the cells of (N, 3) points; no keyframe removes it."""
         self.layers.cover(points)
         i, j = self.grid.cell_of(points).T
         self.layers["touched"][i, j] = points[:, 2]
-        self._refresh((i, j))
+        self._renew((i, j))
 
     def add_track(self, places: NDArray[np.float64]) -> None:
         """Mark the cells of (N, 2) places of the robot's middle, m; the cells that it swept hold no panel."""
@@ -120,10 +119,7 @@ class ElevationMap:
         self.layers["been"][tuple(cells.T)] = True
         swept = tuple((cells[:, None] + self._disc).reshape(-1, 2).T)
         self.layers["swept"][swept] = True
-        if not self._is_making:
-            self.layers.write("driven", True, tuple(cells.T))
-            self._write_dropouts(swept)
-            self._refresh(swept)
+        self._renew(swept)
 
     @cached_property
     def _disc(self) -> NDArray[np.int64]:
@@ -131,11 +127,6 @@ class ElevationMap:
         reach = self.robot.half_width - POSE_ERROR
         square = np.argwhere(np.ones((2 * int(reach / CELL) + 1,) * 2)) - int(reach / CELL)
         return square[np.hypot(*square.T) * CELL <= reach]
-
-    def _write_dropouts(self, where: tuple[NDArray, ...] | EllipsisType) -> None:
-        """Renew, in cells that changed, whether a panel may stand there: never where the robot has been."""
-        missing = self.layers["dropout_direction"][where].any(axis=-1)
-        self.layers.write("dropout", missing & ~self.layers["swept"][where], where)
 
     def update(
         self,
@@ -163,7 +154,6 @@ class ElevationMap:
         layers, origin, headroom = self.layers, self.grid.origin, self.robot.headroom
         height, filled, returns = (layers[name] for name in ("height", "hits", "returns"))
         cells = kernels.accumulate(points, counts, origin, CELL, height, filled, returns)
-        layers["seen"][tuple(cells.T)] = True
         if camera is not None:
             kernels.lower_ceiling(layers["ceiling"], points, camera, origin, CELL)
             # The ground is renewed where rays passed, too.
@@ -177,18 +167,13 @@ class ElevationMap:
             count[tuple(missing.T)] = 0
         where = tuple(cells.T)
         returns[where] = 0
-        if not self._is_making:
-            self._extract(cells)
-            self._write_dropouts(where)
-            self._refresh(where)
+        self._renew(where)
 
     @contextmanager
     def made_anew(self) -> Iterator[None]:
         """Forget everything; afterwards the map holds only what the block of the ``with`` statement adds."""
         layers = self.layers
-        for name in ("height", "hits"):  # by far the largest
-            layers[name][layers["seen"]] = 0
-        for name in ("seen", "been", "swept", "dropout_direction"):
+        for name in ("height", "hits", "been", "swept", "dropout_direction"):
             layers[name].fill(0)
         for name in ("returned", "assumed", "touched"):
             layers[name].fill(np.nan)
@@ -196,32 +181,26 @@ class ElevationMap:
         self._is_making = True
         yield
         self._is_making = False
-        self._extract(np.argwhere(layers["seen"]))
-        self._write_dropouts(...)
-        layers.write("driven", layers["been"])
-        self._refresh(...)
+        self._renew(...)
 
-    def _extract(self, cells: NDArray[np.int64]) -> None:
-        """Renew the heights of the returns in cells (K, 2)."""
-        layers = self.layers
-        kernels.extract_elevation(layers["height"], layers["hits"], cells, self.robot.headroom, layers["returned"])
-
-    def _refresh(self, where: tuple[NDArray, ...] | NDArray[np.bool_] | EllipsisType) -> None:
-        """Renew ``measured`` and ``elevation`` around cells that changed, given as an index of a layer."""
+    def _renew(self, where: tuple[NDArray, ...] | EllipsisType) -> None:
+        """Renew what follows from the evidence, in and around cells that it changed, an index of a layer."""
+        layers, gap = self.layers, round(self.robot.max_gap / CELL) + 1
         changed = np.zeros(self.grid.shape, np.bool_)
         changed[where] = True
         if self._is_making or not changed.any():
             return
-        layers, gap = self.layers, round(self.robot.max_gap / CELL) + 1
+        columns, cells = (layers["height"], layers["hits"]), np.argwhere(changed)
+        kernels.extract_elevation(*columns, cells, self.robot.headroom, layers["returned"])
+        layers.write("driven", layers["been"][where], where)
+        # A panel may stand wherever the robot has not been.
+        missing = layers["dropout_direction"][where].any(axis=-1)
+        layers.write("dropout", missing & ~layers["swept"][where], where)
         here, around = box_around(changed, gap), box_around(changed, 2 * gap)
-        returned, touched, dropout, ceiling = (
-            layers[name][around] for name in ("returned", "touched", "dropout", "ceiling")
-        )
-        measured = np.where(dropout, np.float32(np.nan), returned)
-        known = np.where(np.isnan(returned), layers["assumed"][around], returned)
-        known[dropout] = np.nan
-        for layer in (measured, known):
-            np.copyto(layer, touched, where=~np.isnan(touched))
+        names = ("returned", "touched", "assumed", "dropout", "ceiling")
+        returned, touched, assumed, dropout, ceiling = (layers[name][around] for name in names)
+        measured = np.where(np.isnan(touched), np.where(dropout, np.float32(np.nan), returned), touched)
+        known = np.where(np.isnan(measured) & ~dropout, assumed, measured)
         bridged = kernels.bridge_gaps(known, dropout, ceiling, gap - 1)
         layers.write("measured", measured[inside(here, around)], here)
         layers.write("elevation", bridged[inside(here, around)], here)

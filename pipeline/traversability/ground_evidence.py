@@ -1,7 +1,6 @@
 """Evidence of the ground, relative to the robot's pose at that moment, so that it follows corrections of the pose."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +10,6 @@ from pipeline.segments.cells_kernels import moved
 from pipeline.semantic_map.voxels import VoxelCloud
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_map import CELL, ElevationMap
-
-
-class GroundEvidence(Protocol):
-    """Something from which an elevation map is made."""
-
-    def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
-        """Put the evidence into the map for a robot at the 4×4 pose ``T_map_base``."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,3 +85,7 @@ class Driven:
         elevation_map.add_track(track[:, :2])
         if len(touched):
             elevation_map.add_obstacle(touched)
+
+
+GroundEvidence = Seen | Assumed | Driven
+"""Something from which an elevation map is made: ``put`` puts it into the map for a robot at a 4×4 pose."""

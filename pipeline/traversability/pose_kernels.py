@@ -1,5 +1,6 @@
 """Compiled geometry of a footprint with a heading: how much room it has, and what moves cost."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -88,48 +89,40 @@ class Costs(NamedTuple):
 
 @njit(cache=True)
 def distance_to_footprint(x, y, cos, sin, half_length, half_width):
-    """Signed distance from a point (x, y) to the rectangle around (0, 0) that heads along (cos, sin)."""
-    a, b = abs(x * cos + y * sin) - half_length, abs(y * cos - x * sin) - half_width
-    if a <= 0 or b <= 0:
-        return max(a, b)
-    return np.sqrt(a * a + b * b)
+    """Signed distance from points (x, y) to the rectangle around (0, 0) that heads along (cos, sin)."""
+    a, b = np.abs(x * cos + y * sin) - half_length, np.abs(y * cos - x * sin) - half_width
+    return np.sqrt(np.maximum(a, 0.0) ** 2 + np.maximum(b, 0.0) ** 2) + np.minimum(np.maximum(a, b), 0.0)
 
 
-@njit(cache=True)
+@cache
 def footprint_distances(half_length, half_width, cell):
     """Cells around the robot, nearest first, and the distance of the middle of each from the footprint.
 
     Returns:
         (N, 2) int64 offsets, (N, 16) int8 cm by heading and turn as in :class:`Terrain`, and (N,) cm, their least.
     """
-    reach = int((np.hypot(half_length, half_width) + FARTHEST) / cell) + 1
-    side = 2 * reach + 1
-    offsets, distances = np.empty((side**2, 2), np.int64), np.empty((side**2, HEADINGS), np.int8)
-    for n in range(side**2):
-        offsets[n, 0], offsets[n, 1] = i, j = n // side - reach, n % side - reach
-        for h in range(HEADINGS):
-            turns = h // (HEADINGS // 2)
-            d = FARTHEST
-            for angle in np.linspace(ANGLES[h % (HEADINGS // 2)], ANGLES[h % (HEADINGS // 2) + turns], 1 + 5 * turns):
-                cos, sin = np.cos(angle), np.sin(angle)
-                d = min(d, distance_to_footprint(i * cell, j * cell, cos, sin, half_length, half_width))
-            distances[n, h] = int(np.floor(100 * d))
-    least = np.array([distances[n].min() for n in range(side**2)])
-    order = np.argsort(least)
-    order = order[least[order] < int(100 * FARTHEST)]
+    reach, half = int((np.hypot(half_length, half_width) + FARTHEST) / cell) + 1, HEADINGS // 2
+    offsets = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
+    x, y = cell * offsets.T[:, :, None, None]
+    stands, turns = np.tile(ANGLES[:half], (6, 1)), np.linspace(ANGLES[:half], ANGLES[1 : half + 1], 6)
+    angles = np.hstack([stands, turns])
+    room = distance_to_footprint(x, y, np.cos(angles), np.sin(angles), half_length, half_width).min(axis=1)
+    distances = np.floor(100 * np.minimum(room, FARTHEST)).astype(np.int8)
+    least = distances.min(axis=1)
+    order = np.argsort(least)[: np.count_nonzero(least < int(100 * FARTHEST))]
     return offsets[order], distances[order], least[order]
 
 
 @njit(cache=True)
-def clearances(obstacle, to_obstacle, half_length, half_width, cell, rows, columns):
+def clearances(obstacle, to_obstacle, footprint, near, rows, columns):
     """(nx, ny, 16) int8, see :class:`Terrain`, for (nx, ny) obstacles; beyond the grid all is unknown.
 
-    Only cells from the first up to but not including the last of ``rows`` and of ``columns`` are computed.
+    ``footprint`` is what :func:`footprint_distances` returns. Only cells with an obstacle within ``near`` m, from the
+    first up to but not including the last of ``rows`` and of ``columns``, are computed.
     """
     nx, ny = obstacle.shape
-    offsets, distances, nearest = footprint_distances(half_length, half_width, cell)
+    offsets, distances, nearest = footprint
     result = np.full((nx, ny, HEADINGS), int(100 * FARTHEST), np.int8)
-    near = np.hypot(half_length, half_width) + FARTHEST
     for i in range(rows[0], rows[1]):
         for j in range(columns[0], columns[1]):
             if to_obstacle[i, j] > near:

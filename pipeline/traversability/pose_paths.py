@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from types import EllipsisType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.traversability import pose_paths_kernels as kernels
-from pipeline.traversability.pose_kernels import ANGLES, BUCKETS, HEADINGS, STOP, TICK
+from pipeline.traversability.pose_kernels import ANGLES, BUCKETS, HEADINGS, STOP, TICK, VECTORS
 from pipeline.traversability.traversability import LEAST, STANDING, Traversability, costs_of
 
 SNAP = 0.5
@@ -18,10 +17,6 @@ ESCAPE = 0.8
 """m that a robot with too little clearance may drive despite that."""
 FIRST_HORIZON, GROWTH = 4.0, 1.5
 """s, limit of the cost in the first search for a place, and the factor by which the limit grows until it is found."""
-SHORTEST = 0.95
-"""Least time of any way relative to a straight drive at full speed: less than 1, since moves take whole ticks."""
-ENTRIES = 1 << 16
-"""Initial size of the queue."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,13 +27,11 @@ class Way:
         places: (N, 2) m in ``map``, ends of the drives; a way that is only a turn has one place.
         backwards: (N,) which of the drives lead backwards.
         heading: rad, to turn to at the end.
-        seconds: cost of the way: expected time, increased for risks.
     """
 
     places: NDArray[np.float64]
     backwards: NDArray[np.bool_]
     heading: float
-    seconds: float
 
 
 class PosePaths:
@@ -87,7 +80,9 @@ class PosePaths:
         i, j, h = starts.T
         # By LEAST, not by the smaller clearance that is enough where the robot has been.
         can_escape = (t.clearance[i, j, h % STANDING] < round(100 * LEAST)).any()
-        # Zeros, so that pages of memory that the search does not reach are never touched.
+        count, first = len(starts), np.full(BUCKETS, -1, np.int32)
+        # Zeros or nothing, so that pages of memory that the search does not reach are never touched.
+        state, after = np.empty((2, 4 * size + count), np.int32)
         search = kernels.Search(
             starts,
             np.zeros(size, np.int32),
@@ -95,24 +90,25 @@ class PosePaths:
             np.zeros(size, np.int16),
             kernels.level_ticks(self._grid.cell, self._costs),
             ESCAPE if can_escape else -1.0,
-            np.ones(1, np.int64),
+            first,
+            state,
+            after,
+            np.array([1, count, count]),
         )
-        self._queue = _queue(max(ENTRIES, 2 * len(starts)))
-        kernels.begin(search, self._queue, self._grid.shape[1])
+        poses = np.ravel_multi_index(tuple(starts.T), (*self._grid.shape, HEADINGS))
+        search.cost[poses], search.source[poses] = 1, np.arange(count)
+        state[:count], after[:count], first[1] = poses, np.arange(-1, count - 1), count - 1
         return search
 
     def _extend(self, seconds: float) -> None:
         """Extend the search to all poses that cost at most ``seconds``."""
         until = 1 + int(min(seconds, np.iinfo(np.int32).max * TICK / 2) / TICK)
-        terrain = self.traversability.terrain
-        while not kernels.extend(self._search, self._queue, terrain, self._costs, until):
-            q, more = self._queue, np.empty_like(self._queue.state)
-            self._queue = q._replace(state=np.concatenate([q.state, more]), after=np.concatenate([q.after, more]))
+        kernels.extend(self._search, self.traversability.terrain, self._costs, until)
 
     @property
     def is_complete(self) -> bool:
         """Whether the search has reached all reachable poses."""
-        return bool(self._queue.used[0] == 0)
+        return bool(self._search.now[1] == 0)
 
     def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
         """(..., 16) s to be at cells with each heading; inf where the search has not got yet."""
@@ -127,8 +123,9 @@ class PosePaths:
 
     def least_seconds_to(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """(N,) s, lower bound of the cost of a way from the only start to cells (N, 2)."""
-        away = np.linalg.norm(cells - self._search.starts[0, :2], axis=1) * self._grid.cell
-        return SHORTEST * away / self._costs.speed
+        # Nothing is quicker than to drive forward with much room.
+        per_cell = (self._search.level[kernels.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min() * TICK
+        return per_cell * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
 
     @cached_property
     def seconds(self) -> NDArray[np.float32]:
@@ -186,13 +183,10 @@ class PosePaths:
     def sources(self) -> NDArray[np.int64]:
         """(nx, ny) flat index of the cell where the cheapest way to each cell starts; -1 if no way leads there."""
         starts = self._search.starts
-        if not len(starts):
-            return np.full(self._grid.shape, -1)
-        flat = np.ravel_multi_index(tuple(starts[:, :2].T), self._grid.shape)
-        seconds = self.seconds
+        flat, seconds = np.append(np.ravel_multi_index(tuple(starts[:, :2].T), self._grid.shape), -1), self.seconds
         source = self._search.source.reshape(seconds.shape)
         best = np.take_along_axis(source, seconds.argmin(axis=2)[..., None], axis=2)[..., 0]
-        return np.where(np.isfinite(self.cost), flat[best], -1)
+        return flat[np.where(np.isfinite(self.cost), best, -1)]
 
     def path_to(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 2) cell centres from the (nearest) start to a reachable point, m."""
@@ -214,24 +208,18 @@ class PosePaths:
         first = ANGLES[states[0, 2]] if self._heading is None else self._heading
         flat = np.ravel_multi_index(tuple(states.T), (*self._grid.shape, HEADINGS))
         moves, seconds = self._search.came_by[flat], (self._search.cost[flat] - 1) * TICK
-        bends = kernels.straighten(
+        bends, backwards = kernels.straighten(
             places, ANGLES[states[:, 2]], moves, seconds, first, self.traversability.terrain, self._costs
         )
-        back = [kernels.gear(moves, a, b) == kernels.BACKWARD for a, b in pairwise(bends)] or [False]
-        bends = bends[1:] if len(bends) > 1 else bends
+        ends = slice(min(1, len(bends) - 1), None)
         end = float(ANGLES[last]) if heading is None else heading
-        return Way(places[bends], np.array(back), end, float(seconds[-1]))
+        return Way(places[bends[ends]], backwards[ends], end)
 
     def _states_to(self, cell: NDArray[np.int64], heading: int) -> NDArray[np.int64]:
         """(N, 3) cells and headings from the start to a reachable pose."""
         came_by = self._search.came_by.reshape(*self._grid.shape, HEADINGS)
         states = kernels.trace(came_by, int(cell[0]), int(cell[1]), heading)
         return states[::-1]
-
-
-def _queue(entries: int) -> kernels.Queue:
-    state, after = np.empty(entries, np.int32), np.empty(entries, np.int32)
-    return kernels.Queue(np.empty(BUCKETS, np.int32), state, after, np.empty(3, np.int64))
 
 
 def bits(headings: NDArray[np.uint16]) -> NDArray[np.bool_]:

@@ -97,6 +97,8 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
 class Search(NamedTuple):
     """The state of a search; poses are numbered (i · ny + j) · 16 + h.
 
+    Its queue keeps, in buckets by cost, an entry for each time that a pose became cheaper: by each move once at most.
+
     Attributes:
         starts: (K, 3) int64 cells and headings.
         cost: (N,) int32 1 + ticks; 0 where no way has been found yet.
@@ -105,7 +107,9 @@ class Search(NamedTuple):
         level: (5, 16, R) ticks of moves on level ground, see :func:`level_ticks`.
         escape: m from its start within which a robot may drive through poses without room, as long as the clearance
             does not shrink, or where the robot has been.
-        now: (1,) int64 the cost up to which all poses are settled.
+        first: (B,) int32 the first entry of each bucket; -1 where there is none.
+        state, after: (4 N + K,) int32 the pose of each entry, and the next entry of the same bucket.
+        now: (3,) int64 the cost up to which all poses are settled, numbers of waiting entries and of all so far.
     """
 
     starts: NDArray[np.int64]
@@ -114,84 +118,30 @@ class Search(NamedTuple):
     source: NDArray[np.int16]
     level: NDArray[np.int32]
     escape: float
-    now: NDArray[np.int64]
-
-
-class Queue(NamedTuple):
-    """Entries in buckets by their cost; a state that has become cheaper leaves its old entry behind.
-
-    Attributes:
-        first: (B,) int32 the first entry of each bucket; -1 where there is none.
-        state: (E,) int32 of each entry.
-        after: (E,) int32 the next entry of the same bucket, or of the list of free entries.
-        used: (3,) int64 number of waiting entries, number of entries ever used, and the first free entry or -1.
-    """
-
     first: NDArray[np.int32]
     state: NDArray[np.int32]
     after: NDArray[np.int32]
-    used: NDArray[np.int64]
-
-
-@njit(cache=True, inline="always")
-def put(state, cost, queue):
-    """Put a state into the bucket of a cost."""
-    entry = queue.used[2]
-    if entry >= 0:
-        queue.used[2] = queue.after[entry]
-    else:
-        entry = queue.used[1]
-        queue.used[1] += 1
-    queue.state[entry], queue.after[entry] = state, queue.first[cost % BUCKETS]
-    queue.first[cost % BUCKETS] = entry
-    queue.used[0] += 1
-
-
-@njit(cache=True, inline="always")
-def take(cost, queue):
-    """Remove a state from the bucket of a cost, which is not empty, and return it."""
-    entry = queue.first[cost % BUCKETS]
-    queue.first[cost % BUCKETS] = queue.after[entry]
-    queue.after[entry], queue.used[2] = queue.used[2], entry
-    queue.used[0] -= 1
-    return queue.state[entry]
+    now: NDArray[np.int64]
 
 
 @njit(cache=True)
-def begin(search, queue, ny):
-    """Put the starts into an empty queue, on a grid that is ``ny`` cells wide."""
-    queue.first[:] = -1
-    queue.used[:] = 0, 0, -1
-    search.now[0] = 1
-    for n in range(len(search.starts)):
-        i, j, h = search.starts[n]
-        state = (i * ny + j) * HEADINGS + h
-        if search.cost[state] == 0:
-            search.cost[state], search.source[state] = 1, n
-            put(state, 1, queue)
-
-
-@njit(cache=True)
-def extend(search, queue, terrain, costs, until):
+def extend(search, terrain, costs, until):
     """Continue Dijkstra's algorithm over all poses up to the cost ``until``, with a bucket queue.
 
     A pose may be entered if its clearance is large enough. A robot that starts with less may escape, see
     :class:`Search`.
-
-    Returns:
-        True if the search has reached ``until`` or its end; False if the queue is full: call again with a larger one.
     """
     nx, ny = terrain.least.shape
-    cost, source, level, now = search.cost, search.source, search.level, search.now[0]
-    escape = int(search.escape / terrain.cell)
-    while queue.used[0] > 0 and now <= until:
-        search.now[0] = now
-        if queue.used[1] + RIGHT > len(queue.state):
-            return False
-        if queue.first[now % BUCKETS] < 0:
+    cost, source, level, first = search.cost, search.source, search.level, search.first
+    escape, (now, waiting, used) = int(search.escape / terrain.cell), search.now
+    while waiting > 0 and now <= until:
+        entry = first[now % BUCKETS]
+        if entry < 0:
             now += 1
             continue
-        state = take(now, queue)
+        first[now % BUCKETS] = search.after[entry]
+        waiting -= 1
+        state = search.state[entry]
         if cost[state] != now:
             continue
         i, j, h = state // HEADINGS // ny, state // HEADINGS % ny, state % HEADINGS
@@ -204,9 +154,10 @@ def extend(search, queue, terrain, costs, until):
             then, new = (a * ny + b) * HEADINGS + k, now + step
             if step > 0 and (cost[then] == 0 or cost[then] > new):
                 cost[then], search.came_by[then], source[then] = new, move, source[state]
-                put(then, new, queue)
-    search.now[0] = now
-    return True
+                search.state[used], search.after[used] = then, first[new % BUCKETS]
+                first[new % BUCKETS] = used
+                waiting, used = waiting + 1, used + 1
+    search.now[:] = now, waiting, used
 
 
 @njit(cache=True)
@@ -264,55 +215,19 @@ def flood(seeds, free):
 @njit(cache=True)
 def trace(came_by, i, j, h):
     """(N, 3) int64 poses (i, j, h) from the last one back to the start."""
-    count, (a, b, k) = 1, (i, j, h)
-    while came_by[a, b, k] > 0:
-        a, b, k = move_from(a, b, k, _UNDO[came_by[a, b, k]])
-        count += 1
-    result = np.empty((count, 3), np.int64)
-    for n in range(count):
-        result[n, 0], result[n, 1], result[n, 2] = i, j, h
-        if n < count - 1:
-            i, j, h = move_from(i, j, h, _UNDO[came_by[i, j, h]])
-    return result
-
-
-@njit(cache=True)
-def gear(moves, p, q):
-    """``FORWARD`` or ``BACKWARD``, the first drive among ``moves`` (N,) from pose p to q; 0 if all are turns."""
-    for n in range(p + 1, q + 1):
-        if moves[n] == FORWARD or moves[n] == BACKWARD:
-            return moves[n]
-    return 0
-
-
-@njit(cache=True)
-def drive_end(moves, p, forward):
-    """The last pose of a way to which ``moves`` (N,) lead from pose p with no drive other than ``forward``."""
-    end = p
-    for n in range(p + 1, len(moves)):
-        if moves[n] == forward:
-            end = n
-        elif moves[n] <= BACKWARD:
-            break
-    return end
-
-
-@njit(cache=True)
-def straight_end(moves, p):
-    """The last pose to which ``moves`` (N,) of a way lead straight on from pose p, after turns in place at p."""
-    n = p + 1
-    while moves[n] > BACKWARD:
-        n += 1
-    while n + 1 < len(moves) and moves[n + 1] == moves[n]:
-        n += 1
-    return n
+    poses = [(i, j, h)]
+    while came_by[i, j, h] > 0:
+        i, j, h = move_from(i, j, h, _UNDO[came_by[i, j, h]])
+        poses.append((i, j, h))
+    return np.array(poses)
 
 
 @njit(cache=True)
 def straighten(places, headings, moves, seconds, heading, terrain, costs):
     """Indices of the bends of a way, first and last pose included, between which straight drives lead.
 
-    A straight drive replaces a stretch of the way if it costs at most ``STOP`` s more, turns at both ends included.
+    Also which of these drives lead backwards; the first value, for the start, says nothing. A straight drive replaces
+    a stretch of the way if it costs at most ``STOP`` s more, turns at both ends included.
 
     Args:
         places: (N, 2) m.
@@ -321,23 +236,29 @@ def straighten(places, headings, moves, seconds, heading, terrain, costs):
         seconds: (N,) float64, cost of the way to each pose.
         heading: rad at the first pose.
     """
-    bends, p = [0], 0
-    while gear(moves, p, len(places) - 1) > 0:
-        forward = gear(moves, p, len(places) - 1)
-        q = straight_end(moves, p)
+    bends, backwards, p = [0], [False], 0
+    while (moves[p + 1 :] <= BACKWARD).any():
+        drives = p + 1 + np.flatnonzero(moves[p + 1 :] <= BACKWARD)
+        back = moves[drives[0]] == BACKWARD
+        # Only drives in the same direction; up to the first turn after them the way is straight already.
+        others = np.flatnonzero(moves[drives] != moves[drives[0]])
+        drives = drives[: others[0]] if len(others) else drives
+        turns = np.flatnonzero(np.diff(drives) > 1)
+        q = drives[turns[0]] if len(turns) else drives[-1]
         ahead, (x, y) = headings[q], places[p]
-        for r in range(drive_end(moves, p, forward), q, -1):
+        for r in range(drives[-1], q, -1):
             u, v = places[r]
-            bearing = np.arctan2(v - y, u - x) + (np.pi if forward == BACKWARD else 0.0)
+            bearing = np.arctan2(v - y, u - x) + (np.pi if back else 0.0)
             due = seconds[r] - seconds[p] + STOP
             cost = turn_seconds(x, y, heading, bearing, terrain, costs)
             if cost <= due:
                 cost += turn_seconds(u, v, bearing, headings[r], terrain, costs)
             if cost <= due:
-                cost += line_seconds(x, y, u, v, forward == BACKWARD, terrain, costs)
+                cost += line_seconds(x, y, u, v, back, terrain, costs)
             if cost <= due:
                 q, ahead = r, bearing
                 break
         bends.append(q)
+        backwards.append(back)
         p, heading = q, ahead
-    return np.array(bends)
+    return np.array(bends), np.array(backwards)

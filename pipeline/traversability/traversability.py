@@ -177,7 +177,7 @@ def assess(
         uphill=uphill,
         free=free,
         turnable=(clearance.min(axis=2) >= round(100 * LEAST)) & ~ramp,
-        tall=hazard & (elevation > ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), 5) + TALL),
+        tall=hazard & (elevation > ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), WALL_GAP) + TALL),
         sealed=_without_gaps(elevation, hazard),
         robot=robot,
     )
@@ -197,8 +197,9 @@ def _clearances(
     obstacle: NDArray[np.uint8], to_obstacle: NDArray[np.float64], robot: RobotModel, cell: float, within: Box
 ) -> NDArray[np.int8]:
     rows, columns = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
-    size = robot.half_length, robot.half_width
-    return pose_kernels.clearances(obstacle, to_obstacle, *size, cell, rows, columns)
+    footprint = pose_kernels.footprint_distances(robot.half_length, robot.half_width, cell)
+    near = robot.corner_radius + pose_kernels.FARTHEST
+    return pose_kernels.clearances(obstacle, to_obstacle, footprint, near, rows, columns)
 
 
 def _without_gaps(elevation: NDArray[np.float32], hazard: NDArray[np.bool_]) -> NDArray[np.float32]:

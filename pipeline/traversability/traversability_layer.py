@@ -3,28 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.grid_map import GridMap, Layer, box_around, inside
+from pipeline.grid_map import box_around, inside
 from pipeline.traversability.elevation_map import CELL, ElevationMap
-from pipeline.traversability.pose_kernels import HEADINGS
-from pipeline.traversability.traversability import FAR, MAX_DROP_GAP, Traversability, assess
-
-_NO = Layer(np.bool_)
-JUDGED = {
-    "gradient": Layer(np.float32, per_cell=(2,)),
-    "hazard": _NO,
-    "to_hazard": Layer(np.float64),
-    "obstacle": Layer(np.uint8),
-    "to_obstacle": Layer(np.float64),
-    "clearance": Layer(np.int8, per_cell=(HEADINGS,)),
-    "least": Layer(np.int8),
-    "ramp": _NO,
-    "uphill": Layer(np.float32, per_cell=(2,)),
-    "free": Layer(np.uint8, per_cell=(2,)),
-    "turnable": _NO,
-    "tall": _NO,
-    "sealed": Layer(np.float32),
-}
-"""The layers computed from the elevation, from depth dropouts and from where the robot drove."""
+from pipeline.traversability.traversability import FAR, LAYERS, MAX_DROP_GAP, Traversability, assess, assess_map
 
 REACH = round((FAR + MAX_DROP_GAP) / CELL) + 5
 """Cells within which a change has an effect: a cell affects hazards across a gap, a hazard affects cells up to
@@ -35,32 +16,31 @@ class TraversabilityLayer:
     """Assesses one elevation map again, but only around cells that changed."""
 
     def __init__(self) -> None:
-        self._layers = GridMap(CELL, JUDGED)
         self._last: Traversability | None = None
         self._revision = 0
 
     def update(self, elevation_map: ElevationMap) -> Traversability:
         """Return the same as ``assess_map`` of the map; results that were returned before stay as they were."""
-        source, layers = elevation_map.layers, self._layers
+        source, last = elevation_map.layers, self._last
         changed = source.changed_since(self._revision, "elevation", "dropout", "driven")
-        # A hazard at the old border reaches into the cells that the grid has gained.
-        changed |= not layers.grid.is_same(source.grid)
-        layers.match(source.grid)
-        revision, self._revision = layers.revision, source.revision
-        if changed.any():
-            self._assess_around(changed, elevation_map)
-        if self._last is not None and layers.revision == revision and self._last.grid is source.grid:
-            return self._last
-        judged = {name: layers[name] for name in JUDGED}
-        self._last = Traversability(source.grid, elevation_map.elevation, robot=elevation_map.robot, **judged)
-        return self._last
+        self._revision = source.revision
+        if last is None or not last.grid.is_same(source.grid):
+            # A hazard at the old border reaches into the cells that the grid has gained.
+            last = assess_map(elevation_map)
+        elif changed.any():
+            last = _assessed_around(changed, elevation_map, last)
+        self._last = last
+        return last
 
-    def _assess_around(self, changed: NDArray[np.bool_], elevation_map: ElevationMap) -> None:
-        here, around = box_around(changed, REACH), box_around(changed, 2 * REACH)
-        # Contiguous, as the kernels are compiled for.
-        elevation = np.ascontiguousarray(elevation_map.elevation[around])
-        dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]
-        within = inside(here, around)
-        part = assess(self._layers.grid.part(around), elevation, dropout, driven, elevation_map.robot, within)
-        for name in JUDGED:
-            self._layers.write(name, getattr(part, name)[within], here)
+
+def _assessed_around(changed: NDArray[np.bool_], elevation_map: ElevationMap, last: Traversability) -> Traversability:
+    here, around = box_around(changed, REACH), box_around(changed, 2 * REACH)
+    # Contiguous, as the kernels are compiled for.
+    elevation = np.ascontiguousarray(elevation_map.elevation[around])
+    dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]
+    within = inside(here, around)
+    part = assess(last.grid.part(around), elevation, dropout, driven, last.robot, within)
+    layers = {name: getattr(last, name).copy() for name in LAYERS}
+    for name, layer in layers.items():
+        layer[here] = getattr(part, name)[within]
+    return Traversability(last.grid, robot=last.robot, **layers)

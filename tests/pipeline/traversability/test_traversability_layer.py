@@ -4,8 +4,8 @@ from hypothesis import strategies as st
 
 from pipeline.traversability import elevation_kernels as kernels
 from pipeline.traversability.elevation_map import ElevationMap
-from pipeline.traversability.traversability import assess_map
-from pipeline.traversability.traversability_layer import JUDGED, TraversabilityLayer
+from pipeline.traversability.traversability import LAYERS, assess_map
+from pipeline.traversability.traversability_layer import TraversabilityLayer
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, wall_points
 
@@ -34,7 +34,7 @@ def test_what_is_judged_keyframe_by_keyframe_is_what_is_judged_as_a_whole(steps)
     for piece in steps:  # the map grows now and then
         step(elevation_map, piece)
         now, whole = layer.update(elevation_map), assess_map(elevation_map)
-        for name in JUDGED:
+        for name in LAYERS:
             np.testing.assert_array_equal(getattr(now, name), getattr(whole, name), err_msg=name)
         np.testing.assert_array_equal(now.elevation, elevation_map.elevation)
 

@@ -36,10 +36,10 @@ from pipeline.traversability.ways_up import is_no_way
 from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.victim_map import Victims
 
-START_RADIUS = 0.5
-"""m; ground this close to a robot that was set down is taken for flat until seen: the camera sees none within 1 m."""
-START_AHEAD, START_WIDTH = 1.4, 0.8
-"""m, length and width of a strip before the robot that is taken for flat as well."""
+START_MARGIN = 0.15
+"""m around a robot that was set down where ground is taken for flat until seen: the camera sees none within 1 m."""
+START_AHEAD = 1.4
+"""m, length of a strip before the robot that is taken for flat as well, if level ground is in view so near."""
 NOTICEABLE = 0.01, np.deg2rad(0.5)
 """m and rad; if a correction moves no keyframe by more than this, the maps stay as they are."""
 
@@ -205,7 +205,7 @@ class Mapper:
     def assume_ground(self, T_map_base: NDArray[np.float64]) -> None:
         """Take the ground around and before a robot that was just set down for flat until it is seen.
 
-        The next keyframe puts this ground into the elevation map.
+        Keyframes put this ground into the elevation map as long as the robot stands there.
         """
         self._set_down = T_map_base
 
@@ -332,12 +332,24 @@ class Mapper:
 
     def _add_ground(self, frame: Frame, cloud: VoxelCloud) -> None:
         """Put the ground that a new keyframe shows, and the ground taken for flat, into the elevation map."""
-        k, T_map_base = self.keyframes, self.poses[-1]
+        k = self.keyframes
         if self._set_down is not None:
-            T_base_start = inverse(T_map_base) @ self._set_down
-            self._put(k, Assumed(T_base_start, START_RADIUS, START_AHEAD, START_WIDTH))
-            self._set_down = None
+            if np.linalg.norm(self.poses[k, :2, 3] - self._set_down[:2, 3]) <= START_MARGIN:
+                self._put(k, self._assumed(cloud.points))
+            else:
+                self._set_down = None
         self._put(k, Seen.of(frame, cloud))
+
+    def _assumed(self, points: NDArray[np.float32]) -> Assumed:
+        """The ground taken for flat where the robot was set down, by returns (N, 3) in ``base_link``, m.
+
+        Behind the edge of a deck, or before a wall, no level ground is in view so near that it could go on to there.
+        """
+        robot, (x, y, z) = self.elevation_map.robot, points.T
+        width = robot.width + 2 * START_MARGIN
+        level = (x > 0) & (x < START_AHEAD) & (np.abs(y) < width / 2) & (np.abs(z) <= robot.max_step)
+        is_in_view = len(np.unique(np.floor(y[level] / CELL))) > width / CELL / 2
+        return Assumed(np.eye(4), robot.corner_radius + START_MARGIN, START_AHEAD * is_in_view, width)
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
         self.ground.append((keyframe, evidence))

@@ -84,7 +84,7 @@ class ElevationMap:
         return self.layers["driven"]
 
     def assume_ground(self, T_map_base: NDArray[np.float64], radius: float, ahead: float, width: float) -> None:
-        """Take the ground under the robot and right before it for flat until it is measured.
+        """Take the ground under the robot and right before it for flat, as the robot stands, until it is measured.
 
         Args:
             T_map_base: pose of the robot.
@@ -96,11 +96,12 @@ class ElevationMap:
         self.layers.cover(np.array([centre - reach, centre + reach]))
         low, high = self.grid.cell_of([centre - reach, centre + reach])
         cells = low + np.argwhere(np.ones(high + 1 - low, np.bool_))
-        x, y = ((self.grid.centre_of(cells) - centre) @ T_map_base[:2, :2]).T
-        on_strip = (x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2)
-        assumed = tuple(cells[(np.hypot(x, y) <= radius) | on_strip].T)
-        self.layers["assumed"][assumed] = T_map_base[2, 3]
-        self._renew(assumed)
+        away, up = self.grid.centre_of(cells) - centre, T_map_base[:3, 2]
+        x, y = (away @ T_map_base[:2, :2]).T
+        is_assumed = (np.hypot(x, y) <= radius) | ((x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2))
+        where = tuple(cells[is_assumed].T)
+        self.layers["assumed"][where] = T_map_base[2, 3] - away[is_assumed] @ up[:2] / up[2]
+        self._renew(where)
 
     def add_obstacle(self, points: NDArray[np.float64]) -> None:
         """Put an obstacle that the robot touched into the cells of (N, 3) points; no keyframe removes it."""
@@ -124,7 +125,7 @@ class ElevationMap:
     @cached_property
     def _disc(self) -> NDArray[np.int64]:
         """(K, 2) the cells that a robot in the middle of cell (0, 0) certainly sweeps."""
-        reach = self.robot.half_width - POSE_ERROR
+        reach = max(self.robot.half_width - POSE_ERROR, 0.0)
         square = np.argwhere(np.ones((2 * int(reach / CELL) + 1,) * 2)) - int(reach / CELL)
         return square[np.hypot(*square.T) * CELL <= reach]
 

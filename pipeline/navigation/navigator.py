@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.labels import RAMP_TILT
 from pipeline.navigation.attitude import Attitude
 from pipeline.navigation.pace import BRAKING
-from pipeline.navigation.progress import Progress, Turn
+from pipeline.navigation.progress import STUCK_ANGLE, STUCK_DISTANCE, Progress, Turn
 from pipeline.robot import Motion, Robot, RobotModel, Velocity
 from pipeline.transforms import transform_points, wrap_angle, yaw_of
 
@@ -39,7 +39,7 @@ HOLD_SPEED = 0.1
 JUMP = 0.15
 """m; a robot that moves farther than this from one control period to the next was kidnapped."""
 BACK_OUT, BACK_TURN = 0.3, np.deg2rad(20)
-"""m and rad by which the robot drives or turns back after it was held."""
+"""m and rad by which the robot drives or turns back after it was held, at most: what it drove was free."""
 BUMPER_GAP = 0.036
 """m before the footprint at which the robot maps what it touched."""
 
@@ -249,7 +249,8 @@ class Navigator:
         length: float = 0.0,
     ) -> Outcome:
         """Give commands until they end or an obstacle is ahead; back out if the robot leans too far or is held."""
-        progress = Progress(self.robot.model, self.T_map_base, self._time, length)
+        start = self._T_odom_base
+        progress = Progress(self.robot.model, start, self._time, length)
         for command in commands:
             if not self.look():
                 self._drive(Velocity())
@@ -264,29 +265,33 @@ class Navigator:
                 self._drive(Velocity())
                 return Outcome.MOVED
             leans = self.attitude.tilt_in(TILT_LEAD) > self.robot.model.tipping_tilt
-            if leans or progress.is_stuck(T, self._time, command, self._on_ramp):
-                self.halts.append(Halt(T, command, self._back_out(T, command)))
+            if leans or progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp):
+                self.halts.append(Halt(T, command, self._back_out(start, command)))
                 self.recovered += self.halts[-1].freed
                 return Outcome.TILTED if leans else Outcome.STUCK
         self._drive(Velocity())
         return Outcome.REACHED
 
-    def _back_out(self, T_held: NDArray[np.float64], command: Velocity) -> bool:
-        """Reverse the last motion, for its way was free; True if more than half of the drive back was possible."""
+    def _back_out(self, T_odom_start: NDArray[np.float64], command: Velocity) -> bool:
+        """Undo the last motion since a 4×4 pose, for its way was free; True if more than half was possible."""
         model, turns = self.robot.model, isinstance(command, Turn)
+        way = _way(T_odom_start, self._T_odom_base, turns)
         if turns:
-            rate = model.ramp_turn_rate
-            undo, seconds = Velocity(0.0, -np.sign(command.omega) * rate), BACK_TURN / rate
+            way, braking = np.clip(way, STUCK_ANGLE, BACK_TURN), abs(command.omega) / model.turn_acceleration
+            undo = Velocity(0.0, -np.sign(command.omega) * model.ramp_turn_rate)
         else:
-            undo, seconds = Velocity(-np.sign(command.v) * model.ramp_speed), BACK_OUT / model.ramp_speed
-        progress = Progress(model, self._drive(Velocity()), self._time)
-        for _ in range(round(seconds / self.robot.control_period)):
-            if progress.is_stuck(self._drive(undo), self._time, undo, self._on_ramp):
-                break
-        T = self._drive(Velocity())
-        if turns:
-            return bool(abs(wrap_angle(yaw_of(T) - yaw_of(T_held))) > BACK_TURN / 2)
-        return bool(np.linalg.norm(T[:3, 3] - T_held[:3, 3]) > BACK_OUT / 2)
+            way, braking = np.clip(way, STUCK_DISTANCE, BACK_OUT), abs(command.v) / model.acceleration
+            undo = Velocity(-np.sign(command.v) * model.ramp_speed)
+        # Until its wheels are at rest they push on, and a reversal would seem to be held.
+        for _ in range(1 + round(braking / self.robot.control_period)):
+            self._drive(Velocity())
+        T_odom_still = self._T_odom_base
+        progress, is_stuck = Progress(model, T_odom_still, self._time), False
+        while not is_stuck and _way(T_odom_still, self._T_odom_base, turns) < way:
+            self._drive(undo)
+            is_stuck = progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp)
+        self._drive(Velocity())
+        return bool(_way(T_odom_still, self._T_odom_base, turns) > way / 2)
 
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)
@@ -303,6 +308,17 @@ class Navigator:
         return self.T_map_odom @ self.motion.T_odom_base
 
     @property
+    def _T_odom_base(self) -> NDArray[np.float64]:
+        # By the odometry, which no correction of the map moves.
+        assert self.motion is not None
+        return self.motion.T_odom_base
+
+    @property
     def _time(self) -> float:
         assert self.motion is not None
         return self.motion.time
+
+
+def _way(T: NDArray[np.float64], T_other: NDArray[np.float64], turns: bool) -> float:
+    """From one 4×4 pose to another the angle in rad, or the distance in m."""
+    return float(abs(wrap_angle(yaw_of(T_other) - yaw_of(T))) if turns else np.linalg.norm((T_other - T)[:3, 3]))

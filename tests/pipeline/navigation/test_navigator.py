@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -114,6 +115,46 @@ def test_a_robot_that_is_held_on_both_sides_is_not_freed():
     navigator = Navigator(robot)
     navigator.follow(np.array([(2, 0)]))
     assert [halt.freed for halt in navigator.halts] == [False]
+
+
+class RobotBeforeWall(KinematicRobot):
+    """Its wheels follow a command no faster than it accelerates; it can get no farther along x than ``wall``, m."""
+
+    def __init__(self, wall):
+        super().__init__()
+        self._wall, self._speed = wall, 0.0
+
+    def drive(self, command):
+        most = self.model.acceleration * self.control_period
+        self._speed += np.clip(command.v - self._speed, -most, most)
+        is_held = self.T[0, 3] >= self._wall and self._speed > 0
+        return super().drive(replace(command, v=0.0 if is_held else self._speed))
+
+
+def test_it_backs_out_once_its_wheels_have_come_to_rest():
+    navigator = Navigator(RobotBeforeWall(0.6))
+    assert not navigator.follow(np.array([(2, 0)]))
+    assert [halt.freed for halt in navigator.halts] == [True]
+    assert navigator.robot.T[0, 3] == pytest.approx(0.6 - BACK_OUT, abs=0.06)
+
+
+def test_it_backs_out_no_farther_than_it_came():
+    navigator = Navigator(RobotBeforeWall(0.05))
+    assert not navigator.follow(np.array([(2, 0)]))
+    assert np.min(navigator.track, axis=0)[0] > -0.06
+
+
+@pytest.mark.parametrize(("step", "shift"), [(6, 0.03), (40, 0.08), (40, 0.18)])
+def test_a_correction_of_the_map_is_no_sign_of_being_held(step, shift):
+    navigator, looks = Navigator(KinematicRobot()), count()
+
+    def look():
+        navigator.T_map_odom = from_yaw(-shift if next(looks) >= step else 0.0, 0, 0, 0)
+        return True
+
+    navigator.look = look
+    assert navigator.follow(np.array([(2, 0)]))
+    assert not navigator.halts
 
 
 def test_on_a_ramp_it_has_time_to_break_loose():

@@ -156,7 +156,7 @@ class Lookout:
         around = Agreement.of(agreements)
         is_registered = agrees.count(True) >= REGISTERED and False not in agrees
         has_seen_all = len(agreements) == LOOKS and not around.was_carried
-        if fits or (has_seen_all and (is_registered or not around.is_doubtful)):
+        if not self._is_lost and (fits or (has_seen_all and (is_registered or not around.is_doubtful))):
             # The frames fit the map except for something new, or something that the robot has driven through.
             return self._go_on(frame, mapper.localise(frame))
         raise LostError("the camera shows what the map does not, and no place fits for sure")

@@ -108,6 +108,18 @@ def test_a_robot_in_another_room_is_lost(outlook):
         outlook.lookout.sense()
 
 
+@pytest.mark.parametrize("faces", [CLOSET, [wall((2.6, 1.0), (2.6, 3.0))]])
+def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_contradict_it(faces):
+    outlook = Outlook()
+    frame = outlook.lookout.sense()
+    outlook.lookout.was_set_down(frame)
+    outlook.lookout.add(frame, labelled=False)
+    outlook.mapper.loaded, outlook.robot.faces = 1, faces
+    outlook.robot.T = START @ from_yaw(0, 0, 0, np.pi)
+    with pytest.raises(LostError, match="no place fits"):
+        outlook.lookout.sense()
+
+
 def test_where_the_odometry_leaps_the_robot_was_set_down(outlook):
     outlook.lookout.was_set_down(seen(BARE, START))
     near, far = (seen(BARE, START @ from_yaw(way * KIDNAPPED, 0, 0, 0)) for way in (0.9, 2.0))

@@ -17,7 +17,7 @@ from pipeline.localisation.correction import Correction
 from pipeline.localisation.odometry import Localisation, OdometryLocalisation
 from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.metric_map.packed_depth import pack_depth, unpack_depth
+from pipeline.metric_map.packed_depth import pack_depth, unpack_depth, unpack_returns
 from pipeline.robot import RobotModel
 from pipeline.segments.cells_kernels import moved
 from pipeline.segments.planes import PlanePatch, find_planes
@@ -92,7 +92,7 @@ class Observation:
     def frame(self) -> Frame:
         """A frame of the depth alone, without colours, time and pose."""
         no_colour = np.zeros((0, 0, 3), np.uint8)
-        return Frame(0.0, no_colour, unpack_depth(self.depth), self.intrinsics, self.T_base_camera, np.eye(4))
+        return Frame(0.0, no_colour, unpack_returns(self.depth), self.intrinsics, self.T_base_camera, np.eye(4))
 
 
 class Stopwatch:
@@ -219,7 +219,7 @@ class Mapper:
         with self.stopwatch("observation"):
             depth = pack_depth(frame.depth)
             # Maps made now and maps made again of the packed depth must be the same.
-            frame = replace(frame, depth=unpack_depth(depth))
+            frame = replace(frame, depth=unpack_returns(depth))
             points = frame.points(frame.T_base_camera)
             cloud = VoxelCloud.of(points, VOXEL if labelled else CELL / 2)
             observation = Observation(depth, frame.intrinsics, frame.T_base_camera, cloud.points, cloud.hits)

@@ -136,7 +136,8 @@ def expected_depths(
         m along the optical axis: the least depth up to which space is free, and the greatest at which the ray meets a
         surface; infinite if it meets none from one of the positions.
     """
-    middle = frame.intrinsics.rays[TILE // 2 :: TILE, TILE // 2 :: TILE].astype(np.float64)
+    rows, columns = (n // TILE * TILE for n in frame.depth.shape)
+    middle = frame.intrinsics.rays[TILE // 2 : rows : TILE, TILE // 2 : columns : TILE].astype(np.float64)
     shape, size = middle.shape[:2], metric_map.voxel_size
     rays = middle.reshape(-1, 3) @ T_map_camera[:3, :3].T
     shifts = SHIFT * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])

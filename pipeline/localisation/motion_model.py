@@ -60,7 +60,7 @@ class Motion:
         """(3,) rotation vector, rad; its length exceeds π after more than half a turn."""
         turn = Rotation.from_matrix(self.T[:3, :3]).as_rotvec()
         whole = 2 * np.pi * np.round((self.turned - turn @ self.up) / (2 * np.pi))
-        return turn + whole * turn / (turn @ self.up) if whole else turn
+        return turn + whole * turn / np.copysign(np.linalg.norm(turn), turn @ self.up) if whole else turn
 
     @property
     def moves(self) -> NDArray[np.float64]:

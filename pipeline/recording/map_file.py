@@ -17,7 +17,7 @@ from pipeline.labels import Label
 from pipeline.localisation.odometry import Keyframes
 from pipeline.mapper import Mapper, Observation
 from pipeline.metric_map.grid_kernels import is_rigid
-from pipeline.metric_map.packed_depth import unpack_depth
+from pipeline.metric_map.packed_depth import unpack_returns
 from pipeline.robot import RobotModel
 from pipeline.segments.members import Member
 from pipeline.segments.plane import Moments
@@ -175,7 +175,7 @@ def _observations(e: Arrays) -> Iterator[tuple[Observation, Seen]]:
     shares = _parts(e["shares"], e["labelled"].clip(0))
     for depth, camera, T, labelled in zip(e["depth"], e["camera"], e["T_base_camera"], e["labelled"], strict=True):
         intrinsics, probabilities = Intrinsics(width, height, *camera.tolist()), next(shares)
-        frame = Frame(0.0, np.zeros((0, 0, 3), np.uint8), unpack_depth(depth), intrinsics, T, np.eye(4))
+        frame = Frame(0.0, np.zeros((0, 0, 3), np.uint8), unpack_returns(depth), intrinsics, T, np.eye(4))
         cloud = VoxelCloud.of(frame.points(T), CELL / 2 if labelled < 0 else VOXEL)
         if labelled not in (-1, len(cloud.points)):
             raise ValueError(f"a keyframe has shares of {labelled} points, not of {len(cloud.points)}")

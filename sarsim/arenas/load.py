@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from dm_control import mjcf
+from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena
@@ -60,11 +61,25 @@ def _seed(name: str) -> int:
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
     model, root = _read(path)
     with _naming(str(path)):
-        if wish is not None:
-            start = start_at(*_at_rest(model), *wish)
-            site = root.find("site", "start") or root.worldbody.add("site", name="start")
-            site.pos, site.quat = start.position, (np.cos(start.yaw / 2), 0, 0, np.sin(start.yaw / 2))
+        world, site = _at_rest(model), root.find("site", "start")
+        if site is not None or wish is not None:
+            position, quat = _start_pose(*world, wish)
+            if site is not None:
+                site.remove()
+            root.worldbody.add("site", name="start", pos=position, quat=quat)
         return RescueArena(root)
+
+
+def _start_pose(
+    model: mujoco.MjModel, data: mujoco.MjData, wish: StartPose | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(3,) m and quaternion (4,) of the wanted start, or else of the site, which may lie in a body."""
+    if wish is not None:
+        start = start_at(model, data, *wish)
+        return np.array(start.position), np.array([np.cos(start.yaw / 2), 0.0, 0.0, np.sin(start.yaw / 2)])
+    site, quat = data.site("start"), np.zeros(4)
+    mujoco.mju_mat2Quat(quat, site.xmat)
+    return site.xpos.copy(), quat
 
 
 def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:

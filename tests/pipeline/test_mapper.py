@@ -46,6 +46,45 @@ def mapped(poses: np.ndarray) -> Mapper:
 
 TRUE = mapped(POSES)
 
+FLOOR = floor(-2, 6, -3, 3)
+DECK = [floor(-2, 0.4, -1, 6), floor(0.4, 6, -3, 6, z=-0.3)]
+
+
+def set_down(faces: list, *yaws: float) -> Mapper:
+    """A mapper whose robot was set down at the origin, where it turns to these headings."""
+    mapper = Mapper(PIONEER, TruthClassifier())
+    mapper.assume_ground(from_yaw(0, 0, 0, yaws[0]))
+    for seed, yaw in enumerate(yaws):
+        T = from_yaw(0, 0, 0, yaw)
+        mapper.add(replace(look(faces, T @ T_BASE_CAMERA, 0.004, seed), T_base_camera=T_BASE_CAMERA), T, False)
+    return mapper
+
+
+@pytest.mark.parametrize(
+    ("faces", "is_level"), [([FLOOR], True), (DECK, False), ([FLOOR, wall((0.7, 1.5), (0.7, -1.5))], False)]
+)
+def test_ground_before_a_robot_that_was_set_down_is_level_only_if_level_ground_is_in_view(faces, is_level):
+    elevation_map = set_down(faces, 0.0).elevation_map
+    around, before = elevation_map.grid.at(elevation_map.elevation, [(-0.4, 0.0), (0.75, 0.0)], np.nan)
+    assert abs(around) < 0.01
+    assert np.isfinite(before) == is_level
+
+
+def test_a_robot_that_turns_where_it_was_set_down_finds_the_way_from_a_deck():
+    elevation_map = set_down(DECK, 0.0, np.pi / 2).elevation_map
+    off, along = elevation_map.grid.at(elevation_map.elevation, [(0.75, 0.0), (0.0, 0.75)], np.nan)
+    assert np.isnan(off)
+    assert abs(along) < 0.01
+
+
+def test_what_is_farther_than_a_packed_depth_tells_is_no_return():
+    far = look([wall((12, 9), (12, -9), -3, 9)], T_BASE_CAMERA, reach=(0.5, 20))
+    mapper = Mapper(PIONEER, TruthClassifier())
+    mapper.add(replace(far, T_base_camera=T_BASE_CAMERA), np.eye(4))
+    assert not len(mapper.semantic_map.points())
+    assert np.isnan(mapper.elevation_map.measured).all()
+    assert len(mapper.metric_map.free_centres())
+
 
 def assert_same(one: Mapper, other: Mapper) -> None:
     for voxels in ("occupied_centres", "free_centres"):

@@ -6,7 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.localisation.agreement import Agreement, agreement, shows_another_place
+from pipeline.frame import Intrinsics
+from pipeline.localisation.agreement import TILE, Agreement, agreement, shows_another_place
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.localisation.carried_robot import ROOM, T_BASE_CAMERA, Maps, seen, tour
@@ -75,3 +76,11 @@ def test_noise_and_a_small_move_show_the_same_place() -> None:
     before = seen(ROOM, HERE)
     for move in (from_yaw(0, 0, 0, 0), from_yaw(0.015, -0.01, 0, 0.03)):
         assert not shows_another_place(seen(ROOM, HERE @ move, seed=2), before)
+
+
+@pytest.mark.parametrize(("width", "height"), [(512, 424), (640, 576), (672, 376)])
+def test_a_camera_of_any_size_is_compared_tile_by_tile(width: int, height: int) -> None:
+    camera = Intrinsics(width, height, 400.0, 400.0, width / 2, height / 2)
+    depth = np.full((height, width), 2.0, np.float32)
+    frame = replace(seen(ROOM, HERE), rgb=np.zeros((height, width, 3), np.uint8), depth=depth, intrinsics=camera)
+    assert agreement(frame, HERE @ T_BASE_CAMERA, room()).seen == (height // TILE - 2) * (width // TILE - 2)

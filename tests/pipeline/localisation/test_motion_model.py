@@ -96,6 +96,14 @@ def test_whole_turns_between_keyframes_count() -> None:
     assert yaw_of(from_yaw(0, 0, 0, -turned) @ T) == pytest.approx(-0.007 * turned)
 
 
+@pytest.mark.parametrize("slope_deg", [5, 15])
+def test_more_than_half_a_turn_on_a_slope_is_the_same_turn(slope_deg: float) -> None:
+    slope, turned = np.deg2rad(slope_deg), np.deg2rad(200.0)
+    up = np.array([np.sin(slope), 0.0, np.cos(slope)])
+    motion = Motion(from_yaw(0, 0, 0, turned), up, 5.0, turned * np.cos(slope))
+    np.testing.assert_allclose(motion.turn, [0, 0, turned], atol=1e-9)
+
+
 def test_a_loop_that_corrects_keyframes_tells_the_scale_of_the_gyro() -> None:
     model = MotionModel()
     motion = Motion(from_yaw(0, 0, 0, np.pi / 12), np.array([0.0, 0.0, 1.0]), 1.0)

@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from pipeline.transforms import yaw_of
+from pipeline.transforms import from_yaw, yaw_of
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.start import find_start, start_at
@@ -88,3 +88,14 @@ def test_a_start_without_a_position_is_the_origin(tmp_path):
     path = tmp_path / "arena.xml"
     path.write_text('<mujoco><worldbody><site name="start"/><geom type="plane" size="3 3 1"/></worldbody></mujoco>')
     np.testing.assert_array_equal(load_arena(str(path)).T_world_start, np.eye(4))
+
+
+@pytest.mark.parametrize("turn", ['euler="0 0 90"', 'axisangle="0 0 1 90"', 'xyaxes="0 1 0 -1 0 0"', 'zaxis="0 0 1"'])
+def test_the_start_may_turn_in_any_way_and_lie_in_a_body(tmp_path, turn):
+    path = tmp_path / "arena.xml"
+    body = f'<body pos="1 0.5 0"><site name="start" pos="0.5 0 0" {turn}/></body>'
+    path.write_text(f'<mujoco><worldbody>{body}<geom type="plane" size="3 3 1" user="2"/></worldbody></mujoco>')
+    yaw = 0.0 if "zaxis" in turn else np.pi / 2
+    np.testing.assert_allclose(load_arena(str(path)).T_world_start, from_yaw(1.5, 0.5, 0, yaw), atol=1e-9)
+    wished = load_arena(str(path), (-1.0, 0.0, 45.0)).T_world_start
+    np.testing.assert_allclose(wished, from_yaw(-1, 0, 0, np.pi / 4), atol=1e-3)

@@ -27,7 +27,7 @@ from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
 from pipeline.semantic_map.voxels import VoxelCloud
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import inverse, transform_points
-from pipeline.traversability.elevation_map import CELL, ElevationMap
+from pipeline.traversability.elevation_map import CELL, HEIGHTS, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
@@ -206,7 +206,14 @@ class Mapper:
         """Take the ground around and before a robot that was just set down for flat until it is seen.
 
         Keyframes put this ground into the elevation map as long as the robot stands there.
+
+        Raises:
+            InputError: the elevation map does not reach as low or as high.
         """
+        lowest, highest = HEIGHTS
+        if not lowest < T_map_base[2, 3] < highest:
+            z = f"{T_map_base[2, 3]:.2f} m"
+            raise InputError(f"the robot stands at {z}; ground is mapped from {lowest:.2f} to {highest:.2f} m alone")
         self._set_down = T_map_base
 
     def add(self, frame: Frame, T_map_base: NDArray[np.float64], labelled: bool = True) -> Keyframe:

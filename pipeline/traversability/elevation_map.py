@@ -22,6 +22,9 @@ CELL = 0.05
 POSE_ERROR = 0.05
 """m by which the radius of the disc that the robot certainly swept is smaller than half the footprint's width."""
 
+HEIGHTS = kernels.Z_MIN, kernels.Z_MIN + kernels.LEVELS * kernels.Z_BIN
+"""m in ``map``, between which ground is mapped."""
+
 _UNKNOWN = Layer(np.float32, np.nan)
 
 

@@ -77,6 +77,12 @@ def test_a_robot_that_turns_where_it_was_set_down_finds_the_way_from_a_deck():
     assert abs(along) < 0.01
 
 
+@pytest.mark.parametrize("height", [-0.7, 2.2])
+def test_a_robot_below_or_above_what_can_be_mapped_is_refused(height):
+    with pytest.raises(InputError, match=r"ground is mapped from -0\.57 to 2\.08 m alone"):
+        Mapper(PIONEER, TruthClassifier()).assume_ground(from_yaw(0, 0, height, 0))
+
+
 def test_what_is_farther_than_a_packed_depth_tells_is_no_return():
     far = look([wall((12, 9), (12, -9), -3, 9)], T_BASE_CAMERA, reach=(0.5, 20))
     mapper = Mapper(PIONEER, TruthClassifier())

@@ -36,10 +36,9 @@ from pipeline.traversability.ways_up import is_no_way
 from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.victim_map import Victims
 
-START_MARGIN = 0.15
-"""m around a robot that was set down where ground is taken for flat until seen: the camera sees none within 1 m."""
-START_AHEAD = 1.4
-"""m, length of a strip before the robot that is taken for flat as well, if level ground is in view so near."""
+START_RADIUS, START_AHEAD, START_WIDTH = 1.4, 1.4, 1.6
+"""Ground that is taken for flat until seen where a robot was set down, for the camera sees none within 1 m: a disc,
+in corner radii of the robot, and a strip before it, m long and in widths of it, if level ground is in view there."""
 NOTICEABLE = 0.01, np.deg2rad(0.5)
 """m and rad; if a correction moves no keyframe by more than this, the maps stay as they are."""
 
@@ -339,24 +338,27 @@ class Mapper:
 
     def _add_ground(self, frame: Frame, cloud: VoxelCloud) -> None:
         """Put the ground that a new keyframe shows, and the ground taken for flat, into the elevation map."""
-        k = self.keyframes
         if self._set_down is not None:
-            if np.linalg.norm(self.poses[k, :2, 3] - self._set_down[:2, 3]) <= START_MARGIN:
-                self._put(k, self._assumed(cloud.points))
-            else:
-                self._set_down = None
+            self._put_assumed(self._set_down, cloud.points)
+        k = self.keyframes
         self._put(k, Seen.of(frame, cloud))
 
-    def _assumed(self, points: NDArray[np.float32]) -> Assumed:
-        """The ground taken for flat where the robot was set down, by returns (N, 3) in ``base_link``, m.
+    def _put_assumed(self, T_map_start: NDArray[np.float64], points: NDArray[np.float32]) -> None:
+        """Put the ground taken for flat where the robot was set down, while it stands there, into the elevation map.
 
-        Behind the edge of a deck, or before a wall, no level ground is in view so near that it could go on to there.
+        Behind the edge of a deck, or before a wall, no level ground is among the returns (N, 3), m in ``base_link``,
+        so near that it could go on to there.
         """
-        robot, (x, y, z) = self.elevation_map.robot, points.T
-        width = robot.width + 2 * START_MARGIN
+        robot, (x, y, z), k = self.elevation_map.robot, points.T, self.keyframes
+        T_base_start, radius = inverse(self.poses[k]) @ T_map_start, START_RADIUS * robot.corner_radius
+        if np.linalg.norm(T_base_start[:2, 3]) > radius - robot.corner_radius:
+            self._set_down = None
+            return
+        self._put(k, Assumed(T_base_start, radius, 0.0, 0.0))
+        width = START_WIDTH * robot.width
         level = (x > 0) & (x < START_AHEAD) & (np.abs(y) < width / 2) & (np.abs(z) <= robot.max_step)
-        is_in_view = len(np.unique(np.floor(y[level] / CELL))) > width / CELL / 2
-        return Assumed(np.eye(4), robot.corner_radius + START_MARGIN, START_AHEAD * is_in_view, width)
+        if len(np.unique(np.floor(y[level] / CELL))) > width / CELL / 2:
+            self._put(k, Assumed(np.eye(4), 0.0, START_AHEAD, width))
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
         self.ground.append((keyframe, evidence))

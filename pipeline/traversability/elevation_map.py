@@ -87,7 +87,7 @@ class ElevationMap:
         return self.layers["driven"]
 
     def assume_ground(self, T_map_base: NDArray[np.float64], radius: float, ahead: float, width: float) -> None:
-        """Take the ground under the robot and right before it for flat, as the robot stands, until it is measured.
+        """Take the ground under the robot and right before it for flat until it is measured.
 
         Args:
             T_map_base: pose of the robot.
@@ -99,12 +99,11 @@ class ElevationMap:
         self.layers.cover(np.array([centre - reach, centre + reach]))
         low, high = self.grid.cell_of([centre - reach, centre + reach])
         cells = low + np.argwhere(np.ones(high + 1 - low, np.bool_))
-        away, up = self.grid.centre_of(cells) - centre, T_map_base[:3, 2]
-        x, y = (away @ T_map_base[:2, :2]).T
-        is_assumed = (np.hypot(x, y) <= radius) | ((x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2))
-        where = tuple(cells[is_assumed].T)
-        self.layers["assumed"][where] = T_map_base[2, 3] - away[is_assumed] @ up[:2] / up[2]
-        self._renew(where)
+        x, y = ((self.grid.centre_of(cells) - centre) @ T_map_base[:2, :2]).T
+        on_strip = (x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2)
+        assumed = tuple(cells[(np.hypot(x, y) <= radius) | on_strip].T)
+        self.layers["assumed"][assumed] = T_map_base[2, 3]
+        self._renew(assumed)
 
     def add_obstacle(self, points: NDArray[np.float64]) -> None:
         """Put an obstacle that the robot touched into the cells of (N, 3) points; no keyframe removes it."""

@@ -273,25 +273,24 @@ class Navigator:
         return Outcome.REACHED
 
     def _back_out(self, T_odom_start: NDArray[np.float64], command: Velocity) -> bool:
-        """Undo the last motion since a 4×4 pose, for its way was free; True if more than half was possible."""
-        model, turns = self.robot.model, isinstance(command, Turn)
-        way = _way(T_odom_start, self._T_odom_base, turns)
+        """Undo the last motion since a 4×4 pose, for its way was free; True if more than half of it was possible."""
+        model, turns, T_odom_held = self.robot.model, isinstance(command, Turn), self._T_odom_base
         if turns:
-            way, braking = np.clip(way, STUCK_ANGLE, BACK_TURN), abs(command.omega) / model.turn_acceleration
+            most, least, braking = BACK_TURN, STUCK_ANGLE, abs(command.omega) / model.turn_acceleration
             undo = Velocity(0.0, -np.sign(command.omega) * model.ramp_turn_rate)
         else:
-            way, braking = np.clip(way, STUCK_DISTANCE, BACK_OUT), abs(command.v) / model.acceleration
+            most, least, braking = BACK_OUT, STUCK_DISTANCE, abs(command.v) / model.acceleration
             undo = Velocity(-np.sign(command.v) * model.ramp_speed)
-        # Until its wheels are at rest they push on, and a reversal would seem to be held.
-        for _ in range(1 + round(braking / self.robot.control_period)):
-            self._drive(Velocity())
-        T_odom_still = self._T_odom_base
-        progress, is_stuck = Progress(model, T_odom_still, self._time), False
-        while not is_stuck and _way(T_odom_still, self._T_odom_base, turns) < way:
+        way, began, progress = np.clip(_way(T_odom_start, T_odom_held, undo), least, most), self._time, None
+        while _way(self._T_odom_base, T_odom_held, undo) < way:
             self._drive(undo)
-            is_stuck = progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp)
+            # Until its wheels come to rest they push on, and would seem to be held.
+            if progress is None and self._time > began + braking:
+                progress = Progress(model, self._T_odom_base, self._time)
+            if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):
+                break
         self._drive(Velocity())
-        return bool(_way(T_odom_still, self._T_odom_base, turns) > way / 2)
+        return bool(_way(self._T_odom_base, T_odom_held, undo) > way / 2)
 
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)
@@ -319,6 +318,8 @@ class Navigator:
         return self.motion.time
 
 
-def _way(T: NDArray[np.float64], T_other: NDArray[np.float64], turns: bool) -> float:
-    """From one 4×4 pose to another the angle in rad, or the distance in m."""
-    return float(abs(wrap_angle(yaw_of(T_other) - yaw_of(T))) if turns else np.linalg.norm((T_other - T)[:3, 3]))
+def _way(T: NDArray[np.float64], T_held: NDArray[np.float64], undo: Velocity) -> float:
+    """By how many rad, or m, a 4×4 pose lies behind that where the robot was held, in the direction of ``undo``."""
+    if undo.omega:
+        return float(np.sign(undo.omega) * wrap_angle(yaw_of(T) - yaw_of(T_held)))
+    return float(np.sign(undo.v) * (T - T_held)[:3, 3] @ T_held[:3, 0])

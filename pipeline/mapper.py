@@ -340,8 +340,7 @@ class Mapper:
         """Put the ground that a new keyframe shows, and the ground taken for flat, into the elevation map."""
         if self._set_down is not None:
             self._put_assumed(self._set_down, cloud.points)
-        k = self.keyframes
-        self._put(k, Seen.of(frame, cloud))
+        self._put(self.keyframes, Seen.of(frame, cloud))
 
     def _put_assumed(self, T_map_start: NDArray[np.float64], points: NDArray[np.float32]) -> None:
         """Put the ground taken for flat where the robot was set down, while it stands there, into the elevation map.

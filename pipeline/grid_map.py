@@ -11,8 +11,10 @@ from scipy import ndimage
 
 Box = tuple[slice, slice]  # A rectangle of cells of a grid
 
-BLOCK = 128
-"""Cells along each side of the blocks in which a grid map grows where points fall: 6.4 m of cells of 5 cm."""
+BLOCK = 64
+"""Cells along each side of the blocks in which a grid map grows where points fall: 3.2 m of cells of 5 cm."""
+BORDER = 20
+"""Cells beyond the points that lie on the grid as well, so that what borders on them can be looked for: 1 m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +148,8 @@ class GridMap:
         return self._layers[name]
 
     def cover(self, xy: NDArray) -> None:
-        """Grow in whole blocks until the bounding box of the points (N, 2 or 3) m lies on the grid."""
-        corners = self.grid.cell_of(np.stack([xy.min(axis=0), xy.max(axis=0)]))
+        """Grow in whole blocks until all cells within ``BORDER`` of points (N, 2 or 3), m, lie on the grid."""
+        corners = self.grid.cell_of(np.stack([xy.min(axis=0), xy.max(axis=0)])) + np.array([[-BORDER], [BORDER]])
         if self.grid.holds(corners).all():
             return
         first, last = self.grid.low + corners

@@ -1,5 +1,7 @@
 """Which ground keyframes from viewpoints are expected to show for the first time."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -44,10 +46,9 @@ def gains(places: NDArray[np.float64], camera: kernels.CameraView, terrain: kern
 
 def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
     """(N, 16) sums of the values of (N, RAYS) rays over the field of view along each heading."""
-    half = _rays_in_view(camera) // 2
-    sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays, rays, rays]), axis=1)
-    middle = np.rint(ANGLES / STEP).astype(int) + RAYS
-    return sums[:, middle + half + 1] - sums[:, middle - half]
+    half, first = _rays_in_view(camera) // 2, np.rint(ANGLES / STEP).astype(int)
+    sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays[:, -half:], rays, rays[:, :half]]), axis=1)
+    return sums[:, first + 2 * half + 1] - sums[:, first]
 
 
 def cells_in_view(
@@ -119,9 +120,24 @@ def _towards(
     near = (ndimage.distance_transform_edt(~parts) <= camera.reach / side + 2)[here]
     # From outside, a ray enters a piece of the mask through its rim.
     rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
-    wanted[near] = kernels.rays_towards(_places(cells[near], terrain), rim, terrain.origin, side, camera.reach)
+    wanted[near] = kernels.rays_towards(cells[near], rim, _rays_by_offset(camera.reach, terrain.cell), STRIDE)
     wanted[parts[here]] = True
     return wanted
+
+
+@cache
+def _rays_by_offset(reach: float, cell: float) -> NDArray[np.int16]:
+    """(S, S, 2) the first ray, and the first after the last, from a cell to a block within ``reach`` m of it.
+
+    Indices are those of the block's middle cell, from the corner of a square around the cell; rays may be beyond 0 to
+    ``RAYS``, and are none if the block is farther away.
+    """
+    most, radius = int(reach / cell) + STRIDE, STRIDE * cell / np.sqrt(2)
+    i, j = cell * (np.indices((2 * most + 1,) * 2) - most)
+    distance, bearing = np.hypot(i, j), np.arctan2(j, i)
+    half = np.where(distance > radius, np.arcsin(radius / np.maximum(distance, radius)), np.pi)
+    first, last = np.floor((bearing - half) / STEP), np.ceil((bearing + half) / STEP)
+    return np.stack([first, np.where(distance <= reach + radius, last + 1, first)], axis=-1).astype(np.int16)
 
 
 def _places(cells: NDArray[np.int64], terrain: kernels.Terrain) -> NDArray[np.float64]:

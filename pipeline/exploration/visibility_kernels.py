@@ -165,31 +165,22 @@ def ray_gains(places, view, terrain, wanted, known):
 
 
 @njit(cache=True)
-def rays_towards(places, mask, origin, side, reach):
-    """(N, RAYS) bool, the rays from (N, 2) points that come within ``reach`` m through squares of a mask (I, J).
+def rays_towards(cells, mask, rays, side):
+    """(N, RAYS) bool, the rays from cells (N, 2) that come through blocks of a mask (I, J).
 
-    The squares have sides of ``side`` m, and the corner of the first one is ``origin``.
+    Blocks have ``side`` cells to each side, an odd number. ``rays`` (S, S, 2) are the first ray, and the first after
+    the last, by the offset of a block's middle from the cell, which is in the middle of this square.
     """
-    wanted = np.zeros((len(places), RAYS), np.bool_)
-    radius, around = side / np.sqrt(2), int(reach / side) + 1
-    rows, columns = np.nonzero(mask)
-    if len(rows) == 0:
-        return wanted
-    first, last, low, high = rows.min(), rows.max(), columns.min(), columns.max()
-    for n in range(len(places)):
-        i, j = cell_at(places[n, 0], places[n, 1], origin, side)
-        for a in range(max(i - around, first), min(i + around, last) + 1):
-            for b in range(max(j - around, low), min(j + around, high) + 1):
-                if not mask[a, b]:
-                    continue
-                x, y = origin[0] + (a + 0.5) * side - places[n, 0], origin[1] + (b + 0.5) * side - places[n, 1]
-                distance = np.hypot(x, y)
-                if distance > reach + radius:
-                    continue
-                half = np.arcsin(radius / distance) if distance > radius else np.pi
-                bearing = np.arctan2(y, x)
-                for m in range(int(np.floor((bearing - half) / STEP)), int(np.ceil((bearing + half) / STEP)) + 1):
-                    wanted[n, m % RAYS] = True
+    wanted = np.zeros((len(cells), RAYS), np.bool_)
+    most = len(rays) // 2
+    for n in range(len(cells)):
+        i, j = cells[n, 0] - side // 2, cells[n, 1] - side // 2
+        for a in range(max(-((most - i) // side), 0), min((i + most) // side + 1, mask.shape[0])):
+            for b in range(max(-((most - j) // side), 0), min((j + most) // side + 1, mask.shape[1])):
+                if mask[a, b]:
+                    first, last = rays[side * a - i + most, side * b - j + most]
+                    for m in range(first, last):
+                        wanted[n, m % RAYS] = True
     return wanted
 
 

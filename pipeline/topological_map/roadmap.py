@@ -3,6 +3,7 @@
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import shortest_path
 
 
 def collision_free_tree(free: nx.Graph) -> nx.Graph:
@@ -31,9 +32,7 @@ def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
     """
     graph = tree.copy()
     row = {n: k for k, n in enumerate(graph)}
-    way = np.where(np.eye(len(row), dtype=bool), 0.0, np.inf)
-    for a, b, weight in graph.edges(data="weight"):
-        _open(way, row[a], row[b], weight)
+    way = shortest_path(nx.to_scipy_sparse_array(graph, dtype=float))
     for a, b, data in sorted(drives.edges(data=True), key=lambda d: (d[2]["weight"], *sorted(d[:2]))):
         if way[row[a], row[b]] > max_detour * data["weight"]:
             graph.add_edge(a, b, **data)
@@ -43,5 +42,5 @@ def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
 
 def _open(way: NDArray[np.float64], i: int, j: int, weight: float) -> None:
     """Update the lengths of all shortest ways (N, N) for a new edge between i and j."""
-    through = np.minimum(way[:, [i]] + way[[j]], way[:, [j]] + way[[i]]) + weight
-    np.minimum(way, through, out=way)
+    through = way[:, i, None] + (way[j] + weight)
+    np.minimum(way, np.minimum(through, through.T), out=way)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from types import EllipsisType
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -150,7 +151,9 @@ class PosePaths:
             i, j, h = self._search.starts.T
             np.bitwise_or.at(seeds, (i, j), np.uint16(1) << h.astype(np.uint16))
         free = self.traversability.free
-        return kernels.flood(seeds, free) & (free[..., 0].astype(np.uint16) * np.uint16(257))
+        anyhow = free.view(np.uint16)[..., 0] == kernels.ALL
+        is_open = cv2.erode(anyhow.view(np.uint8), np.ones((5, 5))).view(np.bool_)
+        return kernels.flood(seeds, free, is_open) & (free[..., 0].astype(np.uint16) * np.uint16(257))
 
     @cached_property
     def reachable(self) -> NDArray[np.bool_]:

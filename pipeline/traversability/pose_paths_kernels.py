@@ -25,6 +25,8 @@ FORWARD, BACKWARD, LEFT, RIGHT = 1, 2, 3, 4
 """Moves."""
 ESCAPE_FACTOR = 5.0
 """Factor of the cost of moves through poses without room."""
+ALL = (1 << HEADINGS) - 1
+"""Bits of all headings."""
 _UNDO = np.array([0, BACKWARD, FORWARD, RIGHT, LEFT])
 
 
@@ -148,10 +150,12 @@ def extend(search, terrain, costs, until):
         start = (search.starts[source[state], 0], search.starts[source[state], 1])
         for move in range(FORWARD, RIGHT + 1):
             a, b, k = move_from(i, j, h, move)
-            if not (0 <= a < nx and 0 <= b < ny):
+            then = (a * ny + b) * HEADINGS + k
+            # What is settled already, such as where this way comes from, becomes no cheaper.
+            if not (0 <= a < nx and 0 <= b < ny) or 0 < cost[then] <= now:
                 continue
             step = entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape)
-            then, new = (a * ny + b) * HEADINGS + k, now + step
+            new = now + step
             if step > 0 and (cost[then] == 0 or cost[then] > new):
                 cost[then], search.came_by[then], source[then] = new, move, source[state]
                 search.state[used], search.after[used] = then, first[new % BUCKETS]
@@ -161,12 +165,13 @@ def extend(search, terrain, costs, until):
 
 
 @njit(cache=True)
-def flood(seeds, free):
+def flood(seeds, free, is_open):
     """Which poses are connected to the seeds by moves through poses with enough room.
 
     Args:
         seeds: (nx, ny) uint16 bits of the 16 headings to start with.
         free: (nx, ny, 2) uint8, see ``free_poses``.
+        is_open: (nx, ny) cells around which, up to two cells away, the robot can stand and turn with any heading.
 
     Returns:
         (nx, ny) uint16 bits of the headings that are reached, seeds included.
@@ -174,27 +179,26 @@ def flood(seeds, free):
     nx, ny = seeds.shape
     reached, new = np.zeros((nx, ny), np.uint16), seeds.copy()
     # A cell is at most once among the waiting ones.
-    waiting, count = np.empty(nx * ny, np.int32), 0
-    for cell in range(nx * ny):
-        if seeds[cell // ny, cell % ny]:
-            waiting[count] = cell
-            count += 1
+    rows, columns = np.nonzero(seeds)
+    waiting, count = np.empty((nx * ny, 2), np.int32), len(rows)
+    waiting[:count, 0], waiting[:count, 1] = rows, columns
     while count > 0:
         count -= 1
-        i, j = waiting[count] // ny, waiting[count] % ny
+        i, j = np.int64(waiting[count, 0]), np.int64(waiting[count, 1])
         # Opposite headings have the same footprint.
         stands, turns = 257 * np.int64(free[i, j, 0]), 257 * np.int64(free[i, j, 1])
         known = np.int64(reached[i, j])
-        here, before = known | np.int64(new[i, j]), np.int64(0)
+        here, before = np.int64(ALL) if is_open[i, j] else known | np.int64(new[i, j]), np.int64(0)
         new[i, j] = 0
-        while here != before:
+        while here != before and not is_open[i, j]:
             before = here
             left = here & turns
             here |= ((left << 1) | (left >> 15)) & stands
             here |= ((here >> 1) | (here << 15)) & turns & stands
         fresh = here & ~known
         reached[i, j] = here
-        for h in range(HEADINGS // 2):
+        # On open ground the moves along the axes lead to all that the others lead to.
+        for h in range(0, HEADINGS // 2, HEADINGS // 4 if is_open[i, j] else 1):
             # A robot with the opposite heading drives backwards to the same cell.
             both = fresh & (257 << h)
             if both == 0:
@@ -206,7 +210,7 @@ def flood(seeds, free):
                 more = both & ~np.int64(reached[a, b] | new[a, b])
                 if more != 0:
                     if new[a, b] == 0:
-                        waiting[count] = a * ny + b
+                        waiting[count, 0], waiting[count, 1] = a, b
                         count += 1
                     new[a, b] |= np.uint16(more)
     return reached

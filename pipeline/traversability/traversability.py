@@ -13,12 +13,12 @@ from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 from pipeline.traversability import elevation_kernels as kernels
 from pipeline.traversability import pose_kernels
-from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.traversability.elevation_map import CELL, ElevationMap
 
 STANDING = pose_kernels.HEADINGS // 2
 """Number of entries of the clearance of a standing robot, by heading; those of turns come after."""
 FAR = 1.0
-"""m; hazards farther away make no difference to the robot."""
+"""m, greatest room that a robot may need."""
 MAX_DROP_GAP = 0.6
 """m, greatest width of unknown ground between the two sides of a drop."""
 RAMP_MARGIN = 0.2
@@ -46,9 +46,9 @@ class Traversability:
         elevation: float32 m, NaN where unknown.
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: bool, steps and slopes that the robot cannot drive over.
-        to_hazard: float64 m to the nearest hazard, at most :data:`FAR`.
+        to_hazard: float64 m to the nearest hazard, at most :func:`reach_of` the robot.
         obstacle, to_obstacle, clearance, least, ramp, uphill: as of :class:`pose_kernels.Terrain`; distances are at
-            most :data:`FAR`, and a thin panel that may stand there is a hazard.
+            most :func:`reach_of` the robot, and a thin panel that may stand there is a hazard.
         free: (nx, ny, 2) uint8 bits of the eight headings with which it can stand, and of the turns it can make.
         turnable: bool, where the robot may turn around, on level ground.
         tall: bool, hazards that hide what is behind them, unlike decks and ramps.
@@ -103,6 +103,18 @@ class Traversability:
 LAYERS = [field.name for field in fields(Traversability) if field.name not in ("grid", "robot")]
 
 
+def reach_of(robot: RobotModel) -> float:
+    """m; obstacles farther away make no difference to the robot.
+
+    Raises:
+        InputError: the robot needs more room than :data:`FAR`.
+    """
+    widest = robot.corner_radius + pose_kernels.FARTHEST
+    if not widest <= FAR:
+        raise InputError(f"a robot's clearances are at most {FAR:g} m, got {widest:g} m")
+    return widest + 2 * CELL
+
+
 def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:
     """Costs of moves that allow for ``caution`` times the measured deviations of a robot from its way."""
     return pose_kernels.Costs(
@@ -147,18 +159,16 @@ def assess(
         within: box of cells outside of which clearances, and the layers derived from them, are not computed.
 
     Raises:
-        InputError: the robot needs more room than :data:`FAR`.
+        InputError: the robot needs too much room, see :func:`reach_of`.
     """
-    cell, widest = grid.cell, robot.corner_radius + pose_kernels.FARTHEST
-    if not widest <= FAR:
-        raise InputError(f"a robot's clearances are at most {FAR:g} m, got {widest:g} m")
+    cell, reach = grid.cell, reach_of(robot)
     gradient = kernels.gradients(elevation, cell, radius=2)
     slope = np.linalg.norm(gradient, axis=-1)
     steepest = np.tan(robot.max_tilt)
     hazard = kernels.step_hazards(elevation, round(MAX_DROP_GAP / cell), robot.max_step, steepest * cell)
     hazard |= slope > steepest
-    to_hazard = np.minimum(grid.distance_to(hazard), FAR)
-    obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell)
+    to_hazard = np.minimum(grid.distance_to(hazard), reach)
+    obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell, reach)
     ramp, uphill = _ramps(slope, gradient, hazard, cell)
     clearance = _clearances(obstacle, to_obstacle, robot, cell, within)
     least = np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST)).astype(np.int8)
@@ -184,13 +194,13 @@ def assess(
 
 
 def _obstacles(
-    elevation: NDArray[np.float32], hazard: NDArray[np.bool_], cell: float
+    elevation: NDArray[np.float32], hazard: NDArray[np.bool_], cell: float, reach: float
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     obstacle = np.where(np.isnan(elevation), pose_kernels.UNKNOWN, 0).astype(np.uint8)
     obstacle[hazard] = pose_kernels.HAZARD
     # Beyond the grid's border all is unknown.
     distance = ndimage.distance_transform_edt(np.pad(obstacle == 0, 1))[1:-1, 1:-1]
-    return obstacle, np.minimum(distance * cell, FAR)
+    return obstacle, np.minimum(distance * cell, reach)
 
 
 def _clearances(

@@ -5,11 +5,7 @@ from numpy.typing import NDArray
 
 from pipeline.grid_map import box_around, inside
 from pipeline.traversability.elevation_map import CELL, ElevationMap
-from pipeline.traversability.traversability import FAR, LAYERS, MAX_DROP_GAP, Traversability, assess, assess_map
-
-REACH = round((FAR + MAX_DROP_GAP) / CELL) + 5
-"""Cells within which a change has an effect: a cell affects hazards across a gap, a hazard affects cells up to
-``FAR`` from it, and slopes span four cells."""
+from pipeline.traversability.traversability import LAYERS, MAX_DROP_GAP, Traversability, assess, assess_map, reach_of
 
 
 class TraversabilityLayer:
@@ -34,7 +30,9 @@ class TraversabilityLayer:
 
 
 def _assessed_around(changed: NDArray[np.bool_], elevation_map: ElevationMap, last: Traversability) -> Traversability:
-    here, around = box_around(changed, REACH), box_around(changed, 2 * REACH)
+    # A cell affects hazards across a gap, a hazard affects the cells within reach, and slopes span four cells.
+    reach = round((reach_of(last.robot) + MAX_DROP_GAP) / CELL) + 5
+    here, around = box_around(changed, reach), box_around(changed, 2 * reach)
     # Contiguous, as the kernels are compiled for.
     elevation = np.ascontiguousarray(elevation_map.elevation[around])
     dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]

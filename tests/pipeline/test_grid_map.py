@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.grid_map import BLOCK, Grid, GridMap, Layer
+from pipeline.grid_map import BLOCK, BORDER, Grid, GridMap, Layer
 
 
 @given(hnp.arrays(np.bool_, (4, 5)))
@@ -50,10 +50,11 @@ LAYERS = {
 
 def test_it_grows_in_blocks_around_points():
     grid_map = GridMap(0.05, LAYERS)
-    grid_map.cover(np.array([(1.0, 1.0), (2.0, 7.0)]))
+    block, border = 0.05 * BLOCK, 0.05 * BORDER
+    grid_map.cover(np.array([(border, border), (block - border - 0.01, block)]))
     assert grid_map.grid.low.tolist() == [0, 0]
     assert grid_map.grid.shape == (BLOCK, 2 * BLOCK)
-    grid_map.cover(np.array([(-0.1, 1.0)]))
+    grid_map.cover(np.array([(border - 0.01, 1.0)]))
     assert grid_map.grid.low.tolist() == [-BLOCK, 0]
     assert grid_map.grid.shape == (2 * BLOCK, 2 * BLOCK)
     assert grid_map["slope"].shape == (2 * BLOCK, 2 * BLOCK, 2)

@@ -71,7 +71,8 @@ class Exploration:
                 "missed_from": Layer(np.float32, np.inf, per_cell=(2,)),
             },
         )
-        self._expected, self._aim = np.zeros((0, 2), np.int64), np.full(2, np.nan)
+        # The cells that the next keyframe should show, and the ends of the drive to it.
+        self._expected, self._drive = np.zeros((0, 2), np.int64), np.full((2, 2), np.nan)
         # By the number of misses, m² in which ground was looked for, and in which it was shown.
         self._looked_for = np.full(len(CHANCES), EXPERIENCE)
         self._shown = EXPERIENCE * np.array(CHANCES)
@@ -95,7 +96,8 @@ class Exploration:
         """Remember what a keyframe from this viewpoint should show."""
         camera = visibility.camera_view(context.frame, self._robot)
         in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
-        self._expected, self._aim = self._layers.grid.low + np.argwhere(in_view), viewpoint.position
+        self._expected = self._layers.grid.low + np.argwhere(in_view)
+        self._drive = np.stack([context.T_map_base[:2, 3], viewpoint.position])
         if self.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             self.rewards.aim(place, viewpoint.heading)
@@ -174,7 +176,7 @@ class Exploration:
         """Move missed cells with the keyframe that missed them last, and expected cells with the newest keyframe."""
         layers, grid = self._layers, self._layers.grid
         expected = moved_by(correction.motions[-1], grid.centre_of(self._expected - grid.low))
-        (self._aim,) = moved_by(correction.motions[-1], self._aim[None])
+        self._drive = moved_by(correction.motions[-1], self._drive)
         self._expected = grid.low + np.argwhere(grid.mask_of(expected))
         count, place = layers["misses"], layers["missed_from"]
         cells = np.argwhere(count)
@@ -193,13 +195,16 @@ class Exploration:
         # A correction of the map may have brought a cell here that was given up.
         misses = np.minimum(self._layers["misses"][tuple(cells.T)], len(CHANCES) - 1)
         is_shown = ~np.isnan(measured[tuple(cells.T)])
+        stayed, arrived = np.linalg.norm(position - self._drive, axis=1) < ARRIVED
         # A keyframe from elsewhere, after a drive that failed, tells nothing of how often missed ground shows.
-        if np.linalg.norm(position - self._aim) < ARRIVED:
+        if arrived:
             self._looked_for += CELL**2 * np.bincount(misses, minlength=len(CHANCES))
             self._shown += CELL**2 * np.bincount(misses[is_shown], minlength=len(CHANCES))
-        missed = tuple(cells[~is_shown].T)
-        self._layers.write("misses", misses[~is_shown] + 1, missed)
-        self._layers.write("missed_from", position, missed)
+        # A robot that could not set out must turn to something else.
+        if arrived or stayed:
+            missed = tuple(cells[~is_shown].T)
+            self._layers.write("misses", misses[~is_shown] + 1, missed)
+            self._layers.write("missed_from", position, missed)
         self._expected = np.zeros((0, 2), np.int64)
 
     def _write_terrain(self, context: Context) -> None:

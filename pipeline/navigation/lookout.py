@@ -12,6 +12,7 @@ from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.specks import without_specks
 from pipeline.navigation.navigator import Navigator
+from pipeline.navigation.progress import BLOCKED_SHARE
 from pipeline.transforms import angle_of, inverse, yaw_of
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
@@ -92,6 +93,9 @@ class Lookout:
             localisation = self._mapper.localisation
             if localisation.may_err and self._was_carried(self._agreement(frame)):
                 return False
+            driven = np.linalg.norm((inverse(self._T_odom_keyframe) @ frame.T_odom_base)[:3, 3])
+            moved = np.linalg.norm((self._mapper.localise(frame) - localisation.poses[-1])[:3, 3])
+            self._navigator.spins = bool(driven >= KEYFRAME_WAY and moved < BLOCKED_SHARE * driven)
             self.add(frame, labelled=self._mapper.keyframes % LABELLED == 0)
             return not localisation.is_blind
         return True

@@ -115,7 +115,8 @@ class Navigator:
         motion: the newest motion of the body.
         attitude: estimate of the robot's tilt.
         pace: m/s, the greatest speed of a robot at a place (2,) that drives along a unit vector (2,).
-        look: called before each command; it may renew ``T_map_odom``. False if the robot must not drive on.
+        look: called before each command; it may renew ``T_map_odom`` and ``spins``. False if the robot must stop.
+        spins: whether the wheels turn and the robot stays, by its poses in ``map``.
     """
 
     robot: Robot
@@ -129,6 +130,7 @@ class Navigator:
     attitude: Attitude = field(default_factory=Attitude)
     pace: Callable[[NDArray[np.float64], NDArray[np.float64]], float] = lambda here, along: np.inf
     look: Callable[[], bool] = lambda: True
+    spins: bool = False
     _leaned_at: NDArray[np.float64] | None = field(default=None, init=False)
 
     def follow(
@@ -249,7 +251,7 @@ class Navigator:
         length: float = 0.0,
     ) -> Outcome:
         """Give commands until they end or an obstacle is ahead; back out if the robot leans too far or is held."""
-        start = self._T_odom_base
+        start, self.spins = self._T_odom_base, False
         progress = Progress(self.robot.model, start, self._time, length)
         for command in commands:
             if not self.look():
@@ -265,7 +267,7 @@ class Navigator:
                 self._drive(Velocity())
                 return Outcome.MOVED
             leans = self.attitude.tilt_in(TILT_LEAD) > self.robot.model.tipping_tilt
-            if leans or progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp):
+            if leans or self.spins or progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp):
                 self.halts.append(Halt(T, command, self._back_out(start, command)))
                 self.recovered += self.halts[-1].freed
                 return Outcome.TILTED if leans else Outcome.STUCK

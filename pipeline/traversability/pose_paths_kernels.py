@@ -23,8 +23,6 @@ from pipeline.traversability.pose_kernels import (
 
 FORWARD, BACKWARD, LEFT, RIGHT = 1, 2, 3, 4
 """Moves."""
-ESCAPE_FACTOR = 5.0
-"""Factor of the cost of moves through poses without room."""
 ALL = (1 << HEADINGS) - 1
 """Bits of all headings."""
 _UNDO = np.array([0, BACKWARD, FORWARD, RIGHT, LEFT])
@@ -90,10 +88,8 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
     if not is_free and entered < before and not was_near(a, b, terrain.least):
         return -1
     if terrain.ramp[a, b]:
-        step = move_ticks(h, move, room, terrain.uphill[a, b], terrain.cell, costs)
-    else:
-        step = level[move, h, max(room, 0)]
-    return step if is_free else min(int(ESCAPE_FACTOR * step), BUCKETS - 1)
+        return move_ticks(h, move, room, terrain.uphill[a, b], terrain.cell, costs)
+    return level[move, h, max(room, 0)]
 
 
 class Search(NamedTuple):

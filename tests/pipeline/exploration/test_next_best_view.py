@@ -260,6 +260,20 @@ def test_a_miss_lowers_the_probability_by_bayes_rule_until_the_cell_is_given_up(
     assert 0.07 < GIVEN_UP < min(CHANCES)
 
 
+def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():
+    world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
+    gains = []
+    for share in (0.0, 0.5, 1.0):
+        exploration = Exploration(PIONEER)
+        first = next_viewpoint(exploration, world, from_yaw(-5, 0, 0, 0))
+        x, y = (1 - share) * np.array([-5, 0]) + share * first.position
+        there = from_yaw(x, y, 0, first.heading if share else 0.0)
+        anew = next_viewpoint(Exploration(PIONEER), world, there)
+        gains.append(next_viewpoint(exploration, world, there).gain / anew.gain)
+    assert gains[1] == 1
+    assert max(gains[0], gains[2]) < 0.9
+
+
 def test_a_drive_that_failed_teaches_nothing_of_rims():
     walls = [wall_points((-6, y), (6, y)) for y in (-1, 1)]
     world, chances = surface_of(ground_points(flat, (-6, 6), (-1, 1)), *walls), []

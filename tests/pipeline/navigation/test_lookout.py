@@ -8,11 +8,11 @@ from pipeline.localisation.odometry import LostError
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.lookout import KEYFRAME_WAY, KIDNAPPED, LABELLED, LOOKS, Lookout
-from pipeline.navigation.navigator import Navigator
+from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.transforms import from_yaw
+from pipeline.transforms import from_yaw, inverse
 from tests.pipeline.kinematic_robot import KinematicRobot
-from tests.pipeline.localisation.carried_robot import BARE, seen
+from tests.pipeline.localisation.carried_robot import BARE, ROOM, seen
 from tests.pipeline.polygon_scene import floor, wall
 from tests.pipeline.robot_model import PIONEER
 
@@ -144,3 +144,26 @@ def test_the_returns_are_those_of_a_keyframe_that_is_not_labelled():
     assert not len(keyframe.labels)
     assert abs(np.median(points[:, 2])) < 1.0
     assert points[:, 0].max() == pytest.approx(5.0, abs=0.1)
+
+
+class HeldRobot(SeeingRobot):
+    """A robot that something holds at x = 2.5 m, where its wheels spin: its odometry goes on."""
+
+    def sense(self) -> Frame:
+        T = self.T.copy()
+        T[0, 3] = min(T[0, 3], 2.5)
+        self.looks += 1
+        return seen(ROOM, T, T @ inverse(self.T), seed=self.looks)
+
+
+@pytest.mark.parametrize(("robot", "outcome"), [(HeldRobot(), Outcome.STUCK), (SeeingRobot(), Outcome.REACHED)])
+def test_a_robot_whose_wheels_spin_is_held(robot, outcome):
+    navigator, mapper = Navigator(robot), Mapper(PIONEER, TruthClassifier(), localisation=Slam())
+    lookout = Lookout(navigator, mapper)
+    lookout.add(lookout.sense(), labelled=True)
+    navigator.follow(np.array([(4.0, 2.0)]))
+    assert [leg.outcome for leg in navigator.legs] == [outcome]
+    if outcome is Outcome.STUCK:
+        assert robot.T[0, 3] < 2.5 + 3 * KEYFRAME_WAY
+        (halt,) = navigator.halts
+        assert halt.T_map_base[0, 3] == pytest.approx(2.5, abs=0.1)

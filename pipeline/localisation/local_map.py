@@ -8,6 +8,8 @@ from pipeline.localisation.registration import Target, front_normals
 
 MARGIN = 0.3
 """m around a frame's points within which points of the map may correspond to them."""
+FOOT = 0.25, 0.8
+"""m, radius of a disc on which the robot stands, and the least upward component of a normal of ground."""
 LEAST = 100
 """Least number of the map's points to register with."""
 
@@ -68,6 +70,20 @@ class LocalMap:
         near = np.flatnonzero(owners[self.owner] & ((at >= low) & (at <= high)).all(axis=1))
         near = near[np.einsum("ni,ni->n", normals[near], camera - at[near]) > 0]
         return Target(at[near], self.owner[near]) if len(near) >= LEAST else None
+
+    def ground_below(
+        self, T_map_base: NDArray[np.float64], owners: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """(N,) heights of the ground right below a robot at a 4×4 pose, m in ``base_link``, and (N,) the owners.
+
+        ``owners``: (K,) bool, the keyframes whose points may be taken.
+        """
+        (at, normals), (radius, upward) = self._in_map, FOOT
+        near = (np.abs(at - T_map_base[:3, 3]) < radius).all(axis=1) & (normals[:, 2] > upward)
+        near &= owners[self.owner]
+        x, y, z = ((at[near] - T_map_base[:3, 3]) @ T_map_base[:3, :3]).T
+        is_below = np.hypot(x, y) < radius
+        return z[is_below], self.owner[near][is_below]
 
     def all_points(self) -> NDArray[np.float32]:
         """(N, 3) float32 all points, m in ``map``."""

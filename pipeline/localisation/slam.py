@@ -33,7 +33,7 @@ from pipeline.localisation.registration import (
     register,
     shares_of,
 )
-from pipeline.transforms import inverse, orthonormal, transform_points
+from pipeline.transforms import from_rotation, inverse, orthonormal, transform_points
 
 FARTHEST = 3.4
 """m of depth; beyond it, the sensor's limit cuts off the far half of its noise."""
@@ -73,6 +73,9 @@ UNPINNED = 0.15
 """m; if the deviation is smaller, a loop may leave a direction, as along a corridor, to the odometry."""
 TELLS = 0.25
 """Greatest share of the variance in heading or a horizontal direction, whichever shrinks most, that a loop leaves."""
+STANDS, LEAST_GROUND = 0.015, 20
+"""m, standard deviation of the height of the ground, as known, under the robot, as measured on half ramps;
+and the least number of points of this ground."""
 LOOP_OVERLAP = 0.6
 """Least share of a frame's points that a loop explains."""
 
@@ -104,18 +107,19 @@ class Slam(Localisation):
         motion: motion model of the odometry.
         loops: loop closures so far.
         closes_loops: False for comparison only.
+        on_ground: whether ``base_link`` is on the ground, as that of a robot is, and that of a camera in a hand not.
         slips: number of frames in which registration showed that wheels slipped.
     """
 
     may_err = True
 
-    def __init__(self, closes_loops: bool = True) -> None:
+    def __init__(self, closes_loops: bool = True, on_ground: bool = True) -> None:
         self.T_map_odom = np.eye(4)
         self.graph = PoseGraph()
         self.local_map = LocalMap()
         self.motion = MotionModel()
         self.loops: list[Loop] = []
-        self.closes_loops = closes_loops
+        self.closes_loops, self.on_ground = closes_loops, on_ground
         self.slips = 0
         self._odometry: list[tuple[float, NDArray[np.float64]]] = []
         self._motions: list[Motion | None] = []
@@ -196,6 +200,8 @@ class Slam(Localisation):
         new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
         if match.target is not None and match.cloud is not None:
             new = self._connect(number, match.cloud, match.target, match.registration)
+        if (stand := self._stand(T_map_base)) is not None:
+            self.graph.connect(stand.owner, number, stand.T, stand.information)
         if match.cloud is not None:
             self.local_map.add(number, T_map_base, match.cloud, frame.T_base_camera[:3, 3], new)
         self._motions.append(match.prediction.motion if match.prediction else None)
@@ -283,7 +289,9 @@ class Slam(Localisation):
         target = self._target(points, first.T, frame, self._deviations < KNOWN, MARGIN) if cloud else None
         if target is None:
             return _Match(frame, first.T, odometry, step, cloud)
-        registration = register(target, cloud, [first, by_gravity(first.T, frame)], gates)
+        stand = self._stand(first.T)
+        known = [Prior(stand.T, stand.information)] if stand else []
+        registration = register(target, cloud, [first, by_gravity(first.T, frame), *known], gates)
         if odometry is not None and (registration.chi2 > IMPROBABLE or registration.overlap < POOR):
             prior, slipped = slipped_registration(target, cloud, first, self.poses[-1], frame)
             is_better = registration.chi2 > IMPROBABLE or slipped.overlap > registration.overlap + BETTER
@@ -321,6 +329,17 @@ class Slam(Localisation):
             self.graph.connect(share.owner, number, share.T, share.information)
             self.graph.link(share.owner, number, registration.covariance)
         return new
+
+    def _stand(self, T_map_base: NDArray[np.float64]) -> Share | None:
+        """A 4×4 pose, moved up or down onto the ground that earlier keyframes saw there; None without such ground.
+
+        In a narrow place the camera sees walls alone, which do not tell how high the robot is.
+        """
+        heights, owners = self.local_map.ground_below(T_map_base, self._deviations < KNOWN)
+        if not self.on_ground or len(heights) < LEAST_GROUND:
+            return None
+        lifted = T_map_base @ from_rotation(np.eye(3), np.array([0.0, 0.0, np.median(heights)]))
+        return Share(int(np.bincount(owners).argmax()), lifted, np.diag([0.0] * 5 + [STANDS**-2]))
 
     def _find_loop(self, number: int, match: _Match) -> None:
         """Register the newest keyframe with those nearby whose relative position is uncertain; one loop at a time."""

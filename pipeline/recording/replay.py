@@ -45,7 +45,8 @@ def default_poses(recording: Recording) -> PoseSource:
 
 def localisation_of(poses: PoseSource) -> Localisation:
     """The mapper's localisation for a source of poses."""
-    return Slam() if poses in ("slam", "registration") else OdometryLocalisation()
+    # Without odometry the camera may be in a hand.
+    return Slam(on_ground=poses == "slam") if poses in ("slam", "registration") else OdometryLocalisation()
 
 
 class Replay:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pipeline.localisation.local_map import LEAST, LocalMap
 from pipeline.localisation.registration import cloud_of
 from pipeline.transforms import from_yaw
-from tests.pipeline.worlds import wall_points
+from tests.pipeline.worlds import ground_points, wall_points
 
 WALL = cloud_of(wall_points((2, -1), (2, 1)))
 """A wall before the robot, in ``base_link``."""
@@ -79,3 +79,21 @@ def test_what_is_not_new_is_not_added_and_too_few_are_no_target() -> None:
     assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_)) is None
     few.add(0, np.eye(4), WALL, CAMERA, ~new)
     assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_)) is not None
+
+
+def test_the_ground_below_is_level_ground_within_the_foot_that_a_given_keyframe_saw() -> None:
+    """Floor from x = 0.1, 0.1 m lower for the second keyframe, and a wall at x = 0.1."""
+    below = LocalMap()
+    floor, lower = (ground_points(lambda x, y, z=z: z + 0 * x, (0.1, 1.5), (-0.5, 0.5)) for z in (0.0, -0.1))
+    for owner, points in enumerate((floor, lower, wall_points((0.1, -0.5), (0.1, 0.5)))):
+        cloud = cloud_of(points)
+        below.add(owner, np.eye(4), cloud, np.array([-1.0, 0.0, 0.5]), np.ones(cloud.size(), np.bool_))
+    heights, owners = below.ground_below(np.eye(4), np.array([True, False, False]))
+    np.testing.assert_allclose(heights, 0, atol=1e-6)
+    assert 0 < len(heights) < 0.5 * np.pi * 0.25**2 / 0.05**2
+    assert set(owners) == {0}
+    heights, owners = below.ground_below(from_yaw(0.8, 0, -0.05, np.pi / 2), np.ones(3, np.bool_))
+    np.testing.assert_allclose(np.sort(heights), np.repeat([-0.05, 0.05], len(heights) // 2), atol=1e-6)
+    assert set(owners) == {0, 1}
+    heights, _ = below.ground_below(from_yaw(-1, 0, 0, 0), np.ones(3, np.bool_))
+    assert len(heights) == 0

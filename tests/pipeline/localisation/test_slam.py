@@ -267,3 +267,19 @@ def test_the_limit_of_depth_takes_no_half_of_the_noise(distance_m: float) -> Non
     if cloud is not None:
         off = transform_points(inverse(frame.T_base_camera), cloud.points()[:, :3])[:, 2] - distance_m
         assert abs(off.mean()) < 0.005
+
+
+@pytest.mark.parametrize(("on_ground", "low", "high"), [(True, 0.0, 0.025), (False, 0.05, 0.07)])
+def test_a_robot_that_sees_walls_alone_stays_on_the_ground_that_it_has_seen(
+    on_ground: bool, low: float, high: float
+) -> None:
+    """Walls do not tell how high the robot is, and its odometry rises by 1 cm in each turn of 15°."""
+    walls = [wall((4, -4), (4, 4)), wall((-2, 3), (4, 3))]
+    poses, slam = drive(*[(0.3, 0.0)] * 4, *TURN), Slam(on_ground=on_ground)
+    for k, T in enumerate(poses):
+        turns = max(0, k - 4)
+        risen = from_yaw(0.0, 0.0, 0.01 * turns, 0.0) @ T
+        frame = seen(T, risen, time=k, faces=walls if turns else [floor(-3, 5, -3, 3), *walls])
+        slam.add(frame, slam.localise(frame))
+        slam.optimise()
+    assert low <= abs(slam.poses[-1][2, 3] - poses[-1][2, 3]) <= high

@@ -88,7 +88,8 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
         if grid.at(traversability.to_hazard, goal, outside=np.inf) < THICKEST:
             return f"{name} is in a wall or right behind one: the ground there was not seen"
         return f"{name} is off the map: the ground there was not seen"
-    if grid.at(traversability.hazard, goal):
+    # The top of a wall two cells thick is level.
+    if grid.at(traversability.to_hazard, goal) <= grid.cell:
         return f"{name} is in a wall, on a step or on ground too steep"
     if not grid.at(traversability.traversable, goal):
         return f"{name} is too near to an obstacle or to unknown ground"

@@ -108,7 +108,7 @@ class MapTopics:
         self._send = send
 
     def keyframe(self, keyframe: Keyframe) -> None:
-        """Send a keyframe's pose and, if it was labelled, its labelled points as ``semantic_cloud``."""
+        """Send a keyframe's pose and, if it was labelled, its points as ``semantic_cloud``."""
         time = keyframe.frame.time
         self._send("/keyframe", time, messages.pose_stamped(time, MAP, keyframe.T_map_base))
         if len(keyframe.labels):

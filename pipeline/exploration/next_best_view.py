@@ -77,6 +77,7 @@ class Exploration:
         self._looked_for = np.full(len(CHANCES), EXPERIENCE)
         self._shown = EXPERIENCE * np.array(CHANCES)
         self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
+        self._falls = True  # whether unknown ground behind crests is assumed to fall
 
     def observe(self, context: Context) -> None:
         """Record which cells the last keyframe should have shown and did not, and where unseen ground is left."""
@@ -90,7 +91,12 @@ class Exploration:
         if context.paths.start is None or not is_left:
             return None
         camera = visibility.camera_view(context.frame, self._robot)
-        return self._best_viewpoint(context, camera, _spread) or self._best_viewpoint(context, camera, self._narrow)
+        # A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
+        for cells_of, falls in ((_spread, True), (self._narrow, True), (_spread, False)):
+            self._falls = falls
+            if viewpoint := self._best_viewpoint(context, camera, cells_of):
+                return viewpoint
+        return None
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe from this viewpoint should show."""
@@ -224,7 +230,8 @@ class Exploration:
     def _terrain(self) -> kernels.Terrain:
         """The ground as known after the last keyframe."""
         names = ("elevation", "gradient", "target", "probability", "missed_from")
-        return kernels.Terrain(self._layers.grid.origin, CELL, *(self._layers[name] for name in names))
+        layers = {name: self._layers[name] for name in names}
+        return kernels.Terrain(self._layers.grid.origin, CELL, falls=self._falls, **layers)
 
     def _gains(
         self, here: NDArray[np.float64], cells: NDArray[np.int64], camera: kernels.CameraView

@@ -69,7 +69,7 @@ class ViewpointGains:
 
     def __init__(self) -> None:
         self._camera: kernels.CameraView | None = None
-        self._origin = np.full(2, np.nan)
+        self._origin, self._falls = np.full(2, np.nan), True
         self._cells = np.zeros((0, 2), np.int64)
         self._rays, self._gains = np.zeros((1, RAYS)), np.zeros((1, len(ANGLES)))
 
@@ -87,10 +87,11 @@ class ViewpointGains:
             camera: its view of the ground.
             terrain: the ground as known.
             changed: (nx, ny) cells of the terrain that changed since the last call. All rays are cast anew if the
-                camera is another, or if the grid begins elsewhere.
+                camera is another, if the grid begins elsewhere, or if the ground behind crests is guessed otherwise.
         """
-        if camera != self._camera or (terrain.origin != self._origin).any():
-            self._camera, self._origin, changed = camera, terrain.origin, np.ones_like(changed)
+        if camera != self._camera or terrain.falls != self._falls or (terrain.origin != self._origin).any():
+            self._camera, self._origin, self._falls = camera, terrain.origin, terrain.falls
+            changed = np.ones_like(changed)
         rows = np.full(changed.shape, -1, np.int32)
         rows[tuple(self._cells.T)] = np.arange(len(self._cells))
         row = rows[tuple(cells.T)]

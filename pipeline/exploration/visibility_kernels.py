@@ -64,6 +64,7 @@ class Terrain(NamedTuple):
         probability: float32, probability that a cell in view can be seen at all.
         missed_from: (nx, ny, 2) float32 m, where the last keyframe that missed the cell was taken; inf if none did.
             From within ``MISSED_RADIUS`` of this place the cell is not expected to be seen.
+        falls: whether unknown ground behind the crest of a ramp is assumed to fall as the ramp rose.
     """
 
     origin: NDArray[np.float64]
@@ -73,6 +74,7 @@ class Terrain(NamedTuple):
     target: NDArray[np.bool_]
     probability: NDArray[np.float32]
     missed_from: NDArray[np.float32]
+    falls: bool = True
 
 
 @njit(cache=True)
@@ -80,8 +82,9 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     """What a ray of the camera of a robot at (x, y) is expected to show for the first time.
 
     The ray runs over the known ground; a cell is hidden if something before it rises higher in the view. Unknown
-    ground is assumed to continue at the last known height, but to fall behind the crest of a ramp as the ramp rose;
-    ground that a keyframe missed is assumed to fall as well. Ground that is met at a grazing angle gives no return.
+    ground is assumed to continue at the last known height, but if ``terrain.falls``, to fall behind the crest of a
+    ramp as the ramp rose; ground that a keyframe missed is assumed to fall as well. Ground that is met at a grazing
+    angle gives no return.
 
     Unknown ground is no likelier than any unknown ground right before it, past which the ray must lead.
 
@@ -98,7 +101,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     camera = level + view.height * np.cos(tilt) + view.ahead * np.sin(tilt)
     ahead = view.ahead * np.cos(tilt) - view.height * np.sin(tilt)
     horizon, ceiling = np.tan(tilt + view.lower_edge), np.tan(tilt + view.upper_edge)
-    unknown, fall = 0.0, np.tan(tilt) if np.tan(tilt) > RAMP else 0.0
+    unknown, fall = 0.0, fall_after(np.tan(tilt), terrain)
     total, count, chance = 0.0, 0, 1.0
     d = 0.5 * cell
     while d < view.far and unknown < MAX_UNKNOWN:
@@ -113,7 +116,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
         else:
             level = terrain.elevation[i, j]
             rise = rise_along(i, j, dx, dy, terrain)
-            fall = max(rise if rise > RAMP else 0.0, fall - FORGET * cell)
+            fall = max(fall_after(rise, terrain), fall - FORGET * cell)
         slope = (level - camera) / d
         if slope > ceiling:
             break
@@ -134,6 +137,12 @@ def cast_ray(x, y, bearing, view, terrain, seen):
 def rise_along(i, j, dx, dy, terrain):
     """Slope of the ground in cell (i, j) along the unit direction (dx, dy)."""
     return terrain.gradient[i, j, 0] * dx + terrain.gradient[i, j, 1] * dy
+
+
+@njit(cache=True)
+def fall_after(rise, terrain):
+    """Slope at which unknown ground is assumed to fall behind ground that rises with the slope ``rise``."""
+    return rise if terrain.falls and rise > RAMP else 0.0
 
 
 @njit(cache=True)

@@ -147,6 +147,16 @@ def test_behind_a_crest_it_looks_from_where_rays_do_not_graze_the_slope():
     assert abs(viewpoint.heading) < np.deg2rad(25)
 
 
+def test_behind_a_high_crest_from_where_no_falling_ground_would_show_it_looks_for_a_deck():
+    world = surface_of(ground_points(lambda x, _: 0.36 + 0.28 * np.clip(x, -1.3, 0), (-4, 0.05), (-0.6, 0.6)))
+    for a, b in pairwise([(2, -0.6), (-4, -0.6), (-4, 0.6), (2, 0.6)]):
+        world.update(wall_points(a, b))
+    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(-3, 0, 0, 0))
+    assert viewpoint is not None
+    assert viewpoint.position[0] < 0
+    assert abs(viewpoint.heading) < np.deg2rad(25)
+
+
 def test_ground_that_a_keyframe_missed_may_fall_away():
     deck = surface_of(ground_points(flat, (-3, 1), (-0.6, 0.6)), wall_points((-3, -0.6), (-3, 0.6)))
     for y in (-0.6, 0.6):

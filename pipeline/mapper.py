@@ -28,7 +28,7 @@ from pipeline.semantic_map.voxels import VoxelCloud
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import inverse, transform_points
 from pipeline.traversability.elevation_map import CELL, HEIGHTS, ElevationMap
-from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
+from pipeline.traversability.ground_evidence import UNDER, Assumed, Driven, GroundEvidence, Seen
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.traversability.traversability_layer import TraversabilityLayer
@@ -36,9 +36,6 @@ from pipeline.traversability.ways_up import is_no_way
 from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.victim_map import Victims
 
-START_RADIUS, START_AHEAD, START_WIDTH = 1.4, 1.4, 1.6
-"""Ground that is taken for flat until seen where a robot was set down, for the camera sees none within 1 m: a disc,
-in corner radii of the robot, and a strip before it, m long and in widths of it, if level ground is in view there."""
 NOTICEABLE = 0.01, np.deg2rad(0.5)
 """m and rad; if a correction moves no keyframe by more than this, the maps stay as they are."""
 
@@ -337,27 +334,20 @@ class Mapper:
         self.metric_map.integrate(self._depth, observation.intrinsics, T_map_camera)
 
     def _add_ground(self, frame: Frame, cloud: VoxelCloud) -> None:
-        """Put the ground that a new keyframe shows, and the ground taken for flat, into the elevation map."""
+        """Put the ground that a new keyframe shows, and the ground taken for level, into the elevation map."""
         if self._set_down is not None:
-            self._put_assumed(self._set_down, cloud.points)
+            self._assume_ground(self._set_down, frame, cloud)
         self._put(self.keyframes, Seen.of(frame, cloud))
 
-    def _put_assumed(self, T_map_start: NDArray[np.float64], points: NDArray[np.float32]) -> None:
-        """Put the ground taken for flat where the robot was set down, while it stands there, into the elevation map.
-
-        Behind the edge of a deck, or before a wall, no level ground is among the returns (N, 3), m in ``base_link``,
-        so near that it could go on to there.
-        """
-        robot, (x, y, z), k = self.elevation_map.robot, points.T, self.keyframes
-        T_base_start, radius = inverse(self.poses[k]) @ T_map_start, START_RADIUS * robot.corner_radius
-        if np.linalg.norm(T_base_start[:2, 3]) > radius - robot.corner_radius:
+    def _assume_ground(self, T_map_start: NDArray[np.float64], frame: Frame, cloud: VoxelCloud) -> None:
+        """Take ground for level while the robot stands where it was set down."""
+        robot, k = self.elevation_map.robot, self.keyframes
+        T_base_start = inverse(self.poses[k]) @ T_map_start
+        if np.linalg.norm(T_base_start[:2, 3]) > (UNDER - 1) * robot.corner_radius:
             self._set_down = None
             return
-        self._put(k, Assumed(T_base_start, radius, 0.0, 0.0))
-        width = START_WIDTH * robot.width
-        level = (x > 0) & (x < START_AHEAD) & (np.abs(y) < width / 2) & (np.abs(z) <= robot.max_step)
-        if len(np.unique(np.floor(y[level] / CELL))) > width / CELL / 2:
-            self._put(k, Assumed(np.eye(4), 0.0, START_AHEAD, width))
+        self._put(k, Assumed.under(T_base_start, robot))
+        self._put(k, Assumed.before(frame, cloud.points, robot))
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
         self.ground.append((keyframe, evidence))

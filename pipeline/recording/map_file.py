@@ -27,7 +27,7 @@ from pipeline.traversability.elevation_map import CELL, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
 from pipeline.victims.victim_map import Sighting, Victim
 
-FORMAT, VERSION = "sarsim keyframes", 1
+FORMAT, VERSION = "sarsim keyframes", 2
 UNIT = 2.5e-4  # m, to which points are rounded
 SEEN, ASSUMED, DRIVEN = range(3)
 LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
@@ -42,9 +42,8 @@ LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "local_points": ("i4", "N", 3),
     "local_normals": ("i1", "N", 3),  # 1/127
     "local_owner": ("i8", "N"),
-    "ground": ("i8", "G", 5),  # keyframe, kind, numbers of a drive's points: track, obstacles, touched
-    "assumed": ("f8", "A", 19),  # T_base_start, radius, ahead, width
-    "driven": ("i4", "D", 3),
+    "ground": ("i8", "G", 5),  # keyframe, kind, numbers of points: assumed, or a drive's track, obstacles, touched
+    "ground_points": ("i4", "D", 3),
     "members": ("i8", "M", 6),  # keyframe, segment, class, numbers of surfels, corners and points
     "planes": ("f8", "M", 15),  # normal, Σ x, Σ x xᵀ
     "outlines": ("i4", "O", 3),
@@ -144,8 +143,6 @@ def _check(e: Arrays) -> None:
         raise ValueError("something belongs to a keyframe that is not there, or a camera has no focal length")
     if not np.isin(e["members"][:, 2], list(Label)).all() or (e["members"][:, [1, 3]] < 0).any():
         raise ValueError("a segment is of no class")
-    if np.count_nonzero(e["ground"][:, 1] == ASSUMED) != len(e["assumed"]):
-        raise ValueError("assumed has rows that belong to no keyframe")
     lengths = e["labelled"] + 1, e["ground"][:, 2:], e["members"][:, 4:], e["victims"][:, 2:], e["sightings"][:, 1]
     if any((n < 0).any() for n in lengths):
         raise ValueError("a length is negative")
@@ -186,29 +183,31 @@ def _observations(e: Arrays) -> Iterator[tuple[Observation, Seen]]:
 
 
 def _ground(mapper: Mapper) -> Rows:
-    rows, assumed, driven = [], [], list[NDArray[np.float32]]()
+    rows, points = [], list[NDArray[np.float32]]()
     for keyframe, evidence in mapper.ground:
-        parts: tuple[NDArray[np.float32], ...] = ()
-        if isinstance(evidence, Assumed):
-            assumed.append([*evidence.T_base_start.ravel(), evidence.radius, evidence.ahead, evidence.width])
-        elif isinstance(evidence, Driven):
-            parts = evidence.track, evidence.obstacles, evidence.touched
-        kind = DRIVEN if parts else ASSUMED if isinstance(evidence, Assumed) else SEEN
-        rows.append([keyframe, kind, *([len(part) for part in parts] or [0, 0, 0])])
-        driven += parts
-    return {"ground": rows, "assumed": assumed, "driven": _packed(driven)}
+        kind, parts = _kind_and_parts(evidence)
+        rows.append([keyframe, kind, *map(len, parts), *[0] * (3 - len(parts))])
+        points += parts
+    return {"ground": rows, "ground_points": _packed(points)}
+
+
+def _kind_and_parts(evidence: GroundEvidence) -> tuple[int, tuple[NDArray[np.float32], ...]]:
+    if isinstance(evidence, Assumed):
+        return ASSUMED, (evidence.points,)
+    if isinstance(evidence, Driven):
+        return DRIVEN, (evidence.track, evidence.obstacles, evidence.touched)
+    return SEEN, ()
 
 
 def _evidence(e: Arrays, seen: Sequence[Seen]) -> Iterator[tuple[int, GroundEvidence]]:
     """The evidence of the ground with its keyframes, in the order in which it was added."""
-    assumed, driven = iter(e["assumed"]), _parts(_unpacked(e["driven"]), e["ground"][:, 2:].ravel())
+    points = _parts(_unpacked(e["ground_points"]), e["ground"][:, 2:].ravel())
     for keyframe, kind, *_ in e["ground"].tolist():
-        parts = next(driven), next(driven), next(driven)
+        first, *others = next(points), next(points), next(points)
         if kind == ASSUMED:
-            row = next(assumed)
-            yield keyframe, Assumed(row[:16].reshape(4, 4), *row[16:].tolist())
+            yield keyframe, Assumed(first)
         else:
-            yield keyframe, Driven(*parts) if kind == DRIVEN else seen[keyframe]
+            yield keyframe, Driven(first, *others) if kind == DRIVEN else seen[keyframe]
 
 
 def _members(mapper: Mapper) -> Rows:

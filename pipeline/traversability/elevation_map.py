@@ -86,30 +86,20 @@ class ElevationMap:
         """(nx, ny) where the middle of the robot has been."""
         return self.layers["driven"]
 
-    def assume_ground(self, T_map_base: NDArray[np.float64], radius: float, ahead: float, width: float) -> None:
-        """Take the ground under the robot and right before it for flat until it is measured.
+    def assume_ground(self, points: NDArray[np.floating]) -> None:
+        """Take the cells of (N, 3) points for ground as high as the points until it is measured."""
+        self._set("assumed", points)
 
-        Args:
-            T_map_base: pose of the robot.
-            radius: of a disc around the robot, m.
-            ahead: length of a strip that runs forward from its middle, m.
-            width: of the strip, m.
-        """
-        centre, reach = T_map_base[:2, 3], max(radius, ahead)
-        self.layers.cover(np.array([centre - reach, centre + reach]))
-        low, high = self.grid.cell_of([centre - reach, centre + reach])
-        cells = low + np.argwhere(np.ones(high + 1 - low, np.bool_))
-        x, y = ((self.grid.centre_of(cells) - centre) @ T_map_base[:2, :2]).T
-        on_strip = (x >= 0) & (x <= ahead) & (np.abs(y) <= width / 2)
-        assumed = tuple(cells[(np.hypot(x, y) <= radius) | on_strip].T)
-        self.layers["assumed"][assumed] = T_map_base[2, 3]
-        self._renew(assumed)
-
-    def add_obstacle(self, points: NDArray[np.float64]) -> None:
+    def add_obstacle(self, points: NDArray[np.floating]) -> None:
         """Put an obstacle that the robot touched into the cells of (N, 3) points; no keyframe removes it."""
+        self._set("touched", points)
+
+    def _set(self, layer: str, points: NDArray[np.floating]) -> None:
+        if not len(points):
+            return
         self.layers.cover(points)
         i, j = self.grid.cell_of(points).T
-        self.layers["touched"][i, j] = points[:, 2]
+        self.layers[layer][i, j] = points[:, 2]
         self._renew((i, j))
 
     def add_track(self, places: NDArray[np.float64]) -> None:

@@ -6,10 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
+from pipeline.robot import RobotModel
 from pipeline.segments.cells_kernels import moved
 from pipeline.semantic_map.voxels import VoxelCloud
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
+from pipeline.traversability.elevation_kernels import MAX_GAP_RISE
 from pipeline.traversability.elevation_map import CELL, ElevationMap
+
+UNDER = 1.4
+"""Corner radii of the robot around it, in which ground is taken for level where it was set down."""
+AHEAD, WIDTH = 1.4, 1.2
+"""m, and widths of the robot: the strip before it, in which ground may be taken for level there."""
+BIN = np.deg2rad(2)
+"""rad; directions in which the strip is level or not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,21 +56,56 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Assumed:
-    """Ground that is taken for flat where the robot was set down.
+    """Ground that is taken for level near where the robot was set down, for the camera sees none within 1 m.
 
     Attributes:
-        T_base_start: 4×4 pose at which the robot was set down.
-        radius, ahead, width: m, see :meth:`ElevationMap.assume_ground`.
+        points: (N, 3) float32 in ``base_link``, m, one in each cell at least.
     """
 
-    T_base_start: NDArray[np.float64]
-    radius: float
-    ahead: float
-    width: float
+    points: NDArray[np.float32]
+
+    @classmethod
+    def under(cls, T_base_start: NDArray[np.float64], robot: RobotModel) -> "Assumed":
+        """The ground around the 4×4 pose where the robot was set down."""
+        radius = UNDER * robot.corner_radius
+        points = _lattice(-radius, radius, radius)
+        return cls(moved(T_base_start, points[np.hypot(*points.T[:2]) <= radius]))
+
+    @classmethod
+    def before(cls, frame: Frame, points: NDArray[np.float32], robot: RobotModel) -> "Assumed":
+        """The ground before a robot, in the directions in which level ground is the nearest that its camera shows.
+
+        Behind the edge of a deck, or before a wall, no level ground is among the returns so near that it could go on
+        to there. Outside the camera's view the ground is as at the edge of the view.
+
+        Args:
+            frame: that the robot took.
+            points: (N, 3) its returns, m in ``base_link``.
+            robot: its size and abilities.
+        """
+        widest = np.arctan(frame.intrinsics.cx / frame.intrinsics.fx)
+
+        def bin_of(places: NDArray[np.float32]) -> NDArray[np.int64]:
+            x, y = (places[:, :2] - frame.T_base_camera[:2, 3]).T
+            return ((np.clip(np.arctan2(y, x), -widest, widest) + widest) / BIN).astype(np.int64)
+
+        near = points[(points[:, 0] > 0) & (points[:, 0] < AHEAD)]
+        near = near[np.argsort(-near[:, 0])]
+        height = np.full(int(2 * widest / BIN) + 1, np.inf)
+        height[bin_of(near)] = near[:, 2]
+        strip = _lattice(0.0, AHEAD, WIDTH * robot.half_width)
+        return cls(strip[np.abs(height[bin_of(strip)]) <= MAX_GAP_RISE])
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
         """Assume the ground, relative to the 4×4 pose ``T_map_base``."""
-        elevation_map.assume_ground(T_map_base @ self.T_base_start, self.radius, self.ahead, self.width)
+        elevation_map.assume_ground(moved(T_map_base, self.points))
+
+
+def _lattice(x0: float, x1: float, y: float) -> NDArray[np.float32]:
+    """(N, 3) float32 points of the level rectangle from x0 to x1 and from -y to y, one in each cell at least."""
+    step = CELL / np.sqrt(2)
+    xy = np.mgrid[x0 : x1 + step : step, -y : y + step : step].reshape(2, -1)
+    return np.pad(xy, ((0, 1), (0, 0))).T.astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)

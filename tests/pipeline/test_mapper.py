@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
-from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
+from tests.pipeline.polygon_scene import RANGE, floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER
 
 SCENE = [
@@ -50,13 +50,14 @@ FLOOR = floor(-2, 6, -3, 3)
 DECK = [floor(-2, 0.4, -1, 6), floor(0.4, 6, -3, 6, z=-0.3)]
 
 
-def set_down(faces: list, *yaws: float) -> Mapper:
+def set_down(faces: list, *yaws: float, reach: tuple[float, float] = RANGE) -> Mapper:
     """A mapper whose robot was set down at the origin, where it turns to these headings."""
     mapper = Mapper(PIONEER, TruthClassifier())
     mapper.assume_ground(from_yaw(0, 0, 0, yaws[0]))
     for seed, yaw in enumerate(yaws):
         T = from_yaw(0, 0, 0, yaw)
-        mapper.add(replace(look(faces, T @ T_BASE_CAMERA, 0.004, seed), T_base_camera=T_BASE_CAMERA), T, False)
+        frame = look(faces, T @ T_BASE_CAMERA, 0.004, seed, reach)
+        mapper.add(replace(frame, T_base_camera=T_BASE_CAMERA), T, False)
     return mapper
 
 
@@ -68,6 +69,13 @@ def test_ground_before_a_robot_that_was_set_down_is_level_only_if_level_ground_i
     around, before = elevation_map.grid.at(elevation_map.elevation, [(-0.4, 0.0), (0.75, 0.0)], np.nan)
     assert abs(around) < 0.01
     assert np.isfinite(before) == is_level
+
+
+def test_a_post_nearer_than_the_camera_sees_does_not_stand_on_ground_that_is_taken_for_level():
+    elevation_map = set_down([FLOOR, wall((0.65, -0.2), (0.65, -0.05))], 0.0, reach=(0.8, 4.0)).elevation_map
+    at_post, beside = elevation_map.grid.at(elevation_map.elevation, [(0.65, -0.125), (0.65, 0.125)], np.nan)
+    assert np.isnan(at_post)
+    assert abs(beside) < 0.01
 
 
 def test_a_robot_that_turns_where_it_was_set_down_finds_the_way_from_a_deck():

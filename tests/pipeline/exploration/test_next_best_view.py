@@ -192,7 +192,7 @@ def test_the_choice_does_not_depend_on_chance(yaw):
 
 def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall():
     world = ElevationMap(PIONEER)
-    world.assume_ground(from_yaw(0, 0, 0, 0), 0.8, 0.0, 0.0)
+    world.assume_ground(ground_points(flat, (-0.8, 0.8), (-0.8, 0.8)))
     corners = [(-0.6, -1.0), (0.6, -1.0), (0.6, 1.0), (-0.6, 1.0), (-0.6, -1.0)]
     seen = ground_points(flat, (-0.6, 0.6), (-1, 1))
     # From where the robot can turn, its camera sees nothing nearer than 1.04 m.
@@ -206,7 +206,7 @@ def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall
 
 def test_ground_taken_for_flat_before_a_ramp_is_seen_by_backing_up_the_ramp():
     world = ElevationMap(PIONEER)
-    world.assume_ground(from_yaw(-1.6, 0, 0, 0), 0.5, 0.0, 0.0)
+    world.assume_ground(ground_points(flat, (-2.1, -1.1), (-0.5, 0.5)))
     corners = [(-2.2, -0.6), (0.5, -0.6), (0.5, 0.6), (-2.2, 0.6), (-2.2, -0.6)]
     seen = ground_points(ridge, (-2.2, 0.5), (-0.6, 0.6))
     seen = seen[np.hypot(seen[:, 0] + 1.6, seen[:, 1]) > 0.3]

@@ -117,7 +117,7 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
     ("name", "value", "reason"),
     [
         ("format", "sarsim metric map", "not the map of an episode"),
-        ("version", 99, "not of version 1"),
+        ("version", 99, "not of version 2"),
         ("local_owner", -1, "a keyframe that is not there"),
         ("T_map_base", 2.0, "not one rigid pose"),
         ("labelled", -2, "a length is negative"),

@@ -3,7 +3,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.transforms import from_yaw
 from pipeline.traversability.elevation_map import ElevationMap
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, surface_of, wall_points
@@ -158,11 +157,10 @@ def test_a_gap_between_different_heights_stays_open():
 
 def test_assumed_ground_gives_way_to_returns():
     elevation_map = ElevationMap(PIONEER)
-    elevation_map.assume_ground(from_yaw(1, 2, 0, np.pi / 2), radius=0.5, ahead=1.4, width=0.8)
+    elevation_map.assume_ground(ground_points(flat, (0.5, 1.5), (1.5, 3.4)))
     at = elevation_map.grid.at
-    assert at(elevation_map.elevation, [1.0, 3.3], np.nan) == 0  # on the strip
-    assert at(elevation_map.elevation, [0.6, 2.0], np.nan) == 0  # on the disc
-    assert np.isnan(at(elevation_map.elevation, [1.0, 1.3], np.nan))  # behind
+    assert at(elevation_map.elevation, [1.0, 3.3], np.nan) == 0
+    assert np.isnan(at(elevation_map.elevation, [1.0, 1.3], np.nan))
     assert np.isnan(elevation_map.measured).all()
     elevation_map.update(wall_points((0.5, 3.0), (1.5, 3.0)))
     assert elevation_map.grid.at(elevation_map.elevation, [1.0, 3.0]) > 1

@@ -334,20 +334,19 @@ class Mapper:
         self.metric_map.integrate(self._depth, observation.intrinsics, T_map_camera)
 
     def _add_ground(self, frame: Frame, cloud: VoxelCloud) -> None:
-        """Put the ground that a new keyframe shows, and the ground taken for level, into the elevation map."""
-        if self._set_down is not None:
-            self._assume_ground(self._set_down, frame, cloud)
-        self._put(self.keyframes, Seen.of(frame, cloud))
+        """Put the ground that a new keyframe shows into the elevation map.
 
-    def _assume_ground(self, T_map_start: NDArray[np.float64], frame: Frame, cloud: VoxelCloud) -> None:
-        """Take ground for level while the robot stands where it was set down."""
+        While the robot stands where it was set down, ground near it is taken for level.
+        """
         robot, k = self.elevation_map.robot, self.keyframes
-        T_base_start = inverse(self.poses[k]) @ T_map_start
-        if np.linalg.norm(T_base_start[:2, 3]) > (UNDER - 1) * robot.corner_radius:
-            self._set_down = None
-            return
-        self._put(k, Assumed.under(T_base_start, robot))
-        self._put(k, Assumed.before(frame, cloud.points, robot))
+        if self._set_down is not None:
+            T_base_start = inverse(self.poses[k]) @ self._set_down
+            if np.linalg.norm(T_base_start[:2, 3]) > (UNDER - 1) * robot.corner_radius:
+                self._set_down = None
+            else:
+                self._put(k, Assumed.under(T_base_start, robot))
+                self._put(k, Assumed.before(frame, cloud.points, robot))
+        self._put(k, Seen.of(frame, cloud))
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
         self.ground.append((keyframe, evidence))

@@ -29,7 +29,7 @@ from pipeline.victims.victim_map import Sighting, Victim
 
 FORMAT, VERSION = "sarsim keyframes", 2
 UNIT = 2.5e-4  # m, to which points are rounded
-SEEN, ASSUMED, DRIVEN = range(3)
+KINDS = Seen, Assumed, Driven  # of evidence of the ground, by number
 LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "depth": ("u2", "K", "H", "W"),
     "camera": ("f8", "K", 4),  # fx, fy, cx, cy
@@ -185,29 +185,21 @@ def _observations(e: Arrays) -> Iterator[tuple[Observation, Seen]]:
 def _ground(mapper: Mapper) -> Rows:
     rows, points = [], list[NDArray[np.float32]]()
     for keyframe, evidence in mapper.ground:
-        kind, parts = _kind_and_parts(evidence)
-        rows.append([keyframe, kind, *map(len, parts), *[0] * (3 - len(parts))])
+        parts = () if isinstance(evidence, Seen) else tuple(vars(evidence).values())
+        rows.append([keyframe, KINDS.index(type(evidence)), *map(len, parts), *[0] * (3 - len(parts))])
         points += parts
     return {"ground": rows, "ground_points": _packed(points)}
-
-
-def _kind_and_parts(evidence: GroundEvidence) -> tuple[int, tuple[NDArray[np.float32], ...]]:
-    if isinstance(evidence, Assumed):
-        return ASSUMED, (evidence.points,)
-    if isinstance(evidence, Driven):
-        return DRIVEN, (evidence.track, evidence.obstacles, evidence.touched)
-    return SEEN, ()
 
 
 def _evidence(e: Arrays, seen: Sequence[Seen]) -> Iterator[tuple[int, GroundEvidence]]:
     """The evidence of the ground with its keyframes, in the order in which it was added."""
     points = _parts(_unpacked(e["ground_points"]), e["ground"][:, 2:].ravel())
     for keyframe, kind, *_ in e["ground"].tolist():
-        first, *others = next(points), next(points), next(points)
-        if kind == ASSUMED:
-            yield keyframe, Assumed(first)
+        parts = next(points), next(points), next(points)
+        if KINDS[kind] is Seen:
+            yield keyframe, seen[keyframe]
         else:
-            yield keyframe, Driven(first, *others) if kind == DRIVEN else seen[keyframe]
+            yield keyframe, Assumed(parts[0]) if KINDS[kind] is Assumed else Driven(*parts)
 
 
 def _members(mapper: Mapper) -> Rows:

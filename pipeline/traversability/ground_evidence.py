@@ -76,12 +76,7 @@ class Assumed:
         """The ground before a robot, in the directions in which level ground is the nearest that its camera shows.
 
         Behind the edge of a deck, or before a wall, no level ground is among the returns so near that it could go on
-        to there. Outside the camera's view the ground is as at the edge of the view.
-
-        Args:
-            frame: that the robot took.
-            points: (N, 3) its returns, m in ``base_link``.
-            robot: its size and abilities.
+        to there. Outside the camera's view the ground is as at its edge. ``points``: (N, 3) returns, m in ``base_link``.
         """
         widest = np.arctan(frame.intrinsics.cx / frame.intrinsics.fx)
 
@@ -89,8 +84,8 @@ class Assumed:
             x, y = (places[:, :2] - frame.T_base_camera[:2, 3]).T
             return ((np.clip(np.arctan2(y, x), -widest, widest) + widest) / BIN).astype(np.int64)
 
-        near = points[(points[:, 0] > 0) & (points[:, 0] < AHEAD)]
-        near = near[np.argsort(-near[:, 0])]
+        near = points[np.argsort(-points[:, 0])]
+        near = near[(near[:, 0] > 0) & (near[:, 0] < AHEAD)]
         height = np.full(int(2 * widest / BIN) + 1, np.inf)
         height[bin_of(near)] = near[:, 2]
         strip = _lattice(0.0, AHEAD, WIDTH * robot.half_width)

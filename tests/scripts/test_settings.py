@@ -11,6 +11,7 @@ from tyro.conf import Fixed
 from pipeline.errors import InputError
 from sarsim.scripts.settings import load_settings, run_with_settings, save_settings, settings_from
 from sarsim.settings import EpisodeConfig
+from tests.scripts.refusal import refusal
 
 
 @dataclass(frozen=True)
@@ -99,10 +100,8 @@ def test_a_bad_file_is_one_line_and_status_2(
     path = tmp_path / "config.yaml"
     if text is not None:
         path.write_text(text)
-    with pytest.raises(SystemExit) as raised:
-        run_with_settings(lambda settings: None, Outer, ["--data", "d", "--config", str(path)])
-    assert raised.value.code == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    flags = ["--data", "d", "--config", str(path)]
+    line = refusal(capsys, run_with_settings, lambda settings: None, Outer, flags)
     assert line.startswith(f"error: --config {path}: ")
     assert complaint in line
 

@@ -15,6 +15,7 @@ from sarsim.dataset.generate import generate
 from sarsim.dataset.recipe import Recipe
 from sarsim.scripts import train
 from tests.sarsim.dataset.small import InProcess
+from tests.scripts.refusal import refusal
 
 TRAIN = Path(train.__file__)
 
@@ -55,11 +56,8 @@ def test_any_network_is_trained_and_told_what_it_will_not_know(
     assert f"--data {dataset} {dataset}: no point of " in told
     assert "ceiling" in told
     assert NetworkClassifier(out, network="pointnext")
-    with pytest.raises(SystemExit) as raised:
-        call(monkeypatch, "pointnet", "--data", dataset, "--out", tmp_path / "v.safetensors", "--init", out)
-    assert raised.value.code == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "weights of pointnext, not of pointnet" in line
+    other = ["pointnet", "--data", dataset, "--out", tmp_path / "v.safetensors", "--init", out]
+    assert "weights of pointnext, not of pointnet" in refusal(capsys, call, monkeypatch, *other)
 
 
 def test_colours_make_nine_channels_and_go_on_with_them(
@@ -105,11 +103,8 @@ def test_what_cannot_work_is_status_2_and_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as raised:
-        call(monkeypatch, *[dataset if flag == "DATA" else flag for flag in flags])
-    assert raised.value.code == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert complaint in line
+    flags = [dataset if flag == "DATA" else flag for flag in flags]
+    assert complaint in refusal(capsys, call, monkeypatch, *flags)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -119,11 +114,8 @@ def test_a_missing_scene_is_noticed_before_any_is_read(
     copy = shutil.copytree(dataset, tmp_path / "data")
     (copy / "scenes" / "00003.h5").unlink()
     (copy / "scenes" / "00000.h5").write_bytes(b"")
-    with pytest.raises(SystemExit) as raised:
-        call(monkeypatch, "dgcnn", "--data", copy, "--out", tmp_path / "w.safetensors")
-    assert raised.value.code == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "00003.h5: missing, 1 of 5 scenes are" in line
+    flags = ["dgcnn", "--data", copy, "--out", tmp_path / "w.safetensors"]
+    assert "00003.h5: missing, 1 of 5 scenes are" in refusal(capsys, call, monkeypatch, *flags)
 
 
 def test_a_dataset_without_scenes_to_learn_from_is_refused(
@@ -144,10 +136,8 @@ def test_a_dataset_of_another_version_is_refused(
 ) -> None:
     content = json.loads((dataset / "dataset.json").read_text())
     (tmp_path / "dataset.json").write_text(json.dumps(content | {"version": 9}))
-    with pytest.raises(SystemExit) as raised:
-        call(monkeypatch, "dgcnn", "--data", tmp_path, "--out", tmp_path / "w.safetensors")
-    assert raised.value.code == 2
-    assert "format version 9; this program reads version 1" in capsys.readouterr().err
+    flags = ["dgcnn", "--data", tmp_path, "--out", tmp_path / "w.safetensors"]
+    assert "format version 9; this program reads version 1" in refusal(capsys, call, monkeypatch, *flags)
 
 
 def test_tensorboard_reads_the_validations(

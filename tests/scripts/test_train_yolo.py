@@ -11,6 +11,7 @@ from pipeline.victims.detection.weights import load_network
 from sarsim.assets import asset
 from sarsim.scripts import train
 from tests.sarsim.dataset.people_dataset import write_people_dataset
+from tests.scripts.refusal import refusal
 
 COCO = str(asset("weights", "yolov3-tiny.cfg").with_suffix(".weights"))
 QUICK = ["--width", 64, "--height", 32, "--network", "yolov3-tiny", "--steps", 2, "--batch", 1]
@@ -77,9 +78,6 @@ def test_what_cannot_work_is_status_2_and_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as raised:
-        call(monkeypatch, *[data if flag == "DATA" else flag for flag in flags])
-    assert raised.value.code == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert complaint in line
+    flags = [data if flag == "DATA" else flag for flag in flags]
+    assert complaint in refusal(capsys, call, monkeypatch, *flags)
     assert list(tmp_path.iterdir()) == [data]

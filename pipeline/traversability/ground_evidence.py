@@ -76,7 +76,7 @@ class Assumed:
         """The ground before a robot, in the directions in which level ground is the nearest that its camera shows.
 
         Behind the edge of a deck, or before a wall, no level ground is among the returns so near that it could go on
-        to there. Outside the camera's view the ground is as at its edge. ``points``: (N, 3) returns, m in ``base_link``.
+        to there. Outside the camera's view it is as at its edge. ``points``: (N, 3) returns, m in ``base_link``.
         """
         widest = np.arctan(frame.intrinsics.cx / frame.intrinsics.fx)
 

@@ -199,7 +199,7 @@ class Mapper:
             return self.localisation.localise(frame)
 
     def assume_ground(self, T_map_base: NDArray[np.float64]) -> None:
-        """Take the ground around and before a robot that was just set down for flat until it is seen.
+        """Take the ground around and before a robot that was just set down for level until it is seen.
 
         Keyframes put this ground into the elevation map as long as the robot stands there.
 

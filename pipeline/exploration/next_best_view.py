@@ -138,7 +138,7 @@ class Exploration:
         return np.where((gains >= MIN_GAIN) & (gains >= MIN_RATE * seconds), gains / seconds, 0.0)
 
     def _narrow(self, context: Context, camera: kernels.CameraView) -> NDArray[np.int64]:
-        """(N, 2) all reachable cells where the robot cannot turn around, near ground taken for flat at the start.
+        """(N, 2) all reachable cells where the robot cannot turn around, near ground taken for level at the start.
 
         With its back to the wall of a small room, or on a ramp that it backed up, the robot sees ground that is
         otherwise nearer than the range of its camera.

@@ -84,8 +84,8 @@ class Assumed:
             x, y = (places[:, :2] - frame.T_base_camera[:2, 3]).T
             return ((np.clip(np.arctan2(y, x), -widest, widest) + widest) / BIN).astype(np.int64)
 
-        near = points[np.argsort(-points[:, 0])]
-        near = near[(near[:, 0] > 0) & (near[:, 0] < AHEAD)]
+        near = points[(points[:, 0] > 0) & (points[:, 0] < AHEAD)]
+        near = near[np.argsort(-near[:, 0])]
         height = np.full(int(2 * widest / BIN) + 1, np.inf)
         height[bin_of(near)] = near[:, 2]
         strip = _lattice(0.0, AHEAD, WIDTH * robot.half_width)

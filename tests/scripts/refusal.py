@@ -10,5 +10,5 @@ def refusal(capsys: pytest.CaptureFixture[str], run: Callable[..., object], *arg
     with pytest.raises(SystemExit) as raised:
         run(*args)
     assert raised.value.code == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
+    (line,) = capsys.readouterr().err.splitlines()
     return line

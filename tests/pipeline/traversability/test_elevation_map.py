@@ -160,6 +160,7 @@ def test_assumed_ground_gives_way_to_returns():
     elevation_map.assume_ground(ground_points(flat, (0.5, 1.5), (1.5, 3.4)))
     at = elevation_map.grid.at
     assert at(elevation_map.elevation, [1.0, 3.3], np.nan) == 0
+    assert at(elevation_map.elevation, [0.6, 2.0], np.nan) == 0
     assert np.isnan(at(elevation_map.elevation, [1.0, 1.3], np.nan))
     assert np.isnan(elevation_map.measured).all()
     elevation_map.update(wall_points((0.5, 3.0), (1.5, 3.0)))

@@ -5,11 +5,10 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.localisation.odometry import LostError
-from pipeline.mapper import Keyframe, Mapper
+from pipeline.mapper import Mapper
 from pipeline.recording.recorder import Recorder
 from pipeline.recording.replay import Replay, Replayed, default_poses, localisation_of
 from pipeline.recording.results import save_maps
@@ -49,7 +48,7 @@ class RecordedDrive:
         self._replay = Replay(recording, self.mapper, poses, camera)
         make_folder(config.out)
         self._recorder = Recorder(config.out / RECORDING)
-        self.frames, self._labelled, self.error = 0, list[Keyframe](), ""
+        self.frames, self._labelled, self.error = 0, list[int](), ""
         self.report: dict[str, Any] = {}
         self._trajectory: list[Pose] = []
         self._score = TrajectoryScore(localisation, self._trajectory)
@@ -98,7 +97,7 @@ class RecordedDrive:
         if len(keyframe.labels):
             farthest = self._robot.camera_range[1]
             self._recorder.log_keyframe(len(self._labelled), self.mapper, keyframe, farthest)
-            self._labelled.append(keyframe)
+            self._labelled.append(keyframe.index)
 
     def _report(self, wall_time: float) -> dict[str, Any]:
         sim_time = self._trajectory[-1].time - self._trajectory[0].time
@@ -122,7 +121,7 @@ class RecordedDrive:
         write_report(self.report, out)
         save_maps(mapper, out)
         self._score.save(out, with_truth=self._has_truth)
-        poses: list[NDArray[np.float64]] = [mapper.poses[keyframe.index] for keyframe in self._labelled]
-        height = float(self._labelled[0].frame.T_base_camera[2, 3])
+        poses = mapper.poses[self._labelled]
+        height = float(mapper.observations[self._labelled[0]].T_base_camera[2, 3])
         situation = situation_of(mapper, self._robot, poses, height, finished=not self.error)
         write_page(out / "report.html", situation, self.report)

@@ -5,9 +5,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pipeline.explorer import Explorer, Step
 from pipeline.files import whole_file
 from pipeline.rescue_report.page import page
@@ -21,13 +18,13 @@ class RescueReport:
     def __init__(self, explorer: Explorer):
         """Report the knowledge of ``explorer``."""
         self._explorer = explorer
-        self._poses: list[NDArray[np.float64]] = []
+        self._keyframes: list[int] = []
         self._camera_height = 0.0
         self._finished = False
 
     def add(self, step: Step) -> None:
         """Add the newest step."""
-        self._poses.append(step.keyframe.T_map_base)
+        self._keyframes.append(step.keyframe.index)
         self._camera_height = float(step.keyframe.frame.T_base_camera[2, 3])
         if self._explorer.mission.goals is None:  # only exploring shows whether viewpoints are left
             self._finished = step.viewpoint is None and step.can_drive
@@ -35,8 +32,9 @@ class RescueReport:
     @property
     def situation(self) -> Situation:
         """The explorer's present knowledge; at least one step must have been added."""
-        explorer = self._explorer
-        return situation_of(explorer.mapper, explorer.robot.model, self._poses, self._camera_height, self._finished)
+        mapper, robot = self._explorer.mapper, self._explorer.robot.model
+        # The mapper's poses are the corrected ones: those of the steps are stale once a loop was closed.
+        return situation_of(mapper, robot, mapper.poses[self._keyframes], self._camera_height, self._finished)
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:

@@ -115,14 +115,14 @@ class Situation:
 
 
 def situation_of(
-    mapper: Mapper, robot: RobotModel, poses: list[NDArray[np.float64]], camera_height: float, finished: bool
+    mapper: Mapper, robot: RobotModel, poses: NDArray[np.float64], camera_height: float, finished: bool
 ) -> Situation:
     """The situation by a mapper's maps.
 
     Args:
         mapper: with the maps and the victims; without a detector no person was searched for.
         robot: the robot that drives.
-        poses: 4×4 poses in ``map`` of its keyframes, the entrance first.
+        poses: (N, 4, 4) poses in ``map`` of its keyframes, the entrance first.
         camera_height: m above the ground under the robot.
         finished: whether no viewpoint was left that was worth a keyframe.
     """
@@ -134,7 +134,7 @@ def situation_of(
     return Situation(
         robot=robot,
         T_map_entrance=poses[0],
-        positions=np.array([T[:2, 3] for T in poses]),
+        positions=poses[:, :2, 3],
         traversability=traversability,
         points=points,
         labels=mapper.semantic_map.labels(),

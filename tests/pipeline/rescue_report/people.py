@@ -56,4 +56,4 @@ def before_a_wall(found: Victims | None, *, finished: bool = True) -> Situation:
     explorer = Explorer(StillRobot(), mapper)
     step = explorer.step()
     explorer.mapper.victims = found or Victims()
-    return situation_of(explorer.mapper, PIONEER, [step.keyframe.T_map_base], HEIGHT, finished)
+    return situation_of(explorer.mapper, PIONEER, step.keyframe.T_map_base[None], HEIGHT, finished)

@@ -11,6 +11,7 @@ from pipeline.explorer import Explorer
 from pipeline.mapper import Mapper
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import from_yaw
 from tests.pipeline.rescue_report.html_page import read
 from tests.pipeline.rescue_report.people import before_a_wall
 from tests.pipeline.robot_model import PIONEER
@@ -31,6 +32,18 @@ def test_the_last_step_tells_whether_a_viewpoint_is_left() -> None:
     np.testing.assert_array_equal(situation.T_map_entrance, np.eye(4))
     assert situation.positions.shape == (3, 2)
     assert not situation.searched
+
+
+def test_marks_and_entrance_follow_a_correction_of_the_poses() -> None:
+    explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
+    report = RescueReport(explorer)
+    report.add(explorer.step())
+    T_after_before = from_yaw(0.4, -0.2, 0.0, 0.3)
+    corrected = T_after_before @ explorer.mapper.poses
+    explorer.mapper.correct(corrected)
+    situation = report.situation
+    np.testing.assert_array_equal(situation.T_map_entrance, corrected[0])
+    np.testing.assert_array_equal(situation.positions, corrected[-1:, :2, 3])
 
 
 def test_the_page_is_a_file(tmp_path: Path) -> None:

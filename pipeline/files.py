@@ -39,6 +39,18 @@ def whole_file(path: Path) -> Iterator[Path]:
             partial.unlink()
 
 
+def each(*actions: Callable[[], object]) -> None:
+    """Run every action, whatever fails in others; then raise the first failure, the others being its consequences."""
+    failures: list[Exception] = []
+    for action in actions:
+        try:
+            action()
+        except Exception as error:  # whatever fails must not cost the results that remain
+            failures.append(error)
+    if failures:
+        raise failures[0]
+
+
 def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
     """The arrays (of any shape and unit) in a ``.npz``, by name; ``what`` names the kind of file in error messages.
 

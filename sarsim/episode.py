@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
-from pipeline.files import whole_file
+from pipeline.files import each, whole_file
 from pipeline.localisation.odometry import LostError, OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
@@ -160,27 +160,39 @@ class Expedition:
         return f"{self.explored}; next from {place} towards {heading:.0f}°, {way}, for {step.viewpoint.gain:.2f} m²"
 
     def _finish(self) -> None:
+        """Write the maps, then the other results, each by itself: a late failure costs no result but its own."""
         wall_time, sim_time = perf_counter() - self._wall_start, self._time() - self._sim_start
-        if self.explorer.steps:
-            self.explorer.settle()
-            self.situation = self.rescue_report.situation
-            self.recorder.log_ways([p.route.trace for p in self.situation.everyone if p.route])
-        self.recorder.close()
-        if self.explorer.steps or self.lost:
-            self.report = {
-                "arena": self.place,
-                "seed": self.config.seed if isinstance(self.config, EpisodeConfig) else 0,
-                "steps": self.explorer.steps,
-                **run_report(self.config, self.out, sim_time, wall_time, self.explorer.mapper),
-                **self._figures(),
-                **self.mission.report(),
-                **({"lost": self.lost} if self.lost else {}),
-            }
-            write_report(self.report, self.out)
-        if self.explorer.steps:
-            save_maps(self.explorer.mapper, self.out)
-            self.trajectory.save(self.out, with_truth=isinstance(self.config, EpisodeConfig))
-            write_page(self.out / "report.html", self.situation, self.report)
+        has_truth = isinstance(self.config, EpisodeConfig)
+        if not self.explorer.steps:
+            each(self.recorder.close, *([lambda: self._report(sim_time, wall_time)] if self.lost else []))
+            return
+        each(
+            self.explorer.settle,
+            lambda: save_maps(self.explorer.mapper, self.out),
+            lambda: self.trajectory.save(self.out, with_truth=has_truth),
+            self._assess,
+            self.recorder.close,
+            lambda: self._report(sim_time, wall_time),
+            lambda: write_page(self.out / "report.html", self.situation, self.report),
+        )
+
+    def _assess(self) -> None:
+        """Find what rescuers need to know."""
+        self.situation = self.rescue_report.situation
+        self.recorder.log_ways([p.route.trace for p in self.situation.everyone if p.route])
+
+    def _report(self, sim_time: float, wall_time: float) -> None:
+        """Write report.json, with times in s."""
+        self.report = {
+            "arena": self.place,
+            "seed": self.config.seed if isinstance(self.config, EpisodeConfig) else 0,
+            "steps": self.explorer.steps,
+            **run_report(self.config, self.out, sim_time, wall_time, self.explorer.mapper),
+            **self._figures(),
+            **self.mission.report(),
+            **({"lost": self.lost} if self.lost else {}),
+        }
+        write_report(self.report, self.out)
 
     def _add_keyframe(self, keyframe: Keyframe) -> None:
         """Add the newest keyframe to the results."""

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import each, whole_file
 
 
 def test_the_file_appears_when_it_is_whole(tmp_path):
@@ -28,3 +28,14 @@ def test_an_error_leaves_the_old_file_and_no_rest(tmp_path):
 def test_a_place_that_cannot_be_written_is_named():
     with pytest.raises(InputError, match=r"/dev/full/a\.txt"), whole_file(Path("/dev/full/a.txt")) as partial:
         partial.write_text("x")
+
+
+def test_each_runs_what_remains_after_a_failure_and_then_raises_the_first() -> None:
+    done: list[str] = []
+
+    def fail(text: str) -> None:
+        raise InputError(text)
+
+    with pytest.raises(InputError, match="first"):
+        each(lambda: done.append("a"), lambda: fail("first"), lambda: done.append("b"), lambda: fail("second"))
+    assert done == ["a", "b"]

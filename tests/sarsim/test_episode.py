@@ -6,7 +6,9 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pytest
 
+from pipeline.errors import InputError
 from pipeline.explorer import PATIENCE, Step
 from pipeline.transforms import from_yaw
 from sarsim.episode import Episode
@@ -60,6 +62,28 @@ class Diary:
 
     def said(self, text: str) -> bool:
         return any(text in line for line in self.lines)
+
+
+def test_a_late_failure_costs_no_result_but_its_own(tmp_path):
+    path = tmp_path / "arena.xml"
+    path.write_text(room((-1.0, 2.8), (-1.3, 1.3)))
+    out = tmp_path / "out"
+    episode = Episode(EpisodeConfig(arena=str(path), labels="truth", detector=None, out=out, steps=1))
+    close = episode.recorder.close
+
+    def fail_to_close() -> None:
+        close()
+        raise RuntimeError("the recording's disk is full")
+
+    def no_score() -> dict:
+        raise InputError("no score")
+
+    episode.recorder.close, episode.score.report = fail_to_close, no_score
+    with pytest.raises(RuntimeError, match="disk is full"):
+        episode.run()
+    maps = {"keyframes.npz", "metric_map.npz", "semantic_map.ply", "topology.json"}
+    assert maps | {"trajectory_true.tum", "trajectory_estimated.tum"} <= {file.name for file in out.iterdir()}
+    assert not (out / "report.json").exists()
 
 
 def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp_path):

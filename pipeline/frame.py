@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,15 @@ def _rays(k: Intrinsics) -> NDArray[np.float32]:
     """Rays of equal cameras are computed once: a loaded map has an ``Intrinsics`` for each keyframe."""
     v, u = np.mgrid[0.5 : k.height, 0.5 : k.width]
     return np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1).astype(np.float32)
+
+
+class Calibration(NamedTuple):
+    """Intrinsics of a camera as calibrations give them: pixel centres are at integers."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
 
 
 @dataclass(frozen=True, eq=False)

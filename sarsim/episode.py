@@ -16,16 +16,16 @@ from pipeline.explorer import Explorer, Step
 from pipeline.files import each, whole_file
 from pipeline.localisation.odometry import LostError, OdometryLocalisation
 from pipeline.localisation.slam import Slam
+from pipeline.map_file import load_keyframes
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.planning.path_plan import place_name
-from pipeline.recording.map_file import load_keyframes
-from pipeline.recording.recorder import Recorder
-from pipeline.recording.results import KEYFRAMES, save_maps
-from pipeline.recording.ros.recorded_robot import ExplorerBag, RecordedRobot
-from pipeline.recording.ros.topics import Joints
+from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.rescue_report.situation import Situation
+from pipeline.results import KEYFRAMES, save_maps
 from pipeline.robot import Robot
+from pipeline.ros.recorded_robot import ExplorerBag, RecordedRobot
+from pipeline.ros.topics import Joints
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier

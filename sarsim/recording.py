@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from pipeline.explorer import Explorer, Step
 from pipeline.labels import Label
 from pipeline.localisation.odometry import Localisation
-from pipeline.recording import drawings
-from pipeline.recording.blueprint import blueprint
-from pipeline.recording.recorder import Recorder
-from pipeline.recording.track import Track
-from pipeline.recording.viewer import Viewer, ViewerKind
+from pipeline.rerun import drawings
+from pipeline.rerun.blueprint import blueprint
+from pipeline.rerun.recorder import Recorder
+from pipeline.rerun.track import Track
+from pipeline.rerun.viewer import Viewer, ViewerKind
 from pipeline.transforms import from_rotation, inverse
 from sarsim.ground_truth.meshes import Mesh, drawn_geoms, geom_poses, joined_mesh
 from sarsim.robots.pose import Pose

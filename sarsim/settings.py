@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 import tyro
 
 from pipeline.errors import InputError
-from pipeline.recording.live.topic_names import TopicNames
+from pipeline.ros.live.topic_names import TopicNames
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.assets import asset
 

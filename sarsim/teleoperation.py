@@ -18,7 +18,7 @@ from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 from pipeline.metric_map.specks import without_specks
 from pipeline.navigation.lookout import is_keyframe
-from pipeline.recording.results import save_maps
+from pipeline.results import save_maps
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import PointClassifier
 from sarsim.arenas.arena import RescueArena

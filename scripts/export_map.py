@@ -64,8 +64,8 @@ def export_map(
 
 def _export_ground(keyframes: Path, out: Path, robot: Robot) -> None:
     """Write a 2D map of the ground by its traversability for the robot."""
+    from pipeline.map_file import load_elevation_map
     from pipeline.metric_map.io.plans import SAVED
-    from pipeline.recording.map_file import load_elevation_map
     from pipeline.traversability.ros_map import known_costs, save_ros_map, trinary
     from pipeline.traversability.traversability import assess_map
     from sarsim.robots.skid_steered import robot_model

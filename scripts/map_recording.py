@@ -11,7 +11,7 @@ from sarsim.scripts.tables import report_table
 from sarsim.settings import MapRecording
 
 if TYPE_CHECKING:
-    from pipeline.recording.sources.recording import Recording
+    from pipeline.datasets.recording import Recording
 
 BAGS = (".mcap", ".db3", ".yaml", ".bag")  # Endings of a bag's files
 
@@ -41,9 +41,9 @@ def map_recording(config: MapRecording) -> None:
 
 def open_recording(config: MapRecording) -> "Recording":
     """The recording that ``config.path`` names; InputError if there is none, or it is broken."""
-    from pipeline.recording.sources.recording import Calibration
-    from pipeline.recording.sources.ros_bag import read_ros_bag
-    from pipeline.recording.sources.tum_folder import read_tum_folder
+    from pipeline.datasets.ros_bag import read_ros_bag
+    from pipeline.datasets.tum_folder import read_tum_folder
+    from pipeline.frame import Calibration
     from sarsim.dataset.recorded_scene import read_scene
 
     path, calibration = config.path, config.intrinsics and Calibration(*config.intrinsics)

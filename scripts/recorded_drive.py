@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.datasets.recording import CameraPose, Recording
+from pipeline.datasets.replay import Replay, Replayed, default_poses, localisation_of
 from pipeline.errors import InputError
 from pipeline.localisation.odometry import LostError
 from pipeline.mapper import Mapper
-from pipeline.recording.recorder import Recorder
-from pipeline.recording.replay import Replay, Replayed, default_poses, localisation_of
-from pipeline.recording.results import save_maps
-from pipeline.recording.sources.recording import CameraPose, Recording
+from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.report import write_page
 from pipeline.rescue_report.situation import situation_of
+from pipeline.results import save_maps
 from pipeline.transforms import inverse
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.episode import make_classifier, make_folder, run_report, write_report

@@ -4,19 +4,19 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from pipeline.datasets.recording import CameraPose
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.navigator import Outcome
-from pipeline.recording.live.node import Node
-from pipeline.recording.live.ros_robot import RosRobot
-from pipeline.recording.recorder import Recorder
-from pipeline.recording.ros.messages import MAP, ODOM, transforms
-from pipeline.recording.ros.topics import MapTopics
-from pipeline.recording.sources.recording import CameraPose
-from pipeline.recording.viewer import Viewer
+from pipeline.rerun.recorder import Recorder
+from pipeline.rerun.viewer import Viewer
 from pipeline.robot import Motion
+from pipeline.ros.live.node import Node
+from pipeline.ros.live.ros_robot import RosRobot
+from pipeline.ros.messages import MAP, ODOM, transforms
+from pipeline.ros.topics import MapTopics
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.episode import Expedition, make_classifier, make_folder
 from sarsim.robots.pose import Pose

@@ -15,7 +15,7 @@ def ros_explore(config: RosExploration) -> None:
 
     Ctrl-C stops the robot. If the robot falls silent or ignores commands, the maps so far are kept.
     """
-    from pipeline.recording.live.node import Node
+    from pipeline.ros.live.node import Node
     from sarsim.scripts.ros_drive import RosDrive
 
     with closing(Node(config.name, config.network)) as node:

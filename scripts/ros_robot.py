@@ -11,7 +11,7 @@ from sarsim.settings import RosRobotConfig
 
 def ros_robot(config: RosRobotConfig) -> None:
     """Run the simulated robot as a ROS 2 robot, which publishes sensor data and follows commands, until Ctrl-C."""
-    from pipeline.recording.live.node import Node
+    from pipeline.ros.live.node import Node
     from sarsim.scripts.simulated_node import SimulatedNode
 
     with closing(Node(config.name, config.network)) as node:

@@ -18,7 +18,7 @@ from sarsim.scripts.tables import report_table
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig
 
 if TYPE_CHECKING:
-    from pipeline.recording.answers import Answers
+    from pipeline.network_cache import Answers
     from sarsim.episode import Episode
 
 
@@ -56,7 +56,7 @@ def run_episode(config: EpisodeConfig) -> None:
 
 def recall_answers(episode: "Episode") -> "Answers":
     """Store the answers of an episode's networks in its folder, so that a resumed episode need not run them again."""
-    from pipeline.recording.answers import Answers, RecallingClassifier, RecallingDetector
+    from pipeline.network_cache import Answers, RecallingClassifier, RecallingDetector
 
     config, mapper, answers = episode.config, episode.explorer.mapper, Answers(episode.out / "answers")
     if config.labels in POINT_NETWORKS:

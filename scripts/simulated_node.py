@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.recording.live.node import Node
-from pipeline.recording.ros.messages import BASE, CAMERA, command_of, decode, time_of, transform
-from pipeline.recording.ros.topics import Joints, Odometry, RobotTopics
 from pipeline.robot import Velocity
+from pipeline.ros.live.node import Node
+from pipeline.ros.messages import BASE, CAMERA, command_of, decode, time_of, transform
+from pipeline.ros.topics import Joints, Odometry, RobotTopics
 from sarsim.arenas.load import load_arena
 from sarsim.episode import make_folder, write_report
 from sarsim.robots.skid_steered import WHEELS

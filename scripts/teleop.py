@@ -32,7 +32,7 @@ def teleop(
         robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         gamepad: joystick device of Linux, such as /dev/input/js0, whose left stick drives the robot as the keys do.
     """
-    from pipeline.recording.viewer import has_display
+    from pipeline.rerun.viewer import has_display
     from sarsim.arenas.load import load_arena
     from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, drive_by_keyboard
 

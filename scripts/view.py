@@ -27,7 +27,7 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
     # The page ends with this process, even if the signal arrives while the viewer starts.
     for ending in ENDINGS:
         signal.signal(ending, lambda *_: sys.exit())
-    from pipeline.recording.viewer import Viewer, has_display
+    from pipeline.rerun.viewer import Viewer, has_display
 
     viewer = Viewer("web" if web or not has_display() else "spawn", recording)
     viewer.wait()

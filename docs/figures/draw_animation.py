@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pipeline.labels import COLOURS, Label
+from pipeline.map_file import load_keyframes
 from pipeline.mapper import Mapper, Observation
 from pipeline.metric_map.packed_depth import unpack_depth
-from pipeline.recording.map_file import load_keyframes
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import transform_points
 from sarsim.robots.skid_steered import robot_model

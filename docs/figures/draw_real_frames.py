@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from pipeline.datasets.replay import Replay, localisation_of
+from pipeline.datasets.tum_folder import read_tum_folder
+from pipeline.frame import Calibration
 from pipeline.labels import COLOURS, Label
 from pipeline.mapper import Mapper
-from pipeline.recording.replay import Replay, localisation_of
-from pipeline.recording.sources.recording import Calibration
-from pipeline.recording.sources.tum_folder import read_tum_folder
 from sarsim.episode import make_classifier
 from sarsim.robots.skid_steered import robot_model
 from sarsim.settings import NETWORK

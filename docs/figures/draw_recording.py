@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
-from pipeline.recording.blueprint import blueprint
-from pipeline.recording.viewer import HOST, Viewer
+from pipeline.rerun.blueprint import blueprint
+from pipeline.rerun.viewer import HOST, Viewer
 
 IMAGES = Path(__file__).parents[1] / "images"
 SIZE = (1400, 900)

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.datasets.recording import Recording
 from pipeline.frame import Frame
-from pipeline.recording.sources.recording import Recording, Trajectory
+from pipeline.localisation.trajectory import Trajectory
 from sarsim.dataset.scene_file import Scene
 
 

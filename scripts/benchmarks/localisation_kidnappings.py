@@ -12,8 +12,8 @@ from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.localisation.odometry import LostError
 from pipeline.localisation.slam import Slam
+from pipeline.map_file import load_keyframes
 from pipeline.mapper import Mapper
-from pipeline.recording.map_file import load_keyframes
 from pipeline.robot import Velocity
 from pipeline.transforms import inverse
 from sarsim.episode import KEYFRAMES, Episode

@@ -12,10 +12,10 @@ from evo.core.sync import associate_trajectories
 from evo.tools.file_interface import read_tum_trajectory_file
 from rosbags.highlevel import AnyReader
 
+from pipeline.datasets.replay import Replay, localisation_of
+from pipeline.datasets.ros_bag import read_ros_bag
+from pipeline.datasets.tum_folder import read_tum_folder
 from pipeline.mapper import Mapper
-from pipeline.recording.replay import Replay, localisation_of
-from pipeline.recording.sources.ros_bag import read_ros_bag
-from pipeline.recording.sources.tum_folder import read_tum_folder
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.episode import Episode

@@ -10,10 +10,10 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.labels import COLOURS, Label
+from pipeline.map_file import save_keyframes
 from pipeline.mapper import Mapper
 from pipeline.metric_map.io.npz import load_metric_map, save_metric_map
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.recording.map_file import save_keyframes
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.ply import write_ply
 from sarsim.robots.skid_steered import robot_file

@@ -15,7 +15,7 @@ from sarsim.dataset.recipe import Recipe
 from sarsim.scripts.benchmarks.localisation_scores import evo_ate
 from sarsim.scripts.map_recording import MapRecording, map_recording
 from sarsim.scripts.settings import run_with_settings
-from tests.pipeline.recording.recorded_room import frames, write_bag
+from tests.pipeline.datasets.recorded_room import frames, write_bag
 from tests.sarsim.dataset.small import InProcess
 
 FILES = {

@@ -8,13 +8,13 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.metric_map.io.npz import load_metric_map
-from pipeline.recording.ros import messages
 from pipeline.robot import Velocity
+from pipeline.ros import messages
 from pipeline.transforms import yaw_of
 from sarsim.scripts.ros_drive import RosDrive
 from sarsim.scripts.simulated_node import WATCHDOG, SimulatedNode
 from sarsim.settings import RosExploration, RosRobotConfig
-from tests.pipeline.recording.live.loopback import End, Wire
+from tests.pipeline.ros.live.loopback import End, Wire
 
 FILES = {
     "episode.rrd", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.recording.recorder import Recorder
+from pipeline.rerun.recorder import Recorder
 from sarsim.scripts.view import find_recording
 
 VIEW = Path(__file__).parents[2] / "scripts" / "view.py"

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.recording.ros.bag import Bag
-from pipeline.recording.ros.topics import Odometry, RobotTopics
 from pipeline.robot import Velocity
+from pipeline.ros.bag import Bag
+from pipeline.ros.topics import Odometry, RobotTopics
 from sarsim.dataset.exports.export import Export, room
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame, Intrinsics
-from pipeline.recording.ros.topics import Joints, Odometry
 from pipeline.robot import Motion, Velocity
+from pipeline.ros.topics import Joints, Odometry
 from sarsim.dataset.exports.export import Export, describe, room, whole_folder, write_image
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
@@ -97,7 +97,7 @@ class TumDrive(ExitStack):
     """
 
     def __init__(self, path: Path, seed: int):
-        """Record what :class:`pipeline.recording.ros.recorded_robot.RecordedRobot` reports, until this is closed.
+        """Record what :class:`pipeline.ros.recorded_robot.RecordedRobot` reports, until this is closed.
 
         Raises:
             InputError: ``path``, which becomes a folder on closing, exists already or cannot be made.

@@ -1,0 +1,78 @@
+"""A recording: frames, and the known poses at which they were taken."""
+
+from collections.abc import Callable, Iterator, Mapping, Set
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.localisation.trajectory import Trajectory
+from pipeline.transforms import from_rotation
+
+
+class CameraPose(NamedTuple):
+    """Pose of a camera on a robot: m and degrees in ``base_link``; at angles of 0 it looks forward and is level."""
+
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+
+    @property
+    def T_base_camera(self) -> NDArray[np.float64]:
+        """4×4 pose of ``camera_optical``; by REP 103 the pitch of a camera that looks down is positive."""
+        R = Rotation.from_euler("ZYX", [self.yaw, self.pitch, self.roll], degrees=True).as_matrix()
+        return from_rotation(R @ LINK_OPTICAL, [self.x, self.y, self.z])
+
+
+LINK_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Rotation of ``camera_optical`` in a body that looks along its x axis (REP 103)."""
+
+
+@dataclass(eq=False)
+class Recording:
+    """Frames of an RGB-D camera, and other data recorded with them.
+
+    Attributes:
+        path: of its file or folder.
+        frames: makes an iterator over the frames in the order of time. Their ``T_odom_base`` is the identity, and so
+            is ``T_base_camera`` if it is unknown. The iterator raises InputError where the recording is broken; the
+            frames before are good.
+        has_camera_pose: whether the frames have the camera's pose on the robot.
+        odometry: ``T_odom_base``, if it was recorded.
+        truth: true poses for comparison, in any frame.
+        up: (3,) the vertical in ``base_link`` at the beginning, by an accelerometer.
+        keyframes: the times of the frames of which the robot made keyframes, and whether it labelled them.
+        steps: the times of those keyframes at which the robot stood, corrected its maps and planned.
+        left_out: number of items that could not be used, by reason.
+    """
+
+    path: Path
+    frames: Callable[[], Iterator[Frame]]
+    has_camera_pose: bool = False
+    odometry: Trajectory | None = None
+    truth: Trajectory | None = None
+    up: NDArray[np.float64] | None = None
+    keyframes: Mapping[float, bool] | None = None
+    steps: Set[float] = frozenset()
+    left_out: dict[str, int] = field(default_factory=dict)
+
+    def leave_out(self, reason: str) -> None:
+        """Count an item that cannot be used."""
+        self.left_out[reason] = self.left_out.get(reason, 0) + 1
+
+    def check_clocks(self, first: float, last: float) -> None:
+        """Raise InputError if the times of known poses do not overlap those of the images, from first to last, s."""
+        for name, known in (("odometry", self.odometry), ("true poses", self.truth)):
+            if known is not None and (known.times[0] > last or known.times[-1] < first):
+                spans = (
+                    f"{first:.2f} to {last:.2f} s, the {name} from {known.times[0]:.2f} to {known.times[-1]:.2f} s"
+                )
+                raise InputError(f"{self.path}: its clocks differ: the images are from {spans}")

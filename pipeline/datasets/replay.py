@@ -1,0 +1,170 @@
+"""Replays a recording through the mapper: poses for its frames, and the choice of keyframes."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.datasets.recording import Recording
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.localisation.depth_odometry import DepthOdometry
+from pipeline.localisation.floor import T_floor_camera
+from pipeline.localisation.odometry import Localisation, OdometryLocalisation
+from pipeline.localisation.slam import Slam
+from pipeline.localisation.trajectory import Trajectory
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.metric_map.specks import without_specks
+from pipeline.navigation.lookout import LABELLED, is_keyframe
+from pipeline.transforms import from_rotation, inverse, level
+from pipeline.traversability.pose_paths import PosePaths
+
+PoseSource = Literal["slam", "registration", "odometry", "truth"]
+"""Odometry corrected by registration; registration alone; recorded odometry or true poses without correction."""
+
+
+class Replayed(NamedTuple):
+    """A frame that was given to the mapper.
+
+    Attributes:
+        frame: with its ``T_odom_base`` and ``T_base_camera``.
+        keyframe: the keyframe made of it; None if it is no keyframe.
+        T_world_base: 4×4 true pose; None if the recording has none.
+    """
+
+    frame: Frame
+    keyframe: Keyframe | None
+    T_world_base: NDArray[np.float64] | None
+
+
+def default_poses(recording: Recording) -> PoseSource:
+    """The default source of poses: recorded odometry with registration, or without odometry registration alone."""
+    return "registration" if recording.odometry is None else "slam"
+
+
+def localisation_of(poses: PoseSource) -> Localisation:
+    """The mapper's localisation for a source of poses."""
+    # Without odometry the camera may be in a hand.
+    return Slam(on_ground=poses == "slam") if poses in ("slam", "registration") else OdometryLocalisation()
+
+
+class Replay:
+    """Adds a recording's frames to the maps, one after the other."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        mapper: Mapper,
+        poses: PoseSource,
+        T_base_camera: NDArray[np.float64] | None = None,
+    ):
+        """``T_base_camera`` (4×4) overrides the recording's; if neither is known, it is measured from the floor.
+
+        Raises:
+            InputError: the recording has no such poses.
+        """
+        self.recording, self.mapper = recording, mapper
+        self._T_base_camera = T_base_camera
+        self._is_on_ground = T_base_camera is not None or recording.has_camera_pose
+        self._known = self._known_poses(poses)
+        self._truth: Trajectory | None = None
+        self._odometry: DepthOdometry | None = None
+        self._has_begun = False
+        self._T_odom_keyframe: NDArray[np.float64] | None = None
+        self._track: list[NDArray[np.float64]] = []
+
+    def _known_poses(self, poses: PoseSource) -> Trajectory | None:
+        known = {"registration": None, "truth": self.recording.truth}.get(poses, self.recording.odometry)
+        if known is None and poses != "registration":
+            what = "true poses" if poses == "truth" else "odometry"
+            raise InputError(f"{self.recording.path}: holds no {what}, which --poses {poses} needs")
+        return known
+
+    def __iter__(self) -> Iterator[Replayed]:
+        """Add one frame after the other to the maps.
+
+        Raises:
+            InputError: the recording is broken; the frames before are mapped.
+            LostError: the pose of a frame cannot be found any more; the frames before are mapped.
+        """
+        for frame in map(without_specks, self.recording.frames()):
+            if not self._has_begun and not self._begin(frame):
+                continue
+            if self._T_base_camera is not None:
+                frame = replace(frame, T_base_camera=self._T_base_camera)
+            T = self._T_odom_base(frame)
+            if T is None:
+                self.recording.leave_out("frames at times of which no pose is known")
+                continue
+            frame = replace(frame, T_odom_base=T)
+            truth = self._truth.at(frame.time) if self._truth else None
+            yield Replayed(frame, self._take(frame), truth)
+
+    def _T_odom_base(self, frame: Frame) -> NDArray[np.float64] | None:
+        if self._odometry is not None:
+            return self._odometry.pose(frame)
+        return self._known.at(frame.time) if self._known else None
+
+    def _begin(self, frame: Frame) -> bool:
+        """Find the poses of camera and robot by the first frame; False if it is blank."""
+        if not frame.returns.any():
+            self.recording.leave_out("blank frames at the beginning")
+            return False
+        self._has_begun = True
+        if not self._is_on_ground:
+            self._T_base_camera = T_floor_camera(frame)
+        T_base_camera = frame.T_base_camera if self._T_base_camera is None else self._T_base_camera
+        if self._known is None:
+            R = level(self._up(frame, T_base_camera)) if self._is_on_ground else np.eye(3)
+            self._odometry = DepthOdometry(from_rotation(R, np.zeros(3)))
+        else:
+            self._known = self._known.of_base(T_base_camera)
+        truth = self.recording.truth
+        self._truth = truth and truth.of_base(T_base_camera)
+        return True
+
+    def _up(self, frame: Frame, T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(3,) the vertical in ``base_link`` by the accelerometer, else by the floor, else for a level robot."""
+        if self.recording.up is not None:
+            return self.recording.up
+        try:
+            return (T_base_camera @ inverse(T_floor_camera(frame)))[:3, 2]
+        except InputError:
+            return np.array([0.0, 0.0, 1.0])
+
+    def _take(self, frame: Frame) -> Keyframe | None:
+        """Make a keyframe of the frame if it is due; None if not."""
+        self._track.append(frame.T_odom_base[:3, 3])
+        labelled = self._is_labelled(frame)
+        if labelled is None:
+            return None
+        self._T_odom_keyframe = frame.T_odom_base
+        is_step = labelled if self.recording.keyframes is None else frame.time in self.recording.steps
+        if is_step:
+            self._settle()
+        T_map_base = self.mapper.localise(frame)
+        if not self.mapper.keyframes and self._is_on_ground:
+            self.mapper.assume_ground(T_map_base)
+        keyframe = self.mapper.add(frame, T_map_base, labelled)
+        if is_step:
+            self.mapper.connect(keyframe, PosePaths(self.mapper.traversability, T_map_base[:2, 3]))
+        return keyframe
+
+    def _is_labelled(self, frame: Frame) -> bool | None:
+        """Whether the keyframe of this frame is to be labelled; None if it is no keyframe."""
+        if self.recording.keyframes is not None:
+            return self.recording.keyframes.get(frame.time)
+        if self._T_odom_keyframe is not None and not is_keyframe(self._T_odom_keyframe, frame.T_odom_base):
+            return None
+        return self.mapper.keyframes % LABELLED == 0
+
+    def _settle(self) -> None:
+        """Add the driven track to the maps and correct them, as an explorer does before each step."""
+        if self._is_on_ground and self.mapper.keyframes:
+            T_map_odom = self.mapper.localisation.T_map_odom
+            track = np.array(self._track) @ T_map_odom[:3, :3].T + T_map_odom[:3, 3]
+            self.mapper.add_drive(track[:, :2], np.zeros((0, 3), np.float32), [])
+        self._track.clear()
+        self.mapper.settle()

@@ -1,0 +1,152 @@
+"""Reads a folder in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012), or of plain numbered images."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.datasets.recording import Recording
+from pipeline.errors import InputError
+from pipeline.frame import Calibration, Frame, Intrinsics
+from pipeline.localisation.trajectory import Trajectory, read_trajectory
+
+UNITS = 5000.0
+"""Units of depth images per metre, by default."""
+APART = 0.02
+"""s, greatest difference between the times of a depth image and its colour image, as in the benchmark's own tool."""
+IMAGES = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
+Listed = list[tuple[float, Path]]
+
+
+def read_tum_folder(
+    path: Path, calibration: Calibration | None = None, depth_scale: float | None = None, fps: float | None = None
+) -> Recording:
+    """A folder with ``depth.txt`` and ``rgb.txt``, or with numbered images in ``depth`` and ``rgb`` or ``color``.
+
+    ``groundtruth.txt`` and ``odometry.txt`` hold poses of the camera, ``calibration.txt`` the line fx fy cx cy.
+
+    Args:
+        path: of the folder.
+        calibration: of the camera; overrides that of ``calibration.txt``.
+        depth_scale: units of the depth images per metre; 5000 if not given.
+        fps: frames per second of images without times.
+
+    Raises:
+        InputError: a file is missing or broken.
+    """
+    calibration = calibration or _calibration(path)
+    depth, colour = _listed(path, ("depth",), fps), _listed(path, ("rgb", "color"), fps)
+    place = _trajectory(path / "camera.txt")
+    T_base_camera = np.eye(4) if place is None else place.poses[0]
+    recording = Recording(
+        path,
+        lambda: (
+            replace(frame, T_base_camera=T_base_camera)
+            for frame in _frames(recording, depth, colour, calibration, depth_scale or UNITS)
+        ),
+        has_camera_pose=place is not None,
+    )
+    recording.truth = _trajectory(path / "groundtruth.txt")
+    recording.odometry = _trajectory(path / "odometry.txt")
+    recording.check_clocks(depth[0][0], depth[-1][0])
+    if (path / "keyframes.txt").exists():
+        rows = _numbers(path / "keyframes.txt", "time labelled stood")
+        recording.keyframes = {time: bool(labelled) for time, labelled, _ in rows.tolist()}
+        recording.steps = set(rows[rows[:, 2] > 0, 0].tolist())
+    return recording
+
+
+def _numbers(file: Path, columns: str) -> NDArray[np.float64]:
+    """(N, number of columns) numbers of a file; InputError if it has other columns or cannot be read."""
+    try:
+        rows = np.loadtxt(file, ndmin=2)
+        if rows.shape[1:] != (len(columns.split()),) or not np.isfinite(rows).all():
+            raise ValueError(f"its lines must be {columns}")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: {error}") from error
+    return rows
+
+
+def _trajectory(path: Path) -> Trajectory | None:
+    return read_trajectory(path, of_camera=True) if path.exists() else None
+
+
+def _calibration(path: Path) -> Calibration:
+    file = path / "calibration.txt"
+    if not file.exists():
+        raise InputError(f"{path}: has no calibration.txt; --intrinsics fx fy cx cy tells the camera's")
+    rows = _numbers(file, "fx fy cx cy")
+    if len(rows) != 1 or not (rows > 0).all():
+        raise InputError(f"{file}: it must be one line of fx fy cx cy, all positive")
+    return Calibration(*rows[0].tolist())
+
+
+def _listed(path: Path, names: tuple[str, ...], fps: float | None) -> Listed:
+    """Times and files of one kind of image, in the order of time."""
+    for name in names:
+        if (path / f"{name}.txt").exists():
+            return _from_list(path / f"{name}.txt")
+    for name in names:
+        files = sorted(file for file in (path / name).glob("*") if file.suffix.lower() in IMAGES)
+        if files:
+            if fps is None:
+                raise InputError(f"{path / name}: its images have no times; --fps tells how many there are a second")
+            return [(k / fps, file) for k, file in enumerate(files)]
+    raise InputError(f"{path}: has neither {' nor '.join(f'{n}.txt nor images in {n}/' for n in names)}")
+
+
+def _from_list(file: Path) -> Listed:
+    found = []
+    for number, line in enumerate(file.read_text().splitlines(), 1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            time, name = float(words[0]), words[1]
+        except (ValueError, IndexError):
+            raise InputError(f"{file}: line {number} is not a time and a file: {line[:60]!r}") from None
+        found.append((time, file.parent / name))
+    if not found:
+        raise InputError(f"{file}: lists no image")
+    return sorted(found)
+
+
+def _frames(
+    recording: Recording, depth: Listed, colour: Listed, calibration: Calibration, scale: float
+) -> Iterator[Frame]:
+    times = np.array([time for time, _ in colour])
+    size: tuple[int, ...] | None = None
+    for time, file in depth:
+        nearest = int(np.abs(times - time).argmin())
+        if abs(times[nearest] - time) > APART:
+            recording.leave_out("depth images without a colour image")
+            continue
+        metres = _depth(file, scale)
+        rgb = np.ascontiguousarray(_image(colour[nearest][1], cv2.IMREAD_COLOR)[..., ::-1])
+        size = size or metres.shape
+        if metres.shape != size or rgb.shape[:2] != size:
+            sizes = " and ".join(f"{w} × {h}" for h, w in {size, metres.shape, rgb.shape[:2]})
+            raise InputError(f"{file}: images of two sizes, {sizes}; depth must be registered to colour")
+        fx, fy, cx, cy = calibration
+        intrinsics = Intrinsics(size[1], size[0], fx, fy, cx + 0.5, cy + 0.5)
+        yield Frame(time, rgb, metres, intrinsics, np.eye(4), np.eye(4))
+
+
+def _depth(file: Path, scale: float) -> NDArray[np.float32]:
+    image = _image(file, cv2.IMREAD_UNCHANGED)
+    if image.ndim != 2 or image.dtype not in (np.uint16, np.float32):
+        raise InputError(f"{file}: not a depth image: it has {image.dtype} pixels of the shape {image.shape}")
+    return np.asarray(image / np.float32(scale), np.float32)
+
+
+def _image(file: Path, flags: int) -> NDArray:
+    try:
+        image = cv2.imdecode(np.fromfile(file, np.uint8), flags)
+    except (OSError, cv2.error) as error:
+        raise InputError(f"{file}: {getattr(error, 'strerror', None) or 'not an image'}") from error
+    if image is None:
+        raise InputError(f"{file}: not an image")
+    return image

@@ -1,0 +1,1 @@
+"""What the robot knows, step by step, in Rerun."""

@@ -1,0 +1,260 @@
+"""Logs what the robot's software knows to Rerun, step by step."""
+
+from collections.abc import Sequence
+from contextlib import nullcontext, suppress
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.explorer import Explorer, Step
+from pipeline.localisation.correction import Correction
+from pipeline.localisation.odometry import Localisation
+from pipeline.mapper import NOTICEABLE, Keyframe, Mapper
+from pipeline.rerun import drawings, victim_drawings
+from pipeline.rerun.blueprint import blueprint
+from pipeline.rerun.legend import legend
+from pipeline.rerun.track import EstimatedTrack
+from pipeline.rerun.viewer import Viewer, start_rerun
+from pipeline.transforms import tilt_of
+from pipeline.victims.victim_map import Victims
+
+Level = Literal["INFO", "WARN", "ERROR"]
+
+GROWTH = 0.05  # Share by which a cloud has to grow to be logged again; all are logged at the end
+MOTION_PERIOD = 0.2  # s between two logged poses of the moving robot
+FLUSH_TIME = 30.0  # s that a sink may take at the end for the remaining data
+
+
+class Recorder:
+    """Logs what the robot's software knows to a file, and to a viewer if there is one.
+
+    Attributes:
+        stream: of Rerun; others, such as a simulator, may log to it; its timelines are ``step`` and ``sim_time``.
+        viewer: shows the recording while it grows; None if there is none.
+    """
+
+    def __init__(self, path: Path, viewer: Viewer | None = None, layout: rrb.Blueprint | None = None):
+        """Begin a recording named after its folder.
+
+        Args:
+            path: of the file, which is written as the recording grows and can be read at any time.
+            viewer: shows the recording while it grows.
+            layout: with which a viewer opens the recording.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        self._path, self.viewer = path, viewer
+        self.stream = _new_stream(path, viewer)
+        self._step = 0
+        self._time = 0.0
+        self._track = EstimatedTrack()
+        self._T_odom_base = np.eye(4)
+        self._times_run: dict[str, int] = {}
+        self._moved: tuple[float, float] | None = None
+        self._logged_size: dict[str, int] = {}
+        self._mapper: Mapper | None = None
+        self.stream.send_blueprint(layout or blueprint())
+        self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
+        self.stream.log("legend", rr.Image(legend()), static=True)
+        self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)
+
+    def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
+        """Log a step of the explorer, the ``index``-th counted from 0, and the maps after it."""
+        self.log_keyframe(index, explorer.mapper, step.keyframe, explorer.robot.model.camera_range[1])
+        self.stream.log("world/path_plan", drawings.path(step))
+        self.stream.log("world/frontiers", drawings.frontier_points(step.frontiers))
+        self._log_metrics("map/", frontiers=len(step.frontiers))
+
+    def log_keyframe(self, index: int, mapper: Mapper, keyframe: Keyframe, farthest: float) -> None:
+        """Log the keyframe of the ``index``-th step, and the maps after it; depth is drawn up to ``farthest`` m."""
+        self._step, self._mapper = index, mapper
+        self._move(keyframe.frame.T_odom_base)
+        self._set_time(keyframe.frame.time)
+        self._log_robot_pose()
+        self._log_camera(keyframe, farthest)
+        self._log_maps(mapper)
+        if mapper.detector is not None:
+            found = victim_drawings.detections(keyframe.detections, mapper.victims.refusals)
+            self.stream.log("world/robot/camera/victims", found)
+        self._log_progress(mapper)
+
+    def log_pose(self, time: float, T_odom_base: NDArray[np.float64]) -> bool:
+        """Log the robot's pose between steps, thinned to 5 per second; returns whether this one was logged.
+
+        Args:
+            time: s.
+            T_odom_base: 4×4 by the odometry; the newest keyframe's correction takes it to ``map``.
+        """
+        self._move(T_odom_base)
+        # Half a millisecond of tolerance: times are sums of many control periods.
+        if self._moved is not None and time - self._moved[0] < MOTION_PERIOD - 5e-4:
+            return False
+        self._set_time(time, on_a_step=False)
+        self._log_robot_pose()
+        if self._mapper is not None:
+            self._log_keyframes(self._mapper.localisation)
+        if self._moved is not None:
+            before, distance = self._moved
+            self._log_metrics(speed_m_s=(self._track.distance - distance) / (time - before))
+        self._moved = (time, self._track.distance)
+        return True
+
+    def log_correction(self, correction: Correction) -> None:
+        """Log that keyframes were corrected; the corrected maps are logged with the next step."""
+        self._logged_size.clear()
+        ways, turns = correction.ways, correction.turns
+        count = np.count_nonzero((ways > NOTICEABLE[0]) | (turns > NOTICEABLE[1]))
+        farthest = f"{100 * ways.max():.1f} cm and {np.rad2deg(turns.max()):.1f}°"
+        moved = f"{count} of {len(ways)} keyframes moved by up to {farthest}; the maps were made anew"
+        self.log_message("INFO", moved)
+        self._log_metrics("localisation/", correction_m=ways.max())
+        self._log_robot_pose()
+
+    def log_message(self, level: Level, text: str) -> None:
+        """Log a line of text."""
+        self._set_time(self._time)
+        self.stream.log("log", rr.TextLog(text, level=level))
+
+    def log_ways(self, ways: Sequence[NDArray[np.float64]]) -> None:
+        """Log the paths, (N, 3) points in ``map`` each, from the entrance to the victims."""
+        self._set_time(self._time)
+        self.stream.log("world/victims/ways", victim_drawings.ways(ways))
+
+    def close(self) -> None:
+        """Log the final maps, and write all remaining data to the sinks."""
+        if self._mapper is not None:
+            self._set_time(self._time)
+            self._logged_size.clear()
+            self._log_maps(self._mapper)
+            self._log_robot_pose()
+        # A window that was closed in the meantime takes no more data, but the file is still complete.
+        with suppress(RuntimeError) if self.viewer else nullcontext():
+            self.stream.flush(timeout_sec=FLUSH_TIME)
+        self.stream.disconnect()
+        _compact(self._path)
+
+    def _set_time(self, time: float, *, on_a_step: bool = True) -> None:
+        """Set the time of the next data; on the timeline ``step`` the robot stays at its keyframe between steps."""
+        self._time = time
+        self.stream.set_time("sim_time", duration=time)
+        if on_a_step:
+            self.stream.set_time("step", sequence=self._step)
+        else:
+            self.stream.disable_timeline("step")
+
+    @property
+    def T_map_base(self) -> NDArray[np.float64]:
+        """4×4 estimate of the robot's present pose; before the first step ``map`` is the odometry's frame."""
+        return self._mapper.localisation.T_map_odom @ self._T_odom_base if self._mapper else self._T_odom_base
+
+    def log_trajectory(self, localisation: Localisation) -> None:
+        """Log the present estimate of the track driven so far."""
+        way = [*self._track.positions(localisation.poses), self.T_map_base[:3, 3]]
+        self.stream.log("world/trajectory/estimated", drawings.trajectory(way, drawings.TRAJECTORY_COLOUR))
+
+    def _move(self, T_odom_base: NDArray[np.float64]) -> None:
+        self._T_odom_base = T_odom_base
+        self._track.add(T_odom_base, self._mapper.localisation if self._mapper else None)
+
+    def _log_robot_pose(self) -> None:
+        T_map_base = self.T_map_base
+        self.stream.log("world/robot", drawings.transform(T_map_base))
+        roll, pitch = np.rad2deg(tilt_of(T_map_base))
+        self._log_metrics(roll_deg=roll, pitch_deg=pitch, distance_m=self._track.distance)
+
+    def _log_camera(self, keyframe: Keyframe, max_depth: float) -> None:
+        frame, camera = keyframe.frame, "world/robot/camera"
+        log = self.stream.log
+        log(camera, drawings.transform(frame.T_base_camera), drawings.pinhole(frame))
+        log(f"{camera}/rgb", drawings.colour_image(frame.rgb))
+        log(f"{camera}/depth", drawings.depth_image(frame.depth, max_depth))
+        log(f"{camera}/labels", drawings.label_image(frame, keyframe.labels))
+
+    def _log_maps(self, mapper: Mapper) -> None:
+        """Log all data that moves when keyframes are corrected."""
+        log, localisation = self.stream.log, mapper.localisation
+        self._log_clouds(mapper)
+        log("world/segments", drawings.segment_boxes(mapper.segments))
+        log("world/topological_map/nodes", drawings.nodes(mapper.topological_map))
+        log("world/topological_map/edges", drawings.edges(mapper.topological_map))
+        if mapper.detector is not None:
+            self._log_victims(mapper.victims)
+        self.log_trajectory(localisation)
+        self._log_keyframes(localisation)
+        log("world/localisation/loops", drawings.loops(localisation.loops, localisation.poses))
+        self._log_metrics("localisation/", keyframes=len(localisation.poses), loops=len(localisation.loops))
+
+    def _log_keyframes(self, localisation: Localisation) -> None:
+        if self._has_changed("keyframes", len(localisation.poses), 0.0):
+            self.stream.log("world/localisation/keyframes", drawings.keyframes(localisation.poses))
+
+    def _log_victims(self, victims: Victims) -> None:
+        log = self.stream.log
+        log("world/victims", victim_drawings.boxes(victims))
+        log("world/victims/certainty", victim_drawings.certainty(victims))
+        log("world/victims/photos", victim_drawings.photo_sheet(victims))
+        confirmed, unconfirmed = len(victims.confirmed), len(victims.unconfirmed)
+        self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)
+
+    def _log_clouds(self, mapper: Mapper) -> None:
+        """Log the metric and the semantic map, each if its size has changed enough."""
+        metric_map, semantic_map = mapper.metric_map, mapper.semantic_map
+        occupied, free = metric_map.occupied_centres(), metric_map.free_centres()
+        if self._has_changed("occupied", len(occupied), 0.0):
+            self.stream.log("world/metric_map/occupied", drawings.occupied_voxels(metric_map, occupied))
+        if self._has_changed("free", len(free), GROWTH):
+            self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map, free))
+        if self._has_changed("semantic", len(semantic_map), GROWTH):
+            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map))
+        self._log_metrics(
+            "map/", occupied_voxels=len(occupied), free_voxels=len(free), semantic_points=len(semantic_map)
+        )
+
+    def _has_changed(self, cloud: str, size: int, growth: float) -> bool:
+        """Whether a size differs from that logged last by more than a share ``growth``; it then counts as logged."""
+        before = self._logged_size.get(cloud, -1)
+        if abs(size - before) <= growth * before:
+            return False
+        self._logged_size[cloud] = size
+        return True
+
+    def _log_progress(self, mapper: Mapper) -> None:
+        seen = np.count_nonzero(~np.isnan(mapper.elevation_map.measured))
+        self._log_metrics(explored_area_m2=seen * mapper.elevation_map.grid.cell**2)
+        nodes = len(mapper.topological_map.nodes)
+        self._log_metrics("map/", segments=len(mapper.segments), nodes=nodes)
+        for stage, seconds in mapper.stopwatch.seconds.items():
+            if len(seconds) > self._times_run.get(stage, 0):
+                self._log_metrics("time_ms/", **{stage: 1000 * seconds[-1]})
+            self._times_run[stage] = len(seconds)
+
+    def _log_metrics(self, group: str = "", /, **values: float) -> None:
+        for name, value in values.items():
+            self.stream.log(f"metrics/{group}{name}", rr.Scalars(float(value)))
+
+
+def _compact(path: Path) -> None:
+    """Join the many small chunks of a recording: a browser loads it ten times as fast."""
+    compacted = path.with_name(path.name + ".partial")
+    if start_rerun("rrd", "optimize", path, "-o", compacted).wait() == 0:
+        compacted.replace(path)
+    else:
+        compacted.unlink(missing_ok=True)
+
+
+def _new_stream(path: Path, viewer: Viewer | None) -> rr.RecordingStream:
+    stream = rr.RecordingStream("sarsim")
+    try:
+        stream.set_sinks(rr.FileSink(path), *([viewer.sink] if viewer else []))
+    except RuntimeError as error:
+        raise InputError(f"{path}: cannot be written ({error})") from error
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    stream.send_recording_name(path.absolute().parent.name)
+    return stream

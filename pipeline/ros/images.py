@@ -1,0 +1,95 @@
+"""Decodes the image messages of camera drivers."""
+
+import struct
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.ros.messages import Message
+
+MILLIMETRES = ("16UC1", "mono16")  # Encodings of depth in mm (REP 118)
+COLOURS = {
+    "rgb8": (3, None),
+    "bgr8": (3, cv2.COLOR_BGR2RGB),
+    "rgba8": (4, cv2.COLOR_RGBA2RGB),
+    "bgra8": (4, cv2.COLOR_BGRA2RGB),
+    "8UC3": (3, cv2.COLOR_BGR2RGB),
+    "mono8": (1, cv2.COLOR_GRAY2RGB),
+    "yuv422_yuy2": (2, cv2.COLOR_YUV2RGB_YUY2),
+    "bayer_rggb8": (1, cv2.COLOR_BayerBG2RGB),
+    "bayer_grbg8": (1, cv2.COLOR_BayerGB2RGB),
+}
+"""By encoding: channels, and OpenCV's code to convert them to RGB; its Bayer patterns begin at the second pixel."""
+CONFIG = struct.Struct("<iff")
+"""Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
+
+
+def depth_of(message: Message) -> NDArray[np.float32]:
+    """(H, W) m of a depth image, 0 = no return; InputError if its encoding is not of depth or it is broken."""
+    if hasattr(message, "format"):
+        return _compressed_depth(message)
+    if message.encoding in MILLIMETRES:
+        return _pixels(message, np.dtype(np.uint16), 1) * np.float32(1e-3)
+    if message.encoding == "32FC1":
+        return np.nan_to_num(_pixels(message, np.dtype(np.float32), 1), nan=0.0, posinf=0.0, neginf=0.0)
+    raise InputError(f"depth images in {message.encoding!r}; {', '.join((*MILLIMETRES, '32FC1'))} can be read")
+
+
+def colour_of(message: Message) -> NDArray[np.uint8]:
+    """(H, W, 3) RGB of a colour image; InputError if its encoding is unknown or it is broken."""
+    if hasattr(message, "format"):
+        return np.ascontiguousarray(_decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
+    if message.encoding not in COLOURS:
+        raise InputError(
+            f"colour images in {message.encoding!r}; {', '.join(COLOURS)} and compressed ones can be read"
+        )
+    channels, code = COLOURS[message.encoding]
+    pixels = _pixels(message, np.dtype(np.uint8), channels)
+    return pixels.copy() if code is None else np.asarray(cv2.cvtColor(pixels, code), np.uint8)
+
+
+def label_of(message: Message) -> NDArray[np.uint8]:
+    """(H, W) labels of an ``8UC1`` or ``mono8`` image; InputError if its encoding is another or it is broken."""
+    if message.encoding not in ("8UC1", "mono8"):
+        raise InputError(f"label images in {message.encoding!r}; 8UC1 can be read")
+    return _pixels(message, np.dtype(np.uint8), 1).copy()
+
+
+def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
+    """(H, W) or (H, W, C) pixels of a raw image, whose rows may be padded and whose bytes may be swapped."""
+    height, width, step = message.height, message.width, message.step
+    row = width * channels * kind.itemsize
+    if not height or not width or step < row or len(message.data) < height * step:
+        size = f"{len(message.data)} bytes for {width} × {height} pixels in rows of {step} bytes"
+        raise InputError(f"an image is cut short: {size}")
+    rows = message.data[: height * step].reshape(height, step)[:, :row]
+    pixels = np.ascontiguousarray(rows).view(kind.newbyteorder(">" if message.is_bigendian else "<"))
+    pixels = pixels.astype(kind, copy=False)
+    return pixels.reshape(height, width, channels) if channels > 1 else pixels
+
+
+def _compressed_depth(message: Message) -> NDArray[np.float32]:
+    """(H, W) m of a compressed_depth_image_transport image: PNG of mm, or of inverse depth with two parameters."""
+    if "compressedDepth" not in message.format or len(message.data) <= CONFIG.size:
+        raise InputError(f"depth images in {message.format!r}; compressedDepth can be read")
+    _, a, b = CONFIG.unpack(message.data[: CONFIG.size].tobytes())
+    pixels = _decoded(message.data[CONFIG.size :], cv2.IMREAD_UNCHANGED)
+    if pixels.ndim != 2 or pixels.dtype != np.uint16:
+        raise InputError(f"depth images in {message.format!r} of {pixels.dtype}; PNG of 16 bits can be read")
+    if "32FC1" not in message.format:
+        return pixels * np.float32(1e-3)
+    with np.errstate(divide="ignore"):
+        depth = np.float32(a) / (pixels - np.float32(b))
+    return np.where((pixels > 0) & np.isfinite(depth), depth, 0).astype(np.float32)
+
+
+def _decoded(data: NDArray[np.uint8], flags: int) -> NDArray:
+    try:
+        image = cv2.imdecode(data, flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise InputError("a compressed image is broken")
+    return image

@@ -1,0 +1,171 @@
+"""A node on a network of ROS 2 (rclpy) that exchanges messages as bytes, for CDR is the same there and in a bag."""
+
+import os
+import re
+from collections.abc import Callable
+from contextlib import ExitStack
+from importlib import import_module
+from threading import Condition, Event, Thread
+from time import monotonic
+from typing import Any
+from warnings import filterwarnings
+
+from pipeline.errors import InputError
+from pipeline.ros.bag import LATCHED
+from pipeline.ros.messages import Message, encode, type_of
+
+DISCOVERY = 1.0
+"""s within which nodes of one machine discover one another."""
+IDLE = 0.02
+"""s, the longest time between two calls of a node's ``idle``."""
+QUEUE = 100
+"""Messages of a topic that are queued while a program computes: odometry of some seconds."""
+FAREWELL = 0.5
+"""s that the last messages may take to be acknowledged."""
+
+
+class Node:
+    """Sends and receives messages until it is closed; it listens in a thread of its own.
+
+    Attributes:
+        idle: called in that thread again and again.
+        now: a function that returns the wall-clock time in s.
+        news: condition that is held while a message is handled and notified afterwards.
+    """
+
+    def __init__(self, name: str, network: bool = False):
+        """Join the network under a name.
+
+        Args:
+            name: of the node.
+            network: whether other machines may discover it; else discovery is limited to this machine.
+
+        Raises:
+            InputError: rclpy is not installed, or the network already has a node of this name.
+        """
+        if not re.fullmatch("[A-Za-z_][A-Za-z0-9_]*", name):
+            raise InputError(f"--name {name}: letters, digits and _ alone make the name of a node")
+        if not network:
+            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        rclpy = _rclpy()
+        self.idle: Callable[[], None] = lambda: None
+        self.now = monotonic
+        self._publishers: dict[str, Any] = {}
+        self.news, self._closing = Condition(), Event()
+        context = rclpy.Context()
+        context.init(args=[])
+        with ExitStack() as stack:
+            stack.callback(context.try_shutdown)
+            self._node = rclpy.create_node(name, context=context)
+            stack.callback(self._node.destroy_node)
+            self._executor = import_module("rclpy.executors").SingleThreadedExecutor(context=context)
+            self._executor.add_node(self._node)
+            thread = Thread(target=self._listen, daemon=True)
+            thread.start()
+            stack.callback(thread.join)
+            stack.callback(self._closing.set)
+            if self.wait(lambda: self._node.get_node_names().count(name) > 1, DISCOVERY):
+                raise InputError(f"there is a node {name!r} on the network already; --name gives this one another")
+            self._stack = stack.pop_all()
+
+    def _listen(self) -> None:
+        while not self._closing.is_set():
+            self._executor.spin_once(timeout_sec=IDLE)
+            self.idle()
+
+    def close(self) -> None:
+        """Leave the network, after waiting up to FAREWELL s until sent messages are acknowledged."""
+        timeout = import_module("rclpy.duration").Duration(seconds=FAREWELL)
+        for publisher in self._publishers.values():
+            if publisher is not None:
+                publisher.wait_for_all_acked(timeout)
+        self._stack.close()
+
+    def send(self, topic: str, time: float, message: Message) -> None:
+        """Send a message with a time in s, unless its type is not installed."""
+        if topic not in self._publishers:
+            self.offer(topic, type_of(message))
+        if self._publishers[topic] is not None:
+            self._publishers[topic].publish(encode(message))
+
+    def offer(self, topic: str, name: str) -> None:
+        """Announce a topic of messages of the type ``package/msg/Name``, so that listeners can connect.
+
+        Its messages are reliable, which suits every listener: with best effort, parts of images get lost even on one
+        machine.
+        """
+        qos, kind = import_module("rclpy.qos"), message_type(name)
+        durability = qos.DurabilityPolicy.TRANSIENT_LOCAL if topic in LATCHED else qos.DurabilityPolicy.VOLATILE
+        profile = qos.QoSProfile(depth=1 if topic in LATCHED else 10, durability=durability)
+        self._publishers[topic] = kind and self._node.create_publisher(kind, topic, profile)
+
+    def listen(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:
+        """Subscribe to a topic.
+
+        Args:
+            topic: its name; without the name of a type, a node must offer it already.
+            take: called with the CDR of each message, in the listening thread, so it must not take long.
+            name: of the type, ``package/msg/Name``.
+
+        Raises:
+            InputError: the type is not installed.
+        """
+        qos, name = import_module("rclpy.qos"), name or self.types()[topic][0]
+        kind = message_type(name)
+        if kind is None:
+            raise InputError(f"{topic}: its type {name} is not installed here")
+        known = bool(self.senders(topic))
+        profile = qos.QoSProfile(
+            depth=QUEUE,
+            reliability=qos.ReliabilityPolicy.BEST_AVAILABLE if known else qos.ReliabilityPolicy.BEST_EFFORT,
+            durability=qos.DurabilityPolicy.BEST_AVAILABLE if known else qos.DurabilityPolicy.VOLATILE,
+        )
+
+        def heard(data: bytes) -> None:
+            with self.news:
+                take(data)
+                self.news.notify_all()
+
+        self._node.create_subscription(kind, topic, heard, profile, raw=True)
+
+    def wait(self, until: Callable[[], bool], seconds: float) -> bool:
+        """Wait until a condition, checked after every message, holds; False if it does not within ``seconds``."""
+        end = self.now() + seconds
+        with self.news:
+            while not until():
+                left = end - self.now()
+                if left <= 0:
+                    return False
+                self.news.wait(min(left, IDLE))
+        return True
+
+    def types(self) -> dict[str, list[str]]:
+        """Types of the messages that are sent or listened to, by topic."""
+        return dict(self._node.get_topic_names_and_types())
+
+    def senders(self, topic: str) -> list[str]:
+        """Names of the nodes that send on a topic."""
+        return [info.node_name for info in self._node.get_publishers_info_by_topic(topic)]
+
+    def listeners(self, topic: str) -> list[str]:
+        """Names of the nodes that listen to a topic."""
+        return [info.node_name for info in self._node.get_subscriptions_info_by_topic(topic)]
+
+
+def _rclpy() -> Any:
+    """rclpy, from a sourced installation of ROS 2 or from this environment."""
+    filterwarnings("ignore", category=DeprecationWarning, module="lark")  # a parser that rclpy depends on
+    try:
+        return import_module("rclpy")
+    except ImportError as error:
+        told = "source an installation of ROS 2, or pip install 'sarsim[ros]' (Python 3.11 to 3.13)"
+        raise InputError(f"there is no rclpy here: {told}; {error}") from error
+
+
+def message_type(name: str) -> Any:
+    """The class of messages ``package/msg/Name``; None if it is not installed."""
+    package, _, kind = name.partition("/msg/")
+    try:
+        return getattr(import_module(f"{package}.msg"), kind)
+    except ImportError:
+        return None

@@ -1,0 +1,214 @@
+"""A robot on a network of ROS 2, real or simulated, as the pipeline's robot."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.robot import Motion, RobotModel, Velocity
+from pipeline.ros import messages
+from pipeline.ros.live.node import DISCOVERY, Node
+from pipeline.ros.live.senses import APART, Senses
+from pipeline.ros.live.topic_names import TopicNames
+from pipeline.ros.pinhole import Pinhole
+from pipeline.transforms import angle_of, inverse
+
+LEAST_PERIOD = 0.04
+"""s, least control period."""
+HOLD = 0.2
+"""s of the robot's time without a new command after which it is stopped: the pipeline is computing."""
+FRESH = 0.1
+"""s that a frame may be older than the newest odometry."""
+CLOCKS = 1.0
+"""s by which stamps of images and odometry may differ."""
+LEAST_MOTION = 0.02, np.deg2rad(3)
+"""m and rad; a robot that moved less has not moved."""
+LEAST_COMMAND = 0.04, 0.15
+"""m/s and rad/s; a robot must move by a command that is greater."""
+UNHEEDED = 10.0
+"""s of commands without motion after which the robot is taken to ignore them."""
+STAMPED = "geometry_msgs/msg/TwistStamped"
+STARTING = 5
+"""Messages of odometry from which its period is estimated."""
+
+
+class RosRobot:
+    """Implements :class:`pipeline.robot.Robot` by topics. Time goes on while the pipeline computes.
+
+    Attributes:
+        model: its size and abilities.
+        control_period: s.
+        on_motion: called with every motion; an exception that it raises ends the drive.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        model: RobotModel,
+        topics: TopicNames,
+        T_base_camera: NDArray[np.float64] | None = None,
+        patience: float = 5.0,
+    ):
+        """Find the robot.
+
+        Args:
+            node: on the robot's network.
+            model: its size and abilities.
+            topics: their names.
+            T_base_camera: 4×4; by default taken from ``/tf_static`` or ``/camera/transform``.
+            patience: s by the wall clock that a topic may be silent.
+
+        Raises:
+            InputError: a necessary topic, listener or transform is missing.
+        """
+        self.model, self.topics = model, topics
+        self.on_motion: Callable[[Motion], object] = lambda motion: None
+        self._node, self._patience = node, patience
+        self._senses = Senses(model.half_width)
+        self._heard: dict[str, float] = {}
+        self._last, self._commanded, self._is_driving = Velocity(), -np.inf, False
+        self._frame_time = -np.inf
+        self._anchor, self._unheeded = np.eye(4), 0.0
+        self._find()
+        self._camera = Pinhole(Path(topics.camera_info), self._senses.info)
+        self._T_base_camera = self._camera_pose() if T_base_camera is None else T_base_camera
+        self.control_period = round(max(LEAST_PERIOD, self._senses.period), 4)
+        node.idle = self._rest
+
+    def _find(self) -> None:
+        """Wait for all necessary topics, and listen to them."""
+        node, topics, senses = self._node, self.topics, self._senses
+        needed = (topics.depth, topics.color, topics.camera_info, topics.odom)
+
+        def missing() -> list[str]:
+            silent = [f"nothing sends {topic}" for topic in needed if not node.senders(topic)]
+            return silent + [f"nothing listens to {topics.cmd_vel}"] * (not node.listeners(topics.cmd_vel))
+
+        if not node.wait(lambda: not missing(), self._patience):
+            raise InputError(f"no robot after {self._patience:g} s: {', '.join(missing())}")
+        for topic in needed:
+            if len(senders := node.senders(topic)) > 1:
+                raise InputError(f"{topic}: several nodes send it, {' and '.join(senders)}")
+        types = node.types()
+        self._kind = STAMPED if STAMPED in types[topics.cmd_vel] else "geometry_msgs/msg/Twist"
+        node.offer(topics.cmd_vel, self._kind)
+        self._listen(topics.depth, senses.take_depth(types[topics.depth][0]))
+        self._listen(topics.color, senses.take_colour(types[topics.color][0]))
+        self._listen(topics.camera_info, senses.take_info)
+        self._listen(topics.odom, senses.take_odometry)
+        places = {"/tf_static": senses.take_transforms, "/camera/transform": senses.take_transform}
+        # Optional topics may not be discovered yet.
+        node.wait(lambda: bool(node.senders(topics.imu)) and any(map(node.senders, places)), DISCOVERY)
+        for topic, take in {topics.imu: senses.take_imu, **places}.items():
+            with suppress(InputError):  # the packages of PyPI have no type for /tf_static
+                if node.senders(topic):
+                    self._listen(topic, take)
+        self._wait(lambda: senses.info is not None and senses.poses >= STARTING and self._sees(-np.inf))
+
+    def _listen(self, topic: str, take: Callable[[bytes], None]) -> None:
+        def heard(data: bytes) -> None:
+            self._heard[topic] = self._node.now()
+            take(data)
+
+        self._node.listen(topic, heard)
+        self._heard.setdefault(topic, -np.inf)
+
+    def _camera_pose(self) -> NDArray[np.float64]:
+        frame = self._senses.camera_frame
+        self._node.wait(lambda: self._senses.links.T_base(frame) is not None, self._patience)
+        T = self._senses.links.T_base(frame)
+        if T is None:
+            told = "--camera x y z roll pitch yaw does"
+            raise InputError(f"no transform tells where {frame or 'the camera'} is on the robot; {told}")
+        return T
+
+    def sense(self) -> Frame:
+        """The newest frame, at most ``FRESH`` older than the newest odometry.
+
+        A robot that drives repeats its last command meanwhile, for HOLD s at most.
+
+        Raises:
+            InputError: a topic fell silent, or its images cannot be used.
+        """
+        senses, start = self._senses, self._senses.time
+        after = max(start - FRESH, self._frame_time)
+        while self._last != Velocity() and not self._sees(after) and senses.time - start < HOLD:
+            self.drive(self._last)
+        self._wait(lambda: self._sees(after))
+        with self._node.news:
+            self._frame_time = senses.newest(after) or after
+            return senses.frame(self._frame_time, self._camera, self._T_base_camera)
+
+    def _sees(self, after: float) -> bool:
+        with self._node.news:
+            return self._senses.newest(after) is not None
+
+    def drive(self, command: Velocity) -> Motion:
+        """Send ``command``, and wait until the odometry is a control period further.
+
+        Raises:
+            InputError: a topic fell silent, or the robot ignores commands.
+        """
+        start, self._is_driving = self._senses.time, True
+        self._send(command)
+        self._wait(lambda: self._senses.time > start + 0.9 * self.control_period)
+        with self._node.news:
+            motion = self._senses.motion()
+        self._is_driving = False
+        self._check_heeded(command, motion, motion.time - start)
+        self.on_motion(motion)
+        return motion
+
+    @property
+    def time(self) -> float:
+        """Time of the newest odometry, s."""
+        return self._senses.time
+
+    def stop(self) -> None:
+        """Command the robot to stand."""
+        self._is_driving = False
+        self._send(Velocity())
+
+    def _send(self, command: Velocity) -> None:
+        self._last, self._commanded = command, self._senses.time
+        time = max(0.0, self._senses.time)
+        message = messages.velocity_stamped(time, command) if self._kind == STAMPED else messages.velocity(command)
+        self._node.send(self.topics.cmd_vel, time, message)
+
+    def _rest(self) -> None:
+        """Stop a robot that gets no commands because the pipeline computes; the node's ``idle``."""
+        if not self._is_driving and self._last != Velocity() and self._senses.time - self._commanded > HOLD:
+            self._send(Velocity())
+
+    def _check_heeded(self, command: Velocity, motion: Motion, elapsed: float) -> None:
+        moved = inverse(self._anchor) @ motion.T_odom_base
+        if np.linalg.norm(moved[:3, 3]) > LEAST_MOTION[0] or angle_of(moved) > LEAST_MOTION[1]:
+            self._anchor, self._unheeded = motion.T_odom_base, 0.0
+        elif abs(command.v) > LEAST_COMMAND[0] or abs(command.omega) > LEAST_COMMAND[1]:
+            self._unheeded += elapsed
+        if self._unheeded > UNHEEDED:
+            self.stop()
+            raise InputError(f"{self.topics.cmd_vel}: the robot ignores it, for it has not moved for {UNHEEDED:g} s")
+
+    def _wait(self, until: Callable[[], bool]) -> None:
+        """Wait for messages; if they do not come, stop the robot and raise InputError."""
+        if self._node.wait(until, self._patience):
+            return
+        self.stop()
+        raise InputError(f"{self._complaint()}; the robot was stopped")
+
+    def _complaint(self) -> str:
+        """The reason why waiting for messages failed."""
+        senses, last = self._senses, self._node.now() - self._patience
+        once = {"/tf_static", "/camera/transform"} | ({self.topics.camera_info} if senses.info else set())
+        if silent := [topic for topic, heard in self._heard.items() if heard < last and topic not in once]:
+            return f"{', '.join(silent)}: silent for {self._patience:g} s"
+        if abs(senses.image_time - senses.time) > CLOCKS:
+            times = f"images are of {senses.image_time:.2f} s, the odometry of {senses.time:.2f} s"
+            return f"the robot's clocks differ: {times}"
+        told = f"no newer odometry, or no depth image with a colour image {1e3 * APART:g} ms near"
+        return f"the robot's stamps make no sense: for {self._patience:g} s {told}"

@@ -1,0 +1,152 @@
+"""The newest messages of a robot's topics, as frames and motions of the pipeline."""
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.localisation.trajectory import Trajectory
+from pipeline.navigation.attitude import GRAVITY
+from pipeline.robot import Motion
+from pipeline.ros.images import colour_of, depth_of
+from pipeline.ros.links import Links
+from pipeline.ros.messages import Message, decode, pose_matrix, seconds, time_of, vector_of
+from pipeline.ros.pinhole import Pinhole
+
+APART = 0.02
+"""s, greatest difference between the times of a depth image and its colour image."""
+IMAGES, POSES = 10, 100
+"""Numbers of the newest images of a kind, and of the newest poses, that are kept."""
+
+
+class Senses:
+    """Takes messages, and gives the newest frame and motion.
+
+    Attributes:
+        links: transforms between the frames of the robot.
+        info: the camera_info of the depth images.
+        imu_frame: name of the frame in which the inertial sensors measure; empty before their first message.
+    """
+
+    def __init__(self, half_width: float):
+        """``half_width``: m from the robot's middle to its wheels."""
+        self.links = Links()
+        self.info: Message | None = None
+        self.imu_frame = ""
+        self._half_width = half_width
+        self._depth: deque[tuple[float, str, bytes]] = deque(maxlen=IMAGES)
+        self._colour: deque[tuple[float, str, bytes]] = deque(maxlen=IMAGES)
+        self._poses: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=POSES)
+        self._twist = np.zeros(2)
+        self._felt: list[NDArray[np.float64]] = []
+        self._inertial: NDArray[np.float64] | None = None
+
+    def take_depth(self, name: str) -> Callable[[bytes], None]:
+        """A function that takes depth images, given as messages of the type ``name``."""
+        return lambda data: self._depth.append((time_of(data), name, data))
+
+    def take_colour(self, name: str) -> Callable[[bytes], None]:
+        """A function that takes colour images, given as messages of the type ``name``."""
+        return lambda data: self._colour.append((time_of(data), name, data))
+
+    def take_info(self, data: bytes) -> None:
+        """Take a CameraInfo; only the first counts."""
+        self.info = self.info or decode(data, "sensor_msgs/msg/CameraInfo")
+
+    def take_odometry(self, data: bytes) -> None:
+        """Take an Odometry; it is left out if it is not newer than the last."""
+        message = decode(data, "nav_msgs/msg/Odometry")
+        time, T = (
+            seconds(message.header.stamp),
+            pose_matrix(message.pose.pose.position, message.pose.pose.orientation),
+        )
+        if np.isfinite(T).all() and (not self._poses or time > self._poses[-1][0]):
+            self.links.base = message.child_frame_id or self.links.base
+            self._poses.append((time, T))
+            self._twist = np.array([message.twist.twist.linear.x, message.twist.twist.angular.z])
+
+    def take_imu(self, data: bytes) -> None:
+        """Take an Imu."""
+        message = decode(data, "sensor_msgs/msg/Imu")
+        self.imu_frame = message.header.frame_id
+        felt = np.stack([vector_of(message.angular_velocity), vector_of(message.linear_acceleration)])
+        if np.isfinite(felt).all():
+            self._felt.append(felt)
+
+    def take_transforms(self, data: bytes) -> None:
+        """Take a TFMessage of frames that do not move."""
+        for link in decode(data, "tf2_msgs/msg/TFMessage").transforms:
+            self.links.take(link)
+
+    def take_transform(self, data: bytes) -> None:
+        """Take a TransformStamped."""
+        self.links.take(decode(data, "geometry_msgs/msg/TransformStamped"))
+
+    @property
+    def time(self) -> float:
+        """Time of the newest odometry, s; −inf before the first."""
+        return self._poses[-1][0] if self._poses else -np.inf
+
+    @property
+    def period(self) -> float:
+        """The median time between two messages of odometry, s."""
+        return float(np.median(np.diff([time for time, _ in self._poses])))
+
+    @property
+    def poses(self) -> int:
+        """Number of kept poses of the odometry."""
+        return len(self._poses)
+
+    @property
+    def image_time(self) -> float:
+        """Time of the newest depth image, s; −inf before the first."""
+        return self._depth[-1][0] if self._depth else -np.inf
+
+    @property
+    def camera_frame(self) -> str:
+        """The name of the depth camera's frame."""
+        return self.info.header.frame_id if self.info else ""
+
+    def newest(self, after: float) -> float | None:
+        """The time, s, of the newest depth image later than ``after`` that has a colour image and a pose, or None."""
+        colours = np.array([time for time, *_ in self._colour])
+        for time, *_ in reversed(self._depth):
+            if time <= after or not len(colours):
+                return None
+            if np.abs(colours - time).min() <= APART and self._pose(time) is not None:
+                return time
+        return None
+
+    def frame(self, time: float, camera: Pinhole, T_base_camera: NDArray[np.float64]) -> Frame:
+        """The frame at a time in s that :meth:`newest` returned, of a camera at a 4×4 pose on the robot.
+
+        Raises:
+            InputError: its images have an unknown encoding or a wrong size, or are broken.
+        """
+        _, kind, depth = next(image for image in self._depth if image[0] == time)
+        _, colour_kind, colour = min(self._colour, key=lambda image: abs(image[0] - time))
+        T = self._pose(time)
+        assert T is not None
+        metres = camera.depth(depth_of(decode(depth, kind)))
+        rgb = camera.colour(colour_of(decode(colour, colour_kind)))
+        return Frame(time, rgb, metres, camera.intrinsics, T_base_camera, T)
+
+    def motion(self) -> Motion:
+        """The newest motion, with the inertial sensors' mean since the last call.
+
+        Without inertial sensors, their values are computed from the odometry.
+        """
+        time, T = self._poses[-1]
+        v, omega = self._twist
+        if self._felt:
+            R = self.links.T_base(self.imu_frame)
+            mean = np.mean(self._felt, axis=0)
+            self._inertial, self._felt = mean if R is None else mean @ R[:3, :3].T, []
+        by_odometry = np.array([[0.0, 0.0, omega], GRAVITY * T[2, :3]])
+        gyro, accelerometer = by_odometry if self._inertial is None else self._inertial
+        return Motion(time, T, gyro, accelerometer, np.array([v, v]) + self._half_width * omega * np.array([-1, 1]))
+
+    def _pose(self, time: float) -> NDArray[np.float64] | None:
+        return Trajectory(np.array([t for t, _ in self._poses]), np.array([T for _, T in self._poses])).at(time)

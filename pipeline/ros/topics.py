@@ -1,0 +1,142 @@
+"""Sends a robot's sensor data and maps, topic by topic, to a bag or to a network."""
+
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.planning.path_plan import PathPlan
+from pipeline.robot import Motion, Velocity
+from pipeline.ros import messages
+from pipeline.ros.messages import BASE, CAMERA, MAP, ODOM, Message
+from pipeline.semantic_map.semantic_map import VOXEL
+from pipeline.semantic_map.voxels import VoxelCloud
+
+ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
+"""Depth in whole mm or in m (REP 118), and whether colours are compressed."""
+Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and a message
+JPEG_QUALITY = 95
+STILL = 1e-6  # m by which a camera's pose may change without being sent again: a simulator's rounding moves it too
+NODES, EDGES, PEOPLE = (0.1, 0.4, 1.0), (0.7, 0.7, 0.7), (0.1, 0.9, 0.2)  # Colours of markers
+
+
+class Odometry(NamedTuple):
+    """Pose and velocity of a robot.
+
+    Attributes:
+        time: s.
+        T_odom_base: 4×4, by its odometry.
+        twist: its velocity.
+        T_map_odom: 4×4 pose of ``odom`` in ``map``; None if it is not known.
+        T_world_base: 4×4 true pose; None if it is not known.
+    """
+
+    time: float
+    T_odom_base: NDArray[np.float64]
+    twist: Velocity
+    T_map_odom: NDArray[np.float64] | None = None
+    T_world_base: NDArray[np.float64] | None = None
+
+
+class Joints(NamedTuple):
+    """State of the wheels: N names, angles (N,) in rad and speeds (N,) in rad/s."""
+
+    names: tuple[str, ...]
+    position: NDArray[np.float64]
+    speed: NDArray[np.float64]
+
+
+class RobotTopics:
+    """Sends what a robot senses, and its pose."""
+
+    def __init__(self, send: Send, images: ImageFormat = "16UC1"):
+        self._send, self._depth_encoding, self._is_jpeg = send, images[:5], images.endswith("jpeg")
+        self._T_base_camera: NDArray[np.float64] | None = None
+
+    def frame(self, frame: Frame) -> None:
+        """Send both images, their intrinsics, true labels if there are any, and the camera's pose if it changed."""
+        time = frame.time
+        if self._T_base_camera is None or not np.allclose(
+            self._T_base_camera, frame.T_base_camera, rtol=0, atol=STILL
+        ):
+            self._T_base_camera = frame.T_base_camera
+            self._send("/tf_static", time, messages.transforms(time, {(BASE, CAMERA): frame.T_base_camera}))
+        for kind in ("color", "depth"):
+            self._send(f"/camera/{kind}/camera_info", time, messages.camera_info(time, frame.intrinsics))
+        if self._is_jpeg:
+            _, data = cv2.imencode(".jpg", frame.rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
+            colour = messages.compressed_image(time, "rgb8; jpeg compressed bgr8", data.ravel())
+            self._send("/camera/color/image_raw/compressed", time, colour)
+        else:
+            self._send("/camera/color/image_raw", time, messages.image(time, "rgb8", frame.rgb))
+        if frame.label is not None:
+            self._send("/camera/label/image_raw", time, messages.image(time, "8UC1", frame.label))
+        # The depth image is sent last, so that listeners have the others when it arrives.
+        depth = np.where(frame.returns, frame.depth, 0).astype(np.float32)
+        pixels = depth if self._depth_encoding == "32FC1" else np.rint(depth.clip(max=65.535) * 1e3).astype(np.uint16)
+        self._send("/camera/depth/image_raw", time, messages.image(time, self._depth_encoding, pixels))
+
+    def odometry(self, odometry: Odometry) -> None:
+        """Send the robot's pose by its odometry, that in ``map``, and the true one, as far as they are known."""
+        time, T_odom_base, twist, T_map_odom, T_world_base = odometry
+        self._send("/odom", time, messages.odometry(time, T_odom_base, twist))
+        links = {(ODOM, BASE): T_odom_base} | ({} if T_map_odom is None else {(MAP, ODOM): T_map_odom})
+        self._send("/tf", time, messages.transforms(time, links))
+        if T_world_base is not None:
+            self._send("/ground_truth/pose", time, messages.pose_stamped(time, MAP, T_world_base))
+
+    def motion(self, motion: Motion, command: Velocity | None = None) -> None:
+        """Send a control period's inertial measurements, the time, and the command unless it came as a message."""
+        self._send("/clock", motion.time, messages.clock(motion.time))
+        if command is not None:
+            self._send("/cmd_vel", motion.time, messages.velocity(command))
+        self._send("/imu", motion.time, messages.imu(motion))
+
+    def joints(self, time: float, joints: Joints) -> None:
+        """Send the wheels' angles and speeds at a time in s."""
+        self._send("/joint_states", time, messages.joint_states(time, *joints))
+
+
+class MapTopics:
+    """Sends a mapper's keyframes and maps."""
+
+    def __init__(self, send: Send):
+        self._send = send
+
+    def keyframe(self, keyframe: Keyframe) -> None:
+        """Send a keyframe's pose and, if it was labelled, its points as ``semantic_cloud``."""
+        time = keyframe.frame.time
+        self._send("/keyframe", time, messages.pose_stamped(time, MAP, keyframe.T_map_base))
+        if len(keyframe.labels):
+            cloud = VoxelCloud.of(keyframe.points, VOXEL)
+            labels = cloud.means(np.eye(int(keyframe.labels.max()) + 1, dtype=np.float32)[keyframe.labels])
+            named = labels.argmax(axis=1).astype(np.uint8)
+            self._send("/semantic_cloud", time, messages.labelled_cloud(time, cloud.points, named))
+
+    def maps(self, mapper: Mapper, keyframe: Keyframe, plan: PathPlan | None) -> None:
+        """Send the traversable ground, the path driven so far, the plan, and markers of nodes, edges and people."""
+        time, traversability = keyframe.frame.time, mapper.traversability
+        known = np.where(traversability.hazard, 100, 0)
+        values = np.where(np.isnan(traversability.elevation), -1, known).astype(np.int8)
+        self._send("/map", time, messages.occupancy_grid(time, traversability.grid, values))
+        self._send("/path", time, messages.path(time, mapper.poses[:, :3, 3]))
+        way = np.zeros((0, 3)) if plan is None else np.vstack([keyframe.T_map_base[:3, 3], plan.way_points])
+        self._send("/plan", time, messages.path(time, way))
+        self._send("/markers", time, self._markers(mapper, time))
+
+    def _markers(self, mapper: Mapper, time: float) -> Message:
+        topology = mapper.topological_map
+        nodes = np.array([node.position for node in topology.nodes.values()]).reshape(-1, 3)
+        ways = [topology.way(a, b) for a, b in topology.graph.edges]
+        edges = np.concatenate([np.zeros((0, 3)), *(np.repeat(way, 2, axis=0)[1:-1] for way in ways)])
+        people = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)
+        drawn = [
+            messages.marker(time, "nodes", "SPHERE_LIST", nodes, 0.15, NODES),
+            messages.marker(time, "edges", "LINE_LIST", edges, 0.03, EDGES),
+            messages.marker(time, "people", "SPHERE_LIST", people, 0.4, PEOPLE),
+        ]
+        return messages.make("visualization_msgs/MarkerArray", drawn)

@@ -1,0 +1,95 @@
+"""Recordings through the mapper."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.datasets.recording import CameraPose, Recording
+from pipeline.datasets.replay import PoseSource, Replay, Replayed, default_poses, localisation_of
+from pipeline.errors import InputError
+from pipeline.localisation.trajectory import Trajectory
+from pipeline.mapper import Mapper
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import inverse
+from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, camera_poses, frames
+from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
+from tests.pipeline.robot_model import PIONEER
+
+TIMES = np.array([frame.time for frame in frames()])
+
+
+def recording(**known) -> Recording:
+    blank = [replace(frame, T_odom_base=np.eye(4)) for frame in frames()]
+    return Recording(Path("room"), lambda: iter(blank), has_camera_pose=True, **known)
+
+
+def replayed(source: Recording, poses: PoseSource) -> tuple[Mapper, list[Replayed]]:
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=localisation_of(poses))
+    return mapper, list(Replay(source, mapper, poses))
+
+
+def errors(found: list[Replayed], mapper: Mapper) -> np.ndarray:
+    """(N,) m, errors of the frames' estimated positions relative to the first frame."""
+    T_odom_base = [T.frame.T_odom_base for T in found]
+    T_map_base = [mapper.localisation.T_map_odom @ T for T in T_odom_base]
+    true = [T_map_base[0] @ inverse(WAY[0]) @ T for T in WAY]
+    return np.linalg.norm((np.array(T_map_base) - true)[:, :3, 3], axis=1)
+
+
+def test_registration_alone_follows_the_camera() -> None:
+    mapper, found = replayed(recording(), "registration")
+    assert len(found) == len(WAY)
+    assert errors(found, mapper).max() < 0.02
+    assert sum(r.keyframe is not None for r in found) == mapper.keyframes < len(WAY)
+
+
+def test_odometry_is_corrected_or_taken_at_its_word() -> None:
+    odometry = Trajectory(TIMES, np.array(ODOMETRY))
+    assert default_poses(recording(odometry=odometry)) == "slam"
+    assert default_poses(recording()) == "registration"
+    mapper, found = replayed(recording(odometry=odometry), "slam")
+    assert np.linalg.norm((mapper.poses[-1] - WAY[last_keyframe(found)])[:3, 3]) < 0.018
+    told, found = replayed(recording(odometry=odometry), "odometry")
+    np.testing.assert_allclose(told.poses[-1], ODOMETRY[last_keyframe(found)], atol=1e-12)
+    assert np.linalg.norm((told.poses[-1] - WAY[last_keyframe(found)])[:3, 3]) > 0.025
+
+
+def last_keyframe(found: list[Replayed]) -> int:
+    return max(k for k, r in enumerate(found) if r.keyframe is not None)
+
+
+def test_true_poses_of_the_camera_become_those_of_the_robot() -> None:
+    truth = Trajectory(TIMES, np.array(camera_poses(WAY)), of_camera=True)
+    mapper, found = replayed(recording(truth=truth), "truth")
+    np.testing.assert_allclose(mapper.poses[0], WAY[0], atol=1e-12)
+    np.testing.assert_allclose([r.T_world_base for r in found], WAY, atol=1e-12)
+
+
+def test_recorded_keyframes_are_made_again() -> None:
+    chosen = {TIMES[0]: True, TIMES[3]: False, TIMES[5]: True}
+    mapper, found = replayed(recording(odometry=Trajectory(TIMES, np.array(ODOMETRY)), keyframes=chosen), "slam")
+    made = {r.frame.time: len(r.keyframe.labels) > 0 for r in found if r.keyframe is not None}
+    assert made == chosen
+    assert mapper.keyframes == 3
+
+
+def test_frames_in_a_gap_of_the_odometry_are_left_out() -> None:
+    kept = (TIMES < 0.35) | (TIMES > 0.95)
+    source = recording(odometry=Trajectory(TIMES[kept], np.array(ODOMETRY)[kept]))
+    _, found = replayed(source, "slam")
+    assert [r.frame.time for r in found] == TIMES[kept].tolist()
+    assert source.left_out == {"frames at times of which no pose is known": np.count_nonzero(~kept)}
+
+
+def test_poses_that_are_not_there_are_refused() -> None:
+    with pytest.raises(InputError, match="room: holds no true poses, which --poses truth needs"):
+        replayed(recording(), "truth")
+    with pytest.raises(InputError, match="room: holds no odometry, which --poses slam needs"):
+        replayed(recording(), "slam")
+
+
+def test_angles_of_a_camera_are_those_of_rep_103() -> None:
+    T = CameraPose(0.1, 0.0, 0.6, 0.0, np.degrees(0.25), 0.0).T_base_camera
+    np.testing.assert_allclose(T, T_BASE_CAMERA, atol=1e-12)

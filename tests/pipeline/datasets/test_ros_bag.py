@@ -1,0 +1,231 @@
+"""Bags: what is read of them, and what is wrong with them."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from shutil import copytree
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from rosbags.convert import convert
+from rosbags.typesys import Stores, get_typestore
+
+from pipeline.datasets.recording import Recording
+from pipeline.datasets.ros_bag import read_ros_bag
+from pipeline.errors import InputError
+from pipeline.frame import Calibration
+from pipeline.ros import messages
+from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, Change, frames, without, write_bag
+
+DEPTH, COLOUR, INFO = "/camera/depth/image_raw", "/camera/color/image_raw", "/camera/depth/camera_info"
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_bag(tmp_path_factory.mktemp("bag") / "room")
+
+
+def assert_whole(recording: Recording, depth: float = 0.0, rgb: float = 0.0) -> None:
+    """The frames are those of the drive, up to errors of ``depth``, m, and of the mean ``rgb``, grey levels."""
+    for frame, true in zip(recording.frames(), frames(), strict=True):
+        assert frame.time == true.time
+        assert frame.intrinsics == true.intrinsics
+        np.testing.assert_allclose(frame.T_base_camera, true.T_base_camera, atol=1e-12)
+        np.testing.assert_allclose(frame.depth, true.depth, rtol=1e-6, atol=depth)
+        assert np.abs(frame.rgb.astype(int) - true.rgb).mean() <= rgb
+        np.testing.assert_array_equal(frame.label, true.label)
+
+
+def test_what_was_written_comes_back(bag: Path) -> None:
+    recording = read_ros_bag(bag)
+    assert_whole(recording)
+    assert recording.odometry is not None and recording.truth is not None and recording.up is not None
+    np.testing.assert_allclose(recording.odometry.poses, ODOMETRY, atol=1e-12)
+    np.testing.assert_allclose(recording.truth.poses, WAY, atol=1e-12)
+    np.testing.assert_allclose(recording.up, [0, 0, 1], atol=1e-12)
+    assert recording.has_camera_pose and recording.keyframes is None
+
+
+def test_whole_millimetres_and_jpeg_come_back(tmp_path: Path) -> None:
+    assert_whole(read_ros_bag(write_bag(tmp_path / "room", "16UC1-jpeg")), depth=0.00051, rgb=3)
+
+
+def test_sqlite_ros_1_and_a_lone_file_are_read_as_well(bag: Path, tmp_path: Path) -> None:
+    assert_whole(read_ros_bag(Path(copytree(bag, tmp_path / "room.bag"))))
+    convert([bag], tmp_path / "sqlite", **SQLITE)
+    assert_whole(read_ros_bag(tmp_path / "sqlite"))
+    convert([bag], tmp_path / "ros1.bag", **SQLITE | {"typestore": get_typestore(Stores.ROS1_NOETIC)})
+    assert_whole(read_ros_bag(tmp_path / "ros1.bag"))
+    (file,) = bag.glob("*.mcap")
+    assert_whole(read_ros_bag(file))
+
+
+SQLITE: dict[str, Any] = {
+    "dst_storage": "sqlite3", "dst_version": 9, "compress": None, "compress_mode": "file",
+    "default_typestore": None, "typestore": None, "exclude_topics": (), "include_topics": (),
+    "exclude_msgtypes": (), "include_msgtypes": (),
+}  # fmt: skip
+
+
+def recoded(encoding: str) -> Change:
+    """Depth or colour as a camera's driver may send it."""
+
+    def change(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        depth = message.data.view(np.float32).reshape(240, 320) if topic == DEPTH else None
+        colour = message.data.reshape(240, 320, 3) if topic == COLOUR else None
+        if encoding == "compressedDepth" and depth is not None:
+            png = cv2.imencode(".png", np.rint(depth * 1000).astype(np.uint16))[1].ravel()
+            data = np.concatenate([np.zeros(12, np.uint8), png])
+            yield f"{topic}/compressedDepth", time, messages.compressed_image(time, "16UC1; compressedDepth", data)
+        elif encoding == "inverse" and depth is not None:
+            a, b = 20000.0, 5.0
+            with np.errstate(divide="ignore"):
+                pixels = np.where(depth > 0, a / depth + b, 0).astype(np.uint16)
+            head = np.frombuffer(b"\0\0\0\0" + np.array([a, b], np.float32).tobytes(), np.uint8)
+            data = np.concatenate([head, cv2.imencode(".png", pixels)[1].ravel()])
+            name = "32FC1; compressedDepth png"
+            yield f"{topic}/compressedDepth", time, messages.compressed_image(time, name, data)
+        elif encoding == "mono16" and depth is not None:
+            yield topic, time, messages.image(time, "mono16", np.rint(depth * 1000).astype(np.uint16))
+        elif encoding == "big_endian" and depth is not None:
+            message = messages.image(time, "16UC1", np.rint(depth * 1000).astype(">u2"))
+            message.is_bigendian = 1
+            yield topic, time, message
+        elif encoding == "padded" and colour is not None:
+            message = messages.image(time, "rgb8", np.pad(colour, ((0, 0), (0, 4), (0, 0))))
+            message.width = 320
+            yield topic, time, message
+        elif encoding == "rgba8" and colour is not None:
+            yield topic, time, messages.image(time, "rgba8", np.dstack([colour, colour[..., :1]]))
+        elif encoding == "bgr8" and colour is not None:
+            yield topic, time, messages.image(time, "bgr8", colour[..., ::-1])
+        else:
+            yield topic, time, message
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "encoding", ["mono16", "big_endian", "compressedDepth", "inverse", "padded", "rgba8", "bgr8"]
+)
+def test_other_encodings_are_read(encoding: str, tmp_path: Path) -> None:
+    error = 0.00065 if encoding == "inverse" else 0.00051
+    assert_whole(read_ros_bag(write_bag(tmp_path / "room", change=recoded(encoding))), depth=error)
+
+
+def changed(topic: str, **values: Any) -> Change:
+    """One topic's messages with other values."""
+
+    def change(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        for key, value in values.items() if name == topic else ():
+            setattr(message, key, value)
+        yield name, time, message
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (without(DEPTH), r"holds no depth images; its topics are /camera/color/camera_info"),
+        (without(INFO), r"holds no camera_info of the depth images; --intrinsics"),
+        (changed(INFO, k=np.zeros(9)), r"the camera's intrinsics make no sense: fx fy cx cy are 0 0 0 0"),
+        (changed(INFO, d=np.ones(4), distortion_model="equidistant"), r"images of the distortion 'equidistant'"),
+    ],
+)
+def test_a_bag_without_what_is_needed_is_refused(change: Change, message: str, tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "room", change=change)
+    with pytest.raises(InputError, match=message):
+        read_ros_bag(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (changed(DEPTH, encoding="8UC1"), r"depth images in '8UC1'; 16UC1, mono16, 32FC1 can be read"),
+        (changed(COLOUR, encoding="nv12"), r"colour images in 'nv12'"),
+        (changed(DEPTH, height=999), r"an image is cut short"),
+        (changed(INFO, width=640, height=480), r"depth images of 320 × 240 pixels where 640 × 480 are expected"),
+    ],
+)
+def test_images_that_cannot_be_used_are_named(change: Change, message: str, tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "room", change=change)
+    with pytest.raises(InputError, match=message):
+        next(read_ros_bag(path).frames())
+
+
+def test_intrinsics_can_be_told(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "room", change=without(INFO))
+    k = frames()[0].intrinsics
+    calibration = Calibration(k.fx, k.fy, k.cx - 0.5, k.cy - 0.5)
+    assert next(read_ros_bag(path, calibration=calibration).frames()).intrinsics == k
+
+
+def test_order_is_restored_and_doubles_are_left_out(tmp_path: Path) -> None:
+    def mixed(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        # Written in the order of other times than those of the images, and every fourth depth image twice.
+        yield topic, time + (0.35 if topic == DEPTH and round(time * 10) % 3 else 0), message
+        if topic == DEPTH and round(time * 10) % 4 == 0:
+            yield topic, time, message
+
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=mixed))
+    assert_whole(recording)
+    assert recording.left_out == {"depth images that are out of order": 4}
+
+
+def test_other_clocks_are_noticed(tmp_path: Path) -> None:
+    def later(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        if topic == "/odom":
+            message.header.stamp.sec += 10**9
+        yield topic, time, message
+
+    path = write_bag(tmp_path / "room", change=later)
+    with pytest.raises(InputError, match=r"its clocks differ: the images are from 0\.00 .* odometry from 1000000000"):
+        next(read_ros_bag(path).frames())
+
+
+def test_odometry_is_taken_from_tf_where_it_has_no_topic(tmp_path: Path) -> None:
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=without("/odom")))
+    assert recording.odometry is not None
+    np.testing.assert_allclose(recording.odometry.poses, ODOMETRY, atol=1e-12)
+
+
+def test_topics_of_a_kind_must_be_named(tmp_path: Path) -> None:
+    def twice(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        yield topic, time, message
+        if topic == "/odom":
+            yield "/odometry/filtered", time, message
+
+    path = write_bag(tmp_path / "room", change=twice)
+    with pytest.raises(InputError, match=r"odometry come on /odom and /odometry/filtered; --topics"):
+        read_ros_bag(path)
+    assert read_ros_bag(path, ["/odom"]).odometry is not None
+    with pytest.raises(InputError, match="holds no messages of /elsewhere"):
+        read_ros_bag(path, ["/elsewhere"])
+
+
+def test_a_distorted_image_is_straightened(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "room", change=changed(INFO, d=np.array([0.1, 0.0, 0.0, 0.0, 0.0])))
+    frame = next(read_ros_bag(path).frames())
+    assert not np.array_equal(frame.depth, frames()[0].depth)
+    # In the middle of the image there is no distortion.
+    np.testing.assert_array_equal(frame.depth[118:122, 158:162], frames()[0].depth[118:122, 158:162])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_a_bag_that_is_cut_short_is_one_line(bag: Path, share: float, tmp_path: Path) -> None:
+    (file,) = bag.glob("*.mcap")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(file.read_bytes()[: int(share * file.stat().st_size)])
+    with pytest.raises(InputError, match=r"cut.mcap: cut short or broken") as raised:
+        list(read_ros_bag(cut).frames())
+    assert "\n" not in str(raised.value)
+
+
+def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").write_text("[]")
+    with pytest.raises(InputError, match="cut short or broken, or of an unknown kind"):
+        read_ros_bag(tmp_path)
+    with pytest.raises(InputError, match="no bag"):
+        read_ros_bag(tmp_path / "nowhere")

@@ -1,0 +1,122 @@
+"""TUM folders: what is read of them, and what is wrong with them."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.datasets.tum_folder import read_tum_folder
+from pipeline.errors import InputError
+from pipeline.frame import Calibration
+from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, camera_poses, frames, write_tum_folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_tum_folder(tmp_path / "room", groundtruth=camera_poses(WAY), odometry=camera_poses(ODOMETRY))
+
+
+def test_frames_come_back(folder: Path) -> None:
+    recording = read_tum_folder(folder)
+    for frame, true in zip(recording.frames(), frames(), strict=True):
+        assert frame.time == true.time
+        assert frame.intrinsics == true.intrinsics
+        np.testing.assert_allclose(frame.depth, true.depth, atol=1.1e-4)
+        np.testing.assert_array_equal(frame.rgb, true.rgb)
+
+
+def test_trajectories_come_back(folder: Path) -> None:
+    recording = read_tum_folder(folder)
+    assert recording.truth is not None and recording.odometry is not None
+    np.testing.assert_allclose(recording.truth.poses, camera_poses(WAY), atol=1e-12)
+    base = recording.truth.of_base(frames()[0].T_base_camera)
+    np.testing.assert_allclose(base.poses[:, 2, 3], 0, atol=1e-12)
+    odometry = recording.odometry.of_base(frames()[0].T_base_camera)
+    np.testing.assert_allclose(odometry.at(0.45), 0.5 * (ODOMETRY[4] + ODOMETRY[5]), atol=1e-3)
+    assert odometry.at(-1.0) is None
+
+
+def test_numbered_images_take_their_times_from_the_rate(folder: Path) -> None:
+    for name in ("rgb", "depth"):
+        (folder / f"{name}.txt").unlink()
+    (folder / "rgb").rename(folder / "color")
+    with pytest.raises(InputError, match=r"depth: its images have no times; --fps"):
+        read_tum_folder(folder)
+    times = [frame.time for frame in read_tum_folder(folder, fps=10.0).frames()]
+    np.testing.assert_allclose(times, [frame.time for frame in frames()])
+
+
+def test_a_depth_scale_and_intrinsics_can_be_told(folder: Path) -> None:
+    (folder / "calibration.txt").unlink()
+    with pytest.raises(InputError, match=r"has no calibration.txt; --intrinsics"):
+        read_tum_folder(folder)
+    frame = next(read_tum_folder(folder, Calibration(1, 2, 3, 4), depth_scale=2500).frames())
+    assert (frame.intrinsics.fx, frame.intrinsics.cy) == (1, 4.5)
+    np.testing.assert_allclose(frame.depth, 2 * frames()[0].depth, atol=3e-4)
+
+
+def test_depth_without_colour_is_left_out(folder: Path) -> None:
+    lines = (folder / "rgb.txt").read_text().splitlines()
+    (folder / "rgb.txt").write_text("\n".join(lines[:-2]))
+    recording = read_tum_folder(folder)
+    assert len(list(recording.frames())) == len(frames()) - 2
+    assert recording.left_out == {"depth images without a colour image": 2}
+
+
+def small_image(folder: Path) -> None:
+    cv2.imwrite(str(folder / "depth" / "0.300.png"), np.ones((5, 4), np.uint16))
+
+
+def broken_image(folder: Path) -> None:
+    (folder / "depth" / "0.300.png").write_bytes(b"no image")
+
+
+def colour_for_depth(folder: Path) -> None:
+    cv2.imwrite(str(folder / "depth" / "0.300.png"), np.ones((240, 320, 3), np.uint8))
+
+
+def missing_image(folder: Path) -> None:
+    (folder / "depth" / "0.300.png").unlink()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (small_image, r"images of two sizes, .*; depth must be registered to colour"),
+        (broken_image, r"0.300.png: not an image"),
+        (colour_for_depth, r"0.300.png: not a depth image: it has uint8"),
+        (missing_image, r"0.300.png: No such file"),
+    ],
+)
+def test_what_comes_before_a_bad_image_is_good(folder: Path, spoil, message: str) -> None:
+    spoil(folder)
+    found = []
+    with pytest.raises(InputError, match=message):
+        found.extend(read_tum_folder(folder).frames())
+    assert [frame.time for frame in found] == [0.0, 0.1, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("rgb.txt", "now rgb/0.png\n", r"rgb.txt: line 1 is not a time and a file"),
+        ("rgb.txt", "# nothing\n", r"rgb.txt: lists no image"),
+        ("groundtruth.txt", "1 2 3\n", r"groundtruth.txt: no trajectory"),
+        ("groundtruth.txt", "0 0 0 0 0 0 0 nan\n", r"groundtruth.txt: no trajectory"),
+        ("keyframes.txt", "0.1 1", r"keyframes.txt: its lines must be time labelled stood"),
+        ("calibration.txt", "500 500\n", r"calibration.txt: its lines must be fx fy cx cy"),
+        ("odometry.txt", "1e9 0 0 0 0 0 0 1\n", r"its clocks differ: the images are from 0.00 to 1.[0-9]0 s"),
+    ],
+)
+def test_bad_lists_are_one_line(folder: Path, name: str, content: str, message: str) -> None:
+    (folder / name).write_text(content)
+    with pytest.raises(InputError, match=message) as raised:
+        read_tum_folder(folder)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_folder_of_nothing_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "calibration.txt").write_text("1 1 1 1\n")
+    with pytest.raises(InputError, match=r"has neither depth\.txt nor images in depth/"):
+        read_tum_folder(tmp_path)

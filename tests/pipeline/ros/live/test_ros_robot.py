@@ -1,0 +1,225 @@
+"""A robot by topics: what it senses, how it drives, and the errors when a topic fails."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.navigation.navigator import Navigator
+from pipeline.robot import Velocity
+from pipeline.ros import messages
+from pipeline.ros.live.ros_robot import FRESH, HOLD, RosRobot
+from pipeline.ros.live.topic_names import TopicNames
+from pipeline.ros.messages import command_of
+from pipeline.transforms import from_rotation
+from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
+from tests.pipeline.robot_model import PIONEER
+from tests.pipeline.ros.live.loopback import Change, End, RoomRobot, Wire, unchanged
+
+DEPTH, COLOUR, INFO, ODOM = "/camera/depth/image_raw", "/camera/color/image_raw", "/camera/depth/camera_info", "/odom"
+
+
+class Pair:
+    """A robot in a room, and what drives it by topics."""
+
+    def __init__(self, kind: str = "geometry_msgs/msg/Twist", T_base_camera: Any = T_BASE_CAMERA):
+        self.wire = Wire()
+        self.room = RoomRobot(self.wire, kind)
+        self.end = End(self.wire, "explorer")
+        self.end.work = self.room.period
+        self.robot = RosRobot(self.end, PIONEER, TopicNames(), T_base_camera, patience=2.0)
+
+    @property
+    def commands(self) -> list[Velocity]:
+        return [command_of(message) for message in self.wire.heard["/cmd_vel"]]
+
+    def pass_time(self, seconds: float) -> None:
+        """Let the wall's clock go on while the explorer computes."""
+        self.end.wait(lambda: False, seconds)
+
+
+@pytest.fixture
+def pair() -> Pair:
+    return Pair()
+
+
+def test_a_navigator_drives_it(pair: Pair) -> None:
+    navigator = Navigator(pair.robot)
+    assert navigator.follow(np.array([(1.8, 1.0), (1.8, 1.5)]), 0.5)
+    np.testing.assert_allclose(pair.room.body.T[:2, 3], (1.8, 1.5), atol=0.06)
+    assert pair.commands[-1] == Velocity()
+
+
+def test_it_senses_what_the_robot_sent_and_where_that_was(pair: Pair) -> None:
+    for command in [Velocity(0.2, 0.5)] * 7:
+        pair.robot.drive(command)
+    frame = pair.robot.sense()
+    sent = pair.room.frames[frame.time]
+    assert pair.robot.time - frame.time <= FRESH
+    np.testing.assert_array_equal(frame.depth, sent.depth)
+    np.testing.assert_array_equal(frame.rgb, sent.rgb)
+    np.testing.assert_allclose(frame.T_odom_base, sent.T_odom_base, atol=1e-6)
+    assert frame.intrinsics == sent.intrinsics
+    assert pair.robot.sense().time > frame.time
+
+
+def test_motions_tell_what_is_felt(pair: Pair) -> None:
+    for _ in range(5):
+        motion = pair.robot.drive(Velocity(0.2, 0.4))
+    assert motion.gyro == pytest.approx([0, 0, 0.4])
+    assert motion.accelerometer == pytest.approx([0, 0, 9.81])
+    assert np.diff(motion.wheel_speed) == pytest.approx(0.4 * PIONEER.width)
+    assert pair.robot.control_period == pytest.approx(pair.room.body.control_period)
+
+
+def test_without_inertial_sensors_the_odometry_tells_whether_it_leans() -> None:
+    wire, lean = Wire(), 0.2
+    wire.change = silent("/imu")
+    room, end = RoomRobot(wire), End(wire, "explorer")
+    end.work = room.period
+    robot = RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
+    tilted = np.array([[np.cos(lean), 0, np.sin(lean)], [0, 1, 0], [-np.sin(lean), 0, np.cos(lean)]])
+
+    def leaning(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+        T = from_rotation(tilted, np.zeros(3))
+        odometry = messages.odometry(time, T, Velocity(0.1, 0.3))
+        return [] if topic == "/imu" else [(topic, time, odometry if topic == ODOM else message)]
+
+    wire.change = leaning
+    motion = robot.drive(Velocity())
+    assert motion.accelerometer == pytest.approx(tilted.T @ [0, 0, 9.81])
+    assert motion.gyro == pytest.approx([0, 0, 0.3])
+
+
+def test_it_stands_while_what_drives_it_computes(pair: Pair) -> None:
+    pair.robot.drive(Velocity(0.2))
+    before = pair.room.body.T[0, 3]
+    pair.pass_time(3.0)
+    assert pair.commands[-1] == Velocity()
+    assert pair.room.body.T[0, 3] - before < 0.2 * (HOLD + 0.15)
+
+
+def test_stamped_commands_are_sent_to_what_listens_to_them() -> None:
+    pair = Pair("geometry_msgs/msg/TwistStamped")
+    pair.robot.drive(Velocity(0.2, 0.1))
+    (message,) = pair.wire.heard["/cmd_vel"]
+    assert message.twist.linear.x == 0.2
+    assert message.header.frame_id == "base_link"
+
+
+@pytest.mark.parametrize("topic", ["/tf_static", "/camera/transform"])
+def test_a_transform_tells_where_the_camera_is(topic: str) -> None:
+    wire = Wire()
+    room, end = RoomRobot(wire), End(wire, "explorer")
+    end.work = room.period
+    wire.change = silent("/tf_static")
+    with pytest.raises(InputError, match=r"no transform tells where camera_optical is .* --camera"):
+        RosRobot(end, PIONEER, TopicNames(), patience=2.0)
+    link = messages.transform(0.0, "base_link", "camera_optical", T_BASE_CAMERA)
+    message = messages.make("tf2_msgs/TFMessage", [link]) if topic == "/tf_static" else link
+    wire.change = unchanged
+    room.end.send(topic, 0.0, message)
+    robot = RosRobot(end, PIONEER, TopicNames(), patience=2.0)
+    np.testing.assert_allclose(robot.sense().T_base_camera, T_BASE_CAMERA, atol=1e-9)
+
+
+def test_a_type_that_is_not_installed_is_no_reason_to_give_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    listen = End.listen
+
+    def refusing(end: End, topic: str, *args: Any) -> None:
+        if topic == "/tf_static":
+            raise InputError("/tf_static: its type is not installed here")
+        listen(end, topic, *args)
+
+    monkeypatch.setattr(End, "listen", refusing)
+    assert Pair().robot.drive(Velocity()).time > 0
+
+
+def silent(*topics: str) -> Change:
+    return lambda topic, time, message: [] if topic in topics else [(topic, time, message)]
+
+
+def other_clock(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+    """Images whose stamps are the wall's."""
+    if topic in (DEPTH, COLOUR):
+        message = replace(message, header=messages.header(1.7e9 + time, message.header.frame_id))
+    return [(topic, time, message)]
+
+
+def smaller(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+    """Depth images of another size."""
+    if topic == DEPTH:
+        message = messages.image(time, "32FC1", np.ones((10, 20), np.float32))
+    return [(topic, time, message)]
+
+
+def late(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+    """Colour images whose stamps are too late to belong to depth images."""
+    if topic == COLOUR:
+        message = replace(message, header=messages.header(time + 0.1, message.header.frame_id))
+    return [(topic, time, message)]
+
+
+def still(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+    """Odometry whose clock has stopped."""
+    return [(topic, time, messages.odometry(1.0, np.eye(4), Velocity()) if topic == ODOM else message)]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (silent(DEPTH), f"{DEPTH}: silent for 2 s"),
+        (silent(COLOUR), f"{COLOUR}: silent for 2 s"),
+        (silent(ODOM), f"{ODOM}: silent for 2 s"),
+        (other_clock, "clocks differ: images are of 1700000"),
+        (smaller, "depth images of 20 × 10 pixels where 320 × 240 are expected"),
+        (still, "clocks differ: images are of .* the odometry of 1.00 s"),
+        (late, "stamps make no sense: for 2 s .* no depth image with a colour image 20 ms near"),
+    ],
+)
+def test_what_goes_wrong_while_it_drives_is_said_and_the_robot_stopped(pair: Pair, change: Change, told: str) -> None:
+    pair.robot.drive(Velocity(0.2))
+    pair.robot.sense()
+    pair.wire.change = change
+    with pytest.raises(InputError, match=told):
+        for _ in range(50):
+            pair.robot.drive(Velocity(0.2))
+            pair.robot.sense()
+    pair.pass_time(1.0)
+    assert pair.commands[-1] == Velocity()
+
+
+def test_a_robot_that_ignores_commands_is_given_up(pair: Pair) -> None:
+    pair.wire.takers["/cmd_vel"] = [("robot", lambda data: None)]
+    with pytest.raises(InputError, match="/cmd_vel: the robot ignores it, for it has not moved for 10 s"):
+        for _ in range(500):
+            pair.robot.drive(Velocity(0.2))
+    assert pair.commands[-1] == Velocity()
+
+
+def test_a_robot_that_turns_in_place_or_is_told_to_stand_does_not_ignore_commands(pair: Pair) -> None:
+    for command in [Velocity(0.0, 0.3)] * 300 + [Velocity()] * 300:
+        pair.robot.drive(command)
+
+
+@pytest.mark.parametrize("topic", [DEPTH, COLOUR, INFO, ODOM])
+def test_what_is_not_there_is_named(topic: str) -> None:
+    wire = Wire()
+    wire.change = silent(topic)
+    room, end = RoomRobot(wire), End(wire, "explorer")
+    end.work = room.period
+    with pytest.raises(InputError, match=f"no robot after 2 s: nothing sends {topic}$"):
+        RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
+
+
+def test_two_robots_or_none_that_listens_are_refused() -> None:
+    wire = Wire()
+    room, end = RoomRobot(wire), End(wire, "explorer")
+    end.work = room.period
+    wire.senders[ODOM] = ["another"]
+    with pytest.raises(InputError, match="/odom: several nodes send it, another and robot"):
+        RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
+    with pytest.raises(InputError, match="nothing listens to /drive"):
+        RosRobot(end, PIONEER, TopicNames(cmd_vel="/drive"), T_BASE_CAMERA, patience=2.0)

@@ -1,0 +1,160 @@
+"""A mapper goes on from what an earlier one left."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.labels import Label
+from pipeline.localisation.slam import Slam
+from pipeline.map_file import LAYOUT, load_keyframes, save_keyframes
+from pipeline.mapper import Mapper
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import from_yaw
+from pipeline.victims.victim_map import Sighting, Victim
+from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
+from tests.pipeline.robot_model import PIONEER
+
+SCENE = [floor(-2, 6, -3, 3), wall((3.2, 2.3), (3.2, -2.3)), *wedge(2.0, 0.3, 0.8, 1.0, 0.2)]
+T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.3)
+POSES = [from_yaw(0.3 * k, 0.02, 0, 0.2 * (k % 2)) for k in range(4)]
+
+
+def new_mapper() -> Mapper:
+    return Mapper(PIONEER, TruthClassifier(), localisation=Slam())
+
+
+@pytest.fixture(scope="module")
+def mapper() -> Mapper:
+    """One that has met a person and driven into something, and whose poses were corrected."""
+    mapper = new_mapper()
+    mapper.assume_ground(POSES[0])
+    for k, T in enumerate(POSES):
+        frame = replace(look(SCENE, T @ T_BASE_CAMERA, 0.004, k), T_base_camera=T_BASE_CAMERA, T_odom_base=T)
+        mapper.add(frame, mapper.localise(frame), labelled=k % 2 == 0)
+    mapper.add_drive(np.array([(0.1, 0.0)]), np.full((9, 3), 0.5, np.float32), [np.array([(0.3, 0.2, 0.3)])])
+    points = np.random.default_rng(0).uniform(1, 1.5, (50, 3)).astype(np.float32)
+    seen = [Sighting(k, points + np.float32(0.01 * k), 100 * np.eye(3), np.full(3, 0.5 * k)) for k in (0, 2)]
+    photo = np.arange(60, dtype=np.uint8).reshape(4, 5, 3)
+    tried = [np.ones(3)]
+    victim = Victim(points, np.eye(3), [], [0.8, 0.7], photo, 9.5, missed=1, tried=tried, sightings=seen)
+    mapper.victims.all = [victim]
+    mapper.correct(mapper.poses @ from_yaw(0.02, 0, 0, 0.01))
+    mapper.localisation.graph.poses = mapper.poses
+    mapper.localisation.local_map.place(mapper.poses)
+    return mapper
+
+
+@pytest.fixture(scope="module")
+def file(mapper, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("map") / "keyframes.npz"
+    save_keyframes(mapper, path)
+    return path
+
+
+def test_a_loaded_map_is_the_one_that_was_saved(mapper, file):
+    loaded = new_mapper()
+    load_keyframes(file, loaded)
+    np.testing.assert_array_equal(loaded.poses, mapper.poses)
+    lower, upper = mapper.metric_map.bounds()
+    np.testing.assert_array_equal(loaded.metric_map.log_odds(lower, upper), mapper.metric_map.log_odds(lower, upper))
+    np.testing.assert_array_equal(loaded.semantic_map.points(), mapper.semantic_map.points())
+    assert set(loaded.semantic_map.labels()) >= {Label.WALL, Label.TERRAIN}
+    np.testing.assert_array_equal(loaded.semantic_map.labels(), mapper.semantic_map.labels())
+    np.testing.assert_allclose(loaded.elevation_map.elevation, mapper.elevation_map.elevation, atol=1e-3)
+    assert [(s.id, s.label, s.members) for s in loaded.segments] == [
+        (s.id, s.label, s.members) for s in mapper.segments
+    ]
+    np.testing.assert_allclose(loaded.localisation.points(), mapper.localisation.points(), atol=1e-3)
+    (before,), (victim,) = mapper.victims.all, loaded.victims.all
+    np.testing.assert_allclose(victim.position, before.position, atol=1e-3)
+    np.testing.assert_allclose(victim.information, before.information)
+    np.testing.assert_array_equal(victim.photo, before.photo)
+    assert (victim.confidences, victim.missed, victim.photo_shows) == ([0.8, 0.7], 1, 9.5)
+    np.testing.assert_allclose(victim.tried, before.tried)
+    np.testing.assert_allclose(victim.cameras[1], before.cameras[1])
+
+
+def test_new_keyframes_join_those_that_stay_where_they_were(mapper, file):
+    loaded = new_mapper()
+    load_keyframes(file, loaded)
+    assert loaded.T_map_start is None
+    T = mapper.poses[1] @ from_yaw(0.1, 0, 0, 0.05)
+    frame = replace(look(SCENE, T @ T_BASE_CAMERA, 0.004, 9), T_base_camera=T_BASE_CAMERA, T_odom_base=np.eye(4))
+    loaded.localisation.set_down(from_yaw(0.05, 0.03, 0, 0) @ T)
+    loaded.add(frame, loaded.localise(frame))
+    loaded.settle()
+    np.testing.assert_allclose(loaded.poses[:4], mapper.poses, atol=1e-3)
+    np.testing.assert_allclose(loaded.poses[4], loaded.T_map_start)
+    assert np.linalg.norm(loaded.poses[4, :3, 3] - T[:3, 3]) < 0.03
+
+
+def changed(file: Path, folder: Path, **entries: object) -> Path:
+    with np.load(file) as content:
+        np.savez(folder / "changed.npz", **dict(content) | entries)
+    return folder / "changed.npz"
+
+
+def entry(file: Path, name: str) -> np.ndarray:
+    with np.load(file) as content:
+        return content[name]
+
+
+@pytest.mark.parametrize("name", LAYOUT)
+def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp_path, name):
+    value = entry(file, name)
+    broken = [value.astype(np.complex64), value[..., None], np.concatenate([value, value[:1]])]
+    broken += [np.full_like(value, np.nan)] if value.dtype.kind == "f" else []
+    for bad in broken:
+        with pytest.raises(InputError) as error:
+            load_keyframes(changed(file, tmp_path, **{name: bad}), new_mapper())
+        assert "changed.npz: " in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("format", "sarsim metric map", "not the map of an episode"),
+        ("version", 99, "not of version 2"),
+        ("local_owner", -1, "a keyframe that is not there"),
+        ("T_map_base", 2.0, "not one rigid pose"),
+        ("labelled", -2, "a length is negative"),
+        ("camera", 0.0, "no focal length"),
+        ("members", 12, "a segment is of no class"),
+    ],
+)
+def test_numbers_that_make_no_sense_are_refused(file, tmp_path, name, value, reason):
+    old = entry(file, name)
+    bad = np.full_like(old, value) if name in LAYOUT and name != "members" else np.array(value)
+    if name == "members":
+        bad = old.copy()
+        bad[:, 2] = value
+    with pytest.raises(InputError, match=reason):
+        load_keyframes(changed(file, tmp_path, **{name: bad}), new_mapper())
+
+
+def test_files_that_are_none_are_refused(file, tmp_path):
+    half = tmp_path / "half.npz"
+    half.write_bytes(file.read_bytes()[:5000])
+    text = tmp_path / "text.npz"
+    text.write_text("no map")
+    for path in (tmp_path / "missing.npz", half, text, tmp_path):
+        with pytest.raises(InputError, match=path.name) as error:
+            load_keyframes(path, new_mapper())
+        assert "\n" not in str(error.value)
+
+
+def test_nobody_finds_a_place_in_a_map_without_registered_points(tmp_path):
+    told = Mapper(PIONEER, TruthClassifier())
+    frame = replace(
+        look(SCENE, POSES[0] @ T_BASE_CAMERA, 0.004, 0), T_base_camera=T_BASE_CAMERA, T_odom_base=POSES[0]
+    )
+    told.add(frame, POSES[0])
+    save_keyframes(told, tmp_path / "told.npz")
+    with pytest.raises(InputError, match="registered nothing"):
+        load_keyframes(tmp_path / "told.npz", new_mapper())
+    again = Mapper(PIONEER, TruthClassifier())
+    load_keyframes(tmp_path / "told.npz", again)
+    np.testing.assert_array_equal(again.localisation.poses, again.poses)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.keyframes import Moves
 from pipeline.labels import Label
-from pipeline.localisation.correction import Correction
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.mission import Mission
 from pipeline.navigation.lookout import KIDNAPPED, Lookout
@@ -65,7 +65,6 @@ class Explorer:
         mission: what to do next.
         navigator: drives the robot.
         lookout: takes frames, also during a drive.
-        track: (N, 2) m in ``map``, positions of the robot since it was set down.
         steps: number of steps so far.
         on_correction: called after the maps were made anew with corrected poses of the keyframes.
     """
@@ -73,24 +72,21 @@ class Explorer:
     def __init__(self, robot: Robot, mapper: Mapper):
         """Begin where the robot stands, with the maps as they are."""
         self.robot, self.mapper = robot, mapper
-        self.reobservation = Reobservation(self.mapper.victims, self.mapper.metric_map)
+        self.reobservation = Reobservation(mapper.victims, mapper.metric_map, mapper.keyframes)
         exploration = Exploration(robot.model)
         exploration.rewards = self.reobservation
         self.mission = Mission(exploration)
         self.navigator = Navigator(robot)
         self.lookout = Lookout(self.navigator, self.mapper)
         self.steps = 0
-        self.on_correction: Callable[[Correction], object] = lambda correction: None
-        self.track = np.zeros((0, 2))
+        self.on_correction: Callable[[Moves], object] = lambda moves: None
         self._failed_drives = 0
 
     def step(self) -> Step:
         """Sense, localise, map, decide where to go next and plan the way."""
         self.settle()
         frame = self.lookout.sense()
-        if was_set_down := self.lookout.was_set_down(frame):
-            self.track = np.zeros((0, 2))
-        was_kidnapped = was_set_down and self.steps > 0
+        was_kidnapped = self.lookout.was_set_down(frame) and self.steps > 0
         keyframe = self.lookout.add(frame, labelled=True)
         self.steps += 1
         self.reobservation.count(frame)
@@ -148,7 +144,8 @@ class Explorer:
         # After failed drives clearance weighs more, so that the same way is not tried again.
         caution = 1.0 + self._failed_drives
         paths = PosePaths(self.mapper.traversability, T_map_base[:2, 3], yaw_of(T_map_base), caution)
-        context = Context(keyframe.frame, T_map_base, self.mapper.elevation_map.measured, paths)
+        poses = self.mapper.keyframes.poses
+        context = Context(keyframe.frame, T_map_base, self.mapper.elevation_map.measured, paths, poses)
         self.mission.observe(context)
         choice = None if self.is_held else self.mission.next_viewpoint(context)
         if choice is None:
@@ -167,15 +164,11 @@ class Explorer:
         # If the robot did not get free, an obstacle mapped beside it would only shut it in.
         halts = [halt for halt in self.navigator.halts if halt.touches]
         self.mapper.add_drive(track, obstacles, [halt.touched(self.robot.model) for halt in halts])
-        self.track = np.vstack([self.track, track])
 
     def settle(self) -> bool:
         """Correct the keyframes' poses, the maps and all places in them; True if any moved noticeably."""
-        correction = self.mapper.settle()
-        if correction is not None:
-            self.mission.exploration.correct(correction)
-            self.reobservation.correct(correction)
-            self.track = correction.moved(self.track)
-            self.on_correction(correction)
+        moves = self.mapper.settle()
+        if moves is not None:
+            self.on_correction(moves)
         self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
-        return correction is not None
+        return moves is not None

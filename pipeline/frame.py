@@ -94,3 +94,11 @@ class Frame:
             points = (self.intrinsics.rays * self.depth[..., None]).reshape(-1, 3)
         # Faster than a mask.
         return transform_points(T_target_camera, points.take(np.flatnonzero(self.returns), axis=0))
+
+    def every_nth(self, n: int) -> tuple[NDArray[np.float32], Intrinsics]:
+        """(h, w) float32 m, the depth of every ``n``-th pixel of every ``n``-th row, and this image's intrinsics."""
+        k, first = self.intrinsics, n // 2
+        depth = self.depth[first::n, first::n]
+        # The centre of the first pixel kept is the centre of the first pixel of the new image.
+        cx, cy = ((c - first - 0.5) / n + 0.5 for c in (k.cx, k.cy))
+        return depth, Intrinsics(depth.shape[1], depth.shape[0], k.fx / n, k.fy / n, cx, cy)

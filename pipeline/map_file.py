@@ -1,63 +1,105 @@
-"""The map of an episode as a file from which a later episode continues: the kept data of each keyframe as numbers."""
+"""The map of an episode as a file from which a later episode continues: what its keyframes have shown, as numbers."""
 
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import load_arrays, whole_file
-from pipeline.frame import Frame, Intrinsics
+from pipeline.frame import Intrinsics
+from pipeline.keyframes import Keyframes, Places, Seen
 from pipeline.labels import Label
-from pipeline.localisation.odometry import Keyframes
-from pipeline.mapper import Mapper, Observation
+from pipeline.localisation.odometry import Keyframes as KnownSurfaces
+from pipeline.mapper import Mapper
 from pipeline.metric_map.grid_kernels import is_rigid
-from pipeline.metric_map.packed_depth import unpack_returns
 from pipeline.robot import RobotModel
 from pipeline.segments.members import Member
 from pipeline.segments.plane import Moments
-from pipeline.semantic_map.semantic_map import VOXEL
-from pipeline.semantic_map.voxels import VoxelCloud
-from pipeline.traversability.elevation_map import CELL, ElevationMap
-from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
+from pipeline.semantic_map.class_shares import ClassShares
+from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.victims.victim_map import Sighting, Victim
 
-FORMAT, VERSION = "sarsim keyframes", 2
-UNIT = 2.5e-4  # m, to which points are rounded
-KINDS = Seen, Assumed, Driven  # of evidence of the ground, by number
-LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
-    "depth": ("u2", "K", "H", "W"),
-    "camera": ("f8", "K", 4),  # fx, fy, cx, cy
-    "T_base_camera": ("f8", "K", 4, 4),
-    "T_map_base": ("f8", "K", 4, 4),
-    "T_map_base_added": ("f8", "K", 4, 4),
-    "ups": ("f8", "K", 3),
-    "labelled": ("i8", "K"),  # number of points with shares; -1 if the keyframe was not labelled
-    "shares": ("u1", "Q", len(Label)),
-    "local_points": ("i4", "N", 3),
-    "local_normals": ("i1", "N", 3),  # 1/127
-    "local_owner": ("i8", "N"),
-    "ground": ("i8", "G", 5),  # keyframe, kind, numbers of points: assumed, or a drive's track, obstacles, touched
-    "ground_points": ("i4", "D", 3),
-    "members": ("i8", "M", 6),  # keyframe, segment, class, numbers of surfels, corners and points
-    "planes": ("f8", "M", 15),  # normal, Σ x, Σ x xᵀ
-    "outlines": ("i4", "O", 3),
-    "member_points": ("i4", "L", 3),
-    "victims": ("f8", "V", 6),  # missed, photo_shows, numbers of sightings and tried, height and width of the photo
-    "tried": ("f8", "T", 3),
-    "photos": ("u1", "B"),
-    "sightings": ("f8", "S", 15),  # keyframe, number of points, confidence, camera, information
-    "sighting_points": ("i4", "R", 3),
-}
-"""Type and shape of each entry of the file; a letter stands for the same length in every entry."""
+FORMAT, VERSION = "sarsim keyframes", 3
 
+Row = dict[str, Any]
 Arrays = dict[str, NDArray[Any]]
-Rows = dict[str, Any]
+MANY = -1
+"""First length of a field of which each row has another number of entries."""
+
+
+class Field(NamedTuple):
+    """Type and shape of a field of a kind's rows; a letter stands for the same length in every row."""
+
+    kind: str
+    shape: tuple[int | str, ...] = ()
+
+
+def _points(kind: str = "f4") -> Field:
+    return Field(kind, (MANY, 3))
+
+
+LAYOUT: dict[str, dict[str, Field]] = {
+    "keyframe": {
+        "depth": Field("u2", ("H", "W")),
+        "camera": Field("f8", (4,)),  # fx, fy, cx, cy
+        "T_base_camera": Field("f8", (4, 4)),
+        "T_map_base": Field("f8", (4, 4)),
+        "up": Field("f8", (3,)),
+        "points": _points("i2"),
+        "hits": Field("u1", (MANY,)),
+        "dropouts": _points("i2"),
+        "dropout_hits": Field("u1", (MANY,)),
+        "rays": _points("i2"),
+        "is_labelled": Field("?"),
+        "classes": Field("u1", (MANY, 2)),
+        "share": Field("u1", (MANY,)),
+        "surfaces": _points(),  # with their normals what frames are registered with
+        "normals": _points(),
+        "order": Field("i8"),  # among all evidence of the ground
+    },
+    "assumed": {"keyframe": Field("i8"), "order": Field("i8"), "points": _points()},
+    "driven": {
+        "keyframe": Field("i8"),
+        "order": Field("i8"),
+        "track": _points(),
+        "obstacles": _points(),
+        "touched": _points(),
+    },
+    "member": {
+        "keyframe": Field("i8"),
+        "label": Field("i8"),
+        "normal": Field("f8", (3,)),
+        "count": Field("i8"),
+        "total": Field("f8", (3,)),  # Σ x
+        "squares": Field("f8", (3, 3)),  # Σ x xᵀ
+        "outline": _points(),
+        "points": _points(),
+    },
+    "victim": {
+        "missed": Field("i8"),
+        "photo_shows": Field("f8"),
+        "photo": Field("u1", (MANY,)),
+        "photo_shape": Field("i8", (3,)),
+        "tried_from": Field("i8", (MANY,)),  # keyframes, and places relative to them
+        "tried": _points("f8"),
+        "sightings": Field("i8"),  # how many of the next rows of that kind are of this victim
+    },
+    "sighting": {
+        "keyframe": Field("i8"),
+        "confidence": Field("f8"),
+        "camera": Field("f8", (3,)),
+        "information": Field("f8", (3, 3)),
+        "points": _points(),
+    },
+}
+"""The rows of each kind. A field of rows of different lengths is stored end to end, with its lengths beside it."""
 
 
 def save_keyframes(mapper: Mapper, path: Path) -> None:
@@ -66,18 +108,36 @@ def save_keyframes(mapper: Mapper, path: Path) -> None:
     Raises:
         InputError: it cannot be written.
     """
-    entries = _keyframes(mapper) | _ground(mapper) | _members(mapper) | _victims(mapper.victims.all)
-    arrays = {name: _array(value, *LAYOUT[name]) for name, value in entries.items()}
+    sightings, confidences = (
+        [item for victim in mapper.victims.all for item in items(victim)]
+        for items in (lambda v: v.sightings, lambda v: v.confidences)
+    )
+    rows = {
+        "keyframe": list(_keyframe_rows(mapper)),
+        "assumed": list(_ground_rows(mapper.keyframes, Assumed)),
+        "driven": list(_ground_rows(mapper.keyframes, Driven)),
+        "member": [_member_row(member) for member in mapper.segments.members],
+        "victim": [_victim_row(victim) for victim in mapper.victims.all],
+        "sighting": [vars(s) | {"confidence": c} for s, c in zip(sightings, confidences, strict=True)],
+    }
+    arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
+    for kind, fields in LAYOUT.items():
+        for name, field in fields.items():
+            arrays |= _columns(f"{kind}.{name}", field, [row[name] for row in rows[kind]])
     with whole_file(path) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
-        for name, array in {"format": np.array(FORMAT), "version": np.array(VERSION), **arrays}.items():
+        for name, array in arrays.items():
             with file.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, array, allow_pickle=False)
 
 
-def _array(value: ArrayLike, kind: str, *shape: str | int) -> NDArray[Any]:
-    """An array of that type; also an empty one gets that number of columns."""
-    array = np.asarray(value, kind)
-    return array if array.size else np.zeros([n if isinstance(n, int) else 0 for n in shape], kind)
+def _columns(name: str, field: Field, values: Sequence[Any]) -> Arrays:
+    """The entries of a field: its values of all rows, and their lengths if these differ."""
+    rows = [np.asarray(value, field.kind) for value in values]
+    fixed = [n if isinstance(n, int) else 0 for n in field.shape]
+    if field.shape[:1] == (MANY,):
+        nothing = np.zeros([0, *fixed[1:]], field.kind)
+        return {name: np.concatenate([nothing, *rows]), f"{name}.lengths": np.array([*map(len, rows)], np.int64)}
+    return {name: np.stack(rows) if rows else np.zeros([0, *fixed], field.kind)}
 
 
 def load_keyframes(path: Path, mapper: Mapper) -> None:
@@ -86,13 +146,19 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
     Raises:
         InputError: the file is missing, damaged, foreign or of another version; the mapper must not be used then.
     """
-    with _opened(path) as e:
-        observations, seen = zip(*_observations(e), strict=True)
-        local = _unpacked(e["local_points"]), e["local_normals"] / 127, e["local_owner"]
-        mapper.localisation.restore(Keyframes(e["T_map_base"], e["ups"], *local))
-        mapper.segments.restore(list(_restored_members(e)), e["members"][:, 1], e["members"][:, 2].astype(np.uint8))
-        mapper.victims.all = list(_restored_victims(e))
-        mapper.restore(list(observations), list(_evidence(e, seen)), e["T_map_base"], e["T_map_base_added"])
+    with _opened(path) as rows:
+        known = rows["keyframe"]
+        owner = np.repeat(np.arange(len(known)), [len(row["surfaces"]) for row in known])
+        surfaces, normals = (np.concatenate([row[name] for row in known]) for name in ("surfaces", "normals"))
+        poses, ups = (np.array([row[name] for row in known]) for name in ("T_map_base", "up"))
+        mapper.localisation.restore(KnownSurfaces(poses, ups, surfaces, normals, owner))
+        _restore_keyframes(rows, mapper.keyframes)
+        mapper.segments.members = [_member_of(row) for row in rows["member"]]
+        sightings = iter(rows["sighting"])
+        mapper.victims.all = [
+            _victim_of(row, [next(sightings) for _ in range(row["sightings"])]) for row in rows["victim"]
+        ]
+        mapper.restore()
 
 
 def load_elevation_map(path: Path, robot: RobotModel) -> tuple[ElevationMap, NDArray[np.float64]]:
@@ -101,171 +167,169 @@ def load_elevation_map(path: Path, robot: RobotModel) -> tuple[ElevationMap, NDA
     Raises:
         InputError: as :func:`load_keyframes`.
     """
-    elevation_map = ElevationMap(robot)
-    with _opened(path) as e, elevation_map.made_anew():
-        _, seen = zip(*_observations(e), strict=True)
-        for k, evidence in _evidence(e, seen):
-            evidence.put(elevation_map, e["T_map_base"][k])
-    return elevation_map, e["T_map_base"]
+    elevation_map, keyframes = ElevationMap(robot), Keyframes(robot, 0.0)
+    with _opened(path) as rows:
+        _restore_keyframes(rows, keyframes)
+        with elevation_map.made_anew(keyframes.boxes()):
+            for k, evidence in keyframes.ground:
+                evidence.put(elevation_map, keyframes.poses[k])
+    return elevation_map, keyframes.poses
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Arrays]:
-    """The checked entries of a file; an error in the block that uses them also becomes InputError."""
-    e = load_arrays(path, "map of an episode")
-    if str(e.pop("format", "")) != FORMAT:
+def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
+    """The checked rows of a file, by kind; an error in the block that uses them also becomes InputError."""
+    arrays = load_arrays(path, "map of an episode")
+    if str(arrays.pop("format", "")) != FORMAT:
         raise InputError(f"{path}: not the map of an episode")
-    if e.pop("version", np.array(0)).tolist() != VERSION:
+    if arrays.pop("version", np.array(0)).tolist() != VERSION:
         raise InputError(f"{path}: not of version {VERSION} of this format")
     try:
-        _check(e)
-        yield e
+        sizes: dict[str, int] = {}
+        rows = {kind: _rows(arrays, kind, fields, sizes) for kind, fields in LAYOUT.items()}
+        _check(rows)
+        yield rows
     except (ValueError, IndexError, KeyError, StopIteration, RuntimeError, np.linalg.LinAlgError) as error:
         raise InputError(f"{path}: a damaged map: {' '.join(str(error).split())}") from error
 
 
-def _check(e: Arrays) -> None:
-    """Raise ValueError if an entry is missing, has a wrong type or shape, or holds an impossible number."""
-    sizes: dict[str, int] = {}
-    for name, (kind, *shape) in LAYOUT.items():
-        if name not in e or e[name].dtype != np.dtype(kind) or e[name].ndim != len(shape):
-            raise ValueError(f"{name} is missing or of a wrong type")
-        for n, size in zip(shape, e[name].shape, strict=True):
-            if size != (n if isinstance(n, int) else sizes.setdefault(n, size)):
-                raise ValueError(f"{name} has the wrong shape {e[name].shape}")
-        if not np.isfinite(e[name]).all():
-            raise ValueError(f"{name} is not finite")
-    for name in ("T_base_camera", "T_map_base", "T_map_base_added"):
-        if not sizes["K"] or not all(map(is_rigid, e[name])):
-            raise ValueError(f"{name} is not one rigid pose for each of {sizes['K']} keyframes")
-    numbers = e["local_owner"], e["ground"][:, 0], e["members"][:, 0], e["sightings"][:, 0]
-    if any(((n < 0) | (n >= sizes["K"])).any() for n in numbers) or (e["camera"][:, :2] <= 0).any():
-        raise ValueError("something belongs to a keyframe that is not there, or a camera has no focal length")
-    if not np.isin(e["members"][:, 2], list(Label)).all() or (e["members"][:, [1, 3]] < 0).any():
-        raise ValueError("a segment is of no class")
-    lengths = e["labelled"] + 1, e["ground"][:, 2:], e["members"][:, 4:], e["victims"][:, 2:], e["sightings"][:, 1]
-    if any((n < 0).any() for n in lengths):
-        raise ValueError("a length is negative")
+def _rows(arrays: Arrays, kind: str, fields: dict[str, Field], sizes: dict[str, int]) -> list[Row]:
+    """The rows of a kind; ValueError if an entry is missing, not finite or of a wrong type or shape."""
+    columns = [list(_values(arrays, f"{kind}.{name}", field, sizes)) for name, field in fields.items()]
+    if len({len(column) for column in columns}) != 1:
+        raise ValueError(f"the entries of {kind} are not of one length")
+    return [dict(zip(fields, values, strict=True)) for values in zip(*columns, strict=True)]
 
 
-def _keyframes(mapper: Mapper) -> Rows:
-    kept, known = mapper.observations, mapper.localisation.keyframes()
-    shares = [np.zeros((0, len(Label))) if o.probabilities is None else o.probabilities for o in kept]
-    return {
-        "depth": np.array([o.depth for o in kept]),
-        "camera": np.array([(o.intrinsics.fx, o.intrinsics.fy, o.intrinsics.cx, o.intrinsics.cy) for o in kept]),
-        "T_base_camera": np.array([o.T_base_camera for o in kept]),
-        "T_map_base": known.poses,
-        "T_map_base_added": mapper.poses_added,
-        "ups": known.ups,
-        "labelled": np.array([-1 if o.probabilities is None else len(o.probabilities) for o in kept]),
-        "shares": np.concatenate(shares),
-        "local_points": _packed([known.points]),
-        "local_normals": np.rint(known.normals * 127),
-        "local_owner": known.owner,
-    }
+def _values(arrays: Arrays, name: str, field: Field, sizes: dict[str, int]) -> Iterator[Any]:
+    """The value of a field in each row."""
+    array = arrays.get(name, np.zeros(0))
+    has_lengths = field.shape[:1] == (MANY,)
+    of_row = array.shape[1:]
+    expected = field.shape[1:] if has_lengths else field.shape
+    if array.dtype != np.dtype(field.kind) or len(of_row) != len(expected):
+        raise ValueError(f"{name} is missing or of a wrong type")
+    for n, size in zip(expected, of_row, strict=True):
+        if size != (n if isinstance(n, int) else sizes.setdefault(n, size)):
+            raise ValueError(f"{name} has the wrong shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} is not finite")
+    if not has_lengths:
+        return iter(array if of_row else array.tolist())
+    return _parts(name, array, arrays.get(f"{name}.lengths", np.zeros(0)))
 
 
-def _observations(e: Arrays) -> Iterator[tuple[Observation, Seen]]:
-    """The kept data of each keyframe, thinned and searched for dropouts as when it was added."""
-    _, height, width = e["depth"].shape
-    shares = _parts(e["shares"], e["labelled"].clip(0))
-    for depth, camera, T, labelled in zip(e["depth"], e["camera"], e["T_base_camera"], e["labelled"], strict=True):
-        intrinsics, probabilities = Intrinsics(width, height, *camera.tolist()), next(shares)
-        frame = Frame(0.0, np.zeros((0, 0, 3), np.uint8), unpack_returns(depth), intrinsics, T, np.eye(4))
-        cloud = VoxelCloud.of(frame.points(T), CELL / 2 if labelled < 0 else VOXEL)
-        if labelled not in (-1, len(cloud.points)):
-            raise ValueError(f"a keyframe has shares of {labelled} points, not of {len(cloud.points)}")
-        yield (
-            Observation(depth, intrinsics, T, cloud.points, cloud.hits, None if labelled < 0 else probabilities),
-            Seen.of(frame, cloud),
-        )
-
-
-def _ground(mapper: Mapper) -> Rows:
-    rows, points = [], list[NDArray[np.float32]]()
-    for keyframe, evidence in mapper.ground:
-        parts = () if isinstance(evidence, Seen) else tuple(vars(evidence).values())
-        rows.append([keyframe, KINDS.index(type(evidence)), *map(len, parts), *[0] * (3 - len(parts))])
-        points += parts
-    return {"ground": rows, "ground_points": _packed(points)}
-
-
-def _evidence(e: Arrays, seen: Sequence[Seen]) -> Iterator[tuple[int, GroundEvidence]]:
-    """The evidence of the ground with its keyframes, in the order in which it was added."""
-    points = _parts(_unpacked(e["ground_points"]), e["ground"][:, 2:].ravel())
-    for keyframe, kind, *_ in e["ground"].tolist():
-        parts = next(points), next(points), next(points)
-        if KINDS[kind] is Seen:
-            yield keyframe, seen[keyframe]
-        else:
-            yield keyframe, Assumed(parts[0]) if KINDS[kind] is Assumed else Driven(*parts)
-
-
-def _members(mapper: Mapper) -> Rows:
-    members = mapper.segments.members
-    segment_of = {row: segment for segment in mapper.segments for row in segment.members}
-    return {
-        "members": [
-            (m.step, segment_of[row].id, segment_of[row].label, m.moments.count, len(m.outline), len(m.points))
-            for row, m in enumerate(members)
-        ],
-        "planes": [[*m.normal, *m.moments.total, *m.moments.squares.ravel()] for m in members],
-        "outlines": _packed(m.outline for m in members),
-        "member_points": _packed(m.points for m in members),
-    }
-
-
-def _restored_members(e: Arrays) -> Iterator[Member]:
-    outlines = _parts(_unpacked(e["outlines"]), e["members"][:, 4])
-    points = _parts(_unpacked(e["member_points"]), e["members"][:, 5])
-    for row, plane, outline, at in zip(e["members"].tolist(), e["planes"], outlines, points, strict=True):
-        yield Member(row[0], plane[:3], Moments(row[3], plane[3:6], plane[6:].reshape(3, 3)), outline, at)
-
-
-def _victims(victims: list[Victim]) -> Rows:
-    seen = [(s, confidence) for v in victims for s, confidence in zip(v.sightings, v.confidences, strict=True)]
-    return {
-        "victims": [(v.missed, v.photo_shows, len(v.sightings), len(v.tried), *v.photo.shape[:2]) for v in victims],
-        "tried": [place for v in victims for place in v.tried],
-        "photos": np.concatenate([np.zeros(0, np.uint8), *(v.photo.ravel() for v in victims)]),
-        "sightings": [(s.keyframe, len(s.points), c, *s.camera, *s.information.ravel()) for s, c in seen],
-        "sighting_points": _packed(s.points for s, _ in seen),
-    }
-
-
-def _restored_victims(e: Arrays) -> Iterator[Victim]:
-    """Victims with their sightings; points and the rest follow from these when the mapper rebuilds its maps."""
-    found = e["victims"][:, 2:].astype(np.int64)
-    points = _parts(_unpacked(e["sighting_points"]), e["sightings"][:, 1].astype(np.int64))
-    sightings, tried = _parts(e["sightings"], found[:, 0]), _parts(e["tried"], found[:, 1])
-    photos = _parts(e["photos"], 3 * found[:, 2] * found[:, 3])
-    for row, rows, places, photo in zip(e["victims"], sightings, tried, photos, strict=True):
-        seen = [Sighting(int(s[0]), next(points), s[6:].reshape(3, 3), s[3:6]) for s in rows]
-        shape = *row[4:].astype(np.int64).tolist(), 3
-        first, *_ = seen
-        victim = Victim(first.points, first.information, [], rows[:, 2].tolist(), photo.reshape(shape), float(row[1]))
-        victim.missed, victim.tried, victim.sightings = int(row[0]), list(places), seen
-        yield victim
-
-
-def _packed(parts: Iterable[NDArray[np.floating]]) -> NDArray[np.int32]:
-    """(N, 3) points of all parts in units of ``UNIT``, as differences of successive points, which compress well."""
-    points = np.rint(np.concatenate([np.zeros((1, 3)), *parts]) / UNIT)
-    return np.asarray(points[1:] - points[:-1], np.int32)
-
-
-def _unpacked(steps: NDArray[np.int32]) -> NDArray[np.float32]:
-    return (np.cumsum(steps, axis=0, dtype=np.int64) * UNIT).astype(np.float32)
-
-
-def _parts(array: NDArray[Any], lengths: NDArray[np.int64]) -> Iterator[NDArray[Any]]:
-    """Successive parts of an array, of these lengths.
-
-    Raises:
-        ValueError: the lengths do not add up to that of the array.
-    """
-    if lengths.sum() != len(array):
-        raise ValueError(f"{len(array)} rows are not the {lengths.sum()} that belong there")
+def _parts(name: str, array: NDArray[Any], lengths: NDArray[Any]) -> Iterator[NDArray[Any]]:
+    """Successive parts of an array, of these lengths; ValueError if they do not add up to that of the array."""
+    if lengths.dtype != np.int64 or lengths.ndim != 1 or (lengths < 0).any() or lengths.sum() != len(array):
+        raise ValueError(f"{name} has {len(array)} entries, which are not those of its rows")
     ends = np.cumsum(lengths).tolist()
     return (array[start:end] for start, end in zip(chain([0], ends), ends, strict=False))
+
+
+def _check(rows: dict[str, list[Row]]) -> None:
+    """Raise ValueError if a row holds an impossible number."""
+    keyframes = len(rows["keyframe"])
+    rigid = [is_rigid(row[name]) for row in rows["keyframe"] for name in ("T_base_camera", "T_map_base")]
+    if not keyframes or not all(rigid):
+        raise ValueError(f"there is not one rigid pose for each of {keyframes} keyframes")
+    of_keyframe = [row["keyframe"] for kind in LAYOUT for row in rows[kind] if "keyframe" in row]
+    of_keyframe += [k for row in rows["victim"] for k in row["tried_from"].tolist()]
+    if not all(0 <= k < keyframes for k in of_keyframe):
+        raise ValueError("something belongs to a keyframe that is not there")
+    if any((row["camera"][:2] <= 0).any() for row in rows["keyframe"]):
+        raise ValueError("a camera has no focal length")
+    classes = [row["label"] for row in rows["member"]]
+    if not np.isin(classes, list(Label)).all() or any(
+        (row["classes"] >= len(Label)).any() for row in rows["keyframe"]
+    ):
+        raise ValueError("something is of no class")
+    if any(row["count"] < 1 for row in rows["member"]) or any(row["sightings"] < 1 for row in rows["victim"]):
+        raise ValueError("a segment or a victim was seen nowhere")
+
+
+def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
+    known, surfaces = mapper.keyframes, mapper.localisation.keyframes()
+    order = {id(evidence): n for n, (_, evidence) in enumerate(known.ground)}
+    bounds = np.searchsorted(surfaces.owner, np.arange(len(known) + 1))
+    for k, seen in enumerate(known.seen):
+        camera, own = seen.intrinsics, slice(bounds[k], bounds[k + 1])
+        shares = seen.shares or ClassShares(np.zeros((0, 2), np.uint8), np.zeros(0, np.uint8))
+        yield {
+            **vars(seen),
+            "camera": (camera.fx, camera.fy, camera.cx, camera.cy),
+            "T_map_base": known.poses[k],
+            "up": surfaces.ups[k],
+            "is_labelled": seen.shares is not None,
+            **vars(shares),
+            "surfaces": surfaces.points[own],
+            "normals": surfaces.normals[own],
+            "order": order[id(seen)],
+        }
+
+
+def _ground_rows(keyframes: Keyframes, kind: type) -> Iterator[Row]:
+    for n, (k, evidence) in enumerate(keyframes.ground):
+        if isinstance(evidence, kind):
+            yield {"keyframe": k, "order": n, **vars(evidence)}
+
+
+def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None:
+    """Add the keyframes of a file, and all evidence of the ground in the order in which it was found."""
+    found: list[tuple[int, int, GroundEvidence]] = []
+    for k, row in enumerate(rows["keyframe"]):
+        keyframes.add(_seen_of(row), row["T_map_base"])
+        found.append((row["order"], k, keyframes.seen[k]))
+    found += [(row["order"], row["keyframe"], Assumed(row["points"])) for row in rows["assumed"]]
+    parts = "track", "obstacles", "touched"
+    found += [(row["order"], row["keyframe"], Driven(*(row[part] for part in parts))) for row in rows["driven"]]
+    for _, k, evidence in sorted(found, key=lambda entry: entry[0]):
+        keyframes.add_ground(k, evidence)
+
+
+def _seen_of(row: Row) -> Seen:
+    height, width = row["depth"].shape
+    if len(row["hits"]) != len(row["points"]) or len(row["dropout_hits"]) != len(row["dropouts"]):
+        raise ValueError("a keyframe has another number of points than of hits")
+    if row["is_labelled"] and not len(row["classes"]) == len(row["share"]) == len(row["points"]):
+        raise ValueError("a keyframe has another number of points than of classes")
+    names = "points", "hits", "dropouts", "dropout_hits", "rays"
+    shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None
+    camera = Intrinsics(width, height, *row["camera"].tolist())
+    return Seen(row["depth"], camera, row["T_base_camera"], *(row[name] for name in names), shares)
+
+
+def _member_row(member: Member) -> Row:
+    return vars(member) | {
+        "count": member.moments.count,
+        "total": member.moments.total,
+        "squares": member.moments.squares,
+    }
+
+
+def _member_of(row: Row) -> Member:
+    moments = Moments(row["count"], row["total"], row["squares"])
+    return Member(row["keyframe"], Label(row["label"]), row["normal"], moments, row["outline"], row["points"])
+
+
+def _victim_row(victim: Victim) -> Row:
+    tried = Places.joined(victim.tried)
+    return {
+        "missed": victim.missed,
+        "photo_shows": victim.photo_shows,
+        "photo": victim.photo.ravel(),
+        "photo_shape": victim.photo.shape,
+        "tried_from": tried.keyframe,
+        "tried": tried.position,
+        "sightings": len(victim.sightings),
+    }
+
+
+def _victim_of(row: Row, rows: list[Row]) -> Victim:
+    """A victim with its sightings; points and the rest follow from these when the mapper makes its maps."""
+    seen = [Sighting(s["keyframe"], s["points"], s["information"], s["camera"]) for s in rows]
+    confidences, photo = [s["confidence"] for s in rows], row["photo"].reshape(row["photo_shape"])
+    victim = Victim(seen[0].points, seen[0].information, [], confidences, photo, row["photo_shows"], row["missed"])
+    victim.sightings = seen
+    victim.tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
+    return victim

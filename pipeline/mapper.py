@@ -1,34 +1,29 @@
 """From frames to maps (thesis 3.1 to 3.3): localise, map, label, segment. It drives nothing."""
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from time import perf_counter
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.frame import Frame, Intrinsics
-from pipeline.localisation.correction import Correction
+from pipeline.frame import Frame
+from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.odometry import Localisation, OdometryLocalisation
-from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.metric_map.packed_depth import pack_depth, unpack_depth, unpack_returns
 from pipeline.robot import RobotModel
 from pipeline.segments.cells_kernels import moved
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.classifier import PointClassifier
-from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
-from pipeline.semantic_map.voxels import VoxelCloud
+from pipeline.semantic_map.semantic_map import SemanticMap
+from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import inverse, transform_points
-from pipeline.traversability.elevation_map import CELL, HEIGHTS, ElevationMap
-from pipeline.traversability.ground_evidence import UNDER, Assumed, Driven, GroundEvidence, Seen
+from pipeline.traversability.elevation_map import HEIGHTS, ElevationMap
+from pipeline.traversability.ground_evidence import UNDER, Assumed, Driven, GroundEvidence
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.traversability.traversability_layer import TraversabilityLayer
@@ -36,13 +31,10 @@ from pipeline.traversability.ways_up import is_no_way
 from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.victim_map import Victims
 
-NOTICEABLE = 0.01, np.deg2rad(0.5)
-"""m and rad; if a correction moves no keyframe by more than this, the maps stay as they are."""
-
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """A frame that is in the maps.
+    """A frame that is in the maps, as it was taken.
 
     Attributes:
         frame: what the camera saw.
@@ -51,7 +43,7 @@ class Keyframe:
         labels: (N,) uint8 classes of the points.
         patches: planes among the points.
         detections: people in the image, by their colours alone.
-        index: number of the keyframe, its index in ``Mapper.poses``.
+        index: number of the keyframe.
     """
 
     frame: Frame
@@ -63,61 +55,11 @@ class Keyframe:
     index: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Observation:
-    """What is kept of a keyframe, relative to its own pose: enough to make the maps again with other poses.
-
-    Attributes:
-        depth: (H, W) uint16, see :func:`pack_depth`.
-        intrinsics: of the depth image.
-        T_base_camera: 4×4.
-        points: (N, 3) float32 the returns in ``base_link``, m, thinned to the voxels of the semantic
-            map, or to half a cell of the elevation map if the frame was not labelled.
-        hits: (N,) uint32 number of returns that each point is the mean of.
-        probabilities: (N, 8) uint8, 1/255, of the points' classes; None if the frame was not labelled.
-    """
-
-    depth: NDArray[np.uint16]
-    intrinsics: Intrinsics
-    T_base_camera: NDArray[np.float64]
-    points: NDArray[np.float32]
-    hits: NDArray[np.uint32]
-    probabilities: NDArray[np.uint8] | None = None
-
-    @property
-    def frame(self) -> Frame:
-        """A frame of the depth alone, without colours, time and pose."""
-        no_colour = np.zeros((0, 0, 3), np.uint8)
-        return Frame(0.0, no_colour, unpack_returns(self.depth), self.intrinsics, self.T_base_camera, np.eye(4))
-
-
-class Stopwatch:
-    """Collects the wall time of named stages.
-
-    Attributes:
-        seconds: one entry for each run of a stage, by the stage's name.
-    """
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, list[float]] = defaultdict(list)
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        """Time the block of a ``with`` statement."""
-        begin = perf_counter()
-        yield
-        self.seconds[stage].append(perf_counter() - begin)
-
-
 class Mapper:
     """Keeps every map of the robot.
 
     Attributes:
-        observations: what is kept of each keyframe.
-        poses: (N, 4, 4) ``T_map_base`` of each keyframe.
-        poses_added: (N, 4, 4) ``T_map_base`` of each keyframe as estimated when it was added.
-        ground: evidence of the ground, each with the number of the keyframe that it belongs to.
-        loaded: number of keyframes from an earlier episode.
+        keyframes: what they have shown, and their poses.
         stopwatch: the time that each stage took.
     """
 
@@ -152,19 +94,10 @@ class Mapper:
         self.topological_map = TopologicalMap(graph)
         self.victims = Victims()
         self.stopwatch = Stopwatch()
-        self.observations: list[Observation] = []
-        self.poses = self.poses_added = np.zeros((0, 4, 4))
-        self.ground: list[tuple[int, GroundEvidence]] = []
-        self.loaded = 0
+        self.keyframes = Keyframes(robot, self.metric_map.max_range)
         self._set_down: NDArray[np.float64] | None = None
         self._newest_at_drive = 0
-        self._depth: NDArray[np.float32] | None = None
         self._seed = seed
-
-    @property
-    def keyframes(self) -> int:
-        """Number of keyframes in the maps."""
-        return len(self.observations)
 
     @property
     def traversability(self) -> Traversability:
@@ -175,23 +108,13 @@ class Mapper:
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
         """4×4 pose of the first keyframe of this episode; None if it has none yet."""
-        return self.poses[self.loaded] if self.keyframes > self.loaded else None
+        known = self.keyframes
+        return known.poses[known.loaded] if len(known) > known.loaded else None
 
-    def restore(
-        self,
-        observations: list[Observation],
-        ground: list[tuple[int, GroundEvidence]],
-        T_map_base: NDArray[np.float64],
-        T_map_base_added: NDArray[np.float64],
-    ) -> None:
-        """Begin with the keyframes of an earlier episode, and make every map of them.
-
-        Localisation, segments and victims must have been restored before. The parameters are the earlier mapper's
-        ``observations``, ``ground``, ``poses`` and ``poses_added``, the last two (K, 4, 4).
-        """
-        self.observations, self.ground, self.loaded = observations, ground, len(observations)
-        self.poses, self.poses_added, self._newest_at_drive = T_map_base, T_map_base_added, self.loaded
-        self.correct(T_map_base)
+    def restore(self) -> None:
+        """Make every map of the keyframes, segments and victims of an earlier episode, which were put in before."""
+        self.keyframes.loaded = self._newest_at_drive = len(self.keyframes)
+        self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """4×4 pose of ``base_link`` in ``map`` when a frame was taken."""
@@ -219,39 +142,28 @@ class Mapper:
         """
         with self.stopwatch("localisation"):
             self.localisation.add(frame, T_map_base)
-        with self.stopwatch("observation"):
-            depth = pack_depth(frame.depth)
-            # Maps made now and maps made again of the packed depth must be the same.
-            frame = replace(frame, depth=unpack_returns(depth))
-            points = frame.points(frame.T_base_camera)
-            cloud = VoxelCloud.of(points, VOXEL if labelled else CELL / 2)
-            observation = Observation(depth, frame.intrinsics, frame.T_base_camera, cloud.points, cloud.hits)
+        points, index = frame.points(frame.T_base_camera), len(self.keyframes)
+        in_map = moved(T_map_base, points) if labelled else np.zeros((0, 3), np.float32)
+        T_map_camera, probabilities = T_map_base @ frame.T_base_camera, None
+        if labelled:
+            with self.stopwatch("labels"):
+                probabilities = self.classifier.classify(frame, in_map, T_map_camera)
+        with self.stopwatch("keyframe"):
+            seen = Seen.of(frame, points, probabilities, self.metric_map.stride(frame.intrinsics))
+            self.keyframes.add(seen, T_map_base)
         with self.stopwatch("metric_map"):
-            self._add_depth(observation, T_map_base)
-        self.poses = np.concatenate([self.poses, T_map_base[None]])
-        self.poses_added = np.concatenate([self.poses_added, T_map_base[None]])
+            seen.put_depth(self.metric_map, T_map_base)
         with self.stopwatch("elevation_map"):
-            self._add_ground(frame, cloud)
-        nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
-        keyframe = Keyframe(frame, T_map_base, *nothing, [], [], self.keyframes)
-        self.observations.append(observation)
-        return self._label(keyframe, points, cloud) if labelled else keyframe
-
-    def _label(self, keyframe: Keyframe, points: NDArray[np.float32], cloud: VoxelCloud) -> Keyframe:
-        """Take the newest keyframe, with (N, 3) returns in ``base_link``, into the maps that need classes."""
-        frame, T_map_camera = keyframe.frame, keyframe.T_map_base @ keyframe.frame.T_base_camera
-        points = moved(keyframe.T_map_base, points)
+            self._add_ground(frame, points)
+        if probabilities is None:
+            return Keyframe(frame, T_map_base, in_map, np.zeros(0, np.uint8), [], [], index)
         with self.stopwatch("semantic_map"):
-            probabilities = self.classifier.classify(frame, points, T_map_camera)
-            labels = probabilities.argmax(axis=1).astype(np.uint8)
-            shares = np.rint(cloud.means(probabilities) * 255).astype(np.uint8)
-            self.observations[-1] = replace(self.observations[-1], probabilities=shares)
-            self._add_classes(self.observations[-1], keyframe.T_map_base)
+            seen.put_classes(self.semantic_map, T_map_base)
+        labels = probabilities.argmax(axis=1).astype(np.uint8)
         with self.stopwatch("segments"):
-            patches = find_planes(frame, labels, T_map_camera, self._seed + self.keyframes - 1)
-            self.segments.update(patches, self.keyframes - 1)
-        detections = self._find_victims(frame, T_map_camera)
-        return replace(keyframe, points=points, labels=labels, patches=patches, detections=detections)
+            patches = find_planes(frame, labels, T_map_camera, self._seed + index)
+            self.segments.update(patches, index, T_map_base)
+        return Keyframe(frame, T_map_base, in_map, labels, patches, self._find_victims(frame, T_map_camera), index)
 
     def add_drive(
         self, track: NDArray[np.float64], obstacles: NDArray[np.float32], touched: Sequence[NDArray[np.float64]]
@@ -265,107 +177,110 @@ class Mapper:
             obstacles: (M, 3) points of what stood in its way.
             touched: (K, 3) each, points that the robot touched.
         """
-        first, self._newest_at_drive = self._newest_at_drive, self.keyframes - 1
-        places = self.poses[first:, :2, 3]
+        first, self._newest_at_drive = self._newest_at_drive, len(self.keyframes) - 1
+        poses = self.keyframes.poses[first:]
         felt = np.vstack([np.zeros((0, 3)), *touched])
-        near_track, *near = (_nearest(p[:, :2], places) for p in (track, obstacles, felt))
-        on_ground = np.column_stack([track, self.poses[first + near_track, 2, 3]])
-        for k, T in enumerate(self.poses[first:]):
-            own = on_ground[near_track == k], obstacles[near[0] == k], felt[near[1] == k]
+        near_track, near_obstacles, near_felt = (nearest(p, poses) for p in (track, obstacles, felt))
+        on_ground = np.column_stack([track, poses[near_track, 2, 3]])
+        for k, T in enumerate(poses):
+            own = on_ground[near_track == k], obstacles[near_obstacles == k], felt[near_felt == k]
             if any(map(len, own)):
                 self._put(first + k, Driven(*(transform_points(inverse(T), points) for points in own)))
 
-    def settle(self) -> Correction | None:
-        """Let the localisation correct its keyframes; if any moved by more than ``NOTICEABLE``, correct every map."""
-        if not self.keyframes:
+    def settle(self) -> Moves | None:
+        """Let the localisation correct its keyframes, and every map with them; None if none moved noticeably."""
+        if not len(self.keyframes):
             return None
         with self.stopwatch("pose_graph"):
             self.localisation.optimise()
-        change = Correction(self.poses, self.localisation.poses)
-        is_noticeable = (change.ways > NOTICEABLE[0]) | (change.turns > NOTICEABLE[1])
-        return self.correct(self.localisation.poses) if is_noticeable.any() else None
+        moves = self.correct(self.localisation.poses)
+        return moves if moves.are_noticeable.any() else None
 
-    def correct(self, T_map_base: NDArray[np.float64]) -> Correction:
-        """Make every map anew, as if each keyframe had been taken at its (N, 4, 4) pose from the start.
+    def correct(self, T_map_base: NDArray[np.float64]) -> Moves:
+        """Make the maps anew where keyframes move, as if these had been at their (K, 4, 4) poses from the start.
 
-        The nodes of the topological map move along; the next :meth:`connect` fits them to the ground.
-
-        Returns:
-            The correction, by which to move whatever is stored as a place in ``map``.
+        Keyframes that move unnoticeably stay. Whatever is a place on the map moves along with the keyframe that it is
+        anchored to. The next :meth:`connect`
+        fits the nodes of the topological map to the ground.
 
         Raises:
             InputError: there is not one rigid pose for every keyframe; the maps then stay as they were.
         """
-        poses = np.array(T_map_base, np.float64)
-        if poses.shape != self.poses.shape or not all(map(is_rigid, poses)):
-            raise InputError(f"a correction must give each of {self.keyframes} keyframes a rigid 4×4 pose")
-        correction, self.poses = Correction(self.poses, poses), poses
-        motions = poses @ np.linalg.inv(self.poses_added)
-        with self.stopwatch("correction"):
-            # In two threads, for the kernels of both release Python's lock.
-            with ThreadPoolExecutor(1) as other:
-                voxels = other.submit(self._make_voxel_maps)
-                with self.stopwatch("correction_traversability"), self.elevation_map.made_anew():
-                    for k, evidence in self.ground:
-                        evidence.put(self.elevation_map, self.poses[k])
-                with self.stopwatch("correction_segments"):
-                    self.segments.correct(motions)
-                voxels.result()
-            with self.stopwatch("correction_victims"):
-                self.victims.correct(correction, motions)
-                self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
-            with self.stopwatch("correction_topological_map"):
-                self.topological_map.correct(correction)
-        return correction
+        before = self.keyframes.boxes()
+        moves = self.keyframes.place(T_map_base)
+        moving = moves.are_noticeable
+        if moving.any():
+            with self.stopwatch("correction"):
+                self._make_anew(moving, np.concatenate([before[moving], self.keyframes.boxes()[moving]]))
+        return moves
 
-    def _make_voxel_maps(self) -> None:
-        with self.stopwatch("correction_metric_map"):
-            self.metric_map.clear()
-            for observation, T in zip(self.observations, self.poses, strict=True):
-                self._add_depth(observation, T)
+    def _make_anew(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
+        """Fold the maps over the keyframes again, within boxes (M, 2, 3), m; ``moving`` (K,) keyframes have moved."""
+        poses = self.keyframes.poses
+        # In two threads, for the kernels of both release Python's lock.
+        with ThreadPoolExecutor(1) as other:
+            voxels = other.submit(self._make_voxel_maps, moving, boxes)
+            with self.stopwatch("correction_elevation_map"):
+                self._make_elevation_map(boxes)
+            with self.stopwatch("correction_segments"):
+                self.segments.rebuild(poses)
+            voxels.result()
+        with self.stopwatch("correction_victims"):
+            self.victims.place(poses)
+            self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
+        with self.stopwatch("correction_topological_map"):
+            self.topological_map.place(poses)
+
+    def _make_voxel_maps(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
+        known = self.keyframes
+        with self.stopwatch("correction_metric_map"), self.metric_map.made_anew(boxes) as meets:
+            for k in np.flatnonzero(meets(known.boxes())):
+                known.seen[k].put_depth(self.metric_map, known.poses[k])
+        if not any(known.seen[k].shares for k in np.flatnonzero(moving)):
+            return
         with self.stopwatch("correction_semantic_map"):
             self.semantic_map.clear()
-            for observation, T in zip(self.observations, self.poses, strict=True):
-                self._add_classes(observation, T)
+            for seen, T in zip(known.seen, known.poses, strict=True):
+                seen.put_classes(self.semantic_map, T)
 
-    def _add_depth(self, observation: Observation, T_map_base: NDArray[np.float64]) -> None:
-        T_map_camera = T_map_base @ observation.T_base_camera
-        self._depth = unpack_depth(observation.depth, self._depth)
-        self.metric_map.integrate(self._depth, observation.intrinsics, T_map_camera)
+    def _make_elevation_map(self, boxes: NDArray[np.float64]) -> None:
+        known = self.keyframes
+        with self.elevation_map.made_anew(boxes) as meets:
+            is_met = meets(known.boxes())
+            for k, evidence in known.ground:
+                if is_met[k]:
+                    evidence.put(self.elevation_map, known.poses[k])
 
-    def _add_ground(self, frame: Frame, cloud: VoxelCloud) -> None:
-        """Put the ground that a new keyframe shows into the elevation map.
+    def _add_ground(self, frame: Frame, points: NDArray[np.float32]) -> None:
+        """Put the ground that a new keyframe shows into the elevation map; (N, 3) its returns, m in ``base_link``.
 
         While the robot stands where it was set down, ground near it is taken for level.
         """
-        robot, k = self.elevation_map.robot, self.keyframes
+        robot, known = self.elevation_map.robot, self.keyframes
+        k = len(known) - 1
         if self._set_down is not None:
-            T_base_start = inverse(self.poses[k]) @ self._set_down
+            T_base_start = inverse(known.poses[k]) @ self._set_down
             if np.linalg.norm(T_base_start[:2, 3]) > (UNDER - 1) * robot.corner_radius:
                 self._set_down = None
             else:
                 self._put(k, Assumed.under(T_base_start, robot))
-                self._put(k, Assumed.before(frame, cloud.points, robot))
-        self._put(k, Seen.of(frame, cloud))
+                self._put(k, Assumed.before(frame, points, robot))
+        self._put(k, known.seen[k])
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
-        self.ground.append((keyframe, evidence))
-        evidence.put(self.elevation_map, self.poses[keyframe])
-
-    def _add_classes(self, observation: Observation, T_map_base: NDArray[np.float64]) -> None:
-        if observation.probabilities is not None:
-            points = moved(T_map_base, observation.points)
-            self.semantic_map.update(points, observation.probabilities, observation.hits)
+        self.keyframes.add_ground(keyframe, evidence)
+        evidence.put(self.elevation_map, self.keyframes.poses[keyframe])
 
     def connect(self, keyframe: Keyframe, paths: PosePaths) -> None:
         """Update the topological map to the ground that ``paths`` reach and to the planes of a keyframe."""
         with self.stopwatch("topological_map"):
             self.topological_map.update(keyframe.patches, self.segments, paths)
+            self.topological_map.anchor(self.keyframes.poses)
 
     def _is_no_way(self, points: NDArray[np.float32], is_deck: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        ground = self._traversability_layer.update(self.elevation_map)
-        cameras = [T[2] @ seen.T_base_camera[:, 3] for T, seen in zip(self.poses, self.observations, strict=True)]
-        return is_no_way(ground, self.poses[:, :3, 3], points, is_deck & (points[:, 2] > max(cameras, default=0.0)))
+        ground, known = self._traversability_layer.update(self.elevation_map), self.keyframes
+        is_above = points[:, 2] > known.highest_camera
+        return is_no_way(ground, known.poses[:, :3, 3], points, is_deck & is_above)
 
     def _find_victims(self, frame: Frame, T_map_camera: NDArray[np.float64]) -> list[Detection]:
         """Detect people in the image and place them on the map."""
@@ -373,11 +288,6 @@ class Mapper:
             return []
         with self.stopwatch("victims"):
             detections = self.detector.detect(frame.rgb)
-            self.victims.update(frame, detections, T_map_camera, self.keyframes - 1)
+            self.victims.update(frame, detections, T_map_camera, len(self.keyframes) - 1)
             self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
         return detections
-
-
-def _nearest(xy: NDArray[np.floating], places: NDArray[np.float64]) -> NDArray[np.intp]:
-    """(N,) index of the place (K, 2) nearest to each of (N, 2) points, m."""
-    return np.linalg.norm(xy[:, None] - places, axis=2).argmin(axis=1)

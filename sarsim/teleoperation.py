@@ -186,7 +186,7 @@ class MappedDrive:
         if correction := self.mapper.settle():
             self._recorder.log_correction(correction)
         T_map_base = self.mapper.localise(frame)
-        if not self.mapper.keyframes:
+        if not len(self.mapper.keyframes):
             self.mapper.assume_ground(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base)
         self._recorder.log_keyframe(keyframe.index, self.mapper, keyframe, self._robot.model.camera_range[1])

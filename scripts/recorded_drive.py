@@ -64,7 +64,7 @@ class RecordedDrive:
         try:
             for replayed in self._replay:
                 self._add(replayed)
-                on_frame(f"{self.config.path.name}: {self.mapper.keyframes} keyframes")
+                on_frame(f"{self.config.path.name}: {len(self.mapper.keyframes)} keyframes")
                 if interrupted():
                     break
         except (InputError, LostError) as error:
@@ -108,7 +108,7 @@ class RecordedDrive:
             **run_report(self.config, self.config.out, sim_time, wall_time, self.mapper),
             "recording": {
                 "frames": self.frames,
-                "keyframes": self.mapper.keyframes,
+                "keyframes": len(self.mapper.keyframes),
                 "loops": len(self.mapper.localisation.loops),
                 "left_out": self.recording.left_out,
                 **({"stopped": self.error} if self.error else {}),
@@ -121,7 +121,7 @@ class RecordedDrive:
         write_report(self.report, out)
         save_maps(mapper, out)
         self._score.save(out, with_truth=self._has_truth)
-        poses = mapper.poses[self._labelled]
-        height = float(mapper.observations[self._labelled[0]].T_base_camera[2, 3])
+        poses = mapper.keyframes.poses[self._labelled]
+        height = float(mapper.keyframes.seen[self._labelled[0]].T_base_camera[2, 3])
         situation = situation_of(mapper, self._robot, poses, height, finished=not self.error)
         write_page(out / "report.html", situation, self.report)

@@ -46,7 +46,7 @@ def teleop(
         drive_by_keyboard(driven, lambda: hold.signal is not None, pad)
         if mapped and out:
             mapped.save(out)
-            print(f"{mapped.mapper.keyframes} keyframes in {out}", flush=True)
+            print(f"{len(mapped.mapper.keyframes)} keyframes in {out}", flush=True)
     if hold.signal is not None:
         raise KeyboardInterrupt(hold.signal)
 

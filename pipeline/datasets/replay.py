@@ -145,7 +145,7 @@ class Replay:
         if is_step:
             self._settle()
         T_map_base = self.mapper.localise(frame)
-        if not self.mapper.keyframes and self._is_on_ground:
+        if not len(self.mapper.keyframes) and self._is_on_ground:
             self.mapper.assume_ground(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base, labelled)
         if is_step:
@@ -158,11 +158,11 @@ class Replay:
             return self.recording.keyframes.get(frame.time)
         if self._T_odom_keyframe is not None and not is_keyframe(self._T_odom_keyframe, frame.T_odom_base):
             return None
-        return self.mapper.keyframes % LABELLED == 0
+        return len(self.mapper.keyframes) % LABELLED == 0
 
     def _settle(self) -> None:
         """Add the driven track to the maps and correct them, as an explorer does before each step."""
-        if self._is_on_ground and self.mapper.keyframes:
+        if self._is_on_ground and len(self.mapper.keyframes):
             T_map_odom = self.mapper.localisation.T_map_odom
             track = np.array(self._track) @ T_map_odom[:3, :3].T + T_map_odom[:3, 3]
             self.mapper.add_drive(track[:, :2], np.zeros((0, 3), np.float32), [])

@@ -12,7 +12,7 @@ from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.viewpoint import ARRIVED, Context, Viewpoint
 from pipeline.grid_map import GridMap, Layer, best_of_blocks
-from pipeline.localisation.correction import Correction, moved_by
+from pipeline.keyframes import Places
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from pipeline.traversability.elevation_map import CELL
@@ -30,6 +30,9 @@ EXPERIENCE = 1.0
 """m² of missed ground that the robot looks for again until what it finds counts as much as these numbers."""
 KEYFRAME_TIME = 2.0
 """s that a keyframe costs in addition to the way."""
+
+
+NOWHERE = Places.joined([])
 
 
 class ViewpointRewards(Protocol):
@@ -72,7 +75,10 @@ class Exploration:
             },
         )
         # The cells that the next keyframe should show, and the ends of the drive to it.
-        self._expected, self._drive = np.zeros((0, 2), np.int64), np.full((2, 2), np.nan)
+        self._expected, self._drive = NOWHERE, NOWHERE
+        # The cells that a keyframe should have shown and did not, for each such keyframe.
+        self._missed: list[Places] = []
+        self._poses = np.zeros((0, 4, 4))
         # By the number of misses, m² in which ground was looked for, and in which it was shown.
         self._looked_for = np.full(len(CHANCES), EXPERIENCE)
         self._shown = EXPERIENCE * np.array(CHANCES)
@@ -82,7 +88,8 @@ class Exploration:
     def observe(self, context: Context) -> None:
         """Record which cells the last keyframe should have shown and did not, and where unseen ground is left."""
         self._layers.match(context.traversability.grid)
-        self._count_misses(context.measured, context.T_map_base[:2, 3])
+        self._place(context.poses)
+        self._count_misses(context.measured, context.poses)
         self._write_terrain(context)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
@@ -102,8 +109,11 @@ class Exploration:
         """Remember what a keyframe from this viewpoint should show."""
         camera = visibility.camera_view(context.frame, self._robot)
         in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
-        self._expected = self._layers.grid.low + np.argwhere(in_view)
-        self._drive = np.stack([context.T_map_base[:2, 3], viewpoint.position])
+        newest = len(context.poses) - 1
+        centres = self._layers.grid.centre_of(np.argwhere(in_view))
+        self._expected = Places.anchored(centres, context.poses, newest)
+        ends = np.stack([context.T_map_base[:2, 3], viewpoint.position])
+        self._drive = Places.anchored(ends, context.poses, newest)
         if self.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             self.rewards.aim(place, viewpoint.heading)
@@ -178,40 +188,41 @@ class Exploration:
                 return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]))
             horizon *= GROWTH
 
-    def correct(self, correction: Correction) -> None:
-        """Move missed cells with the keyframe that missed them last, and expected cells with the newest keyframe."""
-        layers, grid = self._layers, self._layers.grid
-        expected = moved_by(correction.motions[-1], grid.centre_of(self._expected - grid.low))
-        self._drive = moved_by(correction.motions[-1], self._drive)
-        self._expected = grid.low + np.argwhere(grid.mask_of(expected))
-        count, place = layers["misses"], layers["missed_from"]
-        cells = np.argwhere(count)
-        T_new_old = correction.motion_at(place[tuple(cells.T)])
-        there = grid.cell_of(moved_by(T_new_old, grid.centre_of(cells)))
-        is_inside = grid.holds(there)
-        old, new = tuple(cells[is_inside].T), tuple(there[is_inside].T)
-        misses, missed_from = np.zeros_like(count), np.full_like(place, np.inf)
-        misses[new], missed_from[new] = count[old], moved_by(T_new_old[is_inside], place[old])
-        layers.write("misses", misses)
-        layers.write("missed_from", missed_from)
+    def _place(self, poses: NDArray[np.float64]) -> None:
+        """Count the misses of all cells anew if the poses (K, 4, 4) of keyframes were corrected."""
+        known, self._poses = self._poses, poses
+        if np.array_equal(known, poses[: len(known)]):
+            return
+        misses, missed_from = (np.full_like(self._layers[n], f) for n, f in (("misses", 0), ("missed_from", np.inf)))
+        for missed in self._missed:
+            cells = tuple(np.argwhere(self._layers.grid.mask_of(missed.at(poses))).T)
+            misses[cells] += 1
+            missed_from[cells] = poses[missed.keyframe[0], :2, 3]
+        # A correction may have brought missed cells together.
+        self._layers.write("misses", np.minimum(misses, len(CHANCES)))
+        self._layers.write("missed_from", missed_from)
 
-    def _count_misses(self, measured: NDArray[np.float32], position: NDArray[np.float64]) -> None:
+    def _count_misses(self, measured: NDArray[np.float32], poses: NDArray[np.float64]) -> None:
         """Record which cells the last keyframe should have shown and did not, and how often such cells are shown."""
-        cells = self._expected - self._layers.grid.low
+        cells = np.argwhere(self._layers.grid.mask_of(self._expected.at(poses)))
         # A correction of the map may have brought a cell here that was given up.
         misses = np.minimum(self._layers["misses"][tuple(cells.T)], len(CHANCES) - 1)
         is_shown = ~np.isnan(measured[tuple(cells.T)])
-        stayed, arrived = np.linalg.norm(position - self._drive, axis=1) < ARRIVED
+        position = poses[-1, :2, 3]
+        drive = np.linalg.norm(position - self._drive.at(poses)[:, :2], axis=1)
+        stayed, arrived = drive < ARRIVED if len(drive) else (False, False)
         # A keyframe from elsewhere, after a drive that failed, tells nothing of how often missed ground shows.
         if arrived:
             self._looked_for += CELL**2 * np.bincount(misses, minlength=len(CHANCES))
             self._shown += CELL**2 * np.bincount(misses[is_shown], minlength=len(CHANCES))
         # A robot that could not set out must turn to something else.
         if arrived or stayed:
-            missed = tuple(cells[~is_shown].T)
-            self._layers.write("misses", misses[~is_shown] + 1, missed)
-            self._layers.write("missed_from", position, missed)
-        self._expected = np.zeros((0, 2), np.int64)
+            missed = cells[~is_shown]
+            self._layers.write("misses", misses[~is_shown] + 1, tuple(missed.T))
+            self._layers.write("missed_from", position, tuple(missed.T))
+            if len(missed):
+                self._missed.append(Places.anchored(self._layers.grid.centre_of(missed), poses, len(poses) - 1))
+        self._expected = NOWHERE
 
     def _write_terrain(self, context: Context) -> None:
         """Update the layers of the ground; unseen ground that may be traversable is a target until it is given up."""

@@ -40,12 +40,14 @@ class Context:
         T_map_base: 4×4 pose of the robot.
         measured: (nx, ny) float32 height of the ground where it was seen, m; NaN elsewhere.
         paths: cheapest ways from where the robot stands.
+        poses: (K, 4, 4) ``T_map_base`` of all keyframes, the newest last.
     """
 
     frame: Frame
     T_map_base: NDArray[np.float64]
     measured: NDArray[np.float32]
     paths: PosePaths
+    poses: NDArray[np.float64]
 
     @property
     def traversability(self) -> Traversability:

@@ -29,10 +29,11 @@ class BlockArray:
         """Bytes of all blocks."""
         return len(self._blocks) * SIDE**3
 
-    def clear(self) -> None:
-        """Set every value to zero; the blocks stay allocated."""
-        for block in self._blocks.values():
-            block.fill(0)
+    def clear(self, keys: Iterable[Key]) -> None:
+        """Set every value of these blocks to zero; those that exist stay allocated."""
+        for key in keys:
+            if key in self._blocks:
+                self._blocks[key].fill(0)
 
     def __contains__(self, key: Key) -> bool:
         """Whether this block exists."""

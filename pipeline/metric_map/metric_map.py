@@ -1,12 +1,15 @@
 """The robot's 3D occupancy grid (thesis 3.1): each voxel is free, occupied or unknown."""
 
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
-from pipeline.metric_map.blocks import BlockArray, parts
+from pipeline.metric_map.blocks import BlockArray, Key, parts
 from pipeline.metric_map.grid_kernels import WORD, any_mark, fold, is_rigid
 from pipeline.metric_map.updates import Scan, Updater
 
@@ -67,6 +70,7 @@ class MetricMap:
         self._check_settings()
         self.corner: NDArray[np.float64] = np.array(offset) * voxel_size
         self._log_odds = BlockArray(max_bytes)
+        self._making: set[Key] | None = None
         self._updater = Updater(voxel_size, max_range, margin, max_bytes)
 
     def _check_settings(self) -> None:
@@ -86,12 +90,33 @@ class MetricMap:
         """Bytes of the voxels' values."""
         return self._log_odds.nbytes
 
-    def clear(self) -> None:
-        """Make every voxel unknown."""
-        self._log_odds.clear()
+    @contextmanager
+    def made_anew(self, boxes: NDArray[np.float64]) -> Iterator[Callable[[NDArray[np.float64]], NDArray[np.bool_]]]:
+        """Forget the blocks that boxes (M, 2, 3) touch; the block of the ``with`` statement adds all scans again.
+
+        Boxes are given by their lowest and highest corner, m in ``map``. Only these blocks change.
+
+        Yields:
+            A function that tells which of other boxes (N, 2, 3) touch them: (N,) bool.
+        """
+        making = self._making = {key for box in boxes for key in self._blocks(box)}
+        self._log_odds.clear(making)
+        try:
+            yield lambda others: np.array([not making.isdisjoint(self._blocks(box)) for box in others], np.bool_)
+        finally:
+            self._making = None
+
+    def _blocks(self, box: NDArray[np.float64]) -> Iterable[Key]:
+        """The keys of the blocks that a box (2, 3), m in ``map``, touches."""
+        low, high = self.voxel_index(box)
+        return (key for key, _, _ in parts(low, tuple((high - low + 1).tolist())))
 
     def integrate(
-        self, depth: NDArray[np.float32], intrinsics: Intrinsics, T_map_camera: NDArray[np.float64]
+        self,
+        depth: NDArray[np.float32],
+        intrinsics: Intrinsics,
+        T_map_camera: NDArray[np.float64],
+        returns: NDArray[np.float32] | None = None,
     ) -> None:
         """Add a depth image.
 
@@ -99,6 +124,8 @@ class MetricMap:
             depth: (H, W) float32, m along the optical axis; NaN, infinite and non-positive values are no return.
             intrinsics: of the depth image.
             T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
+            returns: (N, 3) float32 m in ``map``, end points besides those of the image, of which ``depth`` may be a
+                part: every :meth:`stride`-th pixel shows free space as well as the whole image does.
 
         Raises:
             InputError: if the intrinsics do not fit the image, the pose is not rigid or the map is full; the map
@@ -107,7 +134,12 @@ class MetricMap:
         _check_image(depth, intrinsics)
         T_grid_camera = _rigid(T_map_camera)
         T_grid_camera[:3, 3] -= self.corner
-        self._fold(self._updater.project(np.ascontiguousarray(depth, np.float32), intrinsics, T_grid_camera))
+        ends = np.zeros((0, 3), np.float32) if returns is None else returns - self.corner.astype(np.float32)
+        self._fold(self._updater.project(np.ascontiguousarray(depth, np.float32), intrinsics, T_grid_camera, ends))
+
+    def stride(self, intrinsics: Intrinsics) -> int:
+        """Pixels from one to the next of which three show a voxel at the end of the range: enough for free space."""
+        return max(1, int(intrinsics.fx * self.voxel_size / (3 * self.max_range)))
 
     def integrate_points(self, points: ArrayLike, origin: ArrayLike) -> None:
         """Add a point cloud, ray by ray from its origin.
@@ -205,6 +237,8 @@ class MetricMap:
         words = scan.marks.view(np.uint64)  # eight marks each
         marked = []
         for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
+            if self._making is not None and key not in self._making:
+                continue
             part = words[i, j, k.start // WORD : k.stop // WORD]
             if key in self._log_odds or any_mark(part):
                 marked.append((key, part, in_block))

@@ -27,6 +27,24 @@ def trace_points(points, stops, ends, origin, marks):
         walk(origin[0], origin[1], origin[2], stops[n, 0], stops[n, 1], stops[n, 2], marks)
 
 
+@njit(cache=True, nogil=True)
+def mark_ends(points, T_grid_camera, size, far, lower, marks):
+    """Mark the voxels of end points (N, 3), m in the grid's frame, up to ``far`` m along the optical axis as HIT.
+
+    ``size``: m, the side of a voxel; ``lower``: (3,) index of the first voxel of ``marks`` (nx, ny, nz).
+    """
+    axis, origin = T_grid_camera[:3, 2], T_grid_camera[:3, 3]
+    for n in range(points.shape[0]):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        if axis[0] * (x - origin[0]) + axis[1] * (y - origin[1]) + axis[2] * (z - origin[2]) > far:
+            continue
+        i = int(np.floor(x / size)) - lower[0]
+        j = int(np.floor(y / size)) - lower[1]
+        k = int(np.floor(z / size)) - lower[2]
+        if 0 <= i < marks.shape[0] and 0 <= j < marks.shape[1] and 0 <= k < marks.shape[2]:
+            marks[i, j, k] = HIT
+
+
 @njit(cache=True)
 def walk(x, y, z, x_stop, y_stop, z_stop, marks):
     """Mark as FREE in (nx, ny, nz) every voxel from one point to another, both included, that is not a HIT."""

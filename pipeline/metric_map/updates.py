@@ -10,7 +10,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.metric_map.grid_kernels import box_around
 from pipeline.metric_map.projection_kernels import BLOCK, TILE, observe
-from pipeline.metric_map.ray_kernels import trace_points
+from pipeline.metric_map.ray_kernels import mark_ends, trace_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +40,20 @@ class Updater:
         self._max_bytes = min(max_bytes, 2**31 - 1)  # the kernels count marks in 32 bits
         self._memory = np.zeros(0, np.uint8)
 
-    def project(self, depth: NDArray[np.float32], intrinsics: Intrinsics, T_grid_camera: NDArray[np.float64]) -> Scan:
+    def project(
+        self,
+        depth: NDArray[np.float32],
+        intrinsics: Intrinsics,
+        T_grid_camera: NDArray[np.float64],
+        ends: NDArray[np.float32],
+    ) -> Scan:
         """The voxels in which a depth image's rays end and those they cross, by projecting voxels into the image.
 
         Args:
             depth: (H, W) float32, m along the optical axis; NaN, infinite and non-positive values are no return.
             intrinsics: of the depth image.
             T_grid_camera: 4×4 pose of ``camera_optical`` in the grid's frame.
+            ends: (N, 3) float32 further end points, m in the grid's frame.
 
         Raises:
             InputError: the box of marks alone exceeds the map's memory bound; :meth:`trace` raises it too.
@@ -55,6 +62,7 @@ class Updater:
         pose[:, 3] /= self._voxel_size
         frustum = _frustum(intrinsics) * (self._max_range / self._voxel_size)
         scan = self._scan_around(frustum @ pose[:, :3].T + pose[:, 3])
+        mark_ends(ends, T_grid_camera, self._voxel_size, self._max_range, scan.lower, scan.marks)
         pose[:, 3] -= scan.lower
         pinhole = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
         pyramid = np.empty(_pyramid_shape(*depth.shape), np.float32)

@@ -96,7 +96,7 @@ class Lookout:
             driven = np.linalg.norm((inverse(self._T_odom_keyframe) @ frame.T_odom_base)[:3, 3])
             moved = np.linalg.norm((self._mapper.localise(frame) - localisation.poses[-1])[:3, 3])
             self._navigator.spins = bool(driven >= KEYFRAME_WAY and moved < BLOCKED_SHARE * driven)
-            self.add(frame, labelled=self._mapper.keyframes % LABELLED == 0)
+            self.add(frame, labelled=len(self._mapper.keyframes) % LABELLED == 0)
             return not localisation.is_blind
         return True
 
@@ -112,7 +112,7 @@ class Lookout:
     @property
     def _is_lost(self) -> bool:
         """Whether the robot has yet to be localised in the map of an earlier episode."""
-        return self._mapper.localisation.may_err and 0 < self._mapper.keyframes == self._mapper.loaded
+        return self._mapper.localisation.may_err and 0 < len(self._mapper.keyframes) == self._mapper.keyframes.loaded
 
     def _confirm(self, frame: Frame, last: Frame | None) -> tuple[Frame, bool]:
         """Look around until it is clear whether the robot's pose is right: the newest frame, and whether it is."""

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
-from pipeline.localisation.correction import Correction
+from pipeline.keyframes import Moves
 from pipeline.localisation.odometry import Localisation
-from pipeline.mapper import NOTICEABLE, Keyframe, Mapper
+from pipeline.mapper import Keyframe, Mapper
 from pipeline.rerun import drawings, victim_drawings
 from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.legend import legend
@@ -105,11 +105,11 @@ class Recorder:
         self._moved = (time, self._track.distance)
         return True
 
-    def log_correction(self, correction: Correction) -> None:
+    def log_correction(self, moves: Moves) -> None:
         """Log that keyframes were corrected; the corrected maps are logged with the next step."""
         self._logged_size.clear()
-        ways, turns = correction.ways, correction.turns
-        count = np.count_nonzero((ways > NOTICEABLE[0]) | (turns > NOTICEABLE[1]))
+        ways, turns = moves.ways, moves.turns
+        count = np.count_nonzero(moves.are_noticeable)
         farthest = f"{100 * ways.max():.1f} cm and {np.rad2deg(turns.max()):.1f}°"
         moved = f"{count} of {len(ways)} keyframes moved by up to {farthest}; the maps were made anew"
         self.log_message("INFO", moved)

@@ -34,7 +34,9 @@ class RescueReport:
         """The explorer's present knowledge; at least one step must have been added."""
         mapper, robot = self._explorer.mapper, self._explorer.robot.model
         # The mapper's poses are the corrected ones: those of the steps are stale once a loop was closed.
-        return situation_of(mapper, robot, mapper.poses[self._keyframes], self._camera_height, self._finished)
+        return situation_of(
+            mapper, robot, mapper.keyframes.poses[self._keyframes], self._camera_height, self._finished
+        )
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:

@@ -49,7 +49,7 @@ class Trust:
 
 def trust_in(mapper: Mapper) -> Trust:
     """Check a mapper's map by its keyframes and its localisation."""
-    kept = list(zip(mapper.observations, mapper.poses, strict=True))
+    kept = list(zip(mapper.keyframes.seen, mapper.keyframes.poses, strict=True))
     checked = kept[:: 1 + len(kept) // CHECKED]
     whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
     known = mapper.localisation

@@ -95,6 +95,7 @@ class Segments:
         self._segments: dict[int, Segment] = {}
         self.members: list[Member] = []
         self._motions = np.zeros((0, 4, 4))
+        self._added: dict[int, NDArray[np.float64]] = {}
         self._next_id = 0
 
     def __len__(self) -> int:
@@ -112,12 +113,18 @@ class Segments:
         """The segments of these classes, oldest first."""
         return [segment for segment in self if segment.label in labels]
 
-    def update(self, patches: Iterable[PlanePatch], step: int) -> None:
+    def update(self, patches: Iterable[PlanePatch], step: int, T_map_base: NDArray[np.float64]) -> None:
         """Add the planes of one frame; each is merged with all the segments that it continues."""
+        self._added[step] = T_map_base
         for p in patches:
             hull, steps, members = Hull.of(p.points), (step, step), (len(self.members),)
             self.members.append(Member.of(p, step))
             self._add(Segment.of(self._next_id, p.label, p.plane.normal, steps, p.cells, p.moments, hull, members))
+
+    def rebuild(self, poses: NDArray[np.float64]) -> None:
+        """Rebuild."""
+        motions = np.array([T @ np.linalg.inv(self._added.get(k, T)) for k, T in enumerate(poses)])
+        self.correct(motions)
 
     def correct(self, motions: NDArray[np.float64]) -> None:
         """Rebuild all segments from their patches, split off patches that moved away, and merge segments that meet.

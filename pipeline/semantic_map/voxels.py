@@ -25,9 +25,12 @@ class VoxelCloud:
     voxel_of_point: NDArray[np.int64]
 
     @classmethod
-    def of(cls, points: NDArray[np.float32], voxel_size: float) -> Self:
-        """Thin (N, 3) float32 points to cubes whose edge is ``voxel_size`` m."""
-        found, keys = cells_of(points, np.float32(1 / voxel_size))
+    def of(cls, points: NDArray[np.float32], voxel_size: float | tuple[float, float, float]) -> Self:
+        """Thin (N, 3) float32 points to cubes, or to boxes along x, y and z, with edges of ``voxel_size`` m."""
+        if isinstance(voxel_size, tuple):
+            found, keys = cells_of(points / np.array(voxel_size, np.float32), np.float32(1))
+        else:
+            found, keys = cells_of(points, np.float32(1 / voxel_size))
         # Points without a voxel get the last rank.
         rank = np.append(np.empty(len(keys), np.int64), len(keys))
         rank[keys.argsort()] = np.arange(len(keys))

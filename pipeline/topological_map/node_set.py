@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
-from pipeline.localisation.correction import Correction
 from pipeline.segments.segments import Segment
 from pipeline.topological_map.cover import Cover
 from pipeline.topological_map.links import Links, drive_seconds
@@ -82,10 +81,9 @@ class NodeSet:
                 self.remove(node.id)
             self._put(node.id, node.label, node.position[:2])
 
-    def correct(self, correction: Correction) -> None:
-        """Move every node along with the map; the next :meth:`renew` tests which drives join them."""
-        for node in list(self.nodes.values()):
-            position = correction.moved(node.position[None])[0]
+    def place(self, positions: NDArray[np.float64]) -> None:
+        """Move the nodes to (N, 3) positions, m; the next :meth:`renew` tests which drives join them."""
+        for node, position in zip(list(self.nodes.values()), positions, strict=True):
             self.cover.remove(node.id)
             self.cover.add(node.id, position[:2])
             self.nodes[node.id] = Node(node.id, node.label, position)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.files import whole_file
+from pipeline.keyframes import Places
 from pipeline.labels import Label
-from pipeline.localisation.correction import Correction
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.links import drive_seconds
@@ -42,6 +42,7 @@ class TopologicalMap:
         self.kind: GraphKind = graph
         self.tree = self.graph = nx.Graph()
         self._set, self._passages = NodeSet(), Passages()
+        self._places, self._bends = Places.joined([]), dict[tuple[int, int], Places]()
 
     @property
     def nodes(self) -> Mapping[int, Node]:
@@ -72,12 +73,21 @@ class TopologicalMap:
             self._passages.add_to(drives)
             self.graph = roadmap(self.tree, drives, MAX_DETOUR)
 
-    def correct(self, correction: Correction) -> None:
-        """Move nodes and ways along with the keyframes near them; :meth:`update` then fits them to the ground."""
-        self._set.correct(correction)
-        for _, _, edge in self.graph.edges(data=True):
-            if "bends" in edge:
-                edge["bends"] = correction.moved(edge["bends"])
+    def anchor(self, poses: NDArray[np.float64]) -> None:
+        """Anchor nodes and ways to the keyframes, of (K, 4, 4) poses, that stood nearest to them."""
+        positions = np.array([node.position for node in self.nodes.values()]).reshape(-1, 3)
+        self._places = Places.anchored(positions, poses)
+        self._bends = {
+            (a, b): Places.anchored(edge["bends"], poses)
+            for a, b, edge in self.graph.edges(data=True)
+            if "bends" in edge
+        }
+
+    def place(self, poses: NDArray[np.float64]) -> None:
+        """Move nodes and ways to where they lie with (K, 4, 4) poses; :meth:`update` then fits them to the ground."""
+        self._set.place(self._places.at(poses))
+        for edge, bends in self._bends.items():
+            self.graph.edges[edge]["bends"] = bends.at(poses)
 
     def way(self, a: int, b: int) -> NDArray[np.float64]:
         """(N, 3) m, the points that an edge leads over, from node ``a`` to node ``b``."""

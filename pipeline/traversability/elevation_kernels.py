@@ -31,10 +31,11 @@ def cell_at(x, y, origin, cell):
 
 
 @njit(cache=True, nogil=True)
-def accumulate(points, counts, origin, cell, height, hits, returns):
+def accumulate(points, counts, origin, cell, within, height, hits, returns):
     """Fold points (N, 3), m, into the mean ``height`` of bins (nx, ny, nz), and return their cells, (K, 2) int64.
 
     Each point is the mean of ``counts`` (N,) returns. ``returns`` (nx, ny), 0 before, counts the returns by cell.
+    Only cells ``within`` (nx, ny) change; so it is with the other functions that take it.
     """
     nx, ny, nz = height.shape
     cells, size = np.empty((len(points), 2), np.int64), 0
@@ -42,7 +43,7 @@ def accumulate(points, counts, origin, cell, height, hits, returns):
         z = points[n, 2]
         i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
         k = int(np.floor((z - Z_MIN) / Z_BIN))
-        if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
+        if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz and within[i, j]):
             continue
         # The count saturates, so that an old surface can still follow a slow change.
         count = np.int64(counts[n])
@@ -83,7 +84,7 @@ def column_height(height, hits, headroom):
 
 
 @njit(cache=True, nogil=True)
-def count_dropouts(points, counts, origin, cell, height, hits, headroom, dropouts):
+def count_dropouts(points, counts, origin, cell, within, height, hits, headroom, dropouts):
     """(K, 2) int64, the cells of those points (N, 3), m, that lie near the ground or where the ground is unknown.
 
     Each point is the mean of ``counts`` (N,) dropouts. ``dropouts`` (nx, ny), 0 before, counts the dropouts by cell.
@@ -92,7 +93,7 @@ def count_dropouts(points, counts, origin, cell, height, hits, headroom, dropout
     cells, size = np.empty((len(points), 2), np.int64), 0
     for n in range(points.shape[0]):
         i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
-        if not (0 <= i < nx and 0 <= j < ny):
+        if not (0 <= i < nx and 0 <= j < ny and within[i, j]):
             continue
         if abs(points[n, 2] - column_height(height[i, j], hits[i, j], headroom)) > DROPOUT_HEIGHT:
             continue
@@ -109,7 +110,7 @@ def renew_dropout(direction, dropouts, returns, cells, camera, origin, cell):
 
     ``direction`` (nx, ny, 2) is the horizontal direction in which a cell's last dropout was seen, 0 where there is
     none. A keyframe clears a cell if it has enough returns and no dropout there. ``dropouts`` and ``returns``
-    (nx, ny) count the points of the keyframe from ``camera`` (2,) in ``cells`` (K, 2).
+    (nx, ny) count the points of the keyframe from ``camera`` (3,) in ``cells`` (K, 2).
     """
     for i, j in cells:
         if dropouts[i, j] < MIN_HITS and returns[i, j] < MIN_HITS:
@@ -124,19 +125,51 @@ def renew_dropout(direction, dropouts, returns, cells, camera, origin, cell):
 
 
 @njit(cache=True, nogil=True)
-def lower_ceiling(ceiling, points, camera, origin, cell):
-    """Lower ``ceiling`` (nx, ny), m, to the rays from ``camera`` (3,) to returns ``points`` (N, 3).
+def lowest_rays(points, counts, camera, cell):
+    """(R, 3) float32 m, the lowest point of the rays from ``camera`` (3,) to ``points`` (N, 3) over each place.
 
-    A ray is followed back from a cell before its return, where noise does not matter, up to ``RAY_HEIGHT`` above it.
+    Places are the cells of a lattice so fine that each cell of ``cell`` m holds one of their middles, without those
+    in which a keyframe with ``counts`` (N,) returns a point sees ground itself. A ray is followed back from a cell
+    before its return, where noise does not matter, up to ``RAY_HEIGHT`` above it.
     """
-    nx, ny = ceiling.shape
+    step = cell / np.sqrt(2.0)
+    x0, y0, x1, y1 = camera[0], camera[1], camera[0], camera[1]
     for n in range(len(points)):
+        x0, x1 = min(x0, points[n, 0]), max(x1, points[n, 0])
+        y0, y1 = min(y0, points[n, 1]), max(y1, points[n, 1])
+    origin = np.array([x0, y0])
+    shape = int((x1 - x0) / step) + 1, int((y1 - y0) / step) + 1
+    lowest, returns = np.full(shape, np.inf, np.float32), np.zeros(shape, np.int64)
+    for n in range(len(points)):
+        i, j = cell_at(points[n, 0], points[n, 1], origin, step)
+        returns[i, j] += counts[n]
         dx, dy, dz = camera[0] - points[n, 0], camera[1] - points[n, 1], camera[2] - points[n, 2]
-        steps = np.sqrt(dx * dx + dy * dy) / cell
-        for k in range(1, int(steps * min(RAY_HEIGHT / max(dz, 1e-6), 1.0)) + 1):
-            i, j = cell_at(points[n, 0] + dx * k / steps, points[n, 1] + dy * k / steps, origin, cell)
-            if 0 <= i < nx and 0 <= j < ny:
-                ceiling[i, j] = min(ceiling[i, j], points[n, 2] + dz * k / steps)
+        steps = np.sqrt(dx * dx + dy * dy) / step
+        for k in range(2, int(steps * min(RAY_HEIGHT / max(dz, 1e-6), 1.0)) + 1):
+            i, j = cell_at(points[n, 0] + dx * k / steps, points[n, 1] + dy * k / steps, origin, step)
+            lowest[i, j] = min(lowest[i, j], points[n, 2] + dz * k / steps)
+    rays, size = np.empty((lowest.size, 3), np.float32), 0
+    for i in range(shape[0]):
+        for j in range(shape[1]):
+            if lowest[i, j] < np.inf and returns[i, j] < MIN_HITS:
+                rays[size, 0], rays[size, 1] = x0 + (i + 0.5) * step, y0 + (j + 0.5) * step
+                rays[size, 2] = lowest[i, j]
+                size += 1
+    return rays[:size]
+
+
+@njit(cache=True, nogil=True)
+def lower_ceiling(ceiling, rays, origin, cell, within):
+    """Lower ``ceiling`` (nx, ny), m, to points ``rays`` (R, 3) of rays; returns their cells, (R, 2) int64."""
+    nx, ny = ceiling.shape
+    cells, size = np.empty((len(rays), 2), np.int64), 0
+    for n in range(len(rays)):
+        i, j = cell_at(rays[n, 0], rays[n, 1], origin, cell)
+        if 0 <= i < nx and 0 <= j < ny and within[i, j]:
+            ceiling[i, j] = min(ceiling[i, j], rays[n, 2])
+            cells[size, 0], cells[size, 1] = i, j
+            size += 1
+    return cells[:size]
 
 
 @njit(cache=True, nogil=True)

@@ -4,10 +4,9 @@ Voxels of 0.1 m cannot tell a ramp from a step, so the elevation map keeps the m
 columns.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
-from types import EllipsisType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,25 @@ POSE_ERROR = 0.05
 HEIGHTS = kernels.Z_MIN, kernels.Z_MIN + kernels.LEVELS * kernels.Z_BIN
 """m in ``map``, between which ground is mapped."""
 
+NOTHING = np.zeros((0, 3), np.float32)
 _UNKNOWN = Layer(np.float32, np.nan)
+_DERIVED = {"measured": _UNKNOWN, "elevation": _UNKNOWN, "dropout": Layer(np.bool_), "driven": Layer(np.bool_)}
+_EVIDENCE = {
+    "height": Layer(np.float32, per_cell=(kernels.LEVELS,), in_place=True),
+    "hits": Layer(np.uint16, per_cell=(kernels.LEVELS,), in_place=True),
+    "ceiling": Layer(np.float32, np.inf, in_place=True),
+    "assumed": Layer(np.float32, np.nan, in_place=True),
+    "touched": Layer(np.float32, np.nan, in_place=True),
+    "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
+    "been": Layer(np.bool_, in_place=True),
+    "swept": Layer(np.bool_, in_place=True),
+}
+_SCRATCH = {
+    "returned": Layer(np.float32, np.nan, in_place=True),
+    # Counts of the keyframe that is being added; 0 otherwise.
+    "returns": Layer(np.int32, in_place=True),
+    "dropouts": Layer(np.int32, in_place=True),
+}
 
 
 class ElevationMap:
@@ -38,28 +55,9 @@ class ElevationMap:
 
     def __init__(self, robot: RobotModel):
         self.robot = robot
-        self.layers = GridMap(
-            CELL,
-            {
-                "measured": _UNKNOWN,
-                "elevation": _UNKNOWN,
-                "dropout": Layer(np.bool_),
-                "driven": Layer(np.bool_),
-                "height": Layer(np.float32, per_cell=(kernels.LEVELS,), in_place=True),
-                "hits": Layer(np.uint16, per_cell=(kernels.LEVELS,), in_place=True),
-                "ceiling": Layer(np.float32, np.inf, in_place=True),
-                "returned": Layer(np.float32, np.nan, in_place=True),
-                "assumed": Layer(np.float32, np.nan, in_place=True),
-                "touched": Layer(np.float32, np.nan, in_place=True),
-                "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
-                "been": Layer(np.bool_, in_place=True),
-                "swept": Layer(np.bool_, in_place=True),
-                # Counts of the keyframe that is being added; 0 otherwise.
-                "returns": Layer(np.int32, in_place=True),
-                "dropouts": Layer(np.int32, in_place=True),
-            },
-        )
-        self._is_making = False
+        self.layers = GridMap(CELL, _DERIVED | _EVIDENCE | _SCRATCH)
+        self._making: NDArray[np.bool_] | None = None
+        self._everywhere = np.zeros((0, 0), np.bool_)
 
     @property
     def grid(self) -> Grid:
@@ -97,22 +95,25 @@ class ElevationMap:
     def _set(self, layer: str, points: NDArray[np.floating]) -> None:
         if not len(points):
             return
-        self.layers.cover(points)
-        i, j = self.grid.cell_of(points).T
-        self.layers[layer][i, j] = points[:, 2]
-        self._renew((i, j))
+        self._cover(points)
+        cells = self.grid.cell_of(points)
+        inside = self._within[tuple(cells.T)]
+        where = tuple(cells[inside].T)
+        self.layers[layer][where] = points[inside, 2]
+        self._renew(where)
 
     def add_track(self, places: NDArray[np.float64]) -> None:
         """Mark the cells of (N, 2) places of the robot's middle, m; the cells that it swept hold no panel."""
         if not len(places):
             return
         reach = self._disc.max() * CELL
-        self.layers.cover(np.vstack([places - reach, places + reach]))
-        cells = self.grid.cell_of(places)
-        self.layers["been"][tuple(cells.T)] = True
-        swept = tuple((cells[:, None] + self._disc).reshape(-1, 2).T)
-        self.layers["swept"][swept] = True
-        self._renew(swept)
+        self._cover(np.vstack([places - reach, places + reach]))
+        middles = self.grid.cell_of(places)
+        swept = (middles[:, None] + self._disc).reshape(-1, 2)
+        for layer, cells in (("been", middles), ("swept", swept)):
+            i, j = cells.T
+            self.layers[layer][i, j] |= self._within[i, j]
+        self._renew(tuple(swept.T))
 
     @cached_property
     def _disc(self) -> NDArray[np.int64]:
@@ -124,65 +125,86 @@ class ElevationMap:
     def update(
         self,
         points: NDArray[np.float32],
-        dropouts: NDArray[np.float32] | None = None,
+        hits: NDArray[np.uint8] | None = None,
+        dropouts: NDArray[np.float32] = NOTHING,
+        dropout_hits: NDArray[np.uint8] | None = None,
+        rays: NDArray[np.float32] = NOTHING,
         camera: NDArray[np.float64] | None = None,
-        hits: NDArray[np.uint32] | None = None,
-        dropout_hits: NDArray[np.uint32] | None = None,
     ) -> None:
-        """Add the returns of a keyframe.
+        """Add what a keyframe shows.
 
         Args:
-            points: (N, 3) in ``map``, m; points that are not finite are ignored.
+            points: (N, 3) its returns in ``map``, m.
+            hits: (N,) number of returns that each point is the mean of; 1 if not given.
             dropouts: (M, 3) m, where ground should have been seen and was not.
-            camera: (3,) position of the camera, m; without it no gap is filled for what these points show.
-            hits, dropout_hits: (N,) and (M,) uint32, number of pixels that each point is the mean of; 1 if not given.
+            dropout_hits: (M,) number of pixels that each of these is the mean of; 1 if not given.
+            rays: (R, 3) m, points of rays over places without returns, see :func:`elevation_kernels.lowest_rays`.
+            camera: (3,) its position, m; without it dropouts are neither found nor cleared.
         """
-        is_finite = np.isfinite(points).all(axis=1)
-        points, counts = points[is_finite], _counts(points, hits)[is_finite]
         if not len(points):
             return
-        seen_from = np.zeros((0, 2)) if camera is None else camera[None, :2]
-        corners = np.vstack([points[:, :2].min(axis=0), points[:, :2].max(axis=0), seen_from])
-        self.layers.cover(corners)
-        layers, origin, headroom = self.layers, self.grid.origin, self.robot.headroom
-        height, filled, returns = (layers[name] for name in ("height", "hits", "returns"))
-        cells = kernels.accumulate(points, counts, origin, CELL, height, filled, returns)
+        self._cover(points)
+        layers, cell, within = self.layers, (self.grid.origin, CELL), self._within
+        height, filled, returns, missing = (layers[name] for name in ("height", "hits", "returns", "dropouts"))
+        shown = kernels.accumulate(points, _counts(points, hits), *cell, within, height, filled, returns)
+        passed = kernels.lower_ceiling(layers["ceiling"], rays, *cell, within)
+        weights, headroom = _counts(dropouts, dropout_hits), self.robot.headroom
+        dropped = kernels.count_dropouts(dropouts, weights, *cell, within, height, filled, headroom, missing)
+        cells = np.concatenate([shown, dropped])
         if camera is not None:
-            kernels.lower_ceiling(layers["ceiling"], points, camera, origin, CELL)
-            # The ground is renewed where rays passed, too.
-            cells = np.concatenate([cells, self.grid.cell_of(corners)])
-        if dropouts is not None and camera is not None:
-            count, direction = layers["dropouts"], layers["dropout_direction"]
-            weights = _counts(dropouts, dropout_hits)
-            missing = kernels.count_dropouts(dropouts, weights, origin, CELL, height, filled, headroom, count)
-            cells = np.concatenate([cells, missing])
-            kernels.renew_dropout(direction, count, returns, cells, camera, origin, CELL)
-            count[tuple(missing.T)] = 0
-        where = tuple(cells.T)
-        returns[where] = 0
-        self._renew(where)
+            kernels.renew_dropout(layers["dropout_direction"], missing, returns, cells, camera, *cell)
+        missing[tuple(dropped.T)], returns[tuple(shown.T)] = 0, 0
+        self._renew(tuple(np.concatenate([cells, passed]).T))
 
     @contextmanager
-    def made_anew(self) -> Iterator[None]:
-        """Forget everything; afterwards the map holds only what the block of the ``with`` statement adds."""
-        layers = self.layers
-        for name in ("height", "hits", "been", "swept", "dropout_direction"):
-            layers[name].fill(0)
-        for name in ("returned", "assumed", "touched"):
-            layers[name].fill(np.nan)
-        layers["ceiling"].fill(np.inf)
-        self._is_making = True
-        yield
-        self._is_making = False
-        self._renew(...)
+    def made_anew(self, boxes: NDArray[np.float64]) -> Iterator[Callable[[NDArray[np.float64]], NDArray[np.bool_]]]:
+        """Forget all within boxes (M, 2, 2 or 3); the block of the ``with`` statement adds all evidence again.
 
-    def _renew(self, where: tuple[NDArray, ...] | EllipsisType) -> None:
+        Boxes are given by their lowest and highest corner, m. Only what lies within them changes.
+
+        Yields:
+            A function that tells which of other boxes (N, 2, 2 or 3) lie within them in part: (N,) bool.
+        """
+        self._cover(boxes.reshape(-1, boxes.shape[-1]))
+        within = np.zeros(self.grid.shape, np.bool_)
+        for (i, j), (k, m) in self.grid.cell_of(boxes):
+            within[i : k + 1, j : m + 1] = True
+        for name, layer in _EVIDENCE.items():
+            self.layers[name][within] = layer.fill
+        self._making = within
+        before = np.pad(within.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+
+        def meets(others: NDArray[np.float64]) -> NDArray[np.bool_]:
+            (i, j), (k, m) = (self.grid.cell_of(others) + [[0], [1]]).clip(0, self.grid.shape).transpose(1, 2, 0)
+            return np.asarray(before[k, m] - before[i, m] - before[k, j] + before[i, j] > 0)
+
+        try:
+            yield meets
+        finally:
+            self._making = None
+        self._renew(np.nonzero(within))
+
+    def _cover(self, points: NDArray[np.floating]) -> None:
+        """Grow the grid to hold points (N, 2 or 3), m."""
+        if self._making is None:
+            self.layers.cover(points)
+
+    @property
+    def _within(self) -> NDArray[np.bool_]:
+        """(nx, ny) the cells that may change."""
+        if self._making is not None:
+            return self._making
+        if self._everywhere.shape != self.grid.shape:
+            self._everywhere = np.ones(self.grid.shape, np.bool_)
+        return self._everywhere
+
+    def _renew(self, where: tuple[NDArray, ...]) -> None:
         """Renew what follows from the evidence, in and around cells that it changed, an index of a layer."""
+        if self._making is not None or not len(where[0]):
+            return
         layers, gap = self.layers, round(self.robot.max_gap / CELL) + 1
         changed = np.zeros(self.grid.shape, np.bool_)
         changed[where] = True
-        if self._is_making or not changed.any():
-            return
         columns, cells = (layers["height"], layers["hits"]), np.argwhere(changed)
         kernels.extract_elevation(*columns, cells, self.robot.headroom, layers["returned"])
         layers.write("driven", layers["been"][where], where)
@@ -199,6 +221,6 @@ class ElevationMap:
         layers.write("elevation", bridged[inside(here, around)], here)
 
 
-def _counts(points: NDArray[np.float32], hits: NDArray[np.uint32] | None) -> NDArray[np.uint32]:
+def _counts(points: NDArray[np.float32], hits: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
     """(N,) number of pixels that each of (N, 3) points is the mean of."""
-    return np.ones(len(points), np.uint32) if hits is None else hits
+    return np.ones(len(points), np.uint8) if hits is None else hits

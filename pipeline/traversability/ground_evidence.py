@@ -1,6 +1,7 @@
 """Evidence of the ground, relative to the robot's pose at that moment, so that it follows corrections of the pose."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,8 +9,6 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.robot import RobotModel
 from pipeline.segments.cells_kernels import moved
-from pipeline.semantic_map.voxels import VoxelCloud
-from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_kernels import MAX_GAP_RISE
 from pipeline.traversability.elevation_map import CELL, ElevationMap
 
@@ -21,37 +20,23 @@ BIN = np.deg2rad(2)
 """rad; directions in which the strip is level or not."""
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """The returns of a keyframe, thinned.
+def box_of(*clouds: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(2, 3) lowest and highest corner, m in ``base_link``, around clouds (N, 3) and the robot's middle."""
+    points = np.concatenate([np.zeros((1, 3)), *clouds])
+    return np.array([points.min(axis=0), points.max(axis=0)], np.float64)
 
-    Attributes:
-        points: (N, 3) float32 in ``base_link``, m.
-        hits: (N,) uint32, number of returns that each point is the mean of.
-        dropouts: (M, 3) float32 in ``base_link``, m, where ground should have been seen.
-        dropout_hits: (M,) uint32, number of pixels that each dropout is the mean of.
-        T_base_camera: 4×4.
-    """
 
-    points: NDArray[np.float32]
-    hits: NDArray[np.uint32]
-    dropouts: NDArray[np.float32]
-    dropout_hits: NDArray[np.uint32]
-    T_base_camera: NDArray[np.float64]
+class GroundEvidence(Protocol):
+    """Something that tells of the ground near a keyframe."""
 
-    @classmethod
-    def of(cls, frame: Frame, cloud: VoxelCloud) -> "Seen":
-        """What a frame shows; ``cloud``: its returns in ``base_link``, thinned."""
-        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera)
-        missing = VoxelCloud.of(dropouts, CELL / 2)
-        return cls(cloud.points, cloud.hits, missing.points, missing.hits, frame.T_base_camera)
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """(2, 3) lowest and highest corner, m in ``base_link``, around all that it changes."""
+        ...
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
-        """Add the returns and the dropouts, seen from the 4×4 pose ``T_map_base``, where the robot can stand."""
-        points, dropouts = moved(T_map_base, self.points), moved(T_map_base, self.dropouts)
-        camera = (T_map_base @ self.T_base_camera)[:3, 3]
-        elevation_map.update(points, dropouts, camera, self.hits, self.dropout_hits)
-        elevation_map.add_track(T_map_base[None, :2, 3])
+        """Add it to a map, at the keyframe's 4×4 pose."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +76,11 @@ class Assumed:
         strip = _lattice(0.0, AHEAD, WIDTH * robot.half_width)
         return cls(strip[np.abs(height[bin_of(strip)]) <= MAX_GAP_RISE])
 
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """(2, 3) lowest and highest corner, m in ``base_link``, around its points."""
+        return box_of(self.points)
+
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
         """Assume the ground, relative to the 4×4 pose ``T_map_base``."""
         elevation_map.assume_ground(moved(T_map_base, self.points))
@@ -117,6 +107,11 @@ class Driven:
     obstacles: NDArray[np.float32]
     touched: NDArray[np.float32]
 
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """(2, 3) lowest and highest corner, m in ``base_link``, around its points."""
+        return box_of(self.track, self.obstacles, self.touched)
+
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
         """Add track, obstacles and contacts, relative to the 4×4 pose ``T_map_base``."""
         track, obstacles, touched = (moved(T_map_base, p) for p in (self.track, self.obstacles, self.touched))
@@ -124,7 +119,3 @@ class Driven:
         elevation_map.add_track(track[:, :2])
         if len(touched):
             elevation_map.add_obstacle(touched)
-
-
-GroundEvidence = Seen | Assumed | Driven
-"""Something from which an elevation map is made: ``put`` puts it into the map for a robot at a 4×4 pose."""

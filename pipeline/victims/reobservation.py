@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.frame import Frame
-from pipeline.localisation.correction import Correction, moved_by
+from pipeline.keyframes import Keyframes, Places
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import wrap_angle
 from pipeline.victims.victim_map import APART, Victim, Victims
@@ -31,11 +31,11 @@ class Reobservation:
         camera_height: of the last frame's camera above the ground, m.
     """
 
-    def __init__(self, victims: Victims, metric_map: MetricMap) -> None:
+    def __init__(self, victims: Victims, metric_map: MetricMap, keyframes: Keyframes) -> None:
         """Reward viewpoints towards these victims along lines of sight that are free in this map."""
         self.camera_height = 0.0
-        self._victims, self._map = victims, metric_map
-        self._aimed: list[tuple[Victim, NDArray[np.float64]]] = []
+        self._victims, self._map, self._keyframes = victims, metric_map, keyframes
+        self._aimed: list[tuple[Victim, Places]] = []
 
     @property
     def wanted(self) -> list[Victim]:
@@ -53,18 +53,17 @@ class Reobservation:
         """Note that the next frame is to be taken from a place (3,) on the ground along a heading, rad."""
         bearing = np.array([heading])
         aimed = [v for v in self.wanted if self._gains(v, place[None], bearing).any()]
-        self._aimed = [(victim, place) for victim in aimed]
+        poses = self._keyframes.poses
+        anchored = Places.anchored(place[None], poses, len(poses) - 1)
+        self._aimed = [(victim, anchored) for victim in aimed]
 
     def count(self, frame: Frame) -> None:
         """Count this frame as a try for each victim at which it was aimed."""
         self.camera_height = float(frame.T_base_camera[2, 3])
         for victim, place in self._aimed:
             victim.tried.append(place)
+            victim.tried_at += list(place.at(self._keyframes.poses))
         self._aimed = []
-
-    def correct(self, correction: Correction) -> None:
-        """Move the place from which the next frame is to be taken along with the newest keyframe."""
-        self._aimed = [(v, moved_by(correction.motions[-1], place[None])[0]) for v, place in self._aimed]
 
     def _gains(
         self, victim: Victim, places: NDArray[np.float64], bearings: NDArray[np.float64]
@@ -85,7 +84,7 @@ class Reobservation:
 
 def _newness(victim: Victim, places: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N,) share of the reward: 0 beside earlier viewpoints, and on the side of viewpoints that showed nothing."""
-    found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (victim.cameras, victim.tried))
+    found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (victim.cameras, victim.tried_at))
     in_vain = tried[_distances(tried, found).min(axis=1) >= APART]
     share = np.clip(_angles(places, found, target).min(axis=1) / ANGLE, LEAST, 1.0)
     is_new = _distances(places, np.vstack([found, tried])).min(axis=1) >= APART

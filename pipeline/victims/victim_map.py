@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.frame import Frame
-from pipeline.localisation.correction import Correction, moved_by
+from pipeline.keyframes import Places
+from pipeline.segments.cells_kernels import moved
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.background import depth_noise
 from pipeline.victims.detection.detection import Detection
@@ -41,7 +42,7 @@ PHOTO_MARGIN = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """One observation of a person, in ``map`` as it was at that time.
+    """One observation of a person, in ``base_link`` of its keyframe or, placed, in ``map``.
 
     Attributes:
         keyframe: number of its keyframe.
@@ -59,9 +60,9 @@ class Sighting:
 
     def moved(self, T: NDArray[np.float64]) -> "Sighting":
         """The same observation moved by the 4×4 transform ``T``."""
-        R, points = T[:3, :3], moved_by(T, self.points).astype(np.float32)
-        camera = moved_by(T, self.camera[None])[0]
-        return Sighting(self.keyframe, points, R @ self.information @ R.T, camera, self.time)
+        R = T[:3, :3]
+        camera, information = R @ self.camera + T[:3, 3], R @ self.information @ R.T
+        return Sighting(self.keyframe, moved(T, self.points), information, camera, self.time)
 
 
 @dataclass(eq=False)
@@ -76,8 +77,9 @@ class Victim:
         photo: (h, w, 3) uint8 of the detection that shows most of the person, weighted by its confidence.
         photo_shows: number of the person's voxels in the photo, times the detection's confidence.
         missed: number of frames with the person in view but without a detection of it.
-        tried: (3,) float64 each, the places on the ground from which the person was to be re-observed.
-        sightings: the observations of which points and information are made.
+        tried: the places on the ground from which the person was to be re-observed, one each.
+        tried_at: (3,) float64 each, these places, m in ``map``.
+        sightings: the observations of which points and information are made, relative to their keyframes.
     """
 
     points: NDArray[np.float32]
@@ -87,7 +89,8 @@ class Victim:
     photo: NDArray[np.uint8]
     photo_shows: float = 0.0
     missed: int = 0
-    tried: list[NDArray[np.float64]] = field(default_factory=list)
+    tried: list[Places] = field(default_factory=list)
+    tried_at: list[NDArray[np.float64]] = field(default_factory=list)
     sightings: list[Sighting] = field(default_factory=list)
 
     def take(self, seen: "Sighting | Victim") -> None:
@@ -97,10 +100,10 @@ class Victim:
         floor = np.eye(3) * SKIN_TO_MIDDLE**2 / 4
         self.information = _inverse(_inverse(self.information + seen.information) + floor)
 
-    def correct(self, correction: Correction, motions: NDArray[np.float64]) -> None:
-        """Rebuild it from its sightings, moved by the (N, 4, 4) motions of all keyframes since these were added."""
-        self.tried = list(correction.moved(np.reshape(self.tried, (-1, 3))))
-        first, *others = (seen.moved(motions[seen.keyframe]) for seen in self.sightings)
+    def place(self, poses: NDArray[np.float64]) -> None:
+        """Make it anew of its sightings, with (K, 4, 4) poses of the keyframes."""
+        self.tried_at = list(Places.joined(self.tried).at(poses))
+        first, *others = (seen.moved(poses[seen.keyframe]) for seen in self.sightings)
         self.points, self.information = first.points, first.information
         for seen in others:
             self.take(seen)
@@ -172,13 +175,10 @@ class Victims:
         # Distances and sizes come last: they take longest, and this is called several times a step.
         return victim.apart >= APART and (victim.evidence >= ENOUGH_OF_PART or victim.size >= WHOLE)
 
-    def correct(self, correction: Correction, motions: NDArray[np.float64]) -> None:
-        """Move all victims with the keyframes that showed them, and join victims that turn out to be one person.
-
-        ``motions`` (N, 4, 4) of the keyframes lead from ``map`` as it was when each was added to ``map`` as it is.
-        """
+    def place(self, poses: NDArray[np.float64]) -> None:
+        """Make all victims anew, with (K, 4, 4) poses of the keyframes, and join those that prove to be one person."""
         for victim in self.all:
-            victim.correct(correction, motions)
+            victim.place(poses)
         self._merge()
 
     def update(
@@ -194,22 +194,26 @@ class Victims:
         """
         seen = [observe(frame, detection, T_map_camera) for detection in detections]
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
+        T_map_base = T_map_camera @ inverse(frame.T_base_camera)
         before, found = list(self.all), set[int]()
         for observation in (item for item in seen if isinstance(item, Observation)):
-            found.add(id(self._add(observation, frame, keyframe)))
+            found.add(id(self._add(observation, frame, keyframe, T_map_base)))
         for victim in before:
             if id(victim) not in found and _in_view(victim, frame, T_map_camera):
                 victim.missed += 1
         self._merge()
         self.all = [victim for victim in self.all if victim.missed <= 2 * len(victim.cameras)]
 
-    def _add(self, observation: Observation, frame: Frame, keyframe: int) -> Victim:
+    def _add(self, observation: Observation, frame: Frame, keyframe: int, T_map_base: NDArray[np.float64]) -> Victim:
         """Add an observation to the nearest victim that may be the same person, or as a new one."""
         points, confidence = _thinned(observation.points), observation.detection.confidence
         seen = Sighting(keyframe, points, _inverse(observation.covariance), observation.camera, frame.time)
+        seen = seen.moved(inverse(T_map_base))
         photo = _crop(frame.rgb, observation.detection.box)
+        # Of what is kept, so that a map made anew is the same.
+        now = seen.moved(T_map_base)
         new = Victim(
-            points, seen.information, [seen.camera], [confidence], photo, len(points) * confidence, sightings=[seen]
+            now.points, now.information, [now.camera], [confidence], photo, len(points) * confidence, sightings=[seen]
         )
         same = [other for other in self.all if _distance(other, new) <= GATE or _is_one(other, new)]
         if not same:
@@ -229,6 +233,7 @@ class Victims:
         victim.confidences += other.confidences
         victim.missed = min(victim.missed, other.missed)
         victim.tried += other.tried
+        victim.tried_at += other.tried_at
 
     def _merge(self) -> None:
         """Join victims that have turned out to be parts of one person."""

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from pipeline.explorer import Explorer, Step
 from pipeline.mapper import Keyframe
 from pipeline.navigation.navigator import Outcome
-from pipeline.segments.cells_kernels import moved
 from sarsim.ground_truth.faces import true_faces
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.fiducials import FiducialScore
@@ -42,14 +41,14 @@ class EpisodeScore:
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
         self.coverage = Coverage(robot)
         self.surface = self.coverage.surface
-        self._segments = SegmentScore(true_faces(model, data), are_whole=explorer.mapper.loaded > 0)
+        self._segments = SegmentScore(true_faces(model, data), are_whole=explorer.mapper.keyframes.loaded > 0)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
-        self._semantics = KeyframeTruth(explorer.mapper.observations)
+        self._semantics = KeyframeTruth(explorer.mapper.keyframes)
         self.victims = VictimScore(model, data)
         self.fiducials = FiducialScore(T_world_tag)
         self.trajectory = TrajectoryScore(explorer.mapper.localisation, robot.trajectory)
-        for observation, T in zip(explorer.mapper.observations, explorer.mapper.poses, strict=True):
-            self.coverage.see(moved(T, observation.points))
+        for seen, T in zip(explorer.mapper.keyframes.seen, explorer.mapper.keyframes.poses, strict=True):
+            self.coverage.see(seen.points_at(T))
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
         self._kidnaps = 0
@@ -84,10 +83,10 @@ class EpisodeScore:
 
     def report(self) -> dict[str, Any]:
         """The figures of all stages that have any; the commands add settings and times."""
-        explorer = self._explorer
+        explorer, known = self._explorer, self._explorer.mapper.keyframes
         stages = {
             "metric_map": self._voxels.report(),
-            "semantic_map": compared(self._semantics.map_at(explorer.mapper.poses), explorer.mapper.semantic_map),
+            "semantic_map": compared(self._semantics.map(), explorer.mapper.semantic_map),
             "segments": self._segments.report(explorer.mapper.segments),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),
@@ -95,7 +94,7 @@ class EpisodeScore:
             "exploration": self._exploration(),
             "localisation": self.trajectory.report()
             | {"relocalised": explorer.lookout.relocalised}
-            | self.fiducials.report(list(explorer.mapper.poses[explorer.mapper.loaded :])),
+            | self.fiducials.report(list(known.poses[known.loaded :])),
             **({"victims": self.victims.report(self._confirmed)} if explorer.mapper.detector else {}),
         }
         return {name: stage for name, stage in stages.items() if stage}

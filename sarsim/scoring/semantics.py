@@ -1,46 +1,45 @@
 """Accuracy of the labels of the semantic map."""
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.keyframes import Keyframes, thinned
 from pipeline.labels import THESIS_FOUR, Label
-from pipeline.mapper import Keyframe, Observation
-from pipeline.segments.cells_kernels import moved
+from pipeline.mapper import Keyframe
+from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.semantic_map.networks.scores import iou
 from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
-from pipeline.semantic_map.voxels import VoxelCloud
 
 
 class KeyframeTruth:
     """The true labels of keyframes, mapped at the keyframes' current poses."""
 
-    def __init__(self, loaded: Sequence[Observation] = ()) -> None:
-        """``loaded``: keyframes of an earlier episode, in the robot's map; their true labels are unknown."""
-        # A weight so small that any true label outweighs it.
-        unknown = 1e-6 * np.eye(1, len(Label), int(Label.UNLABELLED), dtype=np.float32)
-        self._added: list[tuple[int, VoxelCloud, NDArray[np.float32]]] = [
-            (k, VoxelCloud(o.points, o.hits, np.zeros(0, np.int64)), np.repeat(unknown, len(o.points), axis=0))
-            for k, o in enumerate(loaded)
-            if o.probabilities is not None
-        ]
+    def __init__(self, keyframes: Keyframes) -> None:
+        """``keyframes``: of the robot; the true labels of those that it has already are unknown."""
+        self._keyframes = keyframes
+        self._shares: dict[int, ClassShares | None] = {k: None for k, s in enumerate(keyframes.seen) if s.shares}
 
     def add(self, keyframe: Keyframe) -> None:
         """Keep the true labels of a keyframe, thinned to voxels as in the robot's map."""
         frame = keyframe.frame
         if frame.label is not None:
-            cloud = VoxelCloud.of(frame.points(frame.T_base_camera), VOXEL)
+            cloud, near = thinned(frame.points(frame.T_base_camera), VOXEL)
             shares = cloud.means(np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]])
-            self._added.append((keyframe.index, replace(cloud, voxel_of_point=np.zeros(0, np.int64)), shares))
+            self._shares[keyframe.index] = ClassShares.of(shares[near])
 
-    def map_at(self, poses: NDArray[np.float64]) -> SemanticMap:
-        """The semantic map with the true labels, of keyframes at (N, 4, 4) ``poses``, ``T_map_base``."""
-        truth = SemanticMap()
-        for index, cloud, shares in self._added:
-            truth.update(moved(poses[index], cloud.points), shares, cloud.hits)
+    def map(self) -> SemanticMap:
+        """The semantic map with the true labels at the present poses."""
+        truth, known = SemanticMap(), self._keyframes
+        for k, shares in self._shares.items():
+            seen, T = known.seen[k], known.poses[k]
+            if shares is not None:
+                truth.update(seen.points_at(T), shares.probabilities, seen.hits)
+            else:
+                # A weight so small that any true label outweighs it.
+                unknown = 1e-6 * np.eye(1, len(Label), int(Label.UNLABELLED), dtype=np.float32)
+                truth.update(seen.points_at(T), np.repeat(unknown, len(seen.points), axis=0), seen.hits)
         return truth
 
 

@@ -1,0 +1,299 @@
+"""The keyframes: what each has shown, kept relative to its own pose, and the only poses that maps and places use.
+
+A map is a fold over the keyframes in their order: it can be made anew at any poses. A place, as that of a node, is
+anchored to a keyframe and read at the keyframe's present pose.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from pipeline.errors import InputError
+from pipeline.frame import Frame, Intrinsics
+from pipeline.metric_map.grid_kernels import is_rigid
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.robot import RobotModel
+from pipeline.segments.cells_kernels import moved
+from pipeline.semantic_map.class_shares import ClassShares
+from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
+from pipeline.semantic_map.voxels import VoxelCloud
+from pipeline.traversability.depth_dropouts import find_depth_dropouts
+from pipeline.traversability.elevation_kernels import Z_BIN, lowest_rays
+from pipeline.traversability.elevation_map import CELL, ElevationMap
+from pipeline.traversability.ground_evidence import GroundEvidence, box_of
+
+UNIT = 2.5e-4
+"""m, to which kept points and depths are rounded: a fifth of the noise of the best depth camera."""
+FARTHEST = np.iinfo(np.int16).max * UNIT
+"""m along an axis; returns farther away, beyond the range of any depth camera indoors, are left out."""
+NOTICEABLE = 0.01
+"""m; keyframes of which nothing in view moves farther stay where they are in the maps, as in RTAB-Map."""
+COLUMN = CELL / 2, CELL / 2, Z_BIN
+"""m, voxels to which a frame without labels is thinned: half a cell of the elevation map, and one of its bins."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a keyframe has shown, relative to its own pose, thinned: enough to make every map again at other poses.
+
+    Attributes:
+        depth: (h, w) uint16, every n-th pixel's depth along the optical axis, in ``UNIT``; 0 = no return.
+        intrinsics: of this depth image.
+        T_base_camera: 4×4.
+        points: (N, 3) int16 the returns in ``base_link``, in ``UNIT``, thinned to the voxels of the semantic map, or
+            to ``COLUMN`` if the frame was not labelled.
+        hits: (N,) uint8 number of returns that each point is the mean of, 255 at most.
+        dropouts: (M, 3) int16 where ground should have been seen, see :func:`find_depth_dropouts`.
+        dropout_hits: (M,) uint8 number of pixels that each of these is the mean of.
+        rays: (R, 3) int16 lowest points of rays over the ground in places without returns.
+        shares: classes of the points; None if the frame was not labelled.
+    """
+
+    depth: NDArray[np.uint16]
+    intrinsics: Intrinsics
+    T_base_camera: NDArray[np.float64]
+    points: NDArray[np.int16]
+    hits: NDArray[np.uint8]
+    dropouts: NDArray[np.int16]
+    dropout_hits: NDArray[np.uint8]
+    rays: NDArray[np.int16]
+    shares: ClassShares | None = None
+
+    @classmethod
+    def of(cls, frame: Frame, points: NDArray[np.float32], probabilities: NDArray | None, stride: int) -> "Seen":
+        """What a frame shows.
+
+        Args:
+            frame: with its depth.
+            points: (N, 3) its returns, m in ``base_link``.
+            probabilities: (N, 8) class probabilities of the returns; None if the frame is not labelled.
+            stride: pixels from one kept depth to the next.
+        """
+        cloud, near = thinned(points, COLUMN if probabilities is None else VOXEL)
+        shares = None if probabilities is None else ClassShares.of(cloud.means(probabilities)[near])
+        missing = VoxelCloud.of(find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera), CELL / 2)
+        rays = lowest_rays(cloud.points, cloud.hits, frame.T_base_camera[:3, 3], CELL)
+        depth, intrinsics = frame.every_nth(stride)
+        kept = np.where(np.isfinite(depth) & (depth > 0), depth / UNIT, 0).clip(max=np.iinfo(np.uint16).max)
+        return cls(
+            depth=np.rint(kept).astype(np.uint16),
+            intrinsics=intrinsics,
+            T_base_camera=frame.T_base_camera,
+            points=_packed(cloud.points[near]),
+            hits=_count(cloud.hits[near]),
+            dropouts=_packed(missing.points),
+            dropout_hits=_count(missing.hits),
+            rays=_packed(rays),
+            shares=shares,
+        )
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its arrays."""
+        arrays = self.depth, self.points, self.hits, self.dropouts, self.dropout_hits, self.rays
+        return sum(array.nbytes for array in arrays) + (self.shares.nbytes if self.shares else 0)
+
+    @property
+    def frame(self) -> Frame:
+        """A frame of the kept depth alone, without colours, time and pose."""
+        no_colour = np.zeros((0, 0, 3), np.uint8)
+        return Frame(0.0, no_colour, self._depth, self.intrinsics, self.T_base_camera, np.eye(4))
+
+    @property
+    def _depth(self) -> NDArray[np.float32]:
+        return self.depth * np.float32(UNIT)
+
+    def points_at(self, T_map_base: NDArray[np.float64]) -> NDArray[np.float32]:
+        """(N, 3) float32 its points, m in ``map``, at a 4×4 pose of the robot."""
+        return _placed(self.points, T_map_base)
+
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """(2, 3) lowest and highest corner, m in ``base_link``, around its points."""
+        return box_of(self.points * UNIT)
+
+    def view(self, reach: float) -> NDArray[np.float64]:
+        """(5, 3) corners of its view up to ``reach`` m of depth, m in ``base_link``."""
+        k = self.intrinsics
+        image = np.array([(u, v) for u in (0, k.width) for v in (0, k.height)], np.float64)
+        ends = np.column_stack([(image - (k.cx, k.cy)) / (k.fx, k.fy), np.ones(len(image))]) * reach
+        return np.vstack([np.zeros(3), ends]) @ self.T_base_camera[:3, :3].T + self.T_base_camera[:3, 3]
+
+    def put_depth(self, metric_map: MetricMap, T_map_base: NDArray[np.float64]) -> None:
+        """Add its returns and the space that it saw free, at the 4×4 pose ``T_map_base``."""
+        T_map_camera = T_map_base @ self.T_base_camera
+        metric_map.integrate(self._depth, self.intrinsics, T_map_camera, self.points_at(T_map_base))
+
+    def put_classes(self, semantic_map: SemanticMap, T_map_base: NDArray[np.float64]) -> None:
+        """Add its labelled points, if it has any, at the 4×4 pose ``T_map_base``."""
+        if self.shares is not None:
+            semantic_map.update(self.points_at(T_map_base), self.shares.probabilities, self.hits)
+
+    def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
+        """Add its returns, dropouts and rays, and that the robot can stand there, at the 4×4 pose ``T_map_base``."""
+        points, dropouts, rays = (_placed(p, T_map_base) for p in (self.points, self.dropouts, self.rays))
+        camera = (T_map_base @ self.T_base_camera)[:3, 3]
+        elevation_map.update(points, self.hits, dropouts, self.dropout_hits, rays, camera)
+        elevation_map.add_track(T_map_base[None, :2, 3])
+
+
+def _packed(points: NDArray[np.floating]) -> NDArray[np.int16]:
+    """(N, 3) points in ``UNIT``."""
+    return np.rint(points / UNIT).astype(np.int16)
+
+
+def _placed(points: NDArray[np.int16], T_map_base: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(N, 3) m in ``map``, kept points at a 4×4 pose."""
+    return moved(T_map_base @ np.diag([UNIT, UNIT, UNIT, 1.0]), points)
+
+
+def _count(hits: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    return hits.clip(max=np.iinfo(np.uint8).max).astype(np.uint8)
+
+
+def thinned(
+    points: NDArray[np.float32], voxel: float | tuple[float, float, float]
+) -> tuple[VoxelCloud, NDArray[np.intp]]:
+    """Points (N, 3), m in ``base_link``, thinned to voxels of that size, m, and which (K,) of these are kept."""
+    cloud = VoxelCloud.of(points, voxel)
+    return cloud, np.flatnonzero((np.abs(cloud.points) < FARTHEST).all(axis=1))
+
+
+class Moves(NamedTuple):
+    """How far keyframes moved in a correction.
+
+    Attributes:
+        ways: (K,) m.
+        turns: (K,) rad.
+        reach: m, how far they see.
+    """
+
+    ways: NDArray[np.float64]
+    turns: NDArray[np.float64]
+    reach: float
+
+    @classmethod
+    def between(cls, before: NDArray[np.float64], after: NDArray[np.float64], reach: float) -> "Moves":
+        """From (K, 4, 4) poses to others, of keyframes that see ``reach`` m far."""
+        turned = before[:, :3, :3].swapaxes(1, 2) @ after[:, :3, :3]
+        return cls(
+            np.linalg.norm((after - before)[:, :3, 3], axis=1), Rotation.from_matrix(turned).magnitude(), reach
+        )
+
+    @property
+    def are_noticeable(self) -> NDArray[np.bool_]:
+        """(K,) which keyframes, or what they see at the end of their view, moved by more than ``NOTICEABLE``."""
+        return np.maximum(self.ways, self.turns * self.reach) > NOTICEABLE
+
+
+class Keyframes:
+    """What all keyframes have shown, and their poses.
+
+    Attributes:
+        seen: what each has shown.
+        ground: all evidence of the ground in the order in which it was found, each with the number of its keyframe.
+        poses: (K, 4, 4) ``T_map_base`` at which they are in the maps.
+        loaded: number of keyframes from an earlier episode.
+    """
+
+    def __init__(self, robot: RobotModel, reach: float) -> None:
+        """None yet, of a robot; ``reach``: m of depth up to which its view frees space."""
+        self.seen: list[Seen] = []
+        self.ground: list[tuple[int, GroundEvidence]] = []
+        self.poses = np.zeros((0, 4, 4))
+        self.loaded = 0
+        self._reach, self._margin = reach, robot.half_width + CELL
+        self._boxes = np.zeros((0, 2, 3))
+
+    def __len__(self) -> int:
+        return len(self.seen)
+
+    def add(self, seen: Seen, T_map_base: NDArray[np.float64]) -> None:
+        """Add a keyframe at a 4×4 pose."""
+        self.seen.append(seen)
+        self.poses = np.concatenate([self.poses, T_map_base[None]])
+        self._boxes = np.concatenate([self._boxes, box_of(seen.box, seen.view(self._reach))[None]])
+
+    def add_ground(self, keyframe: int, evidence: GroundEvidence) -> None:
+        """Add evidence of the ground near a keyframe."""
+        self.ground.append((keyframe, evidence))
+        self._boxes[keyframe] = box_of(self._boxes[keyframe], evidence.box)
+
+    def boxes(self) -> NDArray[np.float64]:
+        """(K, 2, 3) lowest and highest corner, m in ``map``, around all that each keyframe changes in the maps."""
+        middle, half = self._boxes.mean(axis=1), np.diff(self._boxes, axis=1)[:, 0] / 2 + self._margin
+        R, t = self.poses[:, :3, :3], self.poses[:, :3, 3]
+        centre = np.einsum("kij,kj->ki", R, middle) + t
+        reach = np.einsum("kij,kj->ki", np.abs(R), half)
+        return np.stack([centre - reach, centre + reach], axis=1)
+
+    @property
+    def highest_camera(self) -> float:
+        """m, the greatest height at which a keyframe's camera was; 0 if all were lower."""
+        heights = [T[2] @ seen.T_base_camera[:, 3] for T, seen in zip(self.poses, self.seen, strict=True)]
+        return float(max(heights, default=0.0))
+
+    def place(self, T_map_base: NDArray[np.float64]) -> Moves:
+        """Move the keyframes to their (K, 4, 4) poses as now estimated, except those that move unnoticeably.
+
+        Returns:
+            How far each moved; 0 for those that stayed.
+
+        Raises:
+            InputError: there is not one rigid pose for every keyframe; all then stay where they are.
+        """
+        poses = np.array(T_map_base, np.float64)
+        if poses.shape != self.poses.shape or not all(map(is_rigid, poses)):
+            raise InputError(f"a correction must give each of {len(self)} keyframes a rigid 4×4 pose")
+        stays = ~Moves.between(self.poses, poses, self._reach).are_noticeable
+        poses[stays] = self.poses[stays]
+        moves, self.poses = Moves.between(self.poses, poses, self._reach), poses
+        return moves
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Places on the map, each anchored to a keyframe.
+
+    Attributes:
+        keyframe: (N,) int64 number of each place's keyframe.
+        position: (N, 3) m in the keyframe's ``base_link``.
+    """
+
+    keyframe: NDArray[np.int64]
+    position: NDArray[np.float64]
+
+    @classmethod
+    def anchored(cls, places: ArrayLike, poses: NDArray[np.float64], keyframe: int | None = None) -> "Places":
+        """Anchor places (N, 2 or 3), m in ``map``, to a keyframe, or each to the one that stood nearest.
+
+        ``poses``: (K, 4, 4) of all keyframes, of which there is one at least. Places without height lie at that of
+        their keyframe.
+        """
+        places = np.asarray(places, np.float64)
+        owner = np.full(len(places), keyframe, np.int64) if keyframe is not None else nearest(places, poses)
+        if places.shape[1:] == (2,):
+            places = np.column_stack([places, poses[owner, 2, 3]])
+        T = poses[owner]
+        return cls(owner, np.einsum("nji,nj->ni", T[:, :3, :3], places.reshape(-1, 3) - T[:, :3, 3]))
+
+    def at(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 3) the places, m in ``map``, with the (K, 4, 4) poses of the keyframes."""
+        T = poses[self.keyframe]
+        return np.asarray(np.einsum("nij,nj->ni", T[:, :3, :3], self.position) + T[:, :3, 3])
+
+    @classmethod
+    def joined(cls, parts: Iterable["Places"]) -> "Places":
+        """The places of all parts."""
+        parts = [cls(np.zeros(0, np.int64), np.zeros((0, 3))), *parts]
+        return cls(np.concatenate([p.keyframe for p in parts]), np.concatenate([p.position for p in parts]))
+
+
+def nearest(places: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(N,) number of the keyframe, of poses (K, 4, 4), that stood nearest to each place (N, 2 or 3), m in ``map``."""
+    return np.asarray(cKDTree(poses[:, :2, 3]).query(places[:, :2])[1], np.int64).reshape(-1)

@@ -1,0 +1,46 @@
+"""The class probabilities of points in two bytes each: the two most probable classes and their shares."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+
+WHOLE = np.iinfo(np.uint8).max  # Sum of the shares of a point's two classes
+
+
+@dataclass(frozen=True, eq=False)
+class ClassShares:
+    """The two most probable classes of points.
+
+    Attributes:
+        classes: (N, 2) uint8 the most probable class and the next; the lower id wins a tie.
+        share: (N,) uint8 of the first class, of ``WHOLE`` for both.
+    """
+
+    classes: NDArray[np.uint8]
+    share: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, probabilities: NDArray[np.float32]) -> Self:
+        """Keep of (N, 8) class probabilities those of the two most probable classes."""
+        best = np.argsort(-probabilities, axis=1, kind="stable")[:, :2]
+        first, second = np.take_along_axis(probabilities, best, axis=1).T
+        both = np.maximum(first + second, np.finfo(np.float32).tiny)
+        return cls(best.astype(np.uint8), np.rint(WHOLE * (first / both)).astype(np.uint8))
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its arrays."""
+        return self.classes.nbytes + self.share.nbytes
+
+    @property
+    def probabilities(self) -> NDArray[np.uint8]:
+        """(N, 8) uint8 of every class, in units of 1/255."""
+        result = np.zeros((len(self.share), len(Label)), np.uint8)
+        points = np.arange(len(self.share))
+        result[points, self.classes[:, 0]] = self.share
+        result[points, self.classes[:, 1]] = WHOLE - self.share
+        return result

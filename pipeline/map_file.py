@@ -27,7 +27,7 @@ from pipeline.traversability.elevation_map import CELL, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence, Seen
 from pipeline.victims.victim_map import Sighting, Victim
 
-FORMAT, VERSION = "sarsim keyframes", 2
+FORMAT, VERSION = "sarsim keyframes", 3
 UNIT = 2.5e-4  # m, to which points are rounded
 KINDS = Seen, Assumed, Driven  # of evidence of the ground, by number
 LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
@@ -44,7 +44,7 @@ LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "local_owner": ("i8", "N"),
     "ground": ("i8", "G", 5),  # keyframe, kind, numbers of points: assumed, or a drive's track, obstacles, touched
     "ground_points": ("i4", "D", 3),
-    "members": ("i8", "M", 6),  # keyframe, segment, class, numbers of surfels, corners and points
+    "members": ("i8", "M", 5),  # keyframe, class, numbers of surfels, corners and points
     "planes": ("f8", "M", 15),  # normal, Σ x, Σ x xᵀ
     "outlines": ("i4", "O", 3),
     "member_points": ("i4", "L", 3),
@@ -90,7 +90,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         observations, seen = zip(*_observations(e), strict=True)
         local = _unpacked(e["local_points"]), e["local_normals"] / 127, e["local_owner"]
         mapper.localisation.restore(Keyframes(e["T_map_base"], e["ups"], *local))
-        mapper.segments.restore(list(_restored_members(e)), e["members"][:, 1], e["members"][:, 2].astype(np.uint8))
+        mapper.segments.members = list(_restored_members(e))
         mapper.victims.all = list(_restored_victims(e))
         mapper.restore(list(observations), list(_evidence(e, seen)), e["T_map_base"], e["T_map_base_added"])
 
@@ -141,9 +141,9 @@ def _check(e: Arrays) -> None:
     numbers = e["local_owner"], e["ground"][:, 0], e["members"][:, 0], e["sightings"][:, 0]
     if any(((n < 0) | (n >= sizes["K"])).any() for n in numbers) or (e["camera"][:, :2] <= 0).any():
         raise ValueError("something belongs to a keyframe that is not there, or a camera has no focal length")
-    if not np.isin(e["members"][:, 2], list(Label)).all() or (e["members"][:, [1, 3]] < 0).any():
-        raise ValueError("a segment is of no class")
-    lengths = e["labelled"] + 1, e["ground"][:, 2:], e["members"][:, 4:], e["victims"][:, 2:], e["sightings"][:, 1]
+    if not np.isin(e["members"][:, 1], list(Label)).all() or (e["members"][:, 2] <= 0).any():
+        raise ValueError("a segment is of no class, or has no surfels")
+    lengths = e["labelled"] + 1, e["ground"][:, 2:], e["members"][:, 3:], e["victims"][:, 2:], e["sightings"][:, 1]
     if any((n < 0).any() for n in lengths):
         raise ValueError("a length is negative")
 
@@ -204,12 +204,8 @@ def _evidence(e: Arrays, seen: Sequence[Seen]) -> Iterator[tuple[int, GroundEvid
 
 def _members(mapper: Mapper) -> Rows:
     members = mapper.segments.members
-    segment_of = {row: segment for segment in mapper.segments for row in segment.members}
     return {
-        "members": [
-            (m.step, segment_of[row].id, segment_of[row].label, m.moments.count, len(m.outline), len(m.points))
-            for row, m in enumerate(members)
-        ],
+        "members": [(m.keyframe, m.label, m.moments.count, len(m.outline), len(m.points)) for m in members],
         "planes": [[*m.normal, *m.moments.total, *m.moments.squares.ravel()] for m in members],
         "outlines": _packed(m.outline for m in members),
         "member_points": _packed(m.points for m in members),
@@ -217,10 +213,11 @@ def _members(mapper: Mapper) -> Rows:
 
 
 def _restored_members(e: Arrays) -> Iterator[Member]:
-    outlines = _parts(_unpacked(e["outlines"]), e["members"][:, 4])
-    points = _parts(_unpacked(e["member_points"]), e["members"][:, 5])
+    outlines = _parts(_unpacked(e["outlines"]), e["members"][:, 3])
+    points = _parts(_unpacked(e["member_points"]), e["members"][:, 4])
     for row, plane, outline, at in zip(e["members"].tolist(), e["planes"], outlines, points, strict=True):
-        yield Member(row[0], plane[:3], Moments(row[3], plane[3:6], plane[6:].reshape(3, 3)), outline, at)
+        moments = Moments(row[2], plane[3:6], plane[6:].reshape(3, 3))
+        yield Member(row[0], Label(row[1]), plane[:3], moments, outline, at)
 
 
 def _victims(victims: list[Victim]) -> Rows:

@@ -148,7 +148,7 @@ class Mapper:
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()
         self.semantic_map = SemanticMap(self._is_no_way)
-        self.segments = Segments()
+        self.segments = Segments(self.metric_map.is_surface)
         self.topological_map = TopologicalMap(graph)
         self.victims = Victims()
         self.stopwatch = Stopwatch()
@@ -249,7 +249,7 @@ class Mapper:
             self._add_classes(self.observations[-1], keyframe.T_map_base)
         with self.stopwatch("segments"):
             patches = find_planes(frame, labels, T_map_camera, self._seed + self.keyframes - 1)
-            self.segments.update(patches, self.keyframes - 1)
+            self.segments.update(patches, self.keyframes - 1, keyframe.T_map_base)
         detections = self._find_victims(frame, T_map_camera)
         return replace(keyframe, points=points, labels=labels, patches=patches, detections=detections)
 
@@ -308,9 +308,9 @@ class Mapper:
                 with self.stopwatch("correction_traversability"), self.elevation_map.made_anew():
                     for k, evidence in self.ground:
                         evidence.put(self.elevation_map, self.poses[k])
-                with self.stopwatch("correction_segments"):
-                    self.segments.correct(motions)
                 voxels.result()
+            with self.stopwatch("correction_segments"):
+                self.segments.rebuild(poses)
             with self.stopwatch("correction_victims"):
                 self.victims.correct(correction, motions)
                 self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.labels import Label
 from pipeline.localisation.correction import Correction
-from pipeline.segments.segments import Segment
+from pipeline.segments.segment import Segment
 from pipeline.topological_map.cover import Cover
 from pipeline.topological_map.links import Links, drive_seconds
 from pipeline.traversability.traversability import Traversability

@@ -294,6 +294,6 @@ class Places:
         return cls(np.concatenate([p.keyframe for p in parts]), np.concatenate([p.position for p in parts]))
 
 
-def nearest(places: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.int64]:
+def nearest(places: NDArray[np.floating], poses: NDArray[np.float64]) -> NDArray[np.int64]:
     """(N,) number of the keyframe, of poses (K, 4, 4), that stood nearest to each place (N, 2 or 3), m in ``map``."""
     return np.asarray(cKDTree(poses[:, :2, 3]).query(places[:, :2])[1], np.int64).reshape(-1)

@@ -90,7 +90,7 @@ class Mapper:
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()
         self.semantic_map = SemanticMap(self._is_no_way)
-        self.segments = Segments()
+        self.segments = Segments(self.metric_map.is_surface)
         self.topological_map = TopologicalMap(graph)
         self.victims = Victims()
         self.stopwatch = Stopwatch()
@@ -222,9 +222,9 @@ class Mapper:
             voxels = other.submit(self._make_voxel_maps, moving, boxes)
             with self.stopwatch("correction_elevation_map"):
                 self._make_elevation_map(boxes)
-            with self.stopwatch("correction_segments"):
-                self.segments.rebuild(poses)
             voxels.result()
+        with self.stopwatch("correction_segments"):
+            self.segments.rebuild(poses)
         with self.stopwatch("correction_victims"):
             self.victims.place(poses)
             self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])

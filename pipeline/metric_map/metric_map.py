@@ -196,6 +196,14 @@ class MetricMap:
         signs = np.sign(self.log_odds_at(self.voxel_index(points)))
         return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[signs]
 
+    def is_surface(self, points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) whether points (N, 3), m in ``map``, are occupied and known on the side of the ``normal`` (3,).
+
+        A thin wall is occupied for both its sides; on one that no frame has shown, the voxels before it are unknown.
+        """
+        before = self.state_at(points + self.voxel_size * normal)
+        return (self.state_at(points) == OCCUPIED) & (before != UNKNOWN)
+
     def is_free_along(
         self,
         start: NDArray[np.float64],

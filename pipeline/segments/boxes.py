@@ -82,9 +82,9 @@ def bounding_box(plane: Plane, centre: NDArray[np.float64], hull: Hull, thicknes
     n = plane.normal
     level = abs(n[2]) > LEVEL
     x = _least_area_axis(hull) if level else np.array([-n[1], n[0], 0.0])
+    x -= (x @ n) * n
+    x /= np.linalg.norm(x)
     y = np.cross(n, x)
-    y /= np.linalg.norm(y)
-    x = np.cross(y, n)
     spans = np.stack([_span(hull, x, centre), _span(hull, y, centre), [-thickness / 2, thickness / 2]])
     R = np.stack([x, y, n], axis=1)
     return Box(from_rotation(R, centre + R @ spans.mean(axis=1)), spans[:, 1] - spans[:, 0])

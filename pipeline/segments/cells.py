@@ -11,19 +11,17 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from pipeline.segments import cells_kernels as kernels
+from pipeline.segments.surfels_kernels import NONE
 
 CELL = 0.05  # m, the edge of a cell
 SHIFT = 0.02
 """m, of the grid against the map's axes: floors and walls tend to lie at round numbers, on unshifted cell faces."""
-REACH = 2
+JOINED = 2
 """Cells up to this far apart along every axis are neighbours: gaps of 0.15 m always part, gaps of 0.05 m never do."""
-INNER = 20
-"""Least number of cells in reach of an inner cell, itself included: 25 inside a surface, 20 beside its edge (15)."""
-CONTACT = 12
-"""Cells in reach of another set, or three quarters of the smaller set, that make both one surface; corners have 9."""
+FRONT = (JOINED + 1) ** 2 + 1
+"""Least number of cells of a set near another set that make both one surface: one more than at a corner."""
 FRAYED = 0.25
-"""A cell with less than this share of the points of another cell in reach is noise at the surface's edge."""
-NONE = -1  # No piece
+"""A cell with less than this share of the points of another neighbour is noise at the surface's edge."""
 
 Cells = NDArray[np.int32]
 
@@ -42,32 +40,38 @@ def centres(cells: Cells) -> NDArray[np.float64]:
 
 def unite(a: Cells, b: Cells) -> Cells:
     """The cells of both sets."""
-    return from_keys(np.union1d(keys(a), keys(b)))
+    return kernels.united(a, b)
+
+
+def thinned(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(M, 3) the first of the points (N, 3), m, in each cube with half the edge of a cell."""
+    cube_of, cubes = kernels.cells_of(points + np.float32(SHIFT), np.float32(2 / CELL))
+    first = np.empty(len(cubes), np.intp)
+    first[cube_of[::-1]] = np.arange(len(cube_of))[::-1]
+    return points[first]
 
 
 def in_contact(a: Cells, b: Cells) -> bool:
     """Whether two sets meet along a front, not only at a corner."""
     small, large = (a, b) if len(a) < len(b) else (b, a)
-    near = _near_box_of(small, large), _near_box_of(large, small)
-    if not len(near[0]) or not len(near[1]):
-        return False
-    distances, _ = KDTree(near[1]).query(near[0], p=np.inf, distance_upper_bound=REACH + 0.5)
-    return bool(np.isfinite(distances).sum() >= min(CONTACT, 0.75 * len(small)))
+    return kernels.count_near(small, large, JOINED, FRONT) >= FRONT
 
 
 def connected_pieces(cells: Cells, points: NDArray[np.intp]) -> NDArray[np.intp]:
     """(K,) number of each cell's piece, NONE for cells that are only noise at a surface's edge.
 
-    Cells with few ``points`` (K,) beside cells with many are noise. Of the others, inner cells in reach of each other
-    form one piece, and each remaining cell joins the nearest piece, as in DBSCAN (Ester et al. 1996) and a watershed:
-    so surfaces that touch at corners or by a thin strip stay two.
+    Cells with few ``points`` (K,) beside cells with many are noise. Of the others, neighbouring inner cells form one
+    piece, and each remaining cell joins the nearest piece, as in DBSCAN (Ester et al. 1996) and a watershed: so
+    surfaces that touch at corners or by a thin strip stay two. An inner cell of a level or upright surface lacks at
+    most one row of the square of its neighbours.
     """
-    pairs = KDTree(cells).query_pairs(REACH + 0.5, p=np.inf, output_type="ndarray")
+    side = 2 * JOINED + 1
+    pairs = KDTree(cells).query_pairs(JOINED, p=np.inf, output_type="ndarray")
     frayed = np.zeros(len(cells), bool)
     for one, other in (pairs.T, pairs.T[::-1]):
         frayed[one[points[one] < FRAYED * points[other]]] = True
     pairs = pairs[~frayed[pairs].any(axis=1)]
-    inner = np.bincount(pairs.ravel(), minlength=len(cells)) + 1 >= INNER
+    inner = np.bincount(pairs.ravel(), minlength=len(cells)) + 1 >= side * (side - 1)
     piece = np.where(inner, _components(pairs[inner[pairs].all(axis=1)], len(cells)), NONE)
     _flood(piece, pairs)
     apart = _components(pairs[(piece[pairs] == NONE).all(axis=1)], len(cells)) + len(cells)
@@ -91,19 +95,8 @@ def _flood(piece: NDArray[np.intp], pairs: NDArray[np.intp]) -> None:
         piece[target] = reached[target]
 
 
-def _near_box_of(a: Cells, b: Cells) -> Cells:
-    """The cells of ``a`` in reach of the bounding box of ``b``."""
-    return a[((a >= b.min(axis=0) - REACH) & (a <= b.max(axis=0) + REACH)).all(axis=1)]
-
-
-def keys(cells: NDArray) -> NDArray[np.int64]:
-    """(K,) int64 keys of (K, 3) cells with indices below ``HALF``; keys sort as the indices do."""
-    i, j, k = (cells.astype(np.int64) + kernels.HALF).T
-    return ((i << kernels.BITS) | j) << kernels.BITS | k
-
-
 def from_keys(packed: NDArray[np.int64]) -> Cells:
-    """(K, 3) cells of (K,) keys, the inverse of :func:`keys`."""
+    """(K, 3) cells of (K,) keys of the kernels."""
     mask = (1 << kernels.BITS) - 1
     indices = np.stack([packed >> 2 * kernels.BITS, packed >> kernels.BITS & mask, packed & mask], axis=1)
     return (indices - kernels.HALF).astype(np.int32)

@@ -90,26 +90,69 @@ def moved(T, points):
     return result
 
 
-@njit(cache=True, nogil=True)
-def cells_of_parts(parts, starts, T, points, shift, per_metre):
-    """(K,) int64 sorted keys of the cells that contain the points of some parts, each moved by its own transform.
+@njit(cache=True)
+def bounds(cells):
+    """(2, 3) int64 least and greatest index along each axis of the cells (K, 3), K at least 1."""
+    result = np.empty((2, 3), np.int64)
+    for axis in range(3):
+        result[:, axis] = cells[0, axis]
+    for n in range(len(cells)):
+        for axis in range(3):
+            result[0, axis] = min(result[0, axis], cells[n, axis])
+            result[1, axis] = max(result[1, axis], cells[n, axis])
+    return result
 
-    Part ``p`` has the points ``starts[p]`` to ``starts[p + 1]``, exclusive, and the transform ``T[p]``.
 
-    Args:
-        parts: (P,) numbers of the parts to use.
-        starts: (Q + 1,) of all parts.
-        T: (Q, 4, 4) float64 of all parts.
-        points: (N, 3) float32 of all parts, m.
-        shift: m, of the cells against the axes.
-        per_metre: number of cells per metre.
+@njit(cache=True)
+def united(a, b):
+    """(M, 3) int32 sorted union of two sorted sets of cells, (K, 3) and (L, 3)."""
+    result, i, j, count = np.empty((len(a) + len(b), 3), np.int32), 0, 0, 0
+    while i < len(a) or j < len(b):
+        order = -1 if j == len(b) else 1 if i == len(a) else compared(a[i], b[j, 0], b[j, 1], b[j, 2])
+        result[count] = a[i] if order <= 0 else b[j]
+        i, j, count = i + (order <= 0), j + (order >= 0), count + 1
+    return result[:count]
+
+
+@njit(cache=True)
+def count_near(cells, others, reach, enough):
+    """How many of the cells (K, 3) have any of the sorted cells (L, 3) up to ``reach`` away along every axis.
+
+    The count ends at ``enough``.
     """
-    size = 0
-    for p in parts:
-        size += starts[p + 1] - starts[p]
-    everything, begin = np.empty((size, 3), np.float32), 0
-    for p in parts:
-        end = begin + starts[p + 1] - starts[p]
-        everything[begin:end] = moved(T[p], points[starts[p] : starts[p + 1]])
-        begin = end
-    return np.sort(cells_of(everything + shift, per_metre)[1])
+    count, (low, high) = 0, bounds(others)
+    for n in range(len(cells)):
+        is_near = True
+        for axis in range(3):
+            is_near &= low[axis] - reach <= cells[n, axis] <= high[axis] + reach
+        if is_near and has_near(cells[n], others, reach):
+            count += 1
+            if count == enough:
+                break
+    return count
+
+
+@njit(cache=True)
+def has_near(cell, others, reach):
+    """Whether any of the sorted cells (L, 3) is up to ``reach`` away from a cell (3,) along every axis."""
+    for i in range(cell[0] - reach, cell[0] + reach + 1):
+        for j in range(cell[1] - reach, cell[1] + reach + 1):
+            first, end = 0, len(others)
+            while first < end:
+                middle = (first + end) // 2
+                if compared(others[middle], i, j, cell[2] - reach) < 0:
+                    first = middle + 1
+                else:
+                    end = middle
+            if first < len(others) and compared(others[first], i, j, cell[2] + reach) <= 0:
+                return True
+    return False
+
+
+@njit(cache=True, inline="always")
+def compared(cell, i, j, k):
+    """-1, 0 or 1: whether a cell (3,) sorts before, as or after the indices (i, j, k)."""
+    for mine, other in ((cell[0], i), (cell[1], j), (cell[2], k)):
+        if mine != other:
+            return -1 if mine < other else 1
+    return 0

@@ -7,12 +7,10 @@ from numpy.typing import NDArray
 
 from pipeline.segments.boxes import Box
 from pipeline.segments.cells import CELL
-from pipeline.segments.segments import Segment
+from pipeline.segments.segment import Segment
 
 Floats = NDArray[np.float64]
 
-_SPACING = CELL / 2  # m, greatest distance between the points of a line that are compared with a surface
-_HALF_DIAGONAL = CELL * np.sqrt(3) / 2
 _TOUCH = 1e-9  # m by which boxes are enlarged, so that rounding does not decide whether a line touches one
 
 
@@ -90,8 +88,8 @@ def clip(a: Floats, b: Floats, boxes: Sequence[Box], margin: float = 0.0) -> tup
 
 
 def _sample(a: Floats, b: Floats, enter: Floats, leave: Floats) -> tuple[Floats, NDArray[np.intp]]:
-    """(M, 3) points at most _SPACING apart from each line's entry to its exit, and their (M,) lines."""
-    counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / _SPACING).astype(int) + 1
+    """(M, 3) points at most half a cell apart from each line's entry to its exit, and their (M,) lines."""
+    counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / (CELL / 2)).astype(int) + 1
     line = np.repeat(np.arange(len(a)), counts)
     share = np.concatenate([np.linspace(0, 1, count) for count in counts] or [np.empty(0)])
     t = enter[line] + share * (leave - enter)[line]
@@ -102,6 +100,6 @@ def _near_surface(
     points: Floats, line: NDArray[np.intp], lines: int, segment: Segment, margin: float
 ) -> NDArray[np.bool_]:
     """(lines,) bool, whether a point of the line is near a cell of the segment."""
-    on_plane = points - segment.plane.distance(points)[:, None] * segment.plane.normal
-    distance, _ = segment.tree.query(on_plane)
-    return np.bincount(line, distance <= margin + _HALF_DIAGONAL, lines) > 0
+    distance, _ = segment.tree.query(segment.plane.projected(points))
+    half_diagonal = CELL * np.sqrt(3) / 2
+    return np.bincount(line, distance <= margin + half_diagonal, lines) > 0

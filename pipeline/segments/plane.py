@@ -28,6 +28,10 @@ class Plane:
         """(N,) signed distance of (N, 3) points in m, positive on the camera's side."""
         return points @ self.normal - self.offset
 
+    def projected(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 3) the points of the plane nearest to (N, 3) points, m."""
+        return points - self.distance(points)[:, None] * self.normal
+
     def facing(self, direction: NDArray[np.float64]) -> "Plane":
         """The same plane with its normal on the side of ``direction`` (3,)."""
         return self if self.normal @ direction >= 0 else Plane(-self.normal, -self.offset)
@@ -61,6 +65,14 @@ class Moments:
     def __add__(self, other: "Moments") -> "Moments":
         """The moments of the union of both sets of points."""
         return Moments(self.count + other.count, self.total + other.total, self.squares + other.squares)
+
+    def moved(self, T: NDArray[np.float64]) -> "Moments":
+        """The moments of the points moved by the 4×4 transform ``T``."""
+        R, t = T[:3, :3], T[:3, 3]
+        total = R @ self.total
+        mixed = np.outer(total, t)
+        squares = R @ self.squares @ R.T + mixed + mixed.T + self.count * np.outer(t, t)
+        return Moments(self.count, total + self.count * t, squares)
 
     @property
     def centroid(self) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.labels import PLANAR, Label
-from pipeline.segments.cells import Cells, cells_of, connected_pieces
+from pipeline.segments.cells import FRONT, Cells, cells_of, connected_pieces
 from pipeline.segments.planar_regions import MIN_SURFELS, groups, planar_regions
 from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.surfels_kernels import project_pixels
@@ -23,7 +23,6 @@ MAX_SHIFT = 0.01  # m along the optical axis from a pixel of the plane to the po
 NOISE = 0.006
 """m per m² of depth that is added to ``MAX_SHIFT``: 3σ of a structured-light camera (Nguyen et al. 2012)."""
 STRIDE = 2  # pixels, the step between the pixels that give the plane's extent
-MIN_CELLS = 8  # Least number of 5 cm cells of a piece of plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ def find_planes(
             # A pixel at an edge may lie on this plane although its surfel, a mean, belongs to another plane.
             own = np.unique(surfel[members[inside]])
             own = own[region[own] == number]
-            if len(own) >= MIN_SURFELS and len(cells) >= MIN_CELLS:
+            if len(own) >= MIN_SURFELS and len(cells) >= FRONT:
                 moments = Moments.of(centres[own])
                 plane, _ = moments.fit(T_map_camera[:3, 3] - moments.centroid)
                 label = Label(surfels.labels[own[0]])

@@ -46,7 +46,7 @@ class SemanticMap:
         self,
         points: NDArray[np.float32],
         probabilities: NDArray[np.float32] | NDArray[np.uint8],
-        hits: NDArray[np.uint32] | None = None,
+        hits: NDArray[np.unsignedinteger] | None = None,
     ) -> None:
         """Add the points of a frame.
 
@@ -56,7 +56,7 @@ class SemanticMap:
         Args:
             points: (N, 3) float32 in ``map``; points that are not finite are left out.
             probabilities: (N, 8) class probabilities, float32, or uint8 in units of 1/255.
-            hits: (N,) uint32 number of returns of which each point is the mean; 1 if not given.
+            hits: (N,) number of returns of which each point is the mean; 1 if not given.
 
         Raises:
             InputError: if the shapes do not fit.

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from pipeline.grid_map import Box, Grid, GridMap, Layer, best_of_blocks, box_around
 from pipeline.segments.cells import centres
-from pipeline.segments.segments import Segment
+from pipeline.segments.segment import Segment
 from pipeline.topological_map import sight_kernels as kernels
 from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.traversability import Traversability

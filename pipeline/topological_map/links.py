@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.segments.crossings import crossings
-from pipeline.segments.segments import Segment
+from pipeline.segments.segment import Segment
 from pipeline.traversability.pose_kernels import STOP
 from pipeline.traversability.traversability import Traversability
 

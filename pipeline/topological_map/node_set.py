@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
-from pipeline.segments.segments import Segment
+from pipeline.segments.segment import Segment
 from pipeline.topological_map.cover import Cover
 from pipeline.topological_map.links import Links, drive_seconds
 from pipeline.traversability.traversability import Traversability

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch
-from pipeline.segments.segments import Segment, Segments
+from pipeline.segments.segment import Segment
+from pipeline.segments.segments import Segments
 from pipeline.topological_map.cover import Cover
 from pipeline.traversability.traversability import RAMP_MARGIN
 

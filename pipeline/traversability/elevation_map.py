@@ -174,8 +174,10 @@ class ElevationMap:
         self._making = within
         before = np.pad(within.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
 
+        first_end = np.array([[0], [1]])
+
         def meets(others: NDArray[np.float64]) -> NDArray[np.bool_]:
-            (i, j), (k, m) = (self.grid.cell_of(others) + [[0], [1]]).clip(0, self.grid.shape).transpose(1, 2, 0)
+            (i, j), (k, m) = (self.grid.cell_of(others) + first_end).clip(0, self.grid.shape).transpose(1, 2, 0)
             return np.asarray(before[k, m] - before[i, m] - before[k, j] + before[i, j] > 0)
 
         try:

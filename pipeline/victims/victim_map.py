@@ -176,7 +176,7 @@ class Victims:
         return victim.apart >= APART and (victim.evidence >= ENOUGH_OF_PART or victim.size >= WHOLE)
 
     def place(self, poses: NDArray[np.float64]) -> None:
-        """Make all victims anew, with (K, 4, 4) poses of the keyframes, and join those that prove to be one person."""
+        """Make all victims anew with (K, 4, 4) poses of the keyframes, and join those that prove to be one person."""
         for victim in self.all:
             victim.place(poses)
         self._merge()

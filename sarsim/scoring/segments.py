@@ -10,7 +10,8 @@ from scipy import ndimage
 from shapely import MultiPoint, Polygon
 
 from pipeline.segments.boxes import corners
-from pipeline.segments.segments import Segment, Segments
+from pipeline.segments.segment import Segment
+from pipeline.segments.segments import Segments
 from sarsim.ground_truth.faces import Face, plane_axes
 
 MAX_ANGLE = np.deg2rad(20)

@@ -104,7 +104,7 @@ class _Floor:
             traversability = self._layer.update(self._elevation_map)
         with _timed(seconds["reachable"]):
             paths = PosePaths(traversability, T_map_base[:2, 3], yaw_of(T_map_base))
-            context = Context(self._frame, T_map_base, self._elevation_map.measured, paths)
+            context = Context(self._frame, T_map_base, self._elevation_map.measured, paths, T_map_base[None])
         with _timed(seconds["next_view"]):
             self._exploration.observe(context)
             viewpoint = self._exploration.next_viewpoint(context)

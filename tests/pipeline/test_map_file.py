@@ -117,7 +117,7 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
     ("name", "value", "reason"),
     [
         ("format", "sarsim metric map", "not the map of an episode"),
-        ("version", 99, "not of version 2"),
+        ("version", 99, "not of version 3"),
         ("local_owner", -1, "a keyframe that is not there"),
         ("T_map_base", 2.0, "not one rigid pose"),
         ("labelled", -2, "a length is negative"),
@@ -130,7 +130,7 @@ def test_numbers_that_make_no_sense_are_refused(file, tmp_path, name, value, rea
     bad = np.full_like(old, value) if name in LAYOUT and name != "members" else np.array(value)
     if name == "members":
         bad = old.copy()
-        bad[:, 2] = value
+        bad[:, 1] = value
     with pytest.raises(InputError, match=reason):
         load_keyframes(changed(file, tmp_path, **{name: bad}), new_mapper())
 

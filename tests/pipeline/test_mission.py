@@ -25,7 +25,7 @@ def world():
 def context_at(world, here):
     """What the robot knows at a place (2,)."""
     T_map_base, paths = from_yaw(*here, 0, 0), PosePaths(world, here)
-    return Context(StillRobot().sense(), T_map_base, world.elevation, paths)
+    return Context(StillRobot().sense(), T_map_base, world.elevation, paths, T_map_base[None])
 
 
 def drive(world, goals, share=1.0, here=START, most=100):

@@ -42,7 +42,7 @@ def context(world: ElevationMap, pose: np.ndarray) -> Context:
     """What a robot at a pose (4×4) knows."""
     traversability = assess_map(world)
     paths = PosePaths(traversability, pose[:2, 3], yaw_of(pose))
-    return Context(frame(), pose, world.measured, paths)
+    return Context(frame(), pose, world.measured, paths, pose[None])
 
 
 def next_viewpoint(exploration: Exploration, world: ElevationMap, pose: np.ndarray) -> Viewpoint | None:

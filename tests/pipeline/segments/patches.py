@@ -32,6 +32,6 @@ def deck(x0, x1, y0, y1, z=0.17, label=Label.STRAIGHT_RAMP):
 def segments_of(*frames):
     """The segments that the patches of several frames become, oldest first."""
     segments = Segments()
-    for step, patches in enumerate(frames):
-        segments.update(patches, step)
+    for keyframe, patches in enumerate(frames):
+        segments.update(patches, keyframe, np.eye(4))
     return list(segments)

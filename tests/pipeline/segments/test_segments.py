@@ -11,6 +11,7 @@ from pipeline.labels import Label
 from pipeline.segments.boxes import corners
 from pipeline.segments.planes import find_planes
 from pipeline.segments.segments import Segments
+from pipeline.transforms import from_yaw
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.segments.patches import deck, patch, segments_of, wall_patch
 
@@ -18,12 +19,12 @@ from tests.pipeline.segments.patches import deck, patch, segments_of, wall_patch
 def test_wall_seen_piece_by_piece_is_one_segment() -> None:
     (segment,) = segments_of([wall_patch(0, 1)], [], [wall_patch(0.8, 2)], [wall_patch(2, 3)])
     assert segment.id == 0
-    assert (segment.first_step, segment.last_step) == (0, 3)
+    assert segment.members == (0, 1, 2)
     assert segment.label == Label.WALL
     assert segment.plane.normal == pytest.approx([0, -1, 0])
-    assert segment.box.extent == pytest.approx([3, 1.2, 0.02], abs=1e-3)
-    assert corners(segment.box).min(axis=0) == pytest.approx([0, -0.01, 0], abs=1e-3)
-    assert corners(segment.box).max(axis=0) == pytest.approx([3, 0.01, 1.2], abs=1e-3)
+    assert segment.box.extent == pytest.approx([3, 1.2, 0], abs=1e-3)
+    assert corners(segment.box).min(axis=0) == pytest.approx([0, 0, 0], abs=1e-3)
+    assert corners(segment.box).max(axis=0) == pytest.approx([3, 0, 1.2], abs=1e-3)
 
 
 def test_piece_between_joins_two_older_segments_under_the_older_id() -> None:
@@ -63,9 +64,9 @@ def test_decks_that_touch_at_a_corner_are_two_segments() -> None:
 
 
 def test_sliver_of_a_neighbour_does_not_join_it() -> None:
-    """A corner of the other deck, seen alone, has all its cells but one within reach of this deck."""
-    sliver = deck(1.3, 1.37, 1.27, 1.42)
-    assert len(segments_of([deck(0, 1.2, 0, 1.2)], [sliver], [deck(1.3, 2.5, 1.27, 2.5)])) == 2
+    """A corner of the other deck, seen alone, has more than half of its cells within reach of this deck."""
+    sliver = deck(1.2, 1.33, 1.2, 1.37)
+    assert len(segments_of([deck(0, 1.2, 0, 1.2)], [sliver], [deck(1.2, 2.4, 1.2, 2.4)])) == 2
 
 
 def test_labels_are_kept_apart() -> None:
@@ -74,7 +75,7 @@ def test_labels_are_kept_apart() -> None:
 
 def test_segment_is_found_by_id_and_label() -> None:
     segments = Segments()
-    segments.update([wall_patch(0, 1), deck(5, 6, 5, 6)], 7)
+    segments.update([wall_patch(0, 1), deck(5, 6, 5, 6)], 7, np.eye(4))
     assert [s.label for s in segments] == [Label.WALL, Label.STRAIGHT_RAMP]
     assert segments.of(Label.STRAIGHT_RAMP, Label.TERRAIN) == [segments[1]]
     assert segments.of(Label.CEILING) == []
@@ -100,10 +101,10 @@ def test_order_of_the_pieces_does_not_matter(pieces) -> None:
 @settings(max_examples=30)
 def test_box_only_grows(pieces) -> None:
     segments = Segments()
-    segments.update([wall_patch(0, 3, z1=0.3)], 0)
+    segments.update([wall_patch(0, 3, z1=0.3)], 0, np.eye(4))
     extent = segments[0].box.extent
     for step, (x, height) in enumerate(pieces, 1):
-        segments.update([wall_patch(x, x + 0.5, z1=height)], step)
+        segments.update([wall_patch(x, x + 0.5, z1=height)], step, np.eye(4))
         assert len(segments) == 1
         assert (segments[0].box.extent >= extent - 1e-9).all()
         extent = segments[0].box.extent
@@ -139,7 +140,7 @@ def test_room_seen_from_its_corners_with_noise() -> None:
     for step, (corner, turn) in enumerate(product([(0.7, 0.7), (3.4, 0.8), (3.4, 3.3), (0.8, 3.3)], (-0.7, 0, 0.7))):
         T = pose(*corner, 0.6, np.arctan2(2 - corner[1], 2 - corner[0]) + turn, 0.25)
         frame = look(ROOM, T, sigma=0.01, seed=step)
-        segments.update(find_planes(frame, frame.label[frame.returns], T, step), step)
+        segments.update(find_planes(frame, frame.label[frame.returns], T, step), step, T)
     errors = []
     for label, normal, middle, extent in SURFACES:
         found = max(segments.of(label), key=lambda s: s.plane.normal @ np.array(normal))
@@ -152,42 +153,48 @@ def test_room_seen_from_its_corners_with_noise() -> None:
 
 
 def shifts(*offsets: tuple[float, float, float]) -> np.ndarray:
-    """(N, 4, 4) motions without rotation."""
-    motions = np.tile(np.eye(4), (len(offsets), 1, 1))
-    motions[:, :3, 3] = offsets
-    return motions
+    """(N, 4, 4) poses without rotation."""
+    poses = np.tile(np.eye(4), (len(offsets), 1, 1))
+    poses[:, :3, 3] = offsets
+    return poses
 
 
-def corrected(frames: list, *motions: np.ndarray) -> Segments:
-    """The segments of the patches of several frames after corrections."""
+def rebuilt(frames: list, *corrections: np.ndarray) -> Segments:
+    """The segments of the patches of several frames, seen from the origin, after corrections of their poses."""
     segments = Segments()
-    for step, patches in enumerate(frames):
-        segments.update(patches, step)
-    for motion in motions:
-        segments.correct(motion)
+    for keyframe, patches in enumerate(frames):
+        segments.update(patches, keyframe, np.eye(4))
+    for poses in corrections:
+        segments.rebuild(poses)
     return segments
 
 
 FRAMES = [[wall_patch(0, 1), deck(5, 6, 5, 6)], [wall_patch(0.8, 2), wall_patch(0, 2, y=3)], [deck(5.5, 7, 5, 6)]]
 
 
-def test_poses_that_stay_leave_segments_as_they_are() -> None:
-    before, after = corrected(FRAMES), corrected(FRAMES, shifts((0, 0, 0), (0, 0, 0), (0, 0, 0)))
-    for old, new in zip(before, after, strict=True):
-        assert (old.id, old.label, old.first_step, old.last_step) == (
-            new.id,
-            new.label,
-            new.first_step,
-            new.last_step,
-        )
-        assert np.array_equal(old.cells, new.cells)
-        np.testing.assert_allclose(old.box.T_map_box, new.box.T_map_box, atol=1e-6)
-        np.testing.assert_allclose(old.box.extent, new.box.extent, atol=1e-6)
+POSE = st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-0.1, 0.1), st.floats(-4, 4))
+
+
+@given(st.lists(POSE, min_size=3, max_size=3), st.lists(POSE, min_size=3, max_size=3))
+@settings(max_examples=30, deadline=None)
+def test_rebuilt_segments_are_those_that_were_made_at_the_same_poses(poses, others) -> None:
+    """Bit for bit, whatever the poses were in between."""
+    segments, at = Segments(), np.array([from_yaw(*pose) for pose in poses])
+    for keyframe, patches in enumerate(FRAMES):
+        segments.update(patches, keyframe, at[keyframe])
+    made = list(segments)
+    segments.rebuild(np.array([from_yaw(*pose) for pose in others]))
+    segments.rebuild(at)
+    for old, new in zip(made, segments, strict=True):
+        assert (old.id, old.label, old.members) == (new.id, new.label, new.members)
+        np.testing.assert_array_equal(old.cells, new.cells)
+        np.testing.assert_array_equal(old.box.T_map_box, new.box.T_map_box)
+        np.testing.assert_array_equal(old.box.extent, new.box.extent)
 
 
 def test_segments_move_with_their_keyframes() -> None:
     quarter = np.tile(np.array([(0, -1, 0, 2), (1, 0, 0, 1), (0, 0, 1, 0.5), (0, 0, 0, 1.0)]), (3, 1, 1))
-    before, after = corrected(FRAMES), corrected(FRAMES, shifts((1, 0, 0), (2, 0, 0), (0, 5, 0)), quarter)
+    before, after = rebuilt(FRAMES), rebuilt(FRAMES, shifts((1, 0, 0), (2, 0, 0), (0, 5, 0)), quarter)
     for old, new in zip(before, after, strict=True):
         assert (old.id, old.label) == (new.id, new.label)
         np.testing.assert_allclose(new.plane.normal, quarter[0, :3, :3] @ old.plane.normal, atol=1e-6)
@@ -197,19 +204,19 @@ def test_segments_move_with_their_keyframes() -> None:
 
 def test_walls_that_turn_out_to_be_one_are_joined_and_those_that_do_not_are_parted() -> None:
     doubled = [[wall_patch(0, 2)], [wall_patch(1, 3, y=0.3)]]
-    assert len(corrected(doubled)) == 2
-    joined = corrected(doubled, shifts((0, 0, 0), (0, -0.3, 0)))
+    assert len(rebuilt(doubled)) == 2
+    joined = rebuilt(doubled, shifts((0, 0, 0), (0, -0.3, 0)))
     assert [s.id for s in joined] == [0]
-    assert joined[0].box.extent == pytest.approx([3, 1.2, 0.02], abs=1e-2)
-    parted = corrected(doubled, shifts((0, 0, 0), (0, -0.3, 0)), shifts((0, 0, 0), (0, 0, 0)))
-    assert [s.id for s in parted] == [0, 2]
+    assert joined[0].box.extent == pytest.approx([3, 1.2, 0], abs=1e-2)
+    parted = rebuilt(doubled, shifts((0, 0, 0), (0, -0.3, 0)), shifts((0, 0, 0), (0, 0, 0)))
+    assert [s.id for s in parted] == [0, 1]
     assert [s.box.extent[0] for s in parted] == pytest.approx([2, 2], abs=1e-2)
 
 
 def test_what_is_seen_after_a_correction_stays_where_it_was_seen() -> None:
-    segments = corrected([[wall_patch(0, 2)]], shifts((0, 1, 0)))
-    segments.update([wall_patch(1, 3, y=1)], 1)
+    segments = rebuilt([[wall_patch(0, 2)]], shifts((0, 1, 0)))
+    segments.update([wall_patch(1, 3, y=1)], 1, np.eye(4))
     assert len(segments) == 1
-    segments.correct(shifts((0, 1, 0), (0, 0, 0)))
+    segments.rebuild(shifts((0, 1, 0), (0, 0, 0)))
     assert [s.id for s in segments] == [0]
     assert corners(segments[0].box).mean(axis=0) == pytest.approx([1.5, 1, 0.6], abs=1e-2)

@@ -29,7 +29,7 @@ def room(x: tuple[float, float], y: tuple[float, float], walls: list[Wall]) -> t
     """Level ground with walls in it, as its traversability and as segments."""
     clouds = [wall_points(a, b) for a, b in walls]
     segments = Segments()
-    segments.update([patch(Label.WALL, cloud, (x[0], y[0], 1)) for cloud in clouds], 0)
+    segments.update([patch(Label.WALL, cloud, (x[0], y[0], 1)) for cloud in clouds], 0, np.eye(4))
     return assess_map(surface_of(ground_points(flat, x, y), *clouds)), segments
 
 

@@ -33,7 +33,7 @@ def ramp_world():
     traversability = assess_map(surface_of(ground_points(ramp_and_deck, (-3, RUN + 2.4), (-2, 2))))
     segments = Segments()
     patches = ramp_patches()
-    segments.update(patches, 0)
+    segments.update(patches, 0, np.eye(4))
     topology = TopologicalMap()
     topology.update(patches, segments, PosePaths(traversability, (-1.5, 0)))
     return traversability, segments, patches, topology
@@ -41,7 +41,7 @@ def ramp_world():
 
 def test_a_large_deck_has_a_node_in_each_half():
     segments = Segments()
-    segments.update(ramp_patches(), 0)
+    segments.update(ramp_patches(), 0, np.eye(4))
     nodes = segment_nodes(segments.of(Label.STRAIGHT_RAMP)[0], PIONEER)
     np.testing.assert_allclose(sorted(nodes[:, 0]), [RUN + 0.6, RUN + 1.8], atol=0.05)
     np.testing.assert_allclose(nodes[:, 1:], [[0, RISE]] * 2, atol=0.02)
@@ -50,13 +50,13 @@ def test_a_large_deck_has_a_node_in_each_half():
 def test_a_small_deck_has_one_in_its_middle():
     segments = Segments()
     deck = ground_points(ramp_and_deck, (RUN, RUN + 1.6), (-0.6, 0.6))
-    segments.update([patch(Label.STRAIGHT_RAMP, deck, (0, 0, 5))], 0)
+    segments.update([patch(Label.STRAIGHT_RAMP, deck, (0, 0, 5))], 0, np.eye(4))
     np.testing.assert_allclose(segment_nodes(next(iter(segments)), PIONEER), [[RUN + 0.8, 0, RISE]], atol=0.05)
 
 
 def test_the_node_of_an_inclined_ramp_lies_before_its_bottom():
     segments = Segments()
-    segments.update(ramp_patches(), 0)
+    segments.update(ramp_patches(), 0, np.eye(4))
     nodes = segment_nodes(segments.of(Label.INCLINED_RAMP)[0], PIONEER)
     np.testing.assert_allclose(nodes, [[-0.45, 0, 0]], atol=0.03)
 
@@ -64,7 +64,7 @@ def test_the_node_of_an_inclined_ramp_lies_before_its_bottom():
 def test_the_side_of_a_ramp_has_no_node():
     segments = Segments()
     side = wall_points((0, -0.6), (RUN, -0.6), height=0.3)
-    segments.update([patch(Label.INCLINED_RAMP, side, (0, -3, 1))], 0)
+    segments.update([patch(Label.INCLINED_RAMP, side, (0, -3, 1))], 0, np.eye(4))
     assert len(segment_nodes(next(iter(segments)), PIONEER)) == 0
 
 
@@ -109,7 +109,7 @@ def test_components_that_straight_drives_leave_apart_are_joined_around_the_wall(
     patches = [patch(Label.TERRAIN, p, (0, 0, 5)) for p in halves]
     wall = patch(Label.WALL, wall_points((0, -2), (0, 0.6)), (-2, 0, 1))
     segments = Segments()
-    segments.update([*patches, wall], 0)
+    segments.update([*patches, wall], 0, np.eye(4))
     topology = TopologicalMap()
     topology.update(patches, segments, PosePaths(traversability, (-1, -1)))
     assert len(topology.nodes) > 2
@@ -202,7 +202,7 @@ def test_nodes_move_with_the_map_under_their_ids():
     topology.correct(Correction(here, shift @ here))
     for n, position in old.items():
         np.testing.assert_allclose(topology.nodes[n].position, position + offset, atol=1e-9)
-    segments.correct(shift[None])
+    segments.rebuild(shift[None])
     ground = surface_of(ground_points(flat, (0, 6), (-4, 0)), wall_points((3, -4), (3, -1.2)))
     ground.layers.match(before.grid)  # a map that is corrected never shrinks
     topology.update([], segments, PosePaths(assess_map(ground), (1.5, -2)))

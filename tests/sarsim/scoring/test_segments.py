@@ -22,7 +22,7 @@ def segments_of(label, points, viewer):
         label, moments.fit(np.array(viewer) - moments.centroid)[0], moments, points, cells_of(points)[0]
     )
     segments = Segments()
-    segments.update([patch], 0)
+    segments.update([patch], 0, np.eye(4))
     return segments
 
 

@@ -1,0 +1,85 @@
+"""Gaps between pieces of one plane, where no labelled keyframe looked, though the map may hold the surface.
+
+During a drive few keyframes are labelled, but all are in the metric map. So pieces are one surface if the map holds
+it along the straight lines across their gap; a door leaves nothing there.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import combinations
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.hierarchy import DisjointSet
+
+from pipeline.segments.cells import CELL, FRONT, JOINED
+from pipeline.segments.segment import Segment
+
+IsSurface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
+"""Which points (N, 3), m in ``map``, the map holds as a surface that was seen from the side of a normal (3,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """The straight lines across a gap, from the cells of one piece that are nearest to the other.
+
+    Attributes:
+        width: m, the shortest distance.
+        points: (N, M, 3) m in ``map``, at most a cell apart on N lines in the plane of the larger piece.
+        normal: (3,) of this plane.
+    """
+
+    width: float
+    points: NDArray[np.float64]
+    normal: NDArray[np.float64]
+
+    @classmethod
+    def between(cls, a: Segment, b: Segment) -> Self | None:
+        """The gap between two segments; None if they are not of one plane or face each other with a corner alone."""
+        if not a.continues(b):
+            return None
+        small, large = (a, b) if a.box.area < b.box.area else (b, a)
+        widths, nearest = large.tree.query(small.tree.data, p=np.inf)
+        front = widths < widths.min() + (JOINED + 1 / 2) * CELL
+        if np.count_nonzero(front) < FRONT:
+            return None
+        start, end = (
+            large.plane.projected(tree) for tree in (small.tree.data[front], large.tree.data[nearest[front]])
+        )
+        t = np.linspace(0, 1, int(np.ceil(widths[front].max() / CELL)) + 1)
+        return cls(float(widths.min()), start[:, None] + t[:, None] * (end - start)[:, None], large.plane.normal)
+
+    def is_closed(self, is_surface: IsSurface) -> bool:
+        """Whether most of the lines lie on a surface from end to end."""
+        lines = is_surface(self.points.reshape(-1, 3), self.normal).reshape(self.points.shape[:2])
+        return bool(lines.all(axis=1).mean() > 1 / 2)
+
+
+class Gaps:
+    """Joins segments across the gaps that the map closes."""
+
+    def __init__(self, is_surface: IsSurface | None) -> None:
+        """Without ``is_surface`` no gap is closed."""
+        self._is_surface = is_surface
+        self._known: dict[tuple[Segment, Segment], Gap | None] = {}
+
+    def closed(self, segments: Sequence[Segment]) -> list[Segment]:
+        """The segments, those without an open gap between them joined, oldest first."""
+        if self._is_surface is None:
+            return list(segments)
+        known, self._known = self._known, {}
+        for pair in combinations(segments, 2):
+            self._known[pair] = known[pair] if pair in known else Gap.between(*pair)
+        joined = DisjointSet(segments)
+        gaps = [(gap.width, n, gap, pair) for n, (pair, gap) in enumerate(self._known.items()) if gap]
+        for _, _, gap, pair in sorted(gaps, key=lambda found: found[:2]):
+            if not joined.connected(*pair) and gap.is_closed(self._is_surface):
+                joined.merge(*pair)
+        groups = [sorted(group, key=_id) for group in joined.subsets()]
+        return sorted((reduce(Segment.merged, group) for group in groups), key=_id)
+
+
+def _id(segment: Segment) -> int:
+    return segment.id

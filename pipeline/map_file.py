@@ -293,7 +293,9 @@ def _seen_of(row: Row) -> Seen:
         raise ValueError("a keyframe has another number of points than of hits")
     if row["is_labelled"] and not len(row["classes"]) == len(row["share"]) == len(row["points"]):
         raise ValueError("a keyframe has another number of points than of classes")
-    kept = {name: row[name] for name in ("depth", "T_base_camera", "points", "hits", "dropouts", "dropout_hits", "rays")}
+    kept = {
+        name: row[name] for name in ("depth", "T_base_camera", "points", "hits", "dropouts", "dropout_hits", "rays")
+    }
     shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None
     return Seen(**kept, intrinsics=Intrinsics(width, height, *row["camera"].tolist()), shares=shares)
 

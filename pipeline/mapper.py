@@ -219,23 +219,28 @@ class Mapper:
         poses = self.keyframes.poses
         # In two threads, for the kernels of both release Python's lock.
         with ThreadPoolExecutor(1) as other:
-            voxels = other.submit(self._make_voxel_maps, moving, boxes)
+            metric_map = other.submit(self._make_metric_map, boxes)
+            semantic_map = other.submit(self._make_semantic_map, moving)
             with self.stopwatch("correction_elevation_map"):
                 self._make_elevation_map(boxes)
-            voxels.result()
-        with self.stopwatch("correction_segments"):
-            self.segments.rebuild(poses)
+            metric_map.result()
+            with self.stopwatch("correction_segments"):
+                self.segments.rebuild(poses)
+            semantic_map.result()
         with self.stopwatch("correction_victims"):
             self.victims.place(poses)
             self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
         with self.stopwatch("correction_topological_map"):
             self.topological_map.place(poses)
 
-    def _make_voxel_maps(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
+    def _make_metric_map(self, boxes: NDArray[np.float64]) -> None:
         known = self.keyframes
         with self.stopwatch("correction_metric_map"), self.metric_map.made_anew(boxes) as meets:
             for k in np.flatnonzero(meets(known.boxes())):
                 known.seen[k].put_depth(self.metric_map, known.poses[k])
+
+    def _make_semantic_map(self, moving: NDArray[np.bool_]) -> None:
+        known = self.keyframes
         if not any(known.seen[k].shares for k in np.flatnonzero(moving)):
             return
         with self.stopwatch("correction_semantic_map"):

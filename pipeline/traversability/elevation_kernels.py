@@ -173,6 +173,15 @@ def lower_ceiling(ceiling, rays, origin, cell, within):
 
 
 @njit(cache=True, nogil=True)
+def sweep(cells, disc, within, been, swept):
+    """Mark ``cells`` (K, 2) in ``been`` (nx, ny), and those of the ``disc`` (D, 2) around each in ``swept`` (nx, ny)."""
+    for i, j in cells:
+        been[i, j] |= within[i, j]
+        for di, dj in disc:
+            swept[i + di, j + dj] |= within[i + di, j + dj]
+
+
+@njit(cache=True, nogil=True)
 def extract_elevation(height, hits, cells, headroom, elevation):
     """Renew ``elevation`` (nx, ny) in ``cells`` (K, 2)."""
     for i, j in cells:

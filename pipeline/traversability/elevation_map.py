@@ -106,14 +106,12 @@ class ElevationMap:
         """Mark the cells of (N, 2) places of the robot's middle, m; the cells that it swept hold no panel."""
         if not len(places):
             return
-        reach = self._disc.max() * CELL
-        self._cover(np.vstack([places - reach, places + reach]))
-        middles = self.grid.cell_of(places)
-        swept = (middles[:, None] + self._disc).reshape(-1, 2)
-        for layer, cells in (("been", middles), ("swept", swept)):
-            i, j = cells.T
-            self.layers[layer][i, j] |= self._within[i, j]
-        self._renew(tuple(swept.T))
+        if self._making is None:
+            self.layers.cover(np.vstack([places - self.robot.half_width, places + self.robot.half_width]))
+        cells = self.grid.cell_of(places)
+        kernels.sweep(cells, self._disc, self._within, self.layers["been"], self.layers["swept"])
+        if self._making is None:
+            self._renew(tuple((cells[:, None] + self._disc).reshape(-1, 2).T))
 
     @cached_property
     def _disc(self) -> NDArray[np.int64]:

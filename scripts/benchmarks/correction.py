@@ -1,0 +1,145 @@
+"""Time of corrections of the map after loop closures, beside inserting all frames again, as octree mappers must.
+
+The robot drives to random places until it has as many keyframes as wanted, one at every 0.3 m or 15°. Then
+corrections are made as loop closures make them: the newest keyframes move, the more the newer they are.
+"""
+
+import resource
+from collections.abc import Iterator
+
+import numpy as np
+import pyoctomap
+from numpy.typing import NDArray
+from rich.progress import track
+
+from pipeline.exploration.baselines import RandomWalk
+from pipeline.explorer import Explorer
+from pipeline.frame import Frame
+from pipeline.keyframes import Keyframes
+from pipeline.localisation.slam import Slam
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.robot import RobotModel
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import from_yaw
+from sarsim.arenas.load import load_arena
+from sarsim.scripts.benchmarks.common import Result, at_least, seconds
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+DRIVES = {"nist_6x4": 300, "random:3": 1000}
+"""Number of keyframes at which corrections are measured, by arena."""
+DRIFT, TURN = 0.1, np.deg2rad(1.5)
+"""m and rad, greatest correction of the newest keyframe."""
+
+
+def measure(rounds: int = 30, seed: int = 0) -> Result:
+    """Seconds of ``rounds`` corrections in each of the arenas, and whether the maps equal those made from scratch."""
+    at_least(1, rounds=rounds)
+    at_least(0, seed=seed)
+    figures, equal = dict[str, float](), list[bool]()
+    for arena, size in DRIVES.items():
+        mapper = driven(arena, size, seed)
+        rng = np.random.default_rng(seed)
+        times = []
+        for poses in track(list(_corrected(mapper.keyframes.poses, rounds, rng)), f"{size} keyframes"):
+            times.append(seconds(mapper.correct, poses))
+        equal.append(are_equal(mapper, from_scratch(mapper)))
+        figures |= {
+            f"{size}.correction_s.median": float(np.median(times)),
+            f"{size}.correction_s.p95": float(np.percentile(times, 95)),
+            f"{size}.reinsertion_s": mapper.octree_seconds,
+            f"{size}.bytes_per_keyframe": _bytes(mapper) / len(mapper.keyframes),
+            f"{size}.process_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9,
+        }
+    most = max(value for name, value in figures.items() if name.endswith("bytes_per_keyframe"))
+    return Result(figures | {"equal": float(all(equal)), "bytes_per_keyframe": most})
+
+
+def driven(arena: str, size: int, seed: int) -> "OctreeToo":
+    """The maps of a drive with ``size`` keyframes."""
+    robot = SimulatedRobot(load_arena(arena), SimulationConfig("wheel"), seed)
+    mapper = OctreeToo(robot.model, seed)
+    explorer = Explorer(robot, mapper)
+    explorer.mission.exploration = RandomWalk(robot.model, seed, steps=size)
+    while len(mapper.keyframes) < size and (step := explorer.step()).plan is not None:
+        explorer.drive(step)
+    robot.close()
+    return mapper
+
+
+class OctreeToo(Mapper):
+    """A mapper that also inserts every keyframe into an octree.
+
+    Attributes:
+        octree_seconds: s that this has taken so far: a correction of the octree takes as long.
+    """
+
+    def __init__(self, robot: RobotModel, seed: int):
+        super().__init__(robot, TruthClassifier(), seed=seed, localisation=Slam())
+        self._octree = pyoctomap.OcTree(self.metric_map.voxel_size)
+        self.octree_seconds = 0.0
+
+    def add(self, frame: Frame, T_map_base: NDArray[np.float64], labelled: bool = True) -> Keyframe:
+        """Take a frame into every map and into the octree."""
+        T_map_camera = T_map_base @ frame.T_base_camera
+        points = frame.points(T_map_camera).astype(np.float64)
+        self.octree_seconds += seconds(
+            self._octree.insertPointCloud, points, T_map_camera[:3, 3], self.metric_map.max_range, False, True
+        )
+        return super().add(frame, T_map_base, labelled)
+
+
+def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
+    """(K, 4, 4) poses after each of the corrections of (K, 4, 4) poses."""
+    for _ in range(rounds):
+        first = rng.integers(len(poses))
+        share = np.clip(np.arange(len(poses)) - first, 0, None) / max(len(poses) - 1 - first, 1)
+        x, y = rng.uniform(-DRIFT, DRIFT, 2)
+        yaw = rng.uniform(-TURN, TURN)
+        yield np.array([from_yaw(s * x, s * y, 0.0, s * yaw) @ T for s, T in zip(share, poses, strict=True)])
+
+
+def from_scratch(mapper: Mapper) -> Mapper:
+    """Another mapper that makes every map anew of what the keyframes of the first have shown."""
+    other, known = Mapper(mapper.elevation_map.robot, mapper.classifier), mapper.keyframes
+    for seen, T in zip(known.seen, known.poses, strict=True):
+        other.keyframes.add(seen, T)
+    for k, evidence in known.ground:
+        other.keyframes.add_ground(k, evidence)
+    other.segments.members, other.victims.all = mapper.segments.members, mapper.victims.all
+    other.restore()
+    return other
+
+
+def are_equal(one: Mapper, other: Mapper) -> bool:
+    """Whether two mappers have the same maps, bit for bit."""
+    pairs = zip(_contents(one), _contents(other), strict=True)
+    return all(np.array_equal(a, b, equal_nan=a.dtype.kind == "f") for a, b in pairs)
+
+
+def _contents(mapper: Mapper) -> Iterator[NDArray]:
+    metric, semantic, ground = mapper.metric_map, mapper.semantic_map, mapper.elevation_map
+    yield from (metric.occupied_centres(), metric.free_centres(), semantic.points(), semantic.probabilities())
+    known = np.argwhere(np.isfinite(ground.elevation))
+    yield from (known + ground.grid.low, ground.elevation[tuple(known.T)], ground.measured[tuple(known.T)])
+    for segment in mapper.segments:
+        yield from (segment.cells, segment.box.extent)
+
+
+def _bytes(mapper: Mapper) -> int:
+    """Bytes of all that is kept of the keyframes: for the maps, the segments, the victims and the localisation."""
+    return (
+        kept_bytes(mapper.keyframes)
+        + sum(
+            array.nbytes
+            for part in (*mapper.segments.members, *(s for v in mapper.victims.all for s in v.sightings))
+            for array in vars(part).values()
+            if isinstance(array, np.ndarray)
+        )
+        + sum(array.nbytes for array in vars(mapper.localisation.keyframes()).values())
+    )
+
+
+def kept_bytes(keyframes: Keyframes) -> int:
+    """Bytes of what keyframes have shown."""
+    drives = [evidence for _, evidence in keyframes.ground if evidence not in keyframes.seen]
+    return sum(seen.nbytes for seen in keyframes.seen) + sum(a.nbytes for d in drives for a in vars(d).values())

@@ -29,7 +29,7 @@ FRAMES = [
     replace(look(SCENE, T @ T_BASE_CAMERA, 0.004, seed), T_base_camera=T_BASE_CAMERA, T_odom_base=T)
     for seed, T in enumerate(POSES)
 ]
-MOST_BYTES = {True: 300_000, False: 150_000}
+MOST_BYTES = {True: 400_000, False: 200_000}
 
 
 def mapped(poses: np.ndarray) -> Mapper:

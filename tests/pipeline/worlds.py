@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.traversability.elevation_kernels import lowest_rays
+from pipeline.traversability.elevation_map import CELL, ElevationMap
 from tests.pipeline.robot_model import PIONEER
 
 Height = Callable[[NDArray, NDArray], NDArray]
@@ -31,7 +32,10 @@ def wall_points(a: tuple[float, float], b: tuple[float, float], height: float = 
 def surface_of(*clouds: NDArray[np.float32], camera: tuple[float, float, float] | None = None) -> ElevationMap:
     """The elevation map of some clouds, seen by a camera or from nowhere."""
     elevation_map = ElevationMap(PIONEER)
-    elevation_map.update(np.vstack(clouds), camera=None if camera is None else np.array(camera))
+    if camera is None:
+        elevation_map.update(np.vstack(clouds))
+    else:
+        show(elevation_map, np.vstack(clouds), camera=np.array(camera))
     return elevation_map
 
 
@@ -49,3 +53,13 @@ def ramp_and_deck(x: NDArray, y: NDArray) -> NDArray:
     """A half ramp from x = 0 up to a deck that begins at x = ``RUN``; both 1.2 m wide about y = 0, floor beside."""
     on = np.abs(y) <= 0.6
     return np.where(on, RISE * np.clip(x / RUN, 0, 1), 0.0)
+
+
+def show(
+    elevation_map: ElevationMap, points: np.ndarray, dropouts: np.ndarray | None = None, *, camera: np.ndarray
+) -> None:
+    """Add what a keyframe shows from a camera (3,): returns, and dropouts, (N, 3) and (M, 3) in ``map``, m."""
+    camera = np.append(camera, 0.6)[:3]
+    rays = lowest_rays(points, np.ones(len(points), np.uint32), camera, CELL)
+    missing = np.zeros((0, 3), np.float32) if dropouts is None else dropouts
+    elevation_map.update(points, dropouts=missing, rays=rays, camera=camera)

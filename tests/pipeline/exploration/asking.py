@@ -1,5 +1,7 @@
 """How the tests ask an exploration for viewpoints, and its camera."""
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from pipeline.exploration.next_best_view import Exploration
@@ -38,16 +40,26 @@ def frame() -> Frame:
     )
 
 
-def context(world: ElevationMap, pose: np.ndarray) -> Context:
-    """What a robot at a pose (4×4) knows."""
+_keyframes: WeakKeyDictionary[Exploration, np.ndarray] = WeakKeyDictionary()
+
+
+def context(world: ElevationMap, pose: np.ndarray, earlier: np.ndarray | None = None) -> Context:
+    """What a robot at a pose (4×4) knows, with ``earlier`` (K, 4, 4) keyframes."""
     traversability = assess_map(world)
     paths = PosePaths(traversability, pose[:2, 3], yaw_of(pose))
-    return Context(frame(), pose, world.measured, paths, pose[None])
+    poses = np.concatenate([np.zeros((0, 4, 4)) if earlier is None else earlier, pose[None]])
+    return Context(frame(), pose, world.measured, paths, poses)
+
+
+def correct(exploration: Exploration, T_new_old: np.ndarray) -> None:
+    """Move all keyframes so far by a 4×4 transform; the next step tells it."""
+    _keyframes[exploration] = T_new_old @ _keyframes[exploration]
 
 
 def next_viewpoint(exploration: Exploration, world: ElevationMap, pose: np.ndarray) -> Viewpoint | None:
-    """One step: the viewpoint for which the robot sets out from a pose (4×4)."""
-    here = context(world, pose)
+    """One step: the viewpoint for which the robot sets out from a pose (4×4), where it has taken a keyframe."""
+    here = context(world, pose, _keyframes.get(exploration))
+    _keyframes[exploration] = here.poses
     exploration.observe(here)
     viewpoint = exploration.next_viewpoint(here)
     if viewpoint is not None:

@@ -6,11 +6,10 @@ import pytest
 from pipeline.exploration import next_best_view, visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.next_best_view import CHANCES, GIVEN_UP, Exploration
-from pipeline.localisation.correction import Correction
 from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.pose_kernels import ANGLES
-from tests.pipeline.exploration.asking import CAMERA, context, frontiers, next_viewpoint
+from tests.pipeline.exploration.asking import CAMERA, context, correct, frontiers, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
@@ -82,14 +81,13 @@ def test_ground_that_a_keyframe_missed_is_sought_from_elsewhere_and_then_given_u
 def test_what_was_given_up_stays_so_when_the_map_moves():
     world, moved = (surface_of(ground_points(flat, (x - 1, x + 1), (-1, 1))) for x in (0.0, 0.5))
     exploration, pose, there = Exploration(PIONEER), from_yaw(0, 0, 0, 0), from_yaw(0.5, 0, 0, 0)
-    here, poses = context(world, pose), []
+    here = context(world, pose)
     for _ in range(200):
-        poses.append(pose)
         if (viewpoint := next_viewpoint(exploration, world, pose)) is None:
             break
         pose = from_yaw(*viewpoint.position, 0, viewpoint.heading)
     assert viewpoint is None
-    exploration.correct(Correction(np.array(poses), there @ np.array(poses)))
+    correct(exploration, there)
     moved.layers.match(here.traversability.grid)
     assert next_viewpoint(exploration, moved, there @ pose) is None
     assert next_viewpoint(Exploration(PIONEER), moved, there @ pose) is not None

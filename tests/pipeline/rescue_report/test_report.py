@@ -39,7 +39,7 @@ def test_marks_and_entrance_follow_a_correction_of_the_poses() -> None:
     report = RescueReport(explorer)
     report.add(explorer.step())
     T_after_before = from_yaw(0.4, -0.2, 0.0, 0.3)
-    corrected = T_after_before @ explorer.mapper.poses
+    corrected = T_after_before @ explorer.mapper.keyframes.poses
     explorer.mapper.correct(corrected)
     situation = report.situation
     np.testing.assert_array_equal(situation.T_map_entrance, corrected[0])

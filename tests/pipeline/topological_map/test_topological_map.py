@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from pipeline.labels import Label
-from pipeline.localisation.correction import Correction
 from pipeline.planning.path_plan import plan_path
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
@@ -199,7 +198,8 @@ def test_nodes_move_with_the_map_under_their_ids():
     topology = topology_of(before, segments, start=(-1.5, 0))
     old = {n: node.position for n, node in topology.nodes.items()}
     here = np.array([from_yaw(-1.5, 0, 0, 0)])
-    topology.correct(Correction(here, shift @ here))
+    topology.anchor(here)
+    topology.place(shift @ here)
     for n, position in old.items():
         np.testing.assert_allclose(topology.nodes[n].position, position + offset, atol=1e-9)
     segments.rebuild(shift[None])

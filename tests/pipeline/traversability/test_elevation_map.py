@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from pipeline.traversability.elevation_map import ElevationMap
 from tests.pipeline.robot_model import PIONEER
-from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, surface_of, wall_points
+from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, show, surface_of, wall_points
 
 
 def column(*heights: float, hits: int = 5) -> np.ndarray:
@@ -55,9 +55,8 @@ def test_it_grows_in_every_direction_without_losing_anything():
     assert elevation_map.grid.at(elevation_map.measured, [0.525, 0.525], np.nan) == 0
 
 
-def test_points_that_are_not_finite_change_nothing():
+def test_no_points_change_nothing():
     elevation_map = ElevationMap(PIONEER)
-    elevation_map.update(np.full((10, 3), np.nan, np.float32))
     elevation_map.update(np.zeros((0, 3), np.float32))
     assert elevation_map.elevation.size == 0
 
@@ -77,14 +76,14 @@ def test_a_gap_that_no_ray_passed_over_stays_open(cameras):
     ground, elevation_map = ground_points(flat, (0, 1), (0, 1)), ElevationMap(PIONEER)
     sides = ground[ground[:, 0] < 0.5], ground[ground[:, 0] > 0.65]
     for camera, points in zip(cameras, sides if len(cameras) > 1 else [np.vstack(sides)], strict=True):
-        elevation_map.update(points, camera=np.array(camera))
+        show(elevation_map, points, camera=np.array(camera))
     assert np.isnan(elevation_map.grid.at(elevation_map.elevation, [0.575, 0.5], np.nan))
 
 
 def test_a_gap_is_filled_by_a_later_ray_to_ground_behind_it():
     ground, camera = ground_points(flat, (0, 1), (0, 1)), np.array([-2, 0.5, 0.6])
     elevation_map = surface_of(ground[(ground[:, 0] < 0.5) | (ground[:, 0] > 0.65)])
-    elevation_map.update(ground[ground[:, 0] > 0.95], camera=camera)
+    show(elevation_map, ground[ground[:, 0] > 0.95], camera=camera)
     assert elevation_map.grid.at(elevation_map.elevation, [0.575, 0.5], np.nan) == 0
 
 
@@ -94,7 +93,7 @@ STRIPE = ground_points(flat, (-1, 1), (-0.01, 0.01))
 
 def seen_along_a_panel() -> ElevationMap:
     elevation_map, ground = ElevationMap(PIONEER), ground_points(flat, (-1, 1), (-1, 1))
-    elevation_map.update(ground[np.abs(ground[:, 1]) > 0.01], STRIPE, np.array([-2.0, 0.0, 0.6]))
+    show(elevation_map, ground[np.abs(ground[:, 1]) > 0.01], STRIPE, camera=np.array([-2.0, 0.0, 0.6]))
     return elevation_map
 
 
@@ -110,7 +109,7 @@ def test_where_ground_drops_out_it_is_unknown_whatever_the_returns():
 @pytest.mark.parametrize(("camera", "is_cleared"), [((0.0, -2.0, 0.6), True), ((-2.0, -0.3, 0.6), False)])
 def test_a_dropout_is_cleared_by_a_keyframe_from_another_side(camera, is_cleared):
     elevation_map = seen_along_a_panel()
-    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), np.array(camera))
+    show(elevation_map, ground_points(flat, (-1, 1), (-1, 1)), np.zeros((0, 3), np.float32), camera=np.array(camera))
     assert np.isfinite(elevation_map.grid.at(elevation_map.elevation, [0.0, 0.005], np.nan)) == is_cleared
 
 
@@ -119,7 +118,7 @@ def test_a_single_cell_with_a_dropout_is_not_bridged():
         ElevationMap(PIONEER),
         STRIPE[np.abs(STRIPE[:, 0] - 0.025) < 0.024] + np.float32([0, 0.025, 0]),
     )
-    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), cell, np.array([-2.0, 0.0, 0.6]))
+    show(elevation_map, ground_points(flat, (-1, 1), (-1, 1)), cell, camera=np.array([-2.0, 0.0, 0.6]))
     assert elevation_map.dropout.sum() == 1
     assert np.isnan(elevation_map.grid.at(elevation_map.elevation, [0.025, 0.025], np.nan))
 
@@ -128,7 +127,7 @@ def test_no_gap_is_bridged_across_a_dropout():
     ground = ground_points(flat, (-1, 1), (-1, 1))
     gap = ground[np.abs(ground[:, 1] - 0.025) > 0.075]
     bridged, open_gap = surface_of(gap, camera=(0, -3, 0.6)), ElevationMap(PIONEER)
-    open_gap.update(gap, STRIPE + np.float32([0, 0.025, 0]), np.array([0, -3, 0.6]))
+    show(open_gap, gap, STRIPE + np.float32([0, 0.025, 0]), camera=np.array([0, -3, 0.6]))
     assert bridged.grid.at(bridged.elevation, [0.0, 0.06], np.nan) == 0
     assert np.isnan(open_gap.grid.at(open_gap.elevation, [0.0, 0.06], np.nan))
 
@@ -136,7 +135,7 @@ def test_no_gap_is_bridged_across_a_dropout():
 def test_a_dropout_above_or_below_the_ground_does_not_count():
     elevation_map = ElevationMap(PIONEER)
     high = STRIPE + np.float32([0, 0, 0.3])
-    elevation_map.update(ground_points(flat, (-1, 1), (-1, 1)), high, np.array([-2.0, 0.0, 0.6]))
+    show(elevation_map, ground_points(flat, (-1, 1), (-1, 1)), high, camera=np.array([-2.0, 0.0, 0.6]))
     assert not elevation_map.dropout.any()
 
 
@@ -185,10 +184,10 @@ def test_where_the_robot_has_been_no_panel_stands():
     for comes_first in (True, False):
         world = surface_of(ground_points(flat, (-2, 2), (-1, 1)))
         if comes_first:
-            world.update(ground_points(flat, (1.5, 1.6), (0, 0.1)), panel, camera)
+            show(world, ground_points(flat, (1.5, 1.6), (0, 0.1)), panel, camera=camera)
         world.add_track(np.array([[x, 0.0] for x in np.arange(-0.5, 0.5, 0.04)]))
         if not comes_first:
-            world.update(ground_points(flat, (1.5, 1.6), (0, 0.1)), panel, camera)
+            show(world, ground_points(flat, (1.5, 1.6), (0, 0.1)), panel, camera=camera)
         assert world.grid.at(world.dropout, (0.025, 0.5))
         assert not world.grid.at(world.dropout, [(0.025, y) for y in (-0.15, 0.0, 0.15)]).any()
         assert world.grid.at(world.elevation, (0.025, 0.0), outside=np.nan) == 0.0

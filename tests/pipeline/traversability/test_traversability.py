@@ -7,7 +7,7 @@ from pipeline.errors import InputError
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.robot_model import PIONEER
-from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
+from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, show, surface_of, wall_points
 
 
 def test_the_unknown_may_be_a_wall_that_sends_nothing_back():
@@ -138,7 +138,7 @@ def test_a_slope_beyond_twenty_degrees_is_a_hazard():
 
 def test_it_keeps_away_from_where_a_panel_may_stand():
     world, ground = ElevationMap(PIONEER), ground_points(flat, (-1, 1), (-1, 1))
-    world.update(ground, ground_points(flat, (-1, 1), (0.01, 0.03)), np.array([-2.0, 0.0]))
+    show(world, ground, ground_points(flat, (-1, 1), (0.01, 0.03)), camera=np.array([-2.0, 0.0]))
     traversability = assess_map(world)
     assert not traversability.grid.at(traversability.traversable, [0.0, 0.28])
     assert traversability.grid.at(traversability.traversable, [0.0, 0.38])

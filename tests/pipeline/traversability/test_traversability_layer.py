@@ -7,7 +7,7 @@ from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.traversability import LAYERS, assess_map
 from pipeline.traversability.traversability_layer import TraversabilityLayer
 from tests.pipeline.robot_model import PIONEER
-from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, wall_points
+from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, show, wall_points
 
 pieces = st.tuples(
     st.sampled_from([flat, ridge, ramp_and_deck, None]),
@@ -23,7 +23,7 @@ def step(elevation_map, piece):
     points = wall_points((0, 0), (0.8, 0.3)) if height is None else ground_points(height, (-1.2, 1.2), (-0.8, 0.8))
     points = points + np.array([x, y, 0], np.float32)
     missing = points[np.abs(points[:, 0] - x) < 0.03] if drops_out else np.zeros((0, 3), np.float32)
-    elevation_map.update(points, missing, np.array([x - 2, y, 0.6]))
+    show(elevation_map, points, missing, camera=np.array([x - 2, y, 0.6]))
     elevation_map.add_track(np.array([[x, y - 0.1], [x + 0.3, y]]))
 
 

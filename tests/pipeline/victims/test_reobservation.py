@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from pipeline.localisation.correction import Correction
+from pipeline.keyframes import Keyframes
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from pipeline.victims import reobservation as module
 from pipeline.victims.reobservation import HALF_VIEW, LEAST, REWARD, Reobservation
 from pipeline.victims.victim_map import Victims
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
 
@@ -30,13 +31,19 @@ def mapped_room() -> MetricMap:
     return metric_map
 
 
-def seen_once(metric_map: MetricMap) -> tuple[Victims, Reobservation]:
+def seen_once(metric_map: MetricMap, keyframes: Keyframes | None = None) -> tuple[Victims, Reobservation]:
     victims, T = Victims(), camera_at(0, 0)
     frame = step(T, [PERSON])
     victims.update(frame, [detection_of(T, PERSON)], T)
-    result = Reobservation(victims, metric_map)
+    result = Reobservation(victims, metric_map, one_keyframe() if keyframes is None else keyframes)
     result.count(frame)
     return victims, result
+
+
+def one_keyframe() -> Keyframes:
+    keyframes = Keyframes(PIONEER, reach=3.5)
+    keyframes.poses = np.eye(4)[None]
+    return keyframes
 
 
 def place(x: float, y: float) -> np.ndarray:
@@ -105,7 +112,7 @@ def test_after_a_try_in_vain_another_side_is_taken(reobservation):
     beside = np.vstack([place(x, y) for x, y in ((0.6, 1.1), (0.3, -0.3), (0.6, -1.1))])
     before = reobservation.gains(beside, BEARINGS).max(axis=1)
     assert (before > 0).all()
-    victim.tried = [place(0.6, 1.5)[0]]
+    victim.tried_at = [place(0.6, 1.5)[0]]
     same_side, found_side, other_side = reobservation.gains(beside, BEARINGS).max(axis=1)
     assert same_side == 0
     assert (found_side, other_side) == pytest.approx(before[1:])
@@ -136,9 +143,10 @@ def test_the_confirmed_are_left_alone():
 
 
 def test_what_the_next_frame_is_aimed_at_follows_a_correction() -> None:
-    victims, reobservation = seen_once(mapped_room())
+    keyframes = one_keyframe()
+    victims, reobservation = seen_once(mapped_room(), keyframes)
     there = place(0.6, 1.1)[0]
     reobservation.aim(there, float(bearing_to_person(0.6, 1.1)[0]))
-    reobservation.correct(Correction(np.eye(4)[None], from_yaw(2, 0, 0, np.pi / 2)[None]))
+    keyframes.poses = from_yaw(2, 0, 0, np.pi / 2)[None]
     reobservation.count(step(camera_at(0, 0)))
-    np.testing.assert_allclose(victims.all[0].tried, [(0.9, 0.6, 0)], atol=1e-12)
+    np.testing.assert_allclose(victims.all[0].tried_at, [(0.9, 0.6, 0)], atol=1e-12)

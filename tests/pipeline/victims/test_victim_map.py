@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.localisation.correction import Correction
+from pipeline.keyframes import Places
 from pipeline.transforms import from_rotation
 from pipeline.victims import observation, victim_map
 from pipeline.victims.detection.detection import Detection
@@ -234,19 +234,19 @@ def test_of_what_stands_one_behind_the_other_the_nearest_is_the_person() -> None
 
 def test_victims_follow_the_keyframes_that_showed_them() -> None:
     victims, moved, places = Victims(), Victims(), [(0.0, 0.0), (0.2, 0.5), (0.4, -0.5)]
+    poses = np.tile(np.eye(4), (3, 1, 1))
     shift = np.tile(from_rotation(np.eye(3), (2, -1, 0.1)), (3, 1, 1))
     for each in (victims, moved):
         for keyframe, place in enumerate(places):
             T = camera_at(*place)
             each.update(step(T, [PERSON]), [detection_of(T, PERSON)], T, keyframe)
-        each.all[0].tried.append(np.array([1.0, 0.0, 0.0]))
-    before = np.array([camera_at(*place) for place in places])
-    moved.correct(Correction(before, shift @ before), shift)
+        each.all[0].tried.append(Places.anchored([(1.0, 0.0, 0.0)], poses))
+    moved.place(shift @ poses)
     (old,), (new,) = victims.all, moved.all
     np.testing.assert_allclose(new.position - old.position, (2, -1, 0.1), atol=5e-3)
     np.testing.assert_allclose(new.covariance, old.covariance, atol=1e-4)
     np.testing.assert_allclose(np.array(new.cameras) - old.cameras, np.tile((2, -1, 0.1), (3, 1)), atol=1e-9)
-    np.testing.assert_allclose(new.tried, [(3, -1, 0.1)], atol=1e-9)
+    np.testing.assert_allclose(new.tried_at, [(3, -1, 0.1)], atol=1e-9)
     assert (new.confidences, new.missed) == (old.confidences, old.missed)
 
 
@@ -256,7 +256,6 @@ def test_a_person_that_drift_has_doubled_is_one_after_the_correction() -> None:
     for keyframe, pose in enumerate((T, drift @ T)):
         victims.update(step(T, [PERSON]), [detection_of(T, PERSON)], pose, keyframe)
     assert len(victims.all) == 2
-    motions = np.array([np.eye(4), np.linalg.inv(drift)])
-    victims.correct(Correction(np.array([T, drift @ T]), np.array([T, T])), motions)
+    victims.place(np.tile(np.eye(4), (2, 1, 1)))
     assert len(victims.all) == 1
     assert victims.all[0].position == pytest.approx(PERSON[:3], abs=0.16)

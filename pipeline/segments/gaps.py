@@ -4,10 +4,9 @@ During a drive few keyframes are labelled, but all are in the metric map. So pie
 it along the straight lines across their gap; a door leaves nothing there.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from itertools import combinations
 from typing import Self
 
 import numpy as np
@@ -70,7 +69,7 @@ class Gaps:
         if self._is_surface is None:
             return list(segments)
         known, self._known = self._known, {}
-        for pair in combinations(segments, 2):
+        for pair in _coplanar(segments):
             self._known[pair] = known[pair] if pair in known else Gap.between(*pair)
         joined = DisjointSet(segments)
         gaps = [(gap.width, n, gap, pair) for n, (pair, gap) in enumerate(self._known.items()) if gap]
@@ -79,6 +78,15 @@ class Gaps:
                 joined.merge(*pair)
         groups = [sorted(group, key=_id) for group in joined.subsets()]
         return sorted((reduce(Segment.merged, group) for group in groups), key=_id)
+
+
+def _coplanar(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]]:
+    """The pairs of which one has its middle in the plane of the other, that is all that may continue each other."""
+    middles = np.array([segment.box.T_map_box[:3, 3] for segment in segments]).reshape(-1, 3)
+    planes = np.array([[*segment.plane.normal, segment.plane.offset] for segment in segments]).reshape(-1, 4)
+    is_near = np.abs(middles @ planes[:, :3].T - planes[:, 3]) <= CELL
+    for row, other in np.argwhere(np.triu(is_near | is_near.T, 1)).tolist():
+        yield segments[row], segments[other]
 
 
 def _id(segment: Segment) -> int:

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.segments.cells import CELL
 from pipeline.segments.plane import Plane
 from pipeline.transforms import from_rotation
 
 AZIMUTHS = np.deg2rad(np.arange(360))
-LEVEL = np.cos(np.deg2rad(8))
-"""Cosine of the angle between normal and vertical above which a plane has no reliable direction of ascent."""
+ASCENDING = np.deg2rad(8)  # rad; a plane that is tilted less has no reliable direction of ascent
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,9 @@ class Hull:
 
     def span(self, axis: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
         """(2,) reach from ``origin`` (2,) against and along the horizontal ``axis`` (2,), to the nearest degree."""
-        k = round(np.rad2deg(np.arctan2(axis[1], axis[0]))) % 360
+        k = round(np.rad2deg(np.arctan2(axis[1], axis[0]))) % len(AZIMUTHS)
         offset = np.cos(AZIMUTHS[k]) * origin[0] + np.sin(AZIMUTHS[k]) * origin[1]
-        return np.array([-self.reach[(k + 180) % 360] - offset, self.reach[k] - offset])
+        return np.array([-self.reach[k - len(AZIMUTHS) // 2] - offset, self.reach[k] - offset])
 
 
 def bounding_box(plane: Plane, centre: NDArray[np.float64], hull: Hull, thickness: float) -> Box:
@@ -80,7 +80,7 @@ def bounding_box(plane: Plane, centre: NDArray[np.float64], hull: Hull, thicknes
         thickness: m, along the normal.
     """
     n = plane.normal
-    level = abs(n[2]) > LEVEL
+    level = abs(n[2]) > np.cos(ASCENDING)
     x = _least_area_axis(hull) if level else np.array([-n[1], n[0], 0.0])
     x -= (x @ n) * n
     x /= np.linalg.norm(x)
@@ -99,8 +99,10 @@ def _span(hull: Hull, axis: NDArray[np.float64], centre: NDArray[np.float64]) ->
 
 
 def _least_area_axis(hull: Hull) -> NDArray[np.float64]:
-    """The horizontal direction of the rectangle of least area; x of the map if its area is at most 3 % larger."""
-    width = hull.reach + np.roll(hull.reach, 180)
-    area = width[:90] * width[90:180]
-    k = 0 if area[0] <= 1.03 * area.min() else int(area.argmin())
+    """The horizontal axis of the rectangle of least area; x of the map if half a cell of each side is the cause."""
+    forth, back = np.split(hull.reach, 2)
+    along, across = np.split(forth + back, 2)
+    area = along * across
+    excess = CELL / 2 * (along[0] + across[0])
+    k = 0 if area[0] - excess <= area.min() else int(area.argmin())
     return np.array([np.cos(AZIMUTHS[k]), np.sin(AZIMUTHS[k]), 0.0])

@@ -11,7 +11,7 @@ from pipeline.segments.segment import Segment
 
 Floats = NDArray[np.float64]
 
-_TOUCH = 1e-9  # m by which boxes are enlarged, so that rounding does not decide whether a line touches one
+_ROUNDING = 1e-9  # m by which boxes are enlarged, so that rounding does not decide whether a line touches one
 
 
 def crossings(
@@ -34,7 +34,7 @@ def crossings(
         (N,) bool.
     """
     result = np.zeros(len(a), np.bool_)
-    near = _near_boxes(a, b, [segment.box for segment in segments], margin + _TOUCH, height)
+    near = _near_boxes(a, b, [segment.box for segment in segments], margin + _ROUNDING, height)
     rows = np.flatnonzero(near.any(axis=1))
     if len(rows):
         some = [segments[int(k)] for k in np.flatnonzero(near.any(axis=0))]
@@ -59,7 +59,7 @@ def _cross(a: Floats, b: Floats, segments: Sequence[Segment], margin: float, hei
     for lift in np.linspace(0, height, int(np.ceil(height / CELL)) + 1):
         up = np.array([0, 0, lift])
         start, end = a + up, b + up
-        enter, leave = clip(start, end, boxes, margin + _TOUCH)
+        enter, leave = clip(start, end, boxes, margin + _ROUNDING)
         for k in np.flatnonzero((enter <= leave).any(axis=0)):
             lines = np.flatnonzero((enter[:, k] <= leave[:, k]) & ~result)
             stretch = _sample(start[lines], end[lines], enter[lines, k], leave[lines, k])

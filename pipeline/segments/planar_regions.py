@@ -13,19 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
+from pipeline.segments.cells import CELL
 from pipeline.segments.plane import Moments
 from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals
 from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
 
-BLOCK = 8  # pixels, the edge of the image blocks that are averaged to one surfel each
-MIN_PIXELS = 16  # Of a surfel
+SURFEL = 8  # pixels, the edge of the image blocks that are averaged to one surfel each; at least two rows of pixels
 MIN_DEPTH_STEP = 0.01
-"""1/m of inverse depth, between surfaces one behind the other; a structured-light camera's resolution is 0.003."""
-REACH = 2  # blocks, how far apart neighbouring surfels are
-MAX_GAP = 0.12  # m per m of depth, between neighbouring surfels one block apart
-MAX_DISTANCE = 0.025  # m, of a surfel from its plane
+"""1/m of inverse depth, between surfaces one behind the other: three times a structured-light camera's resolution."""
+NEIGHBOURHOOD = 2  # blocks, how far apart neighbouring surfels are
+MAX_SPACING = 0.12
+"""m per m of depth, between neighbouring surfels one block apart: eight times their distance on a surface that the
+camera faces, so that a surface is seen as one down to a grazing angle of 7°."""
 MIN_SURFELS = 10  # Of a plane
-SAMPLES = 50  # Of RANSAC per plane
+RANSAC_SAMPLES = 50
+"""For each plane: one of them has three inliers with a probability of 0.999 if half of the surfels are inliers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +50,10 @@ class Surfels:
     def of(cls, frame: Frame, labels: NDArray[np.uint8]) -> Self:
         """Thin a frame, which averages out its noise; the boundaries between (H, W) labels are kept."""
         points, surfel_labels, blocks, of_pixel = make_surfels(
-            frame.depth, labels, frame.intrinsics.rays, BLOCK, MIN_PIXELS, MIN_DEPTH_STEP
+            frame.depth, labels, frame.intrinsics.rays, SURFEL, 2 * SURFEL, MIN_DEPTH_STEP
         )
-        columns = frame.intrinsics.width // BLOCK + 1
-        near = neighbours(blocks, columns, surfel_labels, points, REACH, MAX_GAP)
+        columns = frame.intrinsics.width // SURFEL + 1
+        near = neighbours(blocks, columns, surfel_labels, points, NEIGHBOURHOOD, MAX_SPACING)
         return cls(points, surfel_labels, near, of_pixel)
 
 
@@ -88,7 +90,7 @@ def _grow(surfels: Surfels, max_angle: float) -> NDArray[np.int32]:
     """(N,) region of every surfel; the flattest surfels are the first seeds."""
     normal, variation = normals(surfels.points, surfels.near)
     order = np.argsort(variation, kind="stable")
-    return grow_regions(surfels.points, surfels.near, normal, order, np.cos(max_angle), MAX_DISTANCE)
+    return grow_regions(surfels.points, surfels.near, normal, order, np.cos(max_angle), CELL / 2)
 
 
 def _ransac_regions(
@@ -103,11 +105,11 @@ def _ransac_regions(
     planes = np.empty((0, 4))
     regions = [members for _, members in groups(region) if len(members) >= MIN_SURFELS]
     for members in sorted(regions, key=len, reverse=True):
-        claimed = claim_nearest(surfels.points, surfels.near, members, result, planes, MAX_DISTANCE)
+        claimed = claim_nearest(surfels.points, surfels.near, members, result, planes, CELL / 2)
         result[members] = claimed
         rest = members[claimed == NONE]
         while len(rest) >= MIN_SURFELS:
-            inlier = plane_inliers(surfels.points[rest], MAX_DISTANCE, SAMPLES, seed)
+            inlier = plane_inliers(surfels.points[rest], CELL / 2, RANSAC_SAMPLES, seed)
             if np.count_nonzero(inlier) < MIN_SURFELS:
                 break
             result[rest[inlier]] = len(planes)
@@ -145,7 +147,7 @@ def _settle(
     """Assign every surfel to the nearest plane around it, and fit again, so that edges lie where planes meet."""
     everything = np.arange(len(region))
     for _ in range(2):
-        region = claim_nearest(surfels.points, surfels.near, everything, region, planes, MAX_DISTANCE)
+        region = claim_nearest(surfels.points, surfels.near, everything, region, planes, CELL / 2)
         planes = planes.copy()
         for number, members in groups(region):
             if len(members) >= MIN_SURFELS:

@@ -18,11 +18,11 @@ from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.surfels_kernels import project_pixels
 from pipeline.transforms import transform_points
 
-MAX_ANGLE = np.deg2rad(20)  # rad, between a surfel's normal and its region's
-MAX_SHIFT = 0.01  # m along the optical axis from a pixel of the plane to the point where its ray meets the plane
-NOISE = 0.006
-"""m per m² of depth that is added to ``MAX_SHIFT``: 3σ of a structured-light camera (Nguyen et al. 2012)."""
-STRIDE = 2  # pixels, the step between the pixels that give the plane's extent
+REGION_ANGLE = np.deg2rad(20)  # rad, between a surfel's normal and its region's
+PIXEL_SHIFT = 0.01  # m along the optical axis from a pixel of the plane to the point where its ray meets the plane
+PIXEL_NOISE = 0.006
+"""m per m² of depth that is added to ``PIXEL_SHIFT``: 3σ of a structured-light camera (Nguyen et al. 2012)."""
+PIXEL_STEP = 2  # pixels, between the pixels that give the plane's extent
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +58,11 @@ def find_planes(
     Raises:
         InputError: if the number of labels is not that of the returns.
     """
-    found = planar_regions(frame, _label_image(frame, labels), seed, MAX_ANGLE)
+    found = planar_regions(frame, _label_image(frame, labels), seed, REGION_ANGLE)
     surfels, region = found.surfels, found.region
     points, plane_of_point, surfel = project_pixels(
         frame.depth, frame.intrinsics.rays, T_map_camera, surfels.of_pixel, surfels.near, region, found.planes,
-        STRIDE, MAX_SHIFT, NOISE,
+        PIXEL_STEP, PIXEL_SHIFT, PIXEL_NOISE,
     )  # fmt: skip
     centres = transform_points(T_map_camera, surfels.points)
     patches = []

@@ -7,7 +7,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.segments.planar_regions import planar_regions
-from pipeline.segments.planes import MAX_ANGLE, PlanePatch, find_planes
+from pipeline.segments.planes import REGION_ANGLE, PlanePatch, find_planes
 from pipeline.segments.surfels_kernels import NONE
 from tests.pipeline.polygon_scene import Face, floor, look, pose, wall, wedge
 
@@ -57,8 +57,8 @@ def test_points_lie_on_the_plane_in_their_cells_and_moments_are_of_the_surface()
     for patch in planes_of(ROOM, CORNER_VIEW):
         assert np.abs(patch.plane.distance(patch.points)).max() < 0.01
         assert abs(patch.plane.distance(patch.moments.centroid[None])[0]) < 1e-6
-        # Cells are shifted by 2 cm.
-        held = np.unique(np.floor((patch.points + 0.02) / 0.05).astype(int), axis=0)
+        # Centres of cells lie at multiples of their size.
+        held = np.unique(np.floor((patch.points + 0.025) / 0.05).astype(int), axis=0)
         assert len(patch.cells) == pytest.approx(len(held), abs=2)
 
 
@@ -86,7 +86,7 @@ def test_wall_before_a_wall_is_two_walls() -> None:
 
 def test_planes_in_the_cameras_frame_face_it() -> None:
     frame = look(ROOM, CORNER_VIEW)
-    found = planar_regions(frame, frame.label * frame.returns, 0, MAX_ANGLE)
+    found = planar_regions(frame, frame.label * frame.returns, 0, REGION_ANGLE)
     assert len(found.planes) >= 6
     assert np.linalg.norm(found.planes[:, :3], axis=1) == pytest.approx(1)
     assert (found.planes[:, 3] < 0).all()

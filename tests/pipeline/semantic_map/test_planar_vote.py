@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.frame import Frame
 from pipeline.labels import Label
-from pipeline.segments.planar_regions import MIN_PIXELS, MIN_SURFELS
+from pipeline.segments.planar_regions import MIN_SURFELS, SURFEL
 from pipeline.segments.surfels_kernels import NONE
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL
@@ -76,7 +76,7 @@ def test_what_is_on_no_plane_keeps_its_probabilities() -> None:
     frame = look(small, EYE)
     given = np.random.default_rng(0).dirichlet(np.ones(6), np.count_nonzero(frame.returns)).astype(np.float32)
     on_wall = frame.label[frame.returns] == Label.WALL
-    assert 0 < on_wall.sum() < MIN_SURFELS * MIN_PIXELS
+    assert 0 < on_wall.sum() < MIN_SURFELS * 2 * SURFEL
     voted = planar_vote(frame, EYE, given)
     assert np.array_equal(voted[on_wall], given[on_wall])
     assert voted.sum(axis=1) == pytest.approx(np.ones(len(voted)), abs=1e-5)

@@ -35,7 +35,7 @@ def cells_of(points: NDArray) -> tuple[Cells, NDArray[np.intp]]:
 
 def centres(cells: Cells) -> NDArray[np.float64]:
     """(K, 3) centres in m."""
-    return cells * CELL
+    return np.multiply(cells, CELL, dtype=np.float64)
 
 
 def unite(a: Cells, b: Cells) -> Cells:

@@ -63,11 +63,13 @@ class BlockArray:
     def at(self, index: NDArray[np.int64]) -> NDArray[np.int8]:
         """(N,) int8 values of (N, 3) indices."""
         result = np.zeros(len(index), np.int8)
-        keys, which = np.unique(index // SIDE, axis=0, return_inverse=True)
-        for n, key in enumerate(map(tuple, keys.tolist())):
-            if key in self._blocks:
-                chosen = which.ravel() == n
-                result[chosen] = self._blocks[key][tuple((index[chosen] % SIDE).T)]
+        keys, rest = index // SIDE, np.arange(len(index))
+        while len(rest):
+            key = keys[rest[0]]
+            inside = (keys[rest] == key).all(axis=1)
+            if (block := self._blocks.get(tuple(key.tolist()))) is not None:
+                result[rest[inside]] = block[tuple((index[rest[inside]] % SIDE).T)]
+            rest = rest[~inside]
         return result
 
     def read(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray[np.int8]:

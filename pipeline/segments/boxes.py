@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Self
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +10,8 @@ from pipeline.segments.cells import CELL
 from pipeline.segments.plane import Plane
 from pipeline.transforms import from_rotation
 
-AZIMUTHS = np.deg2rad(np.arange(360))
+DIRECTIONS = np.array([(np.cos(azimuth), np.sin(azimuth)) for azimuth in np.deg2rad(np.arange(360))]).T
+"""(2, 360) horizontal unit vectors, one for each degree from the x axis on."""
 ASCENDING = np.deg2rad(8)  # rad; a plane that is tilted less has no reliable direction of ascent
 
 
@@ -55,8 +55,7 @@ class Hull:
     @classmethod
     def of(cls, points: NDArray[np.float32]) -> Self:
         """The hull of (N, 3) points."""
-        outline = cv2.convexHull(np.ascontiguousarray(points[:, :2], np.float32))[:, 0].astype(np.float64)
-        reach = (outline @ np.stack([np.cos(AZIMUTHS), np.sin(AZIMUTHS)])).max(axis=0)
+        reach = (points[:, :2].astype(np.float64) @ DIRECTIONS).max(axis=0)
         return cls(reach, float(points[:, 2].min()), float(points[:, 2].max()))
 
     def union(self, other: "Hull") -> "Hull":
@@ -65,9 +64,9 @@ class Hull:
 
     def span(self, axis: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
         """(2,) reach from ``origin`` (2,) against and along the horizontal ``axis`` (2,), to the nearest degree."""
-        k = round(np.rad2deg(np.arctan2(axis[1], axis[0]))) % len(AZIMUTHS)
-        offset = np.cos(AZIMUTHS[k]) * origin[0] + np.sin(AZIMUTHS[k]) * origin[1]
-        return np.array([-self.reach[k - len(AZIMUTHS) // 2] - offset, self.reach[k] - offset])
+        k = round(np.rad2deg(np.arctan2(axis[1], axis[0]))) % len(self.reach)
+        offset = DIRECTIONS[:, k] @ origin
+        return np.array([-self.reach[k - len(self.reach) // 2] - offset, self.reach[k] - offset])
 
 
 def bounding_box(plane: Plane, centre: NDArray[np.float64], hull: Hull, thickness: float) -> Box:
@@ -84,10 +83,10 @@ def bounding_box(plane: Plane, centre: NDArray[np.float64], hull: Hull, thicknes
     x = _least_area_axis(hull) if level else np.array([-n[1], n[0], 0.0])
     x -= (x @ n) * n
     x /= np.linalg.norm(x)
-    y = np.cross(n, x)
-    spans = np.stack([_span(hull, x, centre), _span(hull, y, centre), [-thickness / 2, thickness / 2]])
-    R = np.stack([x, y, n], axis=1)
-    return Box(from_rotation(R, centre + R @ spans.mean(axis=1)), spans[:, 1] - spans[:, 0])
+    y = np.array([n[1] * x[2] - n[2] * x[1], n[2] * x[0] - n[0] * x[2], n[0] * x[1] - n[1] * x[0]])
+    (left, right), (low, high) = _span(hull, x, centre), _span(hull, y, centre)
+    middle = centre + x * (left + right) / 2 + y * (low + high) / 2
+    return Box(from_rotation(np.array([x, y, n]).T, middle), np.array([right - left, high - low, thickness]))
 
 
 def _span(hull: Hull, axis: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -105,4 +104,4 @@ def _least_area_axis(hull: Hull) -> NDArray[np.float64]:
     area = along * across
     excess = CELL / 2 * (along[0] + across[0])
     k = 0 if area[0] - excess <= area.min() else int(area.argmin())
-    return np.array([np.cos(AZIMUTHS[k]), np.sin(AZIMUTHS[k]), 0.0])
+    return np.array([*DIRECTIONS[:, k], 0.0])

@@ -17,7 +17,8 @@ CELL = 0.05
 """m, the edge of a cell. Centres lie at its multiples: there floors and walls tend to lie, and noise would spread one
 on the face between two cells over both."""
 JOINED = 2
-"""Cells up to this far apart along every axis are neighbours: gaps of 0.15 m always part, gaps of 0.05 m never do."""
+"""Cells up to this far apart along every axis are neighbours: gaps of 0.15 m always part, gaps of 0.05 m never do. So
+are blocks of an image."""
 FRONT = (JOINED + 1) ** 2 + 1
 """Least number of cells of a set near another set that make both one surface: one more than at a corner."""
 FRAYED = 0.25

@@ -90,6 +90,17 @@ def moved(T, points):
     return result
 
 
+@njit(cache=True, nogil=True)
+def placed_cells(T, points, edge):
+    """(K, 3) int32 sorted cells, centred at multiples of the ``edge``, m, of points (N, 3) moved by a 4×4 ``T``."""
+    keys = np.sort(cells_of(moved(T, points) + np.float32(edge / 2), np.float32(1 / edge))[1])
+    result, mask = np.empty((len(keys), 3), np.int32), (1 << BITS) - 1
+    for n in range(len(keys)):
+        for axis in range(3):
+            result[n, axis] = (keys[n] >> (2 - axis) * BITS & mask) - HALF
+    return result
+
+
 @njit(cache=True)
 def bounds(cells):
     """(2, 3) int64 least and greatest index along each axis of the cells (K, 3), K at least 1."""
@@ -120,15 +131,12 @@ def count_near(cells, others, reach, enough):
 
     The count ends at ``enough``.
     """
-    count, (low, high) = 0, bounds(others)
-    for n in range(len(cells)):
-        is_near = True
-        for axis in range(3):
-            is_near &= low[axis] - reach <= cells[n, axis] <= high[axis] + reach
-        if is_near and has_near(cells[n], others, reach):
-            count += 1
-            if count == enough:
-                break
+    count, n = 0, 0
+    while n < len(cells) and count < enough:
+        # Sorted cells begin with the least first index and end with the greatest.
+        if others[0, 0] - reach <= cells[n, 0] <= others[-1, 0] + reach:
+            count += has_near(cells[n], others, reach)
+        n += 1
     return count
 
 

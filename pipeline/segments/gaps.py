@@ -25,13 +25,14 @@ class Gap:
     """The straight lines across a gap, from the cells of one piece that are nearest to the other.
 
     Attributes:
-        width: m, the shortest distance.
-        points: (N, M, 3) m in ``map``, at most a cell apart on N lines in the plane of the larger piece.
+        width: m, the shortest distance along any axis of the map.
+        start, end: (N, 3) m in ``map``, ends of the lines, in the plane of the larger piece.
         normal: (3,) of this plane.
     """
 
     width: float
-    points: NDArray[np.float64]
+    start: NDArray[np.float64]
+    end: NDArray[np.float64]
     normal: NDArray[np.float64]
 
     @classmethod
@@ -44,16 +45,21 @@ class Gap:
         front = widths < widths.min() + (JOINED + 1 / 2) * CELL
         if np.count_nonzero(front) < FRONT:
             return None
-        start, end = (
-            large.plane.projected(tree) for tree in (small.tree.data[front], large.tree.data[nearest[front]])
-        )
-        t = np.linspace(0, 1, int(np.ceil(widths[front].max() / CELL)) + 1)
-        return cls(float(widths.min()), start[:, None] + t[:, None] * (end - start)[:, None], large.plane.normal)
+        start = large.plane.projected(small.tree.data[front])
+        end = large.plane.projected(large.tree.data[nearest[front]])
+        return cls(float(widths.min()), start, end, large.plane.normal)
 
     def is_closed(self, is_surface: IsSurface) -> bool:
-        """Whether most of the lines lie on a surface from end to end."""
-        lines = is_surface(self.points.reshape(-1, 3), self.normal).reshape(self.points.shape[:2])
-        return bool(lines.all(axis=1).mean() > 1 / 2)
+        """Whether most of the lines lie on a surface: lines are halved until their parts are as short as a cell."""
+        start, way, parts = self.start, self.end - self.start, 1
+        while 2 * len(start) > len(self.start):
+            if parts * CELL >= self.width:
+                return True
+            between = np.arange(1 / 2, parts) / parts
+            points = start[:, None] + between[:, None] * way[:, None]
+            holds = is_surface(points.reshape(-1, 3), self.normal).reshape(len(start), -1).all(axis=1)
+            start, way, parts = start[holds], way[holds], 2 * parts
+        return False
 
 
 class Gaps:

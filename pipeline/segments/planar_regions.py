@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.segments.cells import CELL
+from pipeline.segments.cells import CELL, JOINED
 from pipeline.segments.plane import Moments
 from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals
 from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
@@ -21,7 +21,6 @@ from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
 SURFEL = 8  # pixels, the edge of the image blocks that are averaged to one surfel each; at least two rows of pixels
 MIN_DEPTH_STEP = 0.01
 """1/m of inverse depth, between surfaces one behind the other: three times a structured-light camera's resolution."""
-NEIGHBOURHOOD = 2  # blocks, how far apart neighbouring surfels are
 MAX_SPACING = 0.12
 """m per m of depth, between neighbouring surfels one block apart: eight times their distance on a surface that the
 camera faces, so that a surface is seen as one down to a grazing angle of 7°."""
@@ -53,7 +52,7 @@ class Surfels:
             frame.depth, labels, frame.intrinsics.rays, SURFEL, 2 * SURFEL, MIN_DEPTH_STEP
         )
         columns = frame.intrinsics.width // SURFEL + 1
-        near = neighbours(blocks, columns, surfel_labels, points, NEIGHBOURHOOD, MAX_SPACING)
+        near = neighbours(blocks, columns, surfel_labels, points, JOINED, MAX_SPACING)
         return cls(points, surfel_labels, near, of_pixel)
 
 

@@ -10,8 +10,8 @@ from scipy.spatial import KDTree
 
 from pipeline.labels import Label
 from pipeline.segments.boxes import Box, Hull, bounding_box, corners
-from pipeline.segments.cells import CELL, Cells, cells_of, centres, in_contact, unite
-from pipeline.segments.cells_kernels import bounds, moved
+from pipeline.segments.cells import CELL, Cells, centres, in_contact, unite
+from pipeline.segments.cells_kernels import bounds, moved, placed_cells
 from pipeline.segments.members import Member
 from pipeline.segments.plane import Moments, Plane
 
@@ -57,7 +57,7 @@ class Segment:
     def placed(cls, member: Member, number: int, T_map_base: NDArray[np.float64]) -> Self:
         """The segment that a member with this number makes if its keyframe is at a 4×4 pose."""
         normal, moments = T_map_base[:3, :3] @ member.normal, member.moments.moved(T_map_base)
-        cells, hull = cells_of(moved(T_map_base, member.points))[0], Hull.of(moved(T_map_base, member.outline))
+        cells, hull = placed_cells(T_map_base, member.points, CELL), Hull.of(moved(T_map_base, member.outline))
         return cls.of(member.label, normal, cells, moments, hull, (number,))
 
     def merged(self, other: "Segment") -> "Segment":

@@ -1,5 +1,6 @@
 """The map of segments: pieces of plane that grow and merge from frame to frame (thesis 3.2, figures 5 and 6)."""
 
+from bisect import bisect
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -25,6 +26,7 @@ class Segments:
         self.members: list[Member] = []
         self._gaps = Gaps(is_surface)
         self._touching: list[Segment] = []
+        self._bounds = np.zeros((0, 2, 3), np.int64)
         self._segments: list[Segment] = []
 
     def __len__(self) -> int:
@@ -51,7 +53,7 @@ class Segments:
 
     def rebuild(self, poses: NDArray[np.float64]) -> None:
         """Make all segments anew, as if each keyframe had been at its pose of ``poses`` (K, 4, 4) from the start."""
-        self._touching = []
+        self._touching, self._bounds = [], self._bounds[:0]
         for number, member in enumerate(self.members):
             self._add(number, poses[member.keyframe])
         self._segments = self._gaps.closed(self._touching)
@@ -59,16 +61,16 @@ class Segments:
     def _add(self, number: int, T_map_base: NDArray[np.float64]) -> None:
         """Add a member, merged with all that it continues: after a merger it may continue still more of them."""
         new = Segment.placed(self.members[number], number, T_map_base)
-        while (partner := self._partner(new)) is not None:
-            self._touching.remove(partner)
-            new = partner.merged(new)
-        self._touching.append(new)
-        self._touching.sort(key=lambda segment: segment.id)
+        while (row := self._partner(new)) is not None:
+            self._bounds = np.delete(self._bounds, row, axis=0)
+            new = self._touching.pop(row).merged(new)
+        row = bisect(self._touching, new.id, key=lambda segment: segment.id)
+        self._touching.insert(row, new)
+        self._bounds = np.insert(self._bounds, row, new.bounds, axis=0)
 
-    def _partner(self, new: Segment) -> Segment | None:
-        """The oldest segment that a new one touches."""
-        bounds = np.array([old.bounds for old in self._touching]).reshape(-1, 2, 3)
+    def _partner(self, new: Segment) -> int | None:
+        """The index of the oldest segment that a new one touches."""
         low, high = new.bounds
-        near = (bounds[:, 0] <= high + JOINED) & (bounds[:, 1] >= low - JOINED)
+        near = (self._bounds[:, 0] <= high + JOINED) & (self._bounds[:, 1] >= low - JOINED)
         rows = np.flatnonzero(near.all(axis=1)).tolist()
-        return next((self._touching[row] for row in rows if self._touching[row].touches(new)), None)
+        return next((row for row in rows if self._touching[row].touches(new)), None)

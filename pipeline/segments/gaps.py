@@ -37,9 +37,7 @@ class Gap:
 
     @classmethod
     def between(cls, a: Segment, b: Segment) -> Self | None:
-        """The gap between two segments; None if they are not of one plane or face each other with a corner alone."""
-        if not a.continues(b):
-            return None
+        """The gap between two segments of one plane; None if they face each other with a corner alone."""
         small, large = (a, b) if a.box.area < b.box.area else (b, a)
         widths, nearest = large.tree.query(small.tree.data, p=np.inf)
         front = widths < widths.min() + (JOINED + 1 / 2) * CELL
@@ -75,24 +73,34 @@ class Gaps:
         if self._is_surface is None:
             return list(segments)
         known, self._known = self._known, {}
-        for pair in _coplanar(segments):
+        for pair in _neighbours(segments):
             self._known[pair] = known[pair] if pair in known else Gap.between(*pair)
         joined = DisjointSet(segments)
-        gaps = [(gap.width, n, gap, pair) for n, (pair, gap) in enumerate(self._known.items()) if gap]
-        for _, _, gap, pair in sorted(gaps, key=lambda found: found[:2]):
-            if not joined.connected(*pair) and gap.is_closed(self._is_surface):
+        for pair, gap in self._known.items():
+            if gap and gap.is_closed(self._is_surface):
                 joined.merge(*pair)
         groups = [sorted(group, key=_id) for group in joined.subsets()]
         return sorted((reduce(Segment.merged, group) for group in groups), key=_id)
 
 
-def _coplanar(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]]:
-    """The pairs of which one has its middle in the plane of the other, that is all that may continue each other."""
+def _neighbours(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]]:
+    """The pairs that continue each other, but for those with a third segment of their plane nearer to both."""
+    low, high = np.array([segment.bounds for segment in segments]).reshape(-1, 2, 3).swapaxes(0, 1)
+    distance = np.full((len(segments), len(segments)), np.inf)
+    pairs = [pair for pair in _coplanar(segments) if segments[pair[0]].continues(segments[pair[1]])]
+    for a, b in pairs:
+        distance[a, b] = distance[b, a] = np.maximum(low[a] - high[b], low[b] - high[a]).max()
+    for a, b in pairs:
+        if not (np.maximum(distance[a], distance[b]) < distance[a, b]).any():
+            yield segments[a], segments[b]
+
+
+def _coplanar(segments: Sequence[Segment]) -> list[list[int]]:
+    """The index pairs of segments on one side of a plane, of which one has its middle in the plane of the other."""
     middles = np.array([segment.box.T_map_box[:3, 3] for segment in segments]).reshape(-1, 3)
-    planes = np.array([[*segment.plane.normal, segment.plane.offset] for segment in segments]).reshape(-1, 4)
-    is_near = np.abs(middles @ planes[:, :3].T - planes[:, 3]) <= CELL
-    for row, other in np.argwhere(np.triu(is_near | is_near.T, 1)).tolist():
-        yield segments[row], segments[other]
+    normals = np.array([segment.plane.normal for segment in segments]).reshape(-1, 3)
+    is_near = np.abs(middles @ normals.T - [segment.plane.offset for segment in segments]) <= CELL
+    return np.argwhere(np.triu((is_near | is_near.T) & (normals @ normals.T > 0), 1)).tolist()
 
 
 def _id(segment: Segment) -> int:

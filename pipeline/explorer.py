@@ -160,7 +160,7 @@ class Explorer:
 
     def _learn_from_drive(self, obstacles: NDArray[np.float32]) -> None:
         """Pass obstacles (N, 3), the track of the drive and what the robot touched on to the mapper."""
-        track = np.array(self.navigator.track).reshape(-1, 2)
+        track = np.array(self.navigator.track).reshape(-1, 3)
         # If the robot did not get free, an obstacle mapped beside it would only shut it in.
         halts = [halt for halt in self.navigator.halts if halt.touches]
         self.mapper.add_drive(track, obstacles, [halt.touched(self.robot.model) for halt in halts])

@@ -22,6 +22,7 @@ from pipeline.segments.cells_kernels import moved
 from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
 from pipeline.semantic_map.voxels import VoxelCloud
+from pipeline.transforms import yaw_of
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_kernels import Z_BIN, lowest_rays
 from pipeline.traversability.elevation_map import CELL, ElevationMap
@@ -139,7 +140,7 @@ class Seen:
         points, dropouts, rays = (_placed(p, T_map_base) for p in (self.points, self.dropouts, self.rays))
         camera = (T_map_base @ self.T_base_camera)[:3, 3]
         elevation_map.update(points, self.hits, dropouts, self.dropout_hits, rays, camera)
-        elevation_map.add_track(T_map_base[None, :2, 3])
+        elevation_map.add_track(np.array([[*T_map_base[:2, 3], yaw_of(T_map_base)]]))
 
 
 def _packed(points: NDArray[np.floating]) -> NDArray[np.int16]:

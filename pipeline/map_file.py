@@ -69,6 +69,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "keyframe": Field("i8"),
         "order": Field("i8"),
         "track": _points(),
+        "yaws": Field("f4", (MANY,)),
         "obstacles": _points(),
         "touched": _points(),
     },
@@ -281,7 +282,7 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
         keyframes.add(_seen_of(row), row["T_map_base"])
         found.append((row["order"], k, keyframes.seen[k]))
     found += [(row["order"], row["keyframe"], Assumed(row["points"])) for row in rows["assumed"]]
-    parts = "track", "obstacles", "touched"
+    parts = "track", "yaws", "obstacles", "touched"
     found += [(row["order"], row["keyframe"], Driven(*(row[part] for part in parts))) for row in rows["driven"]]
     for _, k, evidence in sorted(found, key=lambda entry: entry[0]):
         keyframes.add_ground(k, evidence)

@@ -21,7 +21,7 @@ from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.transforms import inverse, transform_points
+from pipeline.transforms import inverse, transform_points, yaw_of
 from pipeline.traversability.elevation_map import HEIGHTS, ElevationMap
 from pipeline.traversability.ground_evidence import UNDER, Assumed, Driven, GroundEvidence
 from pipeline.traversability.pose_paths import PosePaths
@@ -173,7 +173,7 @@ class Mapper:
         Each point belongs to the nearest keyframe since the previous drive, and moves along with its pose.
 
         Args:
-            track: (N, 2) positions of the robot's middle.
+            track: (N, 3) successive positions of the robot's middle, and its headings, rad.
             obstacles: (M, 3) points of what stood in its way.
             touched: (K, 3) each, points that the robot touched.
         """
@@ -181,11 +181,13 @@ class Mapper:
         poses = self.keyframes.poses[first:]
         felt = np.vstack([np.zeros((0, 3)), *touched])
         near_track, near_obstacles, near_felt = (nearest(p, poses) for p in (track, obstacles, felt))
-        on_ground = np.column_stack([track, poses[near_track, 2, 3]])
+        on_ground = np.column_stack([track[:, :2], poses[near_track, 2, 3]])
         for k, T in enumerate(poses):
-            own = on_ground[near_track == k], obstacles[near_obstacles == k], felt[near_felt == k]
+            is_own = near_track == k
+            own = on_ground[is_own], obstacles[near_obstacles == k], felt[near_felt == k]
             if any(map(len, own)):
-                self._put(first + k, Driven(*(transform_points(inverse(T), points) for points in own)))
+                here, *met = (transform_points(inverse(T), points) for points in own)
+                self._put(first + k, Driven(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met))
 
     def settle(self) -> Moves | None:
         """Let the localisation correct its keyframes, and every map with them; None if none moved noticeably."""

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from pipeline.keyframes import Seen
 from pipeline.labels import COLOURS, Label
 from pipeline.map_file import load_keyframes
-from pipeline.mapper import Mapper, Observation
-from pipeline.metric_map.packed_depth import unpack_depth
+from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.transforms import transform_points
 from sarsim.robots.skid_steered import robot_model
 
 PIXELS = 90
@@ -46,13 +45,14 @@ def main() -> None:
 
 def growing(mapper: Mapper) -> Iterator[NDArray[np.uint8]]:
     """(H, W, 3) uint8 images after every keyframe, or every n-th one: the map, and beside it the depth image."""
-    clouds = list(map(labelled, mapper.observations, mapper.poses))
+    known = mapper.keyframes
+    clouds = list(map(labelled, known.seen, known.poses))
     everything = np.concatenate([points for points, _ in clouds])[:, :2]
     low, high = everything.min(axis=0) - MARGIN, everything.max(axis=0) + MARGIN
     width, height = np.ceil((high - low) * PIXELS).astype(int)
     ground, top = np.full((height, width, 3), BACKGROUND, np.uint8), np.full((height, width), -np.inf)
     way: list[NDArray[np.int32]] = []
-    for k, ((points, colours), T, seen) in enumerate(zip(clouds, mapper.poses, mapper.observations, strict=True)):
+    for k, ((points, colours), T, seen) in enumerate(zip(clouds, known.poses, known.seen, strict=True)):
         for point, colour in zip(points[points[:, 2].argsort()], colours[points[:, 2].argsort()], strict=True):
             u, v = pixel(point, low, height)
             patch = top[v - 1 : v + 2, u - 1 : u + 2]
@@ -61,16 +61,16 @@ def growing(mapper: Mapper) -> Iterator[NDArray[np.uint8]]:
             ground[v - 1 : v + 2, u - 1 : u + 2][higher] = colour
         way.append(pixel(T[:2, 3], low, height))
         if k % (1 + len(clouds) // FRAMES) == 0 or k == len(clouds) - 1:
-            yield beside(drawn(ground, way, T, low), depth_picture(unpack_depth(seen.depth)))
+            yield beside(drawn(ground, way, T, low), depth_picture(seen.frame.depth))
 
 
-def labelled(seen: Observation, T: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+def labelled(seen: Seen, T: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """(N, 3) points in ``map``, m, without the ceiling, and their colours (N, 3); none if it was not labelled."""
-    if seen.probabilities is None:
+    if seen.shares is None:
         return np.zeros((0, 3)), np.zeros((0, 3), np.uint8)
-    labels = seen.probabilities.argmax(axis=1)
+    labels = seen.shares.classes[:, 0]
     kept = labels != Label.CEILING
-    return transform_points(T, seen.points[kept].astype(np.float64)), COLOURS[labels[kept]]
+    return seen.points_at(T)[kept], COLOURS[labels[kept]]
 
 
 def pixel(point: NDArray[np.float64], low: NDArray[np.float64], height: int) -> NDArray[np.int32]:

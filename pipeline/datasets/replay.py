@@ -136,7 +136,7 @@ class Replay:
 
     def _take(self, frame: Frame) -> Keyframe | None:
         """Make a keyframe of the frame if it is due; None if not."""
-        self._track.append(frame.T_odom_base[:3, 3])
+        self._track.append(frame.T_odom_base)
         labelled = self._is_labelled(frame)
         if labelled is None:
             return None
@@ -163,8 +163,8 @@ class Replay:
     def _settle(self) -> None:
         """Add the driven track to the maps and correct them, as an explorer does before each step."""
         if self._is_on_ground and len(self.mapper.keyframes):
-            T_map_odom = self.mapper.localisation.T_map_odom
-            track = np.array(self._track) @ T_map_odom[:3, :3].T + T_map_odom[:3, 3]
-            self.mapper.add_drive(track[:, :2], np.zeros((0, 3), np.float32), [])
+            poses = self.mapper.localisation.T_map_odom @ np.reshape(self._track, (-1, 4, 4))
+            track = np.column_stack([poses[:, :2, 3], np.arctan2(poses[:, 1, 0], poses[:, 0, 0])])
+            self.mapper.add_drive(track, np.zeros((0, 3), np.float32), [])
         self._track.clear()
         self.mapper.settle()

@@ -110,7 +110,7 @@ class Navigator:
         T_map_odom: 4×4 pose of ``odom`` in ``map`` by the localisation.
         legs: every leg driven so far.
         halts: the robot's halts on the last way that it followed.
-        track: (2,) m in ``map``, positions of the robot since it began to follow that way.
+        track: (3,) m and rad in ``map``, places and headings of the robot since it began to follow that way.
         recovered: number of times so far that the robot backed out of a halt.
         motion: the newest motion of the body.
         attitude: estimate of the robot's tilt.
@@ -299,7 +299,7 @@ class Navigator:
         self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
         if self.attitude.tilt_in(0.0) > LEAN:
             self._leaned_at = self.T_map_base[:3, 3]
-        self.track.append(self.T_map_base[:2, 3])
+        self.track.append(np.append(self.T_map_base[:2, 3], yaw_of(self.T_map_base)))
         return self.T_map_base
 
     @property

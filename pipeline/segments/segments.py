@@ -52,7 +52,7 @@ class Segments:
         self._segments = self._gaps.closed(self._touching)
 
     def rebuild(self, poses: NDArray[np.float64]) -> None:
-        """Make all segments anew, as if each keyframe had been at its pose of ``poses`` (K, 4, 4) from the start."""
+        """Make all segments anew, as if each keyframe had been at its pose of (K, 4, 4) in ``map`` from the start."""
         self._touching, self._bounds = [], self._bounds[:0]
         for number, member in enumerate(self.members):
             self._add(number, poses[member.keyframe])

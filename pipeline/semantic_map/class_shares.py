@@ -25,7 +25,7 @@ class ClassShares:
 
     @classmethod
     def of(cls, probabilities: NDArray[np.float32]) -> Self:
-        """Keep of (N, 8) class probabilities those of the two most probable classes."""
+        """Keep of (N, 8) class probabilities, in [0, 1], those of the two most probable classes."""
         best = np.argsort(-probabilities, axis=1, kind="stable")[:, :2]
         first, second = np.take_along_axis(probabilities, best, axis=1).T
         both = np.maximum(first + second, np.finfo(np.float32).tiny)

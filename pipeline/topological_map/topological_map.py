@@ -74,7 +74,7 @@ class TopologicalMap:
             self.graph = roadmap(self.tree, drives, MAX_DETOUR)
 
     def anchor(self, poses: NDArray[np.float64]) -> None:
-        """Anchor nodes and ways to the keyframes, of (K, 4, 4) poses, that stood nearest to them."""
+        """Anchor nodes and ways to the keyframes, at (K, 4, 4) poses in ``map``, that stood nearest to them."""
         positions = np.array([node.position for node in self.nodes.values()]).reshape(-1, 3)
         self._places = Places.anchored(positions, poses)
         self._bends = {
@@ -84,7 +84,7 @@ class TopologicalMap:
         }
 
     def place(self, poses: NDArray[np.float64]) -> None:
-        """Move nodes and ways to where they lie with (K, 4, 4) poses; :meth:`update` then fits them to the ground."""
+        """Move nodes and ways to where they lie at (K, 4, 4) poses in ``map``; :meth:`update` fits them to the ground."""
         self._set.place(self._places.at(poses))
         for edge, bends in self._bends.items():
             self.graph.edges[edge]["bends"] = bends.at(poses)

@@ -173,12 +173,30 @@ def lower_ceiling(ceiling, rays, origin, cell, within):
 
 
 @njit(cache=True, nogil=True)
-def sweep(cells, disc, within, been, swept):
-    """Mark ``cells`` (K, 2) in ``been`` (nx, ny), and those of the ``disc`` (D, 2) around each in ``swept`` (nx, ny)."""
-    for i, j in cells:
-        been[i, j] |= within[i, j]
+def sweep(cells, poses, disc, within, been, swept):
+    """Set bits ``poses`` (K,) of ``cells`` (K, 2) in ``been`` (nx, ny); mark a ``disc`` (D, 2) around in ``swept``."""
+    for k in range(len(cells)):
+        i, j = cells[k]
+        if within[i, j]:
+            been[i, j] |= poses[k]
         for di, dj in disc:
             swept[i + di, j + dj] |= within[i + di, j + dj]
+
+
+@njit(cache=True, nogil=True)
+def forget(cells, offsets, distances, within, been):
+    """Clear the bits of ``been`` (nx, ny) of the poses whose footprint would hold one of the ``cells`` (K, 2).
+
+    See :func:`pose_kernels.footprint_distances` for ``offsets`` (N, 2) and ``distances`` (N, 16).
+    """
+    nx, ny = been.shape
+    for i, j in cells:
+        for n in range(len(offsets)):
+            a, b = i - offsets[n, 0], j - offsets[n, 1]
+            if 0 <= a < nx and 0 <= b < ny and within[a, b]:
+                for h in range(distances.shape[1]):
+                    if distances[n, h] <= 0:
+                        been[a, b] &= ~(np.uint16(1) << np.uint16(h))
 
 
 @njit(cache=True, nogil=True)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.grid_map import Grid, GridMap, Layer, box_around, inside
 from pipeline.robot import RobotModel
 from pipeline.traversability import elevation_kernels as kernels
+from pipeline.traversability import pose_kernels
 
 CELL = 0.05
 """m, side of a cell."""
@@ -26,7 +27,7 @@ HEIGHTS = kernels.Z_MIN, kernels.Z_MIN + kernels.LEVELS * kernels.Z_BIN
 
 NOTHING = np.zeros((0, 3), np.float32)
 _UNKNOWN = Layer(np.float32, np.nan)
-_DERIVED = {"measured": _UNKNOWN, "elevation": _UNKNOWN, "dropout": Layer(np.bool_), "driven": Layer(np.bool_)}
+_DERIVED = {"measured": _UNKNOWN, "elevation": _UNKNOWN, "dropout": Layer(np.bool_), "driven": Layer(np.uint16)}
 _EVIDENCE = {
     "height": Layer(np.float32, per_cell=(kernels.LEVELS,), in_place=True),
     "hits": Layer(np.uint16, per_cell=(kernels.LEVELS,), in_place=True),
@@ -34,7 +35,7 @@ _EVIDENCE = {
     "assumed": Layer(np.float32, np.nan, in_place=True),
     "touched": Layer(np.float32, np.nan, in_place=True),
     "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
-    "been": Layer(np.bool_, in_place=True),
+    "been": Layer(np.uint16, in_place=True),
     "swept": Layer(np.bool_, in_place=True),
 }
 _SCRATCH = {
@@ -80,8 +81,11 @@ class ElevationMap:
         return self.layers["dropout"]
 
     @property
-    def driven(self) -> NDArray[np.bool_]:
-        """(nx, ny) where the middle of the robot has been."""
+    def driven(self) -> NDArray[np.uint16]:
+        """(nx, ny) bits of the headings with which the middle of the robot has been there, and of the turns it made.
+
+        Bit h is that of entry h of :attr:`pose_kernels.Terrain.clearance`. Obstacles met later clear bits.
+        """
         return self.layers["driven"]
 
     def assume_ground(self, points: NDArray[np.floating]) -> None:
@@ -102,14 +106,27 @@ class ElevationMap:
         self.layers[layer][where] = points[inside, 2]
         self._renew(where)
 
-    def add_track(self, places: NDArray[np.float64]) -> None:
-        """Mark the cells of (N, 2) places of the robot's middle, m; the cells that it swept hold no panel."""
-        if not len(places):
+    def forget_track(self, points: NDArray[np.floating]) -> None:
+        """Forget that the robot could stand where (N, 3) points of obstacles, m, would be inside its footprint."""
+        if not len(points):
             return
+        self._cover(points)
+        offsets, distances, _ = pose_kernels.footprint_distances(self.robot.half_length, self.robot.half_width, CELL)
+        cells = np.unique(self.grid.cell_of(points), axis=0)
+        kernels.forget(cells, offsets, distances, self._within, self.layers["been"])
+        reached = cells[:, None] - offsets
+        self._renew(tuple(reached[self.grid.holds(reached)].T))
+
+    def add_track(self, track: NDArray[np.float64]) -> None:
+        """Mark (N, 3) successive poses of the robot's middle, m and rad; the cells that it swept hold no panel."""
+        if not len(track):
+            return
+        places = track[:, :2]
         if self._making is None:
             self.layers.cover(np.vstack([places - self.robot.half_width, places + self.robot.half_width]))
         cells = self.grid.cell_of(places)
-        kernels.sweep(cells, self._disc, self._within, self.layers["been"], self.layers["swept"])
+        poses = pose_kernels.bits_of(cells, track[:, 2])
+        kernels.sweep(cells, poses, self._disc, self._within, self.layers["been"], self.layers["swept"])
         if self._making is None:
             self._renew(tuple((cells[:, None] + self._disc).reshape(-1, 2).T))
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.robot import RobotModel
 from pipeline.segments.cells_kernels import moved
+from pipeline.transforms import yaw_of
 from pipeline.traversability.elevation_kernels import MAX_GAP_RISE
 from pipeline.traversability.elevation_map import CELL, ElevationMap
 
@@ -98,12 +99,14 @@ class Driven:
     """What a drive has shown near a keyframe, m in its ``base_link``.
 
     Attributes:
-        track: (N, 3) float32 positions of the robot's middle.
+        track: (N, 3) float32 successive positions of the robot's middle.
+        yaws: (N,) float32 its headings there, rad.
         obstacles: (M, 3) float32 points of what stood in its way.
         touched: (K, 3) float32 points that the robot touched.
     """
 
     track: NDArray[np.float32]
+    yaws: NDArray[np.float32]
     obstacles: NDArray[np.float32]
     touched: NDArray[np.float32]
 
@@ -113,9 +116,13 @@ class Driven:
         return box_of(self.track, self.obstacles, self.touched)
 
     def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
-        """Add track, obstacles and contacts, relative to the 4×4 pose ``T_map_base``."""
+        """Add track, obstacles and contacts, relative to the 4×4 pose ``T_map_base``.
+
+        The robot can stand where it has been, until an obstacle is met there.
+        """
         track, obstacles, touched = (moved(T_map_base, p) for p in (self.track, self.obstacles, self.touched))
         elevation_map.update(obstacles)
-        elevation_map.add_track(track[:, :2])
+        elevation_map.forget_track(np.concatenate([obstacles, touched]))
+        elevation_map.add_track(np.column_stack([track[:, :2], self.yaws + yaw_of(T_map_base)]))
         if len(touched):
             elevation_map.add_obstacle(touched)

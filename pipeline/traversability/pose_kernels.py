@@ -143,6 +143,44 @@ def clearances(obstacle, to_obstacle, footprint, near, rows, columns):
     return result
 
 
+@njit(cache=True, nogil=True)
+def bits_of(cells, yaws):
+    """(K,) uint16 bits, as entries of a clearance, of the headings nearest to successive ``yaws`` (K,), rad.
+
+    Poses in one of the ``cells`` (K, 2) after the other that turn from a heading to the next one set that turn's bit.
+    """
+    half = HEADINGS // 2
+    bits, last = np.zeros(len(cells), np.uint16), -1
+    for k in range(len(cells)):
+        heading, least = 0, np.inf
+        for h in range(half):
+            off = abs((yaws[k] - ANGLES[h] + np.pi / 2) % np.pi - np.pi / 2)
+            if off < least:
+                heading, least = h, off
+        bits[k] = np.uint16(1) << np.uint16(heading)
+        is_there = k > 0 and cells[k, 0] == cells[k - 1, 0] and cells[k, 1] == cells[k - 1, 1]
+        if is_there and (heading - last) % half == 1:
+            bits[k] |= np.uint16(1) << np.uint16(half + last)
+        elif is_there and (last - heading) % half == 1:
+            bits[k] |= np.uint16(1) << np.uint16(half + heading)
+        last = heading
+    return bits
+
+
+@njit(cache=True)
+def allow_driven(clearance, driven, least, deepest):
+    """Raise ``clearance`` (nx, ny, 16), cm, to ``least`` (nx, ny) at the poses of ``driven`` (nx, ny) bits.
+
+    Not where it is below ``deepest``: so far into the footprint no drift of the map moves an obstacle.
+    """
+    nx, ny, poses = clearance.shape
+    for i in range(nx):
+        for j in range(ny):
+            for h in range(poses if driven[i, j] else 0):
+                if driven[i, j] >> h & 1 and clearance[i, j, h] >= deepest:
+                    clearance[i, j, h] = max(clearance[i, j, h], least[i, j])
+
+
 @njit(cache=True)
 def free_poses(clearance, least):
     """(nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the turns that it can make.

@@ -141,7 +141,7 @@ def assess(
     grid: Grid,
     elevation: NDArray[np.float32],
     dropout: NDArray[np.bool_],
-    driven: NDArray[np.bool_],
+    driven: NDArray[np.uint16],
     robot: RobotModel,
     within: Box = (slice(None), slice(None)),
 ) -> Traversability:
@@ -154,7 +154,7 @@ def assess(
         grid: where the cells lie.
         elevation: (nx, ny) float32 m, NaN where unknown.
         dropout: (nx, ny) where a thin panel may stand.
-        driven: (nx, ny) where the middle of the robot has been.
+        driven: (nx, ny) bits of the poses that the robot has had, see :attr:`ElevationMap.driven`.
         robot: its size and abilities.
         within: box of cells outside of which clearances, and the layers derived from them, are not computed.
 
@@ -172,6 +172,7 @@ def assess(
     ramp, uphill = _ramps(slope, gradient, hazard, cell)
     clearance = _clearances(obstacle, to_obstacle, robot, cell, within)
     least = np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST)).astype(np.int8)
+    pose_kernels.allow_driven(clearance, driven, least, -round(50 * robot.half_width))
     free = pose_kernels.free_poses(clearance, least)
     return Traversability(
         grid=grid,

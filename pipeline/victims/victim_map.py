@@ -101,7 +101,7 @@ class Victim:
         self.information = _inverse(_inverse(self.information + seen.information) + floor)
 
     def place(self, poses: NDArray[np.float64]) -> None:
-        """Make it anew of its sightings, with (K, 4, 4) poses of the keyframes."""
+        """Make it anew of its sightings, with the keyframes at (K, 4, 4) poses in ``map``."""
         self.tried_at = list(Places.joined(self.tried).at(poses))
         first, *others = (seen.moved(poses[seen.keyframe]) for seen in self.sightings)
         self.points, self.information = first.points, first.information
@@ -176,7 +176,7 @@ class Victims:
         return victim.apart >= APART and (victim.evidence >= ENOUGH_OF_PART or victim.size >= WHOLE)
 
     def place(self, poses: NDArray[np.float64]) -> None:
-        """Make all victims anew with (K, 4, 4) poses of the keyframes, and join those that prove to be one person."""
+        """Make all victims anew at (K, 4, 4) keyframes in ``map``, and join those that prove to be one person."""
         for victim in self.all:
             victim.place(poses)
         self._merge()

@@ -170,5 +170,5 @@ class DeadReckoning:
 def _roads(surface: TrueSurface) -> Traversability:
     """The true ground in the form of the robot's planner, which takes ramps head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
-    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere, robot_model())
+    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere.astype(np.uint16), robot_model())
     return replace(roads, least=np.where(surface.drivable, roads.least, np.int8(127)))

@@ -35,7 +35,7 @@ def mapper() -> Mapper:
     for k, T in enumerate(POSES):
         frame = replace(look(SCENE, T @ T_BASE_CAMERA, 0.004, k), T_base_camera=T_BASE_CAMERA, T_odom_base=T)
         mapper.add(frame, mapper.localise(frame), labelled=k % 2 == 0)
-    mapper.add_drive(np.array([(0.1, 0.0)]), np.full((9, 3), 0.5, np.float32), [np.array([(0.3, 0.2, 0.3)])])
+    mapper.add_drive(np.array([(0.1, 0.0, 0.2)]), np.full((9, 3), 0.5, np.float32), [np.array([(0.3, 0.2, 0.3)])])
     points = np.random.default_rng(0).uniform(1, 1.5, (50, 3)).astype(np.float32)
     poses = mapper.keyframes.poses
     seen = [Sighting(k, points + np.float32(0.01 * k), 100 * np.eye(3), np.full(3, 0.5 * k)) for k in (0, 2)]

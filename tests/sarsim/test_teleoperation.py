@@ -174,9 +174,11 @@ def test_a_drive_is_mapped_and_recorded(windows, robot, tmp_path):
     drive = MappedDrive(robot, TruthClassifier(), EpisodeRecorder(robot, tmp_path / "episode.rrd"))
     drive_by_keyboard(drive)
     drive.save(tmp_path)
-    assert drive.mapper.keyframes >= 2
-    moved = drive.mapper.poses[-1, 0, 3] - drive.mapper.poses[0, 0, 3]
-    assert moved == pytest.approx(robot.trajectory[-1].T_world_base[0, 3] - drive.mapper.poses[0, 0, 3], abs=0.25)
+    assert len(drive.mapper.keyframes) >= 2
+    moved = drive.mapper.keyframes.poses[-1, 0, 3] - drive.mapper.keyframes.poses[0, 0, 3]
+    assert moved == pytest.approx(
+        robot.trajectory[-1].T_world_base[0, 3] - drive.mapper.keyframes.poses[0, 0, 3], abs=0.25
+    )
     labels = drive.mapper.semantic_map.labels()
     assert {1, 2} <= set(labels.tolist())
     assert (tmp_path / "episode.rrd").read_bytes()[:4] == b"RRF2"

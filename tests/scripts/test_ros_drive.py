@@ -102,7 +102,7 @@ def test_where_the_robot_falls_silent_what_was_mapped_is_kept(tmp_path: Path) ->
     pair = Pair(tmp_path, patience=1.0)
 
     def falls_silent(topic: str, time: float, message: object) -> list:
-        gone = topic == "/odom" and pair.drive.explorer.mapper.keyframes > 1
+        gone = topic == "/odom" and len(pair.drive.explorer.mapper.keyframes) > 1
         return [] if gone else [(topic, time, message)]
 
     pair.wire.change = falls_silent

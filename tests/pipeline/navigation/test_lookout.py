@@ -114,7 +114,7 @@ def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_cont
     frame = outlook.lookout.sense()
     outlook.lookout.was_set_down(frame)
     outlook.lookout.add(frame, labelled=False)
-    outlook.mapper.loaded, outlook.robot.faces = 1, faces
+    outlook.mapper.keyframes.loaded, outlook.robot.faces = 1, faces
     outlook.robot.T = START @ from_yaw(0, 0, 0, np.pi)
     with pytest.raises(LostError, match="no place fits"):
         outlook.lookout.sense()

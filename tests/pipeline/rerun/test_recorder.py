@@ -315,7 +315,7 @@ def test_loops_join_their_keyframes(corrected):
     explorer, rows = corrected
     row = rows["/world/localisation/loops"][-1]
     ends = np.array(row["LineStrips3D:strips"][0])
-    np.testing.assert_allclose(ends[:, :2], explorer.mapper.poses[[0, 1], :2, 3], atol=1e-6)
+    np.testing.assert_allclose(ends[:, :2], explorer.mapper.keyframes.poses[[0, 1], :2, 3], atol=1e-6)
     assert row["LineStrips3D:labels"] == ["keyframe 0 met again by 1"]
     assert np.ravel(components(rows["/metrics/localisation/loops"], "Scalars:scalars")).tolist() == [0, 0, 1, 1]
 

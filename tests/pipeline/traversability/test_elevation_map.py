@@ -185,7 +185,7 @@ def test_where_the_robot_has_been_no_panel_stands():
         world = surface_of(ground_points(flat, (-2, 2), (-1, 1)))
         if comes_first:
             show(world, ground_points(flat, (1.5, 1.6), (0, 0.1)), panel, camera=camera)
-        world.add_track(np.array([[x, 0.0] for x in np.arange(-0.5, 0.5, 0.04)]))
+        world.add_track(np.array([[x, 0.0, 0.0] for x in np.arange(-0.5, 0.5, 0.04)]))
         if not comes_first:
             show(world, ground_points(flat, (1.5, 1.6), (0, 0.1)), panel, camera=camera)
         assert world.grid.at(world.dropout, (0.025, 0.5))

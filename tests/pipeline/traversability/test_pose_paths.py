@@ -36,7 +36,9 @@ def scattered(blocks):
     elevation = np.zeros((40, 40), np.float32)
     elevation[tuple(blocks.T)] = 1.0
     nowhere = np.zeros(elevation.shape, np.bool_)
-    return assess(Grid(np.zeros(2, np.int64), 0.05, elevation.shape), elevation, nowhere, nowhere, PIONEER)
+    return assess(
+        Grid(np.zeros(2, np.int64), 0.05, elevation.shape), elevation, nowhere, nowhere.astype(np.uint16), PIONEER
+    )
 
 
 def stands_in(traversability):
@@ -222,7 +224,7 @@ def test_where_the_robot_has_been_it_may_stand_nearer():
     traversability = corridor(0.28)
     assert not traversability.traversable.any()
     nowhere = np.zeros_like(traversability.hazard)
-    been = assess(traversability.grid, traversability.elevation, nowhere, ~nowhere, PIONEER)
+    been = assess(traversability.grid, traversability.elevation, nowhere, (~nowhere).astype(np.uint16), PIONEER)
     assert been.grid.at(been.traversable, (0.0, 0.0))
 
 
@@ -230,10 +232,10 @@ def test_a_robot_that_is_shut_in_goes_back_the_way_it_came():
     elevation = np.zeros((60, 60), np.float32)
     elevation[30:45, 20:26] = elevation[30:45, 35:41] = elevation[45, 20:41] = 1.0  # they leave 0.45 m between them
     elevation[30, 26:28] = elevation[30, 33:35] = 1.0  # and 0.25 m at the entrance
-    nowhere, driven = np.zeros((2, 60, 60), np.bool_)
-    driven[10:39, 30] = True
+    nowhere, driven = np.zeros((2, 60, 60), np.uint16)
+    driven[10:39, 30] = 1
     grid = Grid(np.zeros(2, np.int64), 0.05, elevation.shape)
     for track in (nowhere, driven):
-        paths = PosePaths(assess(grid, elevation, nowhere, track, PIONEER), (1.925, 1.525), EAST)
+        paths = PosePaths(assess(grid, elevation, nowhere > 0, track, PIONEER), (1.925, 1.525), EAST)
         assert np.isfinite(paths.cost_to((0.6, 1.5))) == track.any()
     assert paths.way_to((0.6, 1.525)).backwards[0]

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.traversability import pose_kernels
 from pipeline.traversability.elevation_map import ElevationMap
+from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, show, surface_of, wall_points
@@ -87,10 +89,36 @@ def test_where_the_robot_has_driven_it_may_drive_again():
     assert drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
     corridor.update(wall_points((0, -0.22), (0.05, -0.22)))  # a chair leg, or noise
     assert not drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
-    corridor.add_track(np.column_stack([np.linspace(-0.6, 0.6, 50), np.full(50, 0.02)]))
+    corridor.add_track(np.column_stack([np.linspace(-0.6, 0.6, 50), np.full(50, 0.02), np.zeros(50)]))
     assert drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
     corridor.update(wall_points((0, -0.17), (0.05, -0.17)))  # in the robot's way
     assert not drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
+
+
+def test_a_gap_that_the_robot_has_passed_and_that_drift_makes_narrower_lets_it_back():
+    walls = [wall_points((-0.2, y), (0.2, y)) for y in (-0.18, 0.18)]  # 7 cm inside the footprint on each side
+    gap, there, back = surface_of(ground_points(flat, (-1.5, 1.5), (-0.5, 0.5)), *walls), (-1.0, 0.0), (1.0, 0.0)
+    track = np.column_stack([np.linspace(-1, 1, 80), np.zeros(80), np.zeros(80)])
+    assert np.isinf(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
+    gap.add_track(track)
+    assert np.isfinite(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
+    across = pose_kernels.HEADINGS // 4
+    middle = gap.grid.cell_of((0.0, 0.0))
+    assert not assess_map(gap).free[(*middle, 0)] >> across & 1  # it never stood there across
+    gap.forget_track(np.array([(0.0, 0.1, 0.2)]))  # something stood in its way since
+    assert np.isinf(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
+    gap.add_track(track)
+    assert np.isfinite(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
+    gap.update(wall_points((-0.05, 0.05), (0.05, 0.05)))  # no drift moves a wall that far
+    assert np.isinf(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
+
+
+def test_successive_headings_in_one_cell_are_a_turn():
+    same, angles = np.zeros((3, 2), np.int64), pose_kernels.ANGLES
+    bits = pose_kernels.bits_of(same, np.array([angles[0], angles[1] + 0.05, angles[1] + np.pi]))
+    assert bits.tolist() == [1, 1 << 1 | 1 << 8, 1 << 1]
+    apart = np.array([[0, 0], [0, 1], [1, 1]])
+    assert pose_kernels.bits_of(apart, angles[:3]).tolist() == [1, 2, 4]
 
 
 def test_ground_that_lies_lower_behind_a_gap_is_a_drop():

@@ -24,7 +24,7 @@ def step(elevation_map, piece):
     points = points + np.array([x, y, 0], np.float32)
     missing = points[np.abs(points[:, 0] - x) < 0.03] if drops_out else np.zeros((0, 3), np.float32)
     show(elevation_map, points, missing, camera=np.array([x - 2, y, 0.6]))
-    elevation_map.add_track(np.array([[x, y - 0.1], [x + 0.3, y]]))
+    elevation_map.add_track(np.array([[x, y - 0.1, 0.0], [x + 0.3, y, 0.5]]))
 
 
 @settings(max_examples=25)

@@ -84,7 +84,7 @@ class TopologicalMap:
         }
 
     def place(self, poses: NDArray[np.float64]) -> None:
-        """Move nodes and ways to where they lie at (K, 4, 4) poses in ``map``; :meth:`update` fits them to the ground."""
+        """Move nodes and ways along with (K, 4, 4) keyframes in ``map``; :meth:`update` fits them to the ground."""
         self._set.place(self._places.at(poses))
         for edge, bends in self._bends.items():
             self.graph.edges[edge]["bends"] = bends.at(poses)

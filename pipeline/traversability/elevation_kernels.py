@@ -174,7 +174,7 @@ def lower_ceiling(ceiling, rays, origin, cell, within):
 
 @njit(cache=True, nogil=True)
 def sweep(cells, poses, disc, within, been, swept):
-    """Set bits ``poses`` (K,) of ``cells`` (K, 2) in ``been`` (nx, ny); mark a ``disc`` (D, 2) around in ``swept``."""
+    """Set bits ``poses`` (K,) of ``cells`` (K, 2) in ``been`` (nx, ny), and mark discs (D, 2) around in ``swept``."""
     for k in range(len(cells)):
         i, j = cells[k]
         if within[i, j]:

@@ -38,3 +38,10 @@ def test_points_share_a_voxel_if_their_cells_are_the_same(points: np.ndarray) ->
     same_cell = (cells[:, None] == cells[None]).all(axis=2)
     assert (same_cell == (cloud.voxel_of_point[:, None] == cloud.voxel_of_point[None])).all()
     assert len(cloud.points) == len(np.unique(cells, axis=0))
+
+
+def test_voxels_may_be_boxes():
+    points = np.float32([(0.01, 0.01, 0.01), (0.01, 0.01, 0.09), (0.03, 0.01, 0.01)])
+    cloud = VoxelCloud.of(points, (0.02, 0.02, 0.1))
+    np.testing.assert_allclose(cloud.points, [(0.01, 0.01, 0.05), (0.03, 0.01, 0.01)], atol=1e-7)
+    assert cloud.hits.tolist() == [2, 1]

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from pipeline.keyframes import FARTHEST, NOTICEABLE, UNIT, Keyframes, Moves, Places, Seen, nearest
+from pipeline.keyframes import FARTHEST, NOTICEABLE, UNIT, Keyframes, Moves, Places, Seen
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from pipeline.traversability.ground_evidence import Driven
@@ -85,6 +85,19 @@ def test_places_stay_where_they_are_and_move_as_one_with_all_keyframes(rows, pla
 
 def test_a_place_follows_the_keyframe_that_stood_nearest_or_the_one_that_is_named():
     before = matrices([(0, 0, 0), (4, 0, 0)])
+    after = matrices([(0, 0, 0), (4, 1, np.pi / 2)])
+    places = np.array([(1.0, 0.0), (3.0, 0.0)])
+    np.testing.assert_array_equal(nearest(places, before), [0, 1])
+    np.testing.assert_allclose(Places.anchored(places, before).at(after), [(1, 0, 0), (4, 0, 0)], atol=1e-12)
+    of_newest = Places.anchored(places, before, keyframe=1)
+    np.testing.assert_allclose(of_newest.at(after), [(4, -2, 0), (4, 0, 0)], atol=1e-12)
+    both = Places.joined([of_newest, Places.anchored(places, before)])
+    assert both.keyframe.tolist() == [1, 1, 0, 1]
+    assert not len(Places.joined([]).at(before))
+
+
+def test_moves_are_noticeable_by_the_way_or_by_what_is_at_the_end_of_the_view():
+    before = np.tile(np.eye(4), (4, 1, 1))
     less, more = 0.9 * NOTICEABLE, 1.1 * NOTICEABLE
     after = matrices([(0, 0, 0), (less, 0, 0), (more, 0, 0), (0, 0, more / REACH)])
     moves = Moves.between(before, after, REACH)

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from pipeline.keyframes import FARTHEST, NOTICEABLE, UNIT, Keyframes, Moves, Places, Seen
+from pipeline.keyframes import FARTHEST, NOTICEABLE, UNIT, Keyframes, Moves, Places, Seen, nearest
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from pipeline.traversability.ground_evidence import Driven

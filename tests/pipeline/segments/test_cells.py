@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.segments.cells import CELL, NONE, cells_of, centres, connected_pieces, in_contact, unite
+from pipeline.segments.cells import NONE, SURFACE_CELL, cells_of, centres, connected_pieces, in_contact, unite
 
 
 def sheet(x0, x1, y0, y1, z=0.0, spacing=0.01):
@@ -25,7 +25,7 @@ def pieces(*sheets):
 def test_cells_hold_their_points() -> None:
     points = np.random.default_rng(0).uniform(-2, 2, (1000, 3)).astype(np.float32)
     cells, row = cells_of(points)
-    assert np.abs(centres(cells)[row] - points).max() <= CELL / 2 + 1e-6
+    assert np.abs(centres(cells)[row] - points).max() <= SURFACE_CELL / 2 + 1e-6
     assert len(np.unique(cells, axis=0)) == len(cells)
 
 
@@ -55,7 +55,7 @@ def test_gap_parts_a_surface(gap: float, parts: int) -> None:
     assert in_contact(cells_of(left)[0], cells_of(right)[0]) == (parts == 1)
 
 
-@pytest.mark.parametrize("shift", np.arange(0, CELL, 0.01))
+@pytest.mark.parametrize("shift", np.arange(0, SURFACE_CELL, 0.01))
 def test_surfaces_whose_corners_touch_are_two(shift: float) -> None:
     one, other = sheet(0, 1, 0, 1) + np.float32(shift), sheet(1, 2, 1, 2) + np.float32(shift)
     count, (a, b) = pieces(one, other)

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segments.cells import CELL
+from pipeline.segments.cells import SURFACE_CELL
 from pipeline.segments.plane import Plane
 from pipeline.transforms import from_rotation
 
@@ -102,6 +102,6 @@ def _least_area_axis(hull: Hull) -> NDArray[np.float64]:
     forth, back = np.split(hull.reach, 2)
     along, across = np.split(forth + back, 2)
     area = along * across
-    excess = CELL / 2 * (along[0] + across[0])
+    excess = SURFACE_CELL / 2 * (along[0] + across[0])
     k = 0 if area[0] - excess <= area.min() else int(area.argmin())
     return np.array([*DIRECTIONS[:, k], 0.0])

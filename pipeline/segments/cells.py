@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 from pipeline.segments import cells_kernels as kernels
 from pipeline.segments.surfels_kernels import NONE
 
-CELL = 0.05
+SURFACE_CELL = 0.05
 """m, the edge of a cell. Centres lie at its multiples: there floors and walls tend to lie, and noise would spread one
 on the face between two cells over both."""
 JOINED = 2
@@ -29,14 +29,16 @@ Cells = NDArray[np.int32]
 
 def cells_of(points: NDArray) -> tuple[Cells, NDArray[np.intp]]:
     """The (K, 3) cells that contain (N, 3) points in m, and the (N,) row of each point's cell."""
-    cell_of, packed = kernels.cells_of(np.asarray(points, np.float32) + np.float32(CELL / 2), np.float32(1 / CELL))
+    cell_of, packed = kernels.cells_of(
+        np.asarray(points, np.float32) + np.float32(SURFACE_CELL / 2), np.float32(1 / SURFACE_CELL)
+    )
     order = packed.argsort()
     return from_keys(packed[order]), order.argsort()[cell_of]
 
 
 def centres(cells: Cells) -> NDArray[np.float64]:
     """(K, 3) centres in m."""
-    return np.multiply(cells, CELL, dtype=np.float64)
+    return np.multiply(cells, SURFACE_CELL, dtype=np.float64)
 
 
 def unite(a: Cells, b: Cells) -> Cells:
@@ -46,7 +48,7 @@ def unite(a: Cells, b: Cells) -> Cells:
 
 def thinned(points: NDArray[np.float32]) -> NDArray[np.float32]:
     """(M, 3) the first of the points (N, 3), m, in each cube with half the edge of a cell."""
-    cube_of, cubes = kernels.cells_of(points, np.float32(2 / CELL))
+    cube_of, cubes = kernels.cells_of(points, np.float32(2 / SURFACE_CELL))
     first = np.empty(len(cubes), np.intp)
     first[cube_of[::-1]] = np.arange(len(cube_of))[::-1]
     return points[first]

@@ -11,7 +11,7 @@ BITS = 21
 HALF = 1 << (BITS - 1)
 """Bound of a cell's indices: cells farther from the origin, along any axis, have no key."""
 EMPTY = -1
-NOWHERE = -HALF
+NO_INDEX = -HALF
 """Index of a point without a cell."""
 FIBONACCI = 0x9E3779B97F4A7C15
 """2⁶⁴ over the golden ratio: multiplicative hashing, Knuth, The Art of Computer Programming 6.4."""
@@ -52,15 +52,15 @@ def insert_all(keys, indices, shift, cell_keys):
 def cell_key(point, per_metre):
     """The key of the cell that contains the point (3,), or EMPTY."""
     i, j, k = indices_of(point, per_metre)
-    return packed(i, j, k) if i != NOWHERE else int64(EMPTY)
+    return packed(i, j, k) if i != NO_INDEX else int64(EMPTY)
 
 
 @njit(cache=True, inline="always")
 def indices_of(point, per_metre):
-    """The indices of the cell that contains the point (3,); the first is NOWHERE if it is NaN or too far away."""
+    """The indices of the cell that contains the point (3,); the first is NO_INDEX if it is NaN or too far away."""
     i, j, k = np.floor(point[0] * per_metre), np.floor(point[1] * per_metre), np.floor(point[2] * per_metre)
     if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
-        return int64(NOWHERE), int64(0), int64(0)
+        return int64(NO_INDEX), int64(0), int64(0)
     return int64(i), int64(j), int64(k)
 
 

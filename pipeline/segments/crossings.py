@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.segments.boxes import Box
-from pipeline.segments.cells import CELL
+from pipeline.segments.cells import SURFACE_CELL
 from pipeline.segments.segment import Segment
 
 Floats = NDArray[np.float64]
@@ -56,7 +56,7 @@ def _cross(a: Floats, b: Floats, segments: Sequence[Segment], margin: float, hei
     """:func:`crossings` of lines and segments that are near each other."""
     result = np.zeros(len(a), np.bool_)
     boxes = [segment.box for segment in segments]
-    for lift in np.linspace(0, height, int(np.ceil(height / CELL)) + 1):
+    for lift in np.linspace(0, height, int(np.ceil(height / SURFACE_CELL)) + 1):
         up = np.array([0, 0, lift])
         start, end = a + up, b + up
         enter, leave = clip(start, end, boxes, margin + _ROUNDING)
@@ -89,7 +89,7 @@ def clip(a: Floats, b: Floats, boxes: Sequence[Box], margin: float = 0.0) -> tup
 
 def _sample(a: Floats, b: Floats, enter: Floats, leave: Floats) -> tuple[Floats, NDArray[np.intp]]:
     """(M, 3) points at most half a cell apart from each line's entry to its exit, and their (M,) lines."""
-    counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / (CELL / 2)).astype(int) + 1
+    counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / (SURFACE_CELL / 2)).astype(int) + 1
     line = np.repeat(np.arange(len(a)), counts)
     share = np.concatenate([np.linspace(0, 1, count) for count in counts] or [np.empty(0)])
     t = enter[line] + share * (leave - enter)[line]
@@ -101,5 +101,5 @@ def _near_surface(
 ) -> NDArray[np.bool_]:
     """(lines,) bool, whether a point of the line is near a cell of the segment."""
     distance, _ = segment.tree.query(segment.plane.projected(points))
-    half_diagonal = CELL * np.sqrt(3) / 2
+    half_diagonal = SURFACE_CELL * np.sqrt(3) / 2
     return np.bincount(line, distance <= margin + half_diagonal, lines) > 0

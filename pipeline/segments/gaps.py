@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import DisjointSet
 
-from pipeline.segments.cells import CELL, FRONT, JOINED
+from pipeline.segments.cells import FRONT, JOINED, SURFACE_CELL
 from pipeline.segments.segment import Segment
 
 IsSurface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
@@ -40,7 +40,7 @@ class Gap:
         """The gap between two segments of one plane; None if they face each other with a corner alone."""
         small, large = (a, b) if a.box.area < b.box.area else (b, a)
         widths, nearest = large.tree.query(small.tree.data, p=np.inf)
-        front = widths < widths.min() + (JOINED + 1 / 2) * CELL
+        front = widths < widths.min() + (JOINED + 1 / 2) * SURFACE_CELL
         if np.count_nonzero(front) < FRONT:
             return None
         start = large.plane.projected(small.tree.data[front])
@@ -51,7 +51,7 @@ class Gap:
         """Whether most of the lines lie on a surface: lines are halved until their parts are as short as a cell."""
         start, way, parts = self.start, self.end - self.start, 1
         while 2 * len(start) > len(self.start):
-            if parts * CELL >= self.width:
+            if parts * SURFACE_CELL >= self.width:
                 return True
             between = np.arange(1 / 2, parts) / parts
             points = start[:, None] + between[:, None] * way[:, None]
@@ -99,7 +99,7 @@ def _coplanar(segments: Sequence[Segment]) -> list[list[int]]:
     """The index pairs of segments on one side of a plane, of which one has its middle in the plane of the other."""
     middles = np.array([segment.box.T_map_box[:3, 3] for segment in segments]).reshape(-1, 3)
     normals = np.array([segment.plane.normal for segment in segments]).reshape(-1, 3)
-    is_near = np.abs(middles @ normals.T - [segment.plane.offset for segment in segments]) <= CELL
+    is_near = np.abs(middles @ normals.T - [segment.plane.offset for segment in segments]) <= SURFACE_CELL
     return np.argwhere(np.triu((is_near | is_near.T) & (normals @ normals.T > 0), 1)).tolist()
 
 

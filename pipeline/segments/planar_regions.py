@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.segments.cells import CELL, JOINED
+from pipeline.segments.cells import JOINED, SURFACE_CELL
 from pipeline.segments.plane import Moments
 from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals
 from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
@@ -89,7 +89,7 @@ def _grow(surfels: Surfels, max_angle: float) -> NDArray[np.int32]:
     """(N,) region of every surfel; the flattest surfels are the first seeds."""
     normal, variation = normals(surfels.points, surfels.near)
     order = np.argsort(variation, kind="stable")
-    return grow_regions(surfels.points, surfels.near, normal, order, np.cos(max_angle), CELL / 2)
+    return grow_regions(surfels.points, surfels.near, normal, order, np.cos(max_angle), SURFACE_CELL / 2)
 
 
 def _ransac_regions(
@@ -104,11 +104,11 @@ def _ransac_regions(
     planes = np.empty((0, 4))
     regions = [members for _, members in groups(region) if len(members) >= MIN_SURFELS]
     for members in sorted(regions, key=len, reverse=True):
-        claimed = claim_nearest(surfels.points, surfels.near, members, result, planes, CELL / 2)
+        claimed = claim_nearest(surfels.points, surfels.near, members, result, planes, SURFACE_CELL / 2)
         result[members] = claimed
         rest = members[claimed == NONE]
         while len(rest) >= MIN_SURFELS:
-            inlier = plane_inliers(surfels.points[rest], CELL / 2, RANSAC_SAMPLES, seed)
+            inlier = plane_inliers(surfels.points[rest], SURFACE_CELL / 2, RANSAC_SAMPLES, seed)
             if np.count_nonzero(inlier) < MIN_SURFELS:
                 break
             result[rest[inlier]] = len(planes)
@@ -146,7 +146,7 @@ def _settle(
     """Assign every surfel to the nearest plane around it, and fit again, so that edges lie where planes meet."""
     everything = np.arange(len(region))
     for _ in range(2):
-        region = claim_nearest(surfels.points, surfels.near, everything, region, planes, CELL / 2)
+        region = claim_nearest(surfels.points, surfels.near, everything, region, planes, SURFACE_CELL / 2)
         planes = planes.copy()
         for number, members in groups(region):
             if len(members) >= MIN_SURFELS:

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from pipeline.labels import Label
 from pipeline.segments.boxes import Box, Hull, bounding_box, corners
-from pipeline.segments.cells import CELL, Cells, centres, in_contact, unite
+from pipeline.segments.cells import SURFACE_CELL, Cells, centres, in_contact, unite
 from pipeline.segments.cells_kernels import bounds, moved, placed_cells
 from pipeline.segments.members import Member
 from pipeline.segments.plane import Moments, Plane
@@ -57,7 +57,10 @@ class Segment:
     def placed(cls, member: Member, number: int, T_map_base: NDArray[np.float64]) -> Self:
         """The segment that a member with this number makes if its keyframe is at a 4×4 pose."""
         normal, moments = T_map_base[:3, :3] @ member.normal, member.moments.moved(T_map_base)
-        cells, hull = placed_cells(T_map_base, member.points, CELL), Hull.of(moved(T_map_base, member.outline))
+        cells, hull = (
+            placed_cells(T_map_base, member.points, SURFACE_CELL),
+            Hull.of(moved(T_map_base, member.outline)),
+        )
         return cls.of(member.label, normal, cells, moments, hull, (number,))
 
     def merged(self, other: "Segment") -> "Segment":
@@ -88,7 +91,7 @@ class Segment:
             return False
         small, large = (self, other) if self.box.area < other.box.area else (other, self)
         offsets = np.abs(large.plane.distance(corners(small.box))) - small.box.extent[2] / 2
-        return bool(offsets.max() <= CELL)
+        return bool(offsets.max() <= SURFACE_CELL)
 
     def touches(self, other: "Segment") -> bool:
         """Whether both continue each other without a gap."""

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import int64, njit
 
-from pipeline.segments.cells_kernels import EMPTY, NOWHERE, find_slot, indices_of, packed
+from pipeline.segments.cells_kernels import EMPTY, NO_INDEX, find_slot, indices_of, packed
 
 
 @njit(cache=True, nogil=True)
@@ -30,7 +30,7 @@ def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, b
         for c in range(weights.shape[1]):
             total += weights[n, c]
         i, j, k = indices_of(points[n], per_metre)
-        if i == NOWHERE or not 0 < total < np.inf:
+        if i == NO_INDEX or not 0 < total < np.inf:
             continue
         key = packed(i >> 2, j >> 2, k >> 2)
         # Neighbouring points mostly share a block, so most need no search in the table.

@@ -26,6 +26,13 @@ def test_wall_ahead_is_occupied_space_before_it_free_and_behind_it_unknown() -> 
     assert states.tolist() == [FREE, FREE, OCCUPIED, UNKNOWN, UNKNOWN, UNKNOWN]
 
 
+def test_wall_is_a_surface_for_the_side_from_which_it_was_seen_alone() -> None:
+    grid, places = MetricMap(), np.array([(1, 0, 0.5), (2, 0, 0.5), (2.11, 0, 0.5)])
+    grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
+    assert grid.is_surface(places, np.array([-1.0, 0, 0])).tolist() == [False, True, False]
+    assert not grid.is_surface(places, np.array([1.0, 0, 0])).any()
+
+
 def test_return_beyond_the_range_frees_up_to_the_range_and_ends_nowhere() -> None:
     grid = MetricMap(max_range=3.0)
     grid.integrate(wall(5.0), CAMERA, T_MAP_CAMERA)

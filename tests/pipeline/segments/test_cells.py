@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.segments.cells import CELL, NONE, cells_of, centres, connected_pieces, in_contact, unite
+from pipeline.segments.cells import NONE, SURFACE_CELL, cells_of, centres, connected_pieces, in_contact, unite
+from pipeline.segments.cells_kernels import moved, placed_cells
+from pipeline.transforms import from_yaw
 
 
 def sheet(x0, x1, y0, y1, z=0.0, spacing=0.01):
@@ -25,8 +27,21 @@ def pieces(*sheets):
 def test_cells_hold_their_points() -> None:
     points = np.random.default_rng(0).uniform(-2, 2, (1000, 3)).astype(np.float32)
     cells, row = cells_of(points)
-    assert np.abs(centres(cells)[row] - points).max() <= CELL / 2 + 1e-6
+    assert np.abs(centres(cells)[row] - points).max() <= SURFACE_CELL / 2 + 1e-6
     assert len(np.unique(cells, axis=0)) == len(cells)
+
+
+def test_placed_cells_hold_the_moved_points() -> None:
+    points, T = np.random.default_rng(0).uniform(-2, 2, (1000, 3)).astype(np.float32), from_yaw(3, -7, 0.3, 2.1)
+    assert np.array_equal(placed_cells(T, points, SURFACE_CELL), cells_of(moved(T, points))[0])
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 40))
+def test_contact_takes_ten_cells_with_another_cell_near(seed: int, size: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = (np.unique(rng.integers(-4, 8, (n, 3)).astype(np.int32), axis=0) for n in (size, 60))
+    near = (np.abs(a[:, None] - b).max(axis=2) <= 2).any(axis=1).sum()
+    assert in_contact(a, b) == (near >= 10)
 
 
 def test_floor_at_zero_lies_in_one_layer_whatever_the_noise() -> None:
@@ -55,7 +70,7 @@ def test_gap_parts_a_surface(gap: float, parts: int) -> None:
     assert in_contact(cells_of(left)[0], cells_of(right)[0]) == (parts == 1)
 
 
-@pytest.mark.parametrize("shift", np.arange(0, CELL, 0.01))
+@pytest.mark.parametrize("shift", np.arange(0, SURFACE_CELL, 0.01))
 def test_surfaces_whose_corners_touch_are_two(shift: float) -> None:
     one, other = sheet(0, 1, 0, 1) + np.float32(shift), sheet(1, 2, 1, 2) + np.float32(shift)
     count, (a, b) = pieces(one, other)

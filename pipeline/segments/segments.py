@@ -13,6 +13,9 @@ from pipeline.segments.members import Member
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segment import Segment
 
+KEPT_EVERY = 64
+"""Members from one kept state of the fold to the next: a fold begins at the last one before a keyframe that moved."""
+
 
 class Segments:
     """All segments: patches that touch, and pieces of one plane whose gap the map holds, are one.
@@ -28,6 +31,9 @@ class Segments:
         self._touching: list[Segment] = []
         self._bounds = np.zeros((0, 2, 3), np.int64)
         self._segments: list[Segment] = []
+        # Pose of the keyframe of each member that was folded, and what every so many members had made.
+        self._poses: list[NDArray[np.float64]] = []
+        self._kept: list[tuple[list[Segment], NDArray[np.int64]]] = []
 
     def __len__(self) -> int:
         return len(self._segments)
@@ -53,13 +59,22 @@ class Segments:
 
     def rebuild(self, poses: NDArray[np.float64]) -> None:
         """Make all segments anew, as if each keyframe had been at its pose of (K, 4, 4) in ``map`` from the start."""
-        self._touching, self._bounds = [], self._bounds[:0]
-        for number, member in enumerate(self.members):
-            self._add(number, poses[member.keyframe])
+        at = [poses[member.keyframe] for member in self.members]
+        is_same = [np.array_equal(old, new) for old, new in zip(self._poses, at, strict=False)]
+        if False in is_same:
+            kept = is_same.index(False) // KEPT_EVERY
+            touching, self._bounds = self._kept[kept]
+            self._touching = list(touching)
+            del self._poses[KEPT_EVERY * kept :], self._kept[kept:]
+        for number in range(len(self._poses), len(at)):
+            self._add(number, at[number])
         self._segments = self._gaps.closed(self._touching)
 
     def _add(self, number: int, T_map_base: NDArray[np.float64]) -> None:
         """Add a member, merged with all that it continues: after a merger it may continue still more of them."""
+        if number % KEPT_EVERY == 0:
+            self._kept.append((list(self._touching), self._bounds))
+        self._poses.append(T_map_base)
         new = Segment.placed(self.members[number], number, T_map_base)
         while (row := self._partner(new)) is not None:
             self._bounds = np.delete(self._bounds, row, axis=0)

@@ -8,12 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.labels import Label
+from pipeline.segments import segments as module
 from pipeline.segments.boxes import corners
 from pipeline.segments.planes import find_planes
 from pipeline.segments.segments import Segments
 from pipeline.transforms import from_yaw
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.segments.patches import deck, patch, segments_of, wall_patch
+from tests.pipeline.victims.constants import constants
 
 
 def test_wall_seen_piece_by_piece_is_one_segment() -> None:
@@ -220,3 +222,23 @@ def test_what_is_seen_after_a_correction_stays_where_it_was_seen() -> None:
     segments.rebuild(shifts((0, 1, 0), (0, 0, 0)))
     assert [s.id for s in segments] == [0]
     assert corners(segments[0].box).mean(axis=0) == pytest.approx([1.5, 1, 0.6], abs=1e-2)
+
+
+@given(st.permutations(range(3)).flatmap(lambda order: st.tuples(st.just(order), POSE, POSE)))
+@settings(max_examples=20, deadline=None)
+def test_a_fold_that_begins_where_keyframes_moved_makes_what_a_whole_one_makes(drawn) -> None:
+    order, *poses = drawn
+    at, segments = np.tile(np.eye(4), (3, 1, 1)), Segments()
+    with constants(module, KEPT_EVERY=2):
+        for keyframe, patches in enumerate(FRAMES):
+            segments.update(patches, keyframe, at[keyframe])
+        for keyframe, moved in zip(order, poses, strict=False):
+            at = at.copy()
+            at[keyframe] = from_yaw(*moved)
+            segments.rebuild(at)
+            whole = Segments()
+            whole.members = segments.members
+            whole.rebuild(at)
+            assert [s.members for s in segments] == [s.members for s in whole]
+            for part, other in zip(segments, whole, strict=True):
+                np.testing.assert_array_equal(part.box.T_map_box, other.box.T_map_box)

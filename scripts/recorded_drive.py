@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.datasets.recording import CameraPose, Recording
 from pipeline.datasets.replay import Replay, Replayed, default_poses, localisation_of
 from pipeline.errors import InputError
-from pipeline.localisation.odometry import LostError
+from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.report import write_page

@@ -238,11 +238,11 @@ class Exploration:
         layers.write("target", np.isnan(context.measured) & may_be_driven & (probability > 0))
 
     @property
-    def _terrain(self) -> kernels.Terrain:
+    def _terrain(self) -> kernels.SearchedTerrain:
         """The ground as known after the last keyframe."""
         names = ("elevation", "gradient", "target", "probability", "missed_from")
         layers = {name: self._layers[name] for name in names}
-        return kernels.Terrain(self._layers.grid.origin, CELL, falls=self._falls, **layers)
+        return kernels.SearchedTerrain(self._layers.grid.origin, CELL, falls=self._falls, **layers)
 
     def _gains(
         self, here: NDArray[np.float64], cells: NDArray[np.int64], camera: kernels.CameraView

@@ -38,7 +38,9 @@ def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
     return kernels.CameraView(*rounded, *np.deg2rad(np.degrees(angles).round(1)).tolist())
 
 
-def gains(places: NDArray[np.float64], camera: kernels.CameraView, terrain: kernels.Terrain) -> NDArray[np.float64]:
+def gains(
+    places: NDArray[np.float64], camera: kernels.CameraView, terrain: kernels.SearchedTerrain
+) -> NDArray[np.float64]:
     """(N, 16) m² that viewpoints at (N, 2) places, m, along each heading should show."""
     shape = len(places), RAYS
     return _by_heading(kernels.ray_gains(places, camera, terrain, np.ones(shape, np.bool_), np.zeros(shape)), camera)
@@ -52,7 +54,7 @@ def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArra
 
 
 def cells_in_view(
-    position: NDArray[np.float64], heading: float, camera: kernels.CameraView, terrain: kernels.Terrain
+    position: NDArray[np.float64], heading: float, camera: kernels.CameraView, terrain: kernels.SearchedTerrain
 ) -> NDArray[np.bool_]:
     """(nx, ny) the target cells that a viewpoint at (2,) m with a heading (rad) should show."""
     half = _rays_in_view(camera) // 2
@@ -77,7 +79,7 @@ class ViewpointGains:
         self,
         cells: NDArray[np.int64],
         camera: kernels.CameraView,
-        terrain: kernels.Terrain,
+        terrain: kernels.SearchedTerrain,
         changed: NDArray[np.bool_],
     ) -> NDArray[np.float64]:
         """(N, 16) m² that viewpoints along each heading should show.
@@ -111,7 +113,7 @@ class ViewpointGains:
 
 
 def _towards(
-    mask: NDArray[np.bool_], cells: NDArray[np.int64], camera: kernels.CameraView, terrain: kernels.Terrain
+    mask: NDArray[np.bool_], cells: NDArray[np.int64], camera: kernels.CameraView, terrain: kernels.SearchedTerrain
 ) -> NDArray[np.bool_]:
     """(N, RAYS) the rays from cells (N, 2) that may meet a cell of a mask (nx, ny)."""
     wanted = np.zeros((len(cells), RAYS), np.bool_)
@@ -141,7 +143,7 @@ def _rays_by_offset(reach: float, cell: float) -> NDArray[np.int16]:
     return np.stack([first, np.where(distance <= reach + radius, last + 1, first)], axis=-1).astype(np.int16)
 
 
-def _places(cells: NDArray[np.int64], terrain: kernels.Terrain) -> NDArray[np.float64]:
+def _places(cells: NDArray[np.int64], terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
     """(N, 2) m, the middles of cells."""
     return terrain.origin + (cells + 0.5) * terrain.cell
 

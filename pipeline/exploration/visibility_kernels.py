@@ -52,7 +52,7 @@ class CameraView(NamedTuple):
         return self.far + self.height + self.ahead
 
 
-class Terrain(NamedTuple):
+class SearchedTerrain(NamedTuple):
     """The ground as known, and the targets of keyframes; layers are (nx, ny) on one grid.
 
     Attributes:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import LocalMap
-from pipeline.localisation.odometry import LostError
+from pipeline.localisation.localisation import LostError
 from pipeline.localisation.registration import GATES, IMPROBABLE, Prior, Registration, Target, register, shares_of
 from pipeline.localisation.slam import cloud_of_frame
 from pipeline.localisation.visual_motion import visual_motion

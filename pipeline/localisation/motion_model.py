@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from pipeline.localisation.pose_graph import GYRO_SIGMA, Drive
+from pipeline.localisation.pose_graph import GYRO_SIGMA, OdometryMotion
 from pipeline.localisation.registration import Prior, Registration, logarithm
 from pipeline.transforms import from_rotation, inverse, orthonormal
 
@@ -40,7 +40,7 @@ SLIDE_SIGMA = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class MeasuredMotion:
     """The motion between two moments as the odometry measures it.
 
     Attributes:
@@ -76,9 +76,9 @@ class Motion:
         return np.stack([nothing, self.turn, nothing, nothing, self.time * np.eye(3)[2]], axis=1)
 
     @property
-    def drive(self) -> Drive:
+    def drive(self) -> OdometryMotion:
         """The motion for the pose graph."""
-        return Drive(self.T, self.moves, self.jacobian[:, GYRO], _noise(self, GYRO_TURN_SIGMA))
+        return OdometryMotion(self.T, self.moves, self.jacobian[:, GYRO], _noise(self, GYRO_TURN_SIGMA))
 
     @cached_property
     def jacobian(self) -> NDArray[np.float64]:
@@ -97,7 +97,7 @@ class Prediction:
         step: (6, 6) covariance of the motion alone, as if the pose before it were known.
     """
 
-    motion: Motion
+    motion: MeasuredMotion
     T_map_base: NDArray[np.float64]
     covariance: NDArray[np.float64]
     step: NDArray[np.float64]
@@ -119,7 +119,7 @@ class MotionModel:
         self.parameters = np.array(MEAN)
         self._covariance = block_diag(np.zeros((6, 6)), np.diag(np.array(SIGMA) ** 2))
 
-    def predict(self, T_map_base: NDArray[np.float64], motion: Motion) -> Prediction:
+    def predict(self, T_map_base: NDArray[np.float64], motion: MeasuredMotion) -> Prediction:
         """The pose after a motion from the newest keyframe's pose (4×4)."""
         delta, J = self._delta(motion, self.parameters), motion.jacobian
         F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros((5, 6)), np.eye(5)]])
@@ -140,7 +140,7 @@ class MotionModel:
             C = C - C[:, :6] @ (gain + gain.T) / 2 @ C[:6]
         self._covariance = C
 
-    def fit(self, motions: Sequence[Motion | None], poses: NDArray[np.float64]) -> None:
+    def fit(self, motions: Sequence[MeasuredMotion | None], poses: NDArray[np.float64]) -> None:
         """Estimate the parameters from poses of keyframes (K, 4, 4), m in ``map``, that a loop has corrected.
 
         ``motions[k]`` leads from keyframe k - 1 to keyframe k; it is None if the odometry cannot be trusted there.
@@ -154,7 +154,7 @@ class MotionModel:
                 pull += weighted @ logarithm(np.linalg.solve(before @ self._delta(motion, self.parameters), after))
         self.parameters = self.parameters + np.linalg.solve(known, pull)
 
-    def _delta(self, motion: Motion, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _delta(self, motion: MeasuredMotion, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """4×4 motion, corrected by the parameters."""
         R = Rotation.from_rotvec(motion.turn + motion.turns @ parameters).as_matrix()
         return from_rotation(R, motion.T[:3, 3] + motion.moves @ parameters)
@@ -164,7 +164,7 @@ class MotionModel:
         self._covariance = block_diag(covariance, self._covariance[6:, 6:])
 
 
-def _noise(motion: Motion, turn_sigma: tuple[float, float] = TURN_SIGMA) -> NDArray[np.float64]:
+def _noise(motion: MeasuredMotion, turn_sigma: tuple[float, float] = TURN_SIGMA) -> NDArray[np.float64]:
     """(6, 6) covariance of a motion apart from errors of the parameters, rad² and m²."""
     way, turn, slope = (float(np.linalg.norm(v)) for v in (motion.T[:3, 3], motion.turn, motion.up[:2]))
     rotation = turn_sigma[0] + turn_sigma[1] * turn

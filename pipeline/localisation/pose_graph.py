@@ -26,7 +26,7 @@ _GYRO = 1 << 40  # key of the gyro's scale and bias, which all motions by odomet
 _UP = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
 
 
-class Drive(NamedTuple):
+class OdometryMotion(NamedTuple):
     """A motion by odometry.
 
     Attributes:
@@ -103,7 +103,7 @@ class PoseGraph:
         T_i_j = gtsam.Pose3(np.linalg.solve(self.poses[i], T_map_base))
         self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
 
-    def drive(self, drive: Drive) -> None:
+    def drive(self, drive: OdometryMotion) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
         model, j = gtsam.noiseModel.Gaussian.Covariance(drive.covariance), len(self) - 1
         R = gtsam.Rot3(drive.T[:3, :3])

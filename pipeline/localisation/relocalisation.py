@@ -52,7 +52,7 @@ CERTAIN = 0.05
 """m, standard deviation of the position above which the pose is in doubt."""
 
 
-class Place(NamedTuple):
+class RegisteredGuess(NamedTuple):
     """A registered guess; ``covered`` is the share of the patches that lie on surfaces of the map."""
 
     guess: Guess
@@ -155,7 +155,7 @@ class Relocalisation:
         if target.is_empty:
             return None
         source, _ = prepared(cloud, COARSE)
-        found: list[Place] = []
+        found: list[RegisteredGuess] = []
         for guess in guesses:
             T_map_level = target.align(source, guess.T_map_level)
             is_new = not any(place.guess.is_near(T_map_level) for place in found)
@@ -201,16 +201,16 @@ def judge(
     gain: NDArray[np.float32],
     target: MapPoints,
     field: Field,
-) -> Place:
+) -> RegisteredGuess:
     """How well a pose explains (P, 3) patches, m from the levelled robot; ``gain`` (P, 3) is their worth."""
     moved = transform_points(T_map_level, patches)
     covered = target.are_near(moved)
     value = np.where(covered, SURFACE, np.where(field.at(moved) == UNKNOWN, UNKNOWN, FREE))
     evidence = float(gain[np.arange(len(gain)), value].sum())
-    return Place(Guess(T_map_level, evidence), float(covered.mean()))
+    return RegisteredGuess(Guess(T_map_level, evidence), float(covered.mean()))
 
 
-def decide(found: list[Place]) -> NDArray[np.float64] | None:
+def decide(found: list[RegisteredGuess]) -> NDArray[np.float64] | None:
     """4×4 pose of the best place if the map covers it and it is far likelier than any other and than chance."""
     ranked = sorted(found, key=lambda place: -place.guess.evidence)
     if not ranked or ranked[0].covered < COVERED:

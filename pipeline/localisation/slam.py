@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import MARGIN, LocalMap
-from pipeline.localisation.motion_model import GYRO, WAY_SIGMA, Motion, MotionModel, Prediction
-from pipeline.localisation.odometry import Keyframes, Localisation, Loop, LostError, check_odometry
+from pipeline.localisation.localisation import Localisation, Loop, LostError, SavedKeyframes, check_odometry
+from pipeline.localisation.motion_model import GYRO, WAY_SIGMA, MeasuredMotion, MotionModel, Prediction
 from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
 from pipeline.localisation.registration import (
     GATES,
@@ -122,7 +122,7 @@ class Slam(Localisation):
         self.closes_loops, self.on_ground = closes_loops, on_ground
         self.slips = 0
         self._odometry: list[tuple[float, NDArray[np.float64]]] = []
-        self._motions: list[Motion | None] = []
+        self._motions: list[MeasuredMotion | None] = []
         self._anchor: NDArray[np.float64] | None = None
         self._deviations = np.zeros(0)
         self._unseen_way = 0.0
@@ -237,12 +237,12 @@ class Slam(Localisation):
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
         return self.local_map.all_points()
 
-    def keyframes(self) -> Keyframes:
+    def keyframes(self) -> SavedKeyframes:
         """All keyframes so far."""
         known = self.local_map
-        return Keyframes(self.poses, np.array(self.graph.ups), known.points, known.normals, known.owner)
+        return SavedKeyframes(self.poses, np.array(self.graph.ups), known.points, known.normals, known.owner)
 
-    def restore(self, keyframes: Keyframes) -> None:
+    def restore(self, keyframes: SavedKeyframes) -> None:
         """Begin with the keyframes of an earlier episode, whose poses stay fixed; :meth:`set_down` gives the robot's.
 
         Raises:
@@ -316,7 +316,7 @@ class Slam(Localisation):
     def _by_odometry(self, frame: Frame) -> Prediction:
         """The pose by the odometry since the newest keyframe."""
         (time, T_odom_base), up = self._odometry[-1], self.graph.ups[-1]
-        motion = Motion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time, self._turned)
+        motion = MeasuredMotion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time, self._turned)
         return self.motion.predict(self.poses[-1], motion)
 
     def _connect(

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pipeline.labels import RAMP_TILT
 from pipeline.navigation.attitude import Attitude
-from pipeline.navigation.pace import BRAKING
 from pipeline.navigation.progress import STUCK_ANGLE, STUCK_DISTANCE, Progress, Turn
+from pipeline.navigation.speed_limit import BRAKING
 from pipeline.robot import Motion, Robot, RobotModel, Velocity
 from pipeline.transforms import transform_points, wrap_angle, yaw_of
 
@@ -114,7 +114,7 @@ class Navigator:
         recovered: number of times so far that the robot backed out of a halt.
         motion: the newest motion of the body.
         attitude: estimate of the robot's tilt.
-        pace: m/s, the greatest speed of a robot at a place (2,) that drives along a unit vector (2,).
+        speed_limit: m/s, the greatest speed of a robot at a place (2,) that drives along a unit vector (2,).
         look: called before each command; it may renew ``T_map_odom`` and ``spins``. False if the robot must stop.
         spins: whether the wheels turn and the robot stays, by its poses in ``map``.
     """
@@ -128,7 +128,7 @@ class Navigator:
     recovered: int = 0
     motion: Motion | None = None
     attitude: Attitude = field(default_factory=Attitude)
-    pace: Callable[[NDArray[np.float64], NDArray[np.float64]], float] = lambda here, along: np.inf
+    speed_limit: Callable[[NDArray[np.float64], NDArray[np.float64]], float] = lambda here, along: np.inf
     look: Callable[[], bool] = lambda: True
     spins: bool = False
     _leaned_at: NDArray[np.float64] | None = field(default=None, init=False)
@@ -240,7 +240,7 @@ class Navigator:
             error = wrap_angle(bearing - offset - yaw_of(T))
             # Slowing down before the way point keeps the wheels from skidding past it.
             speed = min(self._limits[0], max(0.05, np.sqrt(2 * BRAKING * max(0.0, remaining - POSITION_TOLERANCE))))
-            speed = min(speed, self.pace(T[:2, 3], along))
+            speed = min(speed, self.speed_limit(T[:2, 3], along))
             rate = float(np.clip(TURN_GAIN * error, -fastest, fastest))
             yield Velocity(-speed if backwards else speed, rate)
 

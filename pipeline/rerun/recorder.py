@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
 from pipeline.keyframes import Moves
-from pipeline.localisation.odometry import Localisation
+from pipeline.localisation.localisation import Localisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.rerun import drawings, victim_drawings
 from pipeline.rerun.blueprint import blueprint

@@ -19,7 +19,7 @@ MAX_LENGTH = 15.0
 """m, greatest length of an edge."""
 
 
-class Links:
+class StraightDrives:
     """Tests which straight lines the robot can drive, by the maps of one step.
 
     Attributes:

@@ -11,7 +11,7 @@ from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segment import Segment
 from pipeline.segments.segments import Segments
-from pipeline.topological_map.cover import Cover
+from pipeline.topological_map.cover import NodeCover
 from pipeline.traversability.traversability import RAMP_MARGIN
 
 LEVEL = 0.12
@@ -27,7 +27,7 @@ SNAP = 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class NodePlace:
     """Where the thesis wants a node.
 
     Attributes:
@@ -39,7 +39,7 @@ class Place:
     label: Label
 
 
-def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: Cover) -> list[Place]:
+def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: NodeCover) -> list[NodePlace]:
     """The places of all segments and of terrain patches, moved to where the robot can stand and turn."""
     wanted = [(p, s.label) for s in segments for p in segment_nodes(s, cover.traversability.robot)]
     wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
@@ -48,7 +48,7 @@ def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: Cove
         level = np.abs(cover.traversability.elevation - place[2]) < LEVEL
         xy = cover.grid.nearest(cover.standable & level, place, SNAP)
         if xy is not None:
-            places.append(Place(xy, label))
+            places.append(NodePlace(xy, label))
     return places
 
 

@@ -15,7 +15,7 @@ from pipeline.labels import Label
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.cover import SIGHT
 from pipeline.topological_map.node_set import NodeSet
-from pipeline.topological_map.nodes import Place, label_at
+from pipeline.topological_map.nodes import NodePlace, label_at
 from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_paths import PosePaths, simplify
 
@@ -34,7 +34,7 @@ _SPARE = int(MIN_GAIN / CELL**2)
 class Placement:
     """Places nodes on the ground as of one step."""
 
-    def __init__(self, nodes: NodeSet, places: Sequence[Place], segments: Segments):
+    def __init__(self, nodes: NodeSet, places: Sequence[NodePlace], segments: Segments):
         """``places``: where the thesis's rules want nodes; they come before all others."""
         self._nodes, self._cover, self._places, self._segments = nodes, nodes.cover, places, segments
 

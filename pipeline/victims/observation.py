@@ -21,7 +21,7 @@ SEED = 0  # Of the random draws that find the background's planes
 
 
 @dataclass(frozen=True, eq=False)
-class Observation:
+class PersonObservation:
     """A person, seen in one frame.
 
     Attributes:
@@ -47,7 +47,7 @@ class Refusal:
     reason: str
 
 
-def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64]) -> Observation | Refusal:
+def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64]) -> PersonObservation | Refusal:
     """Observe the person of a detection by the frame's depth, or refuse the detection.
 
     Args:
@@ -71,7 +71,7 @@ def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64
     points = transform_points(T_map_camera, person)
     # The middle's standard deviation is half that of the points, because parts of the person may be hidden.
     spread = np.cov(points.T.astype(np.float64)) / 4 + np.eye(3) * SKIN_TO_MIDDLE**2
-    return Observation(detection, points, middle(points), spread, T_map_camera[:3, 3])
+    return PersonObservation(detection, points, middle(points), spread, T_map_camera[:3, 3])
 
 
 def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:

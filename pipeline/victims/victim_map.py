@@ -13,7 +13,15 @@ from pipeline.segments.cells_kernels import moved
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.background import depth_noise
 from pipeline.victims.detection.detection import Detection
-from pipeline.victims.observation import MAX_SIZE, SKIN_TO_MIDDLE, Observation, Refusal, middle, observe, size_of
+from pipeline.victims.observation import (
+    MAX_SIZE,
+    SKIN_TO_MIDDLE,
+    PersonObservation,
+    Refusal,
+    middle,
+    observe,
+    size_of,
+)
 
 GATE = 11.34
 """Largest squared Mahalanobis distance of an observation from its victim: 99 % (χ², three degrees of freedom)."""
@@ -196,7 +204,7 @@ class Victims:
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         T_map_base = T_map_camera @ inverse(frame.T_base_camera)
         before, found = list(self.all), set[int]()
-        for observation in (item for item in seen if isinstance(item, Observation)):
+        for observation in (item for item in seen if isinstance(item, PersonObservation)):
             found.add(id(self._add(observation, frame, keyframe, T_map_base)))
         for victim in before:
             if id(victim) not in found and _in_view(victim, frame, T_map_camera):
@@ -204,7 +212,9 @@ class Victims:
         self._merge()
         self.all = [victim for victim in self.all if victim.missed <= 2 * len(victim.cameras)]
 
-    def _add(self, observation: Observation, frame: Frame, keyframe: int, T_map_base: NDArray[np.float64]) -> Victim:
+    def _add(
+        self, observation: PersonObservation, frame: Frame, keyframe: int, T_map_base: NDArray[np.float64]
+    ) -> Victim:
         """Add an observation to the nearest victim that may be the same person, or as a new one."""
         points, confidence = _thinned(observation.points), observation.detection.confidence
         seen = Sighting(keyframe, points, _inverse(observation.covariance), observation.camera, frame.time)

@@ -13,8 +13,8 @@ from kiss_icp.kiss_icp import KissICP
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame, Intrinsics
+from pipeline.localisation.localisation import is_keyframe
 from pipeline.localisation.slam import Slam
-from pipeline.navigation.lookout import is_keyframe
 from pipeline.transforms import inverse, orthonormal, transform_points
 from sarsim.robots.skid_steered import robot_model
 from sarsim.scoring.trajectory import is_false

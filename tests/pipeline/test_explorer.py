@@ -97,7 +97,7 @@ def test_goals_come_before_views_and_views_only_as_long_as_goals_are_out_of_reac
     viewpoint = explorer.step().viewpoint
     np.testing.assert_allclose(viewpoint.position, (1.2, 0.0))
     explorer.robot.T = from_yaw(1.2, 0.0, 0, np.pi)
-    explorer.lookout.T_odom_expected = explorer.robot.T
+    explorer.keyframing.pose_check.T_odom_expected = explorer.robot.T
     assert explorer.step().viewpoint.gain > 0
     assert len(explorer.mission.goals.left) == 1
     explorer.mission.may_explore = False

@@ -98,7 +98,7 @@ def test_cells_are_in_view_wherever_a_gain_is_expected(seed):
     """Also cells that only one ray reaches, with samples on the border of two cells, as every second one at 60°."""
     shape, camera = (140, 140), CAMERA
     pillars = np.random.default_rng(seed).random(shape) < 0.2  # few rays get through
-    terrain = kernels.Terrain(
+    terrain = kernels.SearchedTerrain(
         origin=np.full(2, -3.5),
         cell=0.05,
         elevation=np.where(pillars, 3, 0).astype(np.float32),

@@ -11,9 +11,9 @@ CAMERA = kernels.CameraView(0.6, 0.17, 0.9, 3.1, -0.6, 0.15, 0.9)
 SHAPE = (203, 101)
 
 
-def terrain_with(known: np.ndarray, origin: tuple[float, float] = (0.0, 0.0)) -> kernels.Terrain:
+def terrain_with(known: np.ndarray, origin: tuple[float, float] = (0.0, 0.0)) -> kernels.SearchedTerrain:
     elevation = np.where(known, 0.0, np.nan).astype(np.float32)
-    return kernels.Terrain(
+    return kernels.SearchedTerrain(
         np.array(origin),
         0.05,
         elevation,
@@ -41,7 +41,7 @@ NOTHING = np.zeros(SHAPE, np.bool_)
 CELLS = np.argwhere(np.ones((20, 20), np.bool_)) * STRIDE
 
 
-def fresh(cells: np.ndarray, terrain: kernels.Terrain) -> np.ndarray:
+def fresh(cells: np.ndarray, terrain: kernels.SearchedTerrain) -> np.ndarray:
     return visibility.gains(terrain.origin + (cells + 0.5) * terrain.cell, CAMERA, terrain)
 
 

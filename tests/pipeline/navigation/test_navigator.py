@@ -62,7 +62,7 @@ def test_it_drives_at_the_speed_of_the_thesis_and_slower_on_ramps():
 def test_it_slows_down_to_the_pace_of_the_ground_ahead():
     robot = KinematicRobot()
     navigator = Navigator(robot)
-    navigator.pace = lambda here, along: 0.1 if 1 < here[0] < 2 else np.inf
+    navigator.speed_limit = lambda here, along: 0.1 if 1 < here[0] < 2 else np.inf
     assert navigator.follow(np.array([(3.0, 0.0)]))
     speeds = [c.v for c in robot.commands]
     assert speeds.count(0.1) * robot.control_period > 9

@@ -9,7 +9,7 @@ from pipeline.keyframes import Places
 from pipeline.transforms import from_rotation
 from pipeline.victims import observation, victim_map
 from pipeline.victims.detection.detection import Detection
-from pipeline.victims.observation import Observation, Refusal, observe
+from pipeline.victims.observation import PersonObservation, Refusal, observe
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
@@ -33,7 +33,7 @@ def walk(victims: Victims, places: list[tuple[float, float]], balls: list[Ball],
 def test_a_person_is_where_it_is() -> None:
     T = camera_at(0, 0)
     result = observe(step(T, [PERSON]), detection_of(T, PERSON), T)
-    assert isinstance(result, Observation)
+    assert isinstance(result, PersonObservation)
     assert result.position == pytest.approx(PERSON[:3], abs=0.16)  # the front of it
     np.testing.assert_allclose(np.linalg.norm(result.points - PERSON[:3], axis=1), 0.25, atol=0.01)
     deviation = result.position - PERSON[:3]
@@ -46,8 +46,8 @@ def test_the_map_may_lie_anywhere() -> None:
     moved = T.copy()
     moved[:3, 3] += [5, -3, 1]
     here, there = (observe(step(T, [PERSON]), detection_of(T, PERSON), pose) for pose in (T, moved))
-    assert isinstance(here, Observation)
-    assert isinstance(there, Observation)
+    assert isinstance(here, PersonObservation)
+    assert isinstance(there, PersonObservation)
     np.testing.assert_allclose(there.position - here.position, [5, -3, 1], atol=1e-5)
     np.testing.assert_allclose(there.covariance, here.covariance, atol=1e-6)
 
@@ -220,7 +220,7 @@ def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> No
     T = camera_at(2.7, 0)
     near: Ball = (3.7, 0.0, 0.6, 0.28)
     result = observe(step(T, [near]), Detection((4, 2, 156, 118), 0.9), T)
-    assert isinstance(result, Observation)
+    assert isinstance(result, PersonObservation)
     np.testing.assert_allclose(np.linalg.norm(result.points - near[:3], axis=1), 0.28, atol=0.02)
 
 
@@ -228,7 +228,7 @@ def test_of_what_stands_one_behind_the_other_the_nearest_is_the_person() -> None
     T = camera_at(0, 0)
     behind: Ball = (3.0, 0.0, 0.3, 0.3)
     result = observe(step(T, [PERSON, behind]), detection_of(T, (2.0, 0.0, 0.3, 0.4)), T)
-    assert isinstance(result, Observation)
+    assert isinstance(result, PersonObservation)
     assert result.points[:, 0].max() < 2.1
 
 

@@ -18,7 +18,7 @@ BESIDE = 1.0
 """m from a person within which the robot drives no faster than where it has no room."""
 
 
-class Pace:
+class SpeedLimit:
     """Computes the greatest speed from what the maps show under and before the wheels."""
 
     def __init__(

@@ -108,7 +108,7 @@ class Explorer:
         if step.viewpoint is None or step.plan is None:
             return False
         T_map_start, viewpoint = step.keyframe.T_map_base, step.viewpoint
-        check = ObstacleCheck(self.keyframing.returns, step.traversability)
+        check = ObstacleCheck(self.keyframing.returns, step.traversability, step.keyframe.frame.sensor)
         ramps = [centres(ramp.cells) for ramp in self.mapper.segments.of(Label.INCLINED_RAMP)]
         people = [victim.points for victim in self.mapper.victims.confirmed]
         self.navigator.speed_limit = SpeedLimit(step.traversability, ramps, people)

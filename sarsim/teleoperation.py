@@ -189,7 +189,7 @@ class MappedDrive:
         if not len(self.mapper.keyframes):
             self.mapper.assume_ground(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base)
-        self._recorder.log_keyframe(keyframe.index, self.mapper, keyframe, self._robot.model.camera_range[1])
+        self._recorder.log_keyframe(keyframe.index, self.mapper, keyframe)
         self._T_odom_keyframe = frame.T_odom_base
 
     def save(self, folder: Path) -> None:

@@ -95,8 +95,7 @@ class RecordedDrive:
             return
         self._score.add()
         if len(keyframe.labels):
-            farthest = self._robot.camera_range[1]
-            self._recorder.log_keyframe(len(self._labelled), self.mapper, keyframe, farthest)
+            self._recorder.log_keyframe(len(self._labelled), self.mapper, keyframe)
             self._labelled.append(keyframe.index)
 
     def _report(self, wall_time: float) -> dict[str, Any]:

@@ -97,7 +97,7 @@ class Exploration:
         is_left = self._terrain.target.any() or (self.rewards and self.rewards.wanted)
         if context.paths.start is None or not is_left:
             return None
-        camera = visibility.camera_view(context.frame, self._robot)
+        camera = visibility.camera_view(context.frame)
         # A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
         for cells_of, falls in ((_spread, True), (self._narrow, True), (_spread, False)):
             self._falls = falls
@@ -107,7 +107,7 @@ class Exploration:
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe from this viewpoint should show."""
-        camera = visibility.camera_view(context.frame, self._robot)
+        camera = visibility.camera_view(context.frame)
         in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
         newest = len(context.poses) - 1
         centres = self._layers.grid.centre_of(np.argwhere(in_view))

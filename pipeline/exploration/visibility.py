@@ -10,19 +10,18 @@ from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.visibility_kernels import RAYS, STEP
 from pipeline.frame import Frame
 from pipeline.grid_map import blocks
-from pipeline.robot import RobotModel
 from pipeline.traversability.pose_kernels import ANGLES
 
 STRIDE = 5
 """Cells along each side of the blocks, each of which has one place for viewpoints."""
 
-NEAR_MARGIN, FAR_MARGIN = 0.1, 0.4
-"""m by which the expected range of ground in view is shorter than the camera's range, at its near and its far end."""
+FAR_MARGIN = 0.4
+"""m by which the expected range of ground in view is shorter than the camera's range at its far end."""
 LOWER_MARGIN, UPPER_MARGIN, SIDE_MARGIN = np.deg2rad((0.5, 1.5, 2.0))
 """rad at the lower edge, the upper edge and each side of the image in which nothing is expected to be seen."""
 
 
-def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
+def camera_view(frame: Frame) -> kernels.CameraView:
     """What the camera that took a frame sees of the ground.
 
     Values are rounded to 1 mm and 0.1°, so that a camera that trembles on its mount stays the same.
@@ -31,11 +30,12 @@ def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
     pitch = np.arcsin(T[2, 2])
     left, right = np.arctan([lens.cx / lens.fx, (lens.width - lens.cx) / lens.fx])
     up, down = np.arctan([lens.cy / lens.fy, (lens.height - lens.cy) / lens.fy])
-    near, far = robot.camera_range
-    lengths = T[2, 3], T[0, 3], near + NEAR_MARGIN, far - FAR_MARGIN
+    sensor = frame.sensor
+    lengths = T[2, 3], T[0, 3], sensor.nearest + sensor.margin, sensor.farthest - FAR_MARGIN
     angles = pitch - down + LOWER_MARGIN, pitch + up - UPPER_MARGIN, left + right - 2 * SIDE_MARGIN
     rounded = [round(float(metres), 3) for metres in lengths]
-    return kernels.CameraView(*rounded, *np.deg2rad(np.degrees(angles).round(1)).tolist())
+    edges = np.deg2rad(np.degrees(angles).round(1)).tolist()
+    return kernels.CameraView(*rounded, *edges)._replace(grazing=sensor.grazing)
 
 
 def gains(

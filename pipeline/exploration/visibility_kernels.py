@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.labels import RAMP_TILT
+from pipeline.sensor import XTION
 from pipeline.traversability.elevation_kernels import cell_at
 
 RAYS = 180
@@ -19,9 +20,6 @@ SUSPECTED_FALL = 0.28
 """Slope at which ground that a keyframe missed may fall away: a NIST ramp's, 16°."""
 FORGET = 0.3
 """1/m, by how much the expected fall of the ground after a ramp decreases per metre of level ground."""
-
-MIN_GRAZING = np.deg2rad(8.5)
-"""rad, least angle between a ray and ground that gives a return."""
 MAX_UNKNOWN = 1.0
 """m; a ray is expected to see no farther into unknown terrain."""
 MISSED_RADIUS = 0.35
@@ -36,6 +34,7 @@ class CameraView(NamedTuple):
         near, far: distances from the camera at which it sees the ground, m.
         lower_edge, upper_edge: of the image, rad above the horizon.
         field_of_view: along the horizon, rad.
+        grazing: least angle between a ray and ground that gives a return, rad.
     """
 
     height: float
@@ -45,6 +44,7 @@ class CameraView(NamedTuple):
     lower_edge: float
     upper_edge: float
     field_of_view: float
+    grazing: float = XTION.grazing
 
     @property
     def reach(self) -> float:
@@ -157,7 +157,7 @@ def is_shown(x, y, i, j, d, slope, rise, view, terrain):
     if np.isfinite(ex):
         rise = min(rise, -SUSPECTED_FALL)
     grazing = np.arctan(rise) - np.arctan(slope)
-    return grazing >= MIN_GRAZING and d * np.sqrt(1 + slope * slope) >= view.near
+    return grazing >= view.grazing and d * np.sqrt(1 + slope * slope) >= view.near
 
 
 @njit(cache=True)

@@ -28,8 +28,6 @@ CONTRADICTED = 40
 TELLING, SHOWN = 66, 1 / 3
 """Least number of expected tiles that count, a tenth of an image, and the least share of them that must be known: an
 arena's frames show nearly all, while before a wall, or where nothing is mapped, a carried robot shows none."""
-NEAREST, FARTHEST = 0.9, 3.3
-"""m of depth between which a return is expected."""
 STILL, CHANGED = (0.02, np.deg2rad(2)), 1 / 3
 """m and rad by the odometry, and a share of tiles: a robot that moved less while more tiles changed was carried."""
 
@@ -86,14 +84,15 @@ def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: Metri
     depth = tile_depths(frame)
     free, surface = expected_depths(frame, T_map_camera, metric_map)
     # A nearer voxel covers more than a window, though it may hold only the end of a wall beside the view.
-    surface = np.where(surface < NEAREST, np.inf, surface)
+    nearest, farthest = frame.sensor.nearest + SHIFT, frame.sensor.farthest - MARGIN
+    surface = np.where(surface < nearest, np.inf, surface)
     short = _highest(depth) + MARGIN < _lowest(free)
     through = _lowest(depth) > _highest(surface) + MARGIN
     seen = np.isfinite(depth)
     # The windows of the outermost tiles would reach beyond the image.
     seen[[0, -1]] = seen[:, [0, -1]] = False
     explained = np.isfinite(surface) & ~short & ~through
-    expected = int(((surface > NEAREST) & (surface < FARTHEST))[1:-1, 1:-1].sum())
+    expected = int(((surface > nearest) & (surface < farthest))[1:-1, 1:-1].sum())
     counts = {"explained": explained, "short": short, "through": through, "seen": seen}
     return Agreement(**{name: int((mask & seen).sum()) for name, mask in counts.items()}, expected=expected)
 

@@ -35,11 +35,10 @@ from pipeline.localisation.registration import (
 )
 from pipeline.transforms import from_rotation, inverse, orthonormal, transform_points
 
-FARTHEST = 3.4
-"""m of depth; beyond it, the sensor's limit cuts off the far half of its noise."""
 AROUND = 9
-"""Pixels along each side of a square whose mean depth is compared with that limit. Comparing single depths would cut
-off the far half of their noise too: walls at the limit came 3 cm too near, and a first turn closed 1° too short."""
+"""Pixels along each side of a square whose mean depth is compared with the sensor's limit. Comparing single depths
+would cut off the far half of their noise too: walls at the limit came 3 cm too near, and a first turn closed 1° too
+short."""
 STRIDE = 2
 """Pixels; every other row and column is enough for means over ``VOXEL``."""
 LEAST_RETURNS, LEAST_POINTS = 300, 50
@@ -377,7 +376,8 @@ def cloud_of_frame(frame: Frame) -> small_gicp.PointCloud | None:
     depth = frame.depth[::STRIDE, ::STRIDE]
     returns = depth > 0
     square = AROUND, AROUND
-    returns &= cv2.blur(depth, square) <= FARTHEST * cv2.blur(returns.astype(np.float32), square)
+    farthest = frame.sensor.farthest - frame.sensor.margin
+    returns &= cv2.blur(depth, square) <= farthest * cv2.blur(returns.astype(np.float32), square)
     if np.count_nonzero(returns) < LEAST_RETURNS:
         return None
     points = frame.intrinsics.rays[::STRIDE, ::STRIDE][returns] * depth[returns, None]

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.sensor import SensorModel
 from pipeline.traversability.traversability import Traversability
 
 STRIDE = 0.4
@@ -32,10 +33,12 @@ class ObstacleCheck:
         obstacles: (N, 3) returns of obstacles in the way that the map does not show, m in ``map``.
     """
 
-    def __init__(self, returns: Callable[[], NDArray[np.float32]], traversability: Traversability):
-        """``returns``: gives (N, 3) the camera's present returns, m in ``map``."""
+    def __init__(
+        self, returns: Callable[[], NDArray[np.float32]], traversability: Traversability, sensor: SensorModel
+    ):
+        """``returns``: gives (N, 3) the present returns of a camera, m in ``map``."""
         self.obstacles = np.zeros((0, 3), np.float32)
-        self._returns, self._traversability = returns, traversability
+        self._returns, self._traversability, self._sensor = returns, traversability, sensor
         self._target: NDArray[np.float64] | None = None
         self._last = np.zeros(2)
 
@@ -46,7 +49,7 @@ class ObstacleCheck:
         camera sees.
         """
         is_new, model = target is not self._target, self._traversability.robot
-        if np.linalg.norm(target - position) + model.half_length < model.camera_range[0]:
+        if np.linalg.norm(target - position) + model.half_length < self._sensor.nearest:
             return True
         if is_new or np.linalg.norm(position - self._last) >= STRIDE:
             self._target, self._last = target, position

@@ -95,7 +95,7 @@ def _stands_out(frame: Frame, detection: Detection, points: NDArray[np.float32])
     """(N,) bool: the points in the box that lie on no plane of the background."""
     result = np.ones(len(points), np.bool_)
     for plane in background_planes(frame, detection.box, np.random.default_rng(SEED)):
-        result &= ~near_plane(points, plane)
+        result &= ~near_plane(points, plane, frame.sensor)
     return result
 
 

@@ -11,7 +11,6 @@ from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.segments.cells_kernels import moved
 from pipeline.transforms import inverse, transform_points
-from pipeline.victims.detection.background import depth_noise
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.observation import (
     MAX_SIZE,
@@ -284,7 +283,7 @@ def _in_view(victim: Victim, frame: Frame, T_map_camera: NDArray[np.float64]) ->
     pixels, inside = frame.intrinsics.project(points)
     depth, (row, column) = depth[inside], pixels[inside].T
     measured = frame.depth[row, column]
-    is_open = (measured > 0) & (measured > depth - CLEARANCE - 2 * depth_noise(depth))
+    is_open = (measured > 0) & (measured > depth - CLEARANCE - 2 * frame.sensor.sigma(depth))
     return bool(is_open.sum() > OPEN_SHARE * len(points))
 
 

@@ -4,7 +4,7 @@ import pytest
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.visibility import STRIDE, ViewpointGains, camera_view
-from tests.pipeline.robot_model import PIONEER
+from pipeline.sensor import XTION
 from tests.pipeline.still_robot import HEIGHT, INTRINSICS, PITCH, StillRobot
 
 CAMERA = kernels.CameraView(0.6, 0.17, 0.9, 3.1, -0.6, 0.15, 0.9)
@@ -103,9 +103,9 @@ def test_rays_are_cast_anew_where_the_grid_begins_elsewhere_and_for_another_came
 
 
 def test_a_view_is_that_of_the_camera_on_the_robot():
-    view = camera_view(StillRobot().sense(), PIONEER)
+    view = camera_view(StillRobot().sense())
     assert (view.height, view.ahead) == (HEIGHT, 0.0)
-    assert PIONEER.camera_range[0] < view.near < view.far < PIONEER.camera_range[1]
+    assert XTION.nearest < view.near < view.far < XTION.farthest
     half = np.arctan2(INTRINSICS.height / 2, INTRINSICS.fy)
     assert view.lower_edge == pytest.approx(-PITCH - half, abs=0.03)
     assert view.lower_edge > -PITCH - half

@@ -56,7 +56,8 @@ class _Floor:
         robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
         self._frame, model, physics = robot.sense(), robot.model, robot.physics
         self._start = robot.trajectory[-1].T_world_base
-        surface = Survey(physics.model.ptr, physics.data.ptr, robot.base_body).surface_from(self._start[:3, 3])
+        survey = Survey(physics.model.ptr, physics.data.ptr, robot.base_body, model)
+        surface = survey.surface_from(self._start[:3, 3])
         robot.close()
         cells = np.argwhere(~np.isnan(surface.height))
         self._ground = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)]])

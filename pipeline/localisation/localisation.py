@@ -10,7 +10,9 @@ from pipeline.frame import Frame
 from pipeline.transforms import angle_of, inverse
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
-"""m and rad that the robot drives or turns from one keyframe to the next."""
+"""m and rad that the robot drives or turns from one keyframe to the next; poses closer than that count as one."""
+STILL_WAY, STILL_TURN = 0.02, np.deg2rad(2)
+"""m and rad; a robot that moves less stands."""
 
 
 @dataclass(frozen=True, eq=False)

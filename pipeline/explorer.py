@@ -10,12 +10,12 @@ from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.keyframes import Moves
 from pipeline.labels import Label
+from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.mission import Mission
 from pipeline.navigation.keyframing import Keyframing
 from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck
-from pipeline.navigation.pose_check import KIDNAPPED
 from pipeline.navigation.speed_limit import SpeedLimit
 from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
@@ -26,7 +26,7 @@ from pipeline.traversability.traversability import Traversability
 from pipeline.victims.reobservation import Reobservation
 
 PATIENCE = 6
-"""Failed drives, counted since a drive last moved the robot by more than ``KIDNAPPED``, after which it stays."""
+"""Failed drives, counted since a drive last moved the robot by more than ``KEYFRAME_WAY``, after which it stays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ class Explorer:
         was_kidnapped = self.navigator.legs[-1].outcome is Outcome.MOVED
         assert self.navigator.motion is not None
         self.keyframing.pose_check.T_odom_expected = None if was_kidnapped else self.navigator.motion.T_odom_base
-        came_away = np.linalg.norm(T_map_base[:2, 3] - T_map_start[:2, 3]) > KIDNAPPED
+        came_away = np.linalg.norm(T_map_base[:2, 3] - T_map_start[:2, 3]) > KEYFRAME_WAY
         self._failed_drives = 0 if came_away else self._failed_drives + (not reached)
         self._learn_from_drive(check.obstacles)
         return reached

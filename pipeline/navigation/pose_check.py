@@ -7,26 +7,20 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.agreement import Agreement, agreement, shows_another_place
-from pipeline.localisation.localisation import KEYFRAME_TURN, LostError
-from pipeline.localisation.relocalisation import Relocalisation
+from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY, LostError
+from pipeline.localisation.relocalisation import LEAST_FRAMES, Relocalisation
 from pipeline.mapper import Mapper
 from pipeline.navigation.navigator import Navigator
 from pipeline.transforms import inverse, yaw_of
 
 LOOKS = 8
 """Number of frames that a robot takes around itself when its pose is in doubt."""
-UNSURE = 0.98, 0.7
+SURE_AGREEMENT, FAIR_FIT = 0.98, 0.7
 """Agreement and overlap of a frame; if both are lower, the pose is in doubt. In all 56 steps of two episodes at least
-one was higher."""
-FITTING = 0.7, 0.75
-"""Agreement and overlap of a frame; if both are higher, the map is wrong and not the pose, as behind a curtain."""
+one was higher. If agreement and overlap are both higher than the second, the map is wrong and not the pose, as behind
+a curtain."""
 UNRIVALLED = 0.9
 """Overlap of a frame above which its pose is trusted if no other place fits for sure either."""
-REGISTERED = 3
-"""Least number of frames of a full turn that agree with the odometry, while none does not, to trust the pose. In dust
-the map has few voxels to compare with."""
-KIDNAPPED = 0.3
-"""m; a robot that has moved farther than this without driving was carried."""
 
 
 class PoseCheck:
@@ -63,7 +57,7 @@ class PoseCheck:
     def was_set_down(self, frame: Frame) -> bool:
         """Whether the robot is elsewhere than its drive ended, or has just begun; if so, assume flat ground there."""
         last, self.T_odom_expected = self.T_odom_expected, frame.T_odom_base
-        is_elsewhere = last is None or bool(np.linalg.norm(frame.T_odom_base[:3, 3] - last[:3, 3]) > KIDNAPPED)
+        is_elsewhere = last is None or bool(np.linalg.norm(frame.T_odom_base[:3, 3] - last[:3, 3]) > KEYFRAME_WAY)
         if is_elsewhere:
             self._mapper.assume_ground(self._mapper.localise(frame))
         return is_elsewhere
@@ -83,7 +77,7 @@ class PoseCheck:
         found = self._agreement(frame)
         for _ in range(LOOKS):
             is_elsewhere = self._was_carried(found) or localisation.is_contradicted
-            is_unsure = localisation.is_blind or (found.share < UNSURE[0] and localisation.overlap < UNSURE[1])
+            is_unsure = localisation.is_blind or (found.share < SURE_AGREEMENT and localisation.overlap < FAIR_FIT)
             is_doubtful = found.is_doubtful or is_unsure
             if is_elsewhere or not is_doubtful or not self._navigator.turn(2 * np.pi / LOOKS):
                 break
@@ -94,7 +88,7 @@ class PoseCheck:
 
     def _was_carried(self, found: Agreement) -> bool:
         overlap = self._mapper.localisation.overlap
-        return found.was_carried and not (found.share > FITTING[0] and overlap > FITTING[1])
+        return found.was_carried and not (found.share > FAIR_FIT and overlap > FAIR_FIT)
 
     def _agreement(self, frame: Frame) -> Agreement:
         T_map_camera = self._mapper.localise(frame) @ frame.T_base_camera
@@ -117,7 +111,8 @@ class PoseCheck:
         localisation = mapper.localisation
         fits = localisation.overlap > UNRIVALLED and not localisation.is_contradicted
         around = Agreement.of(agreements)
-        is_registered = agrees.count(True) >= REGISTERED and False not in agrees
+        # In dust the map has few voxels to compare with, but registration tells as much as to relocalise.
+        is_registered = agrees.count(True) >= LEAST_FRAMES and False not in agrees
         has_seen_all = len(agreements) == LOOKS and not around.was_carried
         if not self._is_lost and (fits or (has_seen_all and (is_registered or not around.is_doubtful))):
             # The frames fit the map except for something new, or something that the robot has driven through.
@@ -129,7 +124,7 @@ class PoseCheck:
         move = inverse(self._mapper.localise(frame)) @ T_map_base
         self.T_odom_expected = frame.T_odom_base
         self._mapper.localisation.trust()
-        if self._is_lost or np.linalg.norm(move[:3, 3]) > KIDNAPPED or abs(yaw_of(move)) > KEYFRAME_TURN:
+        if self._is_lost or np.linalg.norm(move[:3, 3]) > KEYFRAME_WAY or abs(yaw_of(move)) > KEYFRAME_TURN:
             self._mapper.localisation.set_down(T_map_base)
             self.relocalised += 1
             self.T_odom_expected = None

@@ -9,7 +9,7 @@ from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.keyframing import LABELLED, Keyframing
 from pipeline.navigation.navigator import Navigator, Outcome
-from pipeline.navigation.pose_check import KIDNAPPED, LOOKS
+from pipeline.navigation.pose_check import LOOKS
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, inverse
 from tests.pipeline.kinematic_robot import KinematicRobot
@@ -129,7 +129,7 @@ def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_cont
 
 def test_where_the_odometry_leaps_the_robot_was_set_down(outlook):
     outlook.keyframing.pose_check.was_set_down(seen(BARE, START))
-    near, far = (seen(BARE, START @ from_yaw(way * KIDNAPPED, 0, 0, 0)) for way in (0.9, 2.0))
+    near, far = (seen(BARE, START @ from_yaw(way * KEYFRAME_WAY, 0, 0, 0)) for way in (0.9, 2.0))
     assert not outlook.keyframing.pose_check.was_set_down(near)
     assert outlook.keyframing.pose_check.was_set_down(far)
 

@@ -21,11 +21,8 @@ from pipeline.traversability.pose_paths import FIRST_HORIZON, GROWTH, bits
 
 MIN_GAIN, MIN_RATE = 0.03, 1 / 3600
 """m² and m²/s, 1 m² per hour; a viewpoint that is expected to show less is not worth the drive, nor its risk."""
-CHANCES = 0.9, 0.73, 0.45, 0.2
-"""Probability that ground which should be in view is there, after 0, 1, … keyframes that should have shown it and did
-not, by Bayes' rule: 0.9 at first, and a keyframe shows ground in view with probability 0.7."""
-GIVEN_UP = 0.1
-"""Ground that is there with a lower probability is no longer looked for."""
+IS_THERE, IS_SHOWN = 0.9, 0.7
+"""Probabilities that ground which should be in view is there at first, and that a keyframe shows ground in view."""
 EXPERIENCE = 1.0
 """m² of missed ground that the robot looks for again until what it finds counts as much as these numbers."""
 KEYFRAME_TIME = 2.0
@@ -33,6 +30,21 @@ KEYFRAME_TIME = 2.0
 
 
 NOWHERE = Places.joined([])
+
+
+def chances_after_misses() -> NDArray[np.float64]:
+    """(K,) probability, by Bayes' rule, that ground is there after 0, 1, … keyframes that should have shown it.
+
+    Ground that is there with a lower probability, less than ground that is not there had at first, is given up.
+    """
+    chances = [IS_THERE]
+    while chances[-1] > 1 - IS_THERE:
+        missed = chances[-1] * (1 - IS_SHOWN)
+        chances.append(missed / (missed + 1 - chances[-1]))
+    return np.array(chances[:-1])
+
+
+CHANCES = chances_after_misses()
 
 
 class ViewpointRewards(Protocol):
@@ -81,7 +93,7 @@ class Exploration:
         self._poses = np.zeros((0, 4, 4))
         # By the number of misses, m² in which ground was looked for, and in which it was shown.
         self._looked_for = np.full(len(CHANCES), EXPERIENCE)
-        self._shown = EXPERIENCE * np.array(CHANCES)
+        self._shown = EXPERIENCE * CHANCES
         self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
         self._falls = True  # whether unknown ground behind crests is assumed to fall
 
@@ -230,7 +242,7 @@ class Exploration:
         layers, may_be_driven = self._layers, context.traversability.to_hazard >= self._robot.half_width
         chances = self.chances
         # Rounded, so that rays are cast anew only when they change much.
-        rounded = np.where(chances < GIVEN_UP, 0.0, np.round(chances, 1))
+        rounded = np.where(chances < 1 - IS_THERE, 0.0, np.round(chances, 1))
         probability = np.append(rounded, 0.0).astype(np.float32)[layers["misses"]]
         layers.write("elevation", context.traversability.sealed)
         layers.write("gradient", context.traversability.gradient)
@@ -255,4 +267,4 @@ class Exploration:
 
 def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
     """(N, 2) cells: of each block the one with the most reachable headings."""
-    return best_of_blocks(np.bitwise_count(context.paths.headings), visibility.STRIDE)
+    return best_of_blocks(np.bitwise_count(context.paths.headings), visibility.PLACE_STRIDE)

@@ -7,23 +7,20 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.visibility_kernels import RAYS, STEP
+from pipeline.exploration.visibility_kernels import RAY_STEP, RAYS
 from pipeline.frame import Frame
 from pipeline.grid_map import blocks
+from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.traversability.pose_kernels import ANGLES
 
-STRIDE = 5
+PLACE_STRIDE = 5
 """Cells along each side of the blocks, each of which has one place for viewpoints."""
-
-FAR_MARGIN = 0.4
-"""m by which the expected range of ground in view is shorter than the camera's range at its far end."""
-LOWER_MARGIN, UPPER_MARGIN, SIDE_MARGIN = np.deg2rad((0.5, 1.5, 2.0))
-"""rad at the lower edge, the upper edge and each side of the image in which nothing is expected to be seen."""
 
 
 def camera_view(frame: Frame) -> kernels.CameraView:
-    """What the camera that took a frame sees of the ground.
+    """What the camera that took a frame sees of the ground, from up to ``KEYFRAME_WAY`` short of a viewpoint.
 
+    Nothing is expected within half a ray's step of the image's lower and upper edge, and within one of its sides.
     Values are rounded to 1 mm and 0.1°, so that a camera that trembles on its mount stays the same.
     """
     lens, T = frame.intrinsics, frame.T_base_camera
@@ -31,8 +28,8 @@ def camera_view(frame: Frame) -> kernels.CameraView:
     left, right = np.arctan([lens.cx / lens.fx, (lens.width - lens.cx) / lens.fx])
     up, down = np.arctan([lens.cy / lens.fy, (lens.height - lens.cy) / lens.fy])
     sensor = frame.sensor
-    lengths = T[2, 3], T[0, 3], sensor.nearest + sensor.margin, sensor.farthest - FAR_MARGIN
-    angles = pitch - down + LOWER_MARGIN, pitch + up - UPPER_MARGIN, left + right - 2 * SIDE_MARGIN
+    lengths = T[2, 3], T[0, 3], sensor.nearest + sensor.margin, sensor.farthest - sensor.margin - KEYFRAME_WAY
+    angles = pitch - down + RAY_STEP / 2, pitch + up - RAY_STEP / 2, left + right - 2 * RAY_STEP
     rounded = [round(float(metres), 3) for metres in lengths]
     edges = np.deg2rad(np.degrees(angles).round(1)).tolist()
     return kernels.CameraView(*rounded, *edges)._replace(grazing=sensor.grazing)
@@ -48,7 +45,7 @@ def gains(
 
 def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
     """(N, 16) sums of the values of (N, RAYS) rays over the field of view along each heading."""
-    half, first = _rays_in_view(camera) // 2, np.rint(ANGLES / STEP).astype(int)
+    half, first = _rays_in_view(camera) // 2, np.rint(ANGLES / RAY_STEP).astype(int)
     sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays[:, -half:], rays, rays[:, :half]]), axis=1)
     return sums[:, first + 2 * half + 1] - sums[:, first]
 
@@ -61,8 +58,8 @@ def cells_in_view(
     middle = round(heading / (2 * np.pi) * RAYS)
     # The rays from which the gain was computed, bit for bit, for one may slip through where two cells meet at a
     # corner; and rays in between, for the cells that lie between them.
-    first = np.arange(middle - half, middle + half + 1) % RAYS * STEP
-    bearings = (first[:, None] + np.arange(4) / 4 * STEP).ravel()
+    first = np.arange(middle - half, middle + half + 1) % RAYS * RAY_STEP
+    bearings = (first[:, None] + np.arange(3) / 3 * RAY_STEP).ravel()
     return kernels.cells_in_view(*position, bearings, camera, terrain)
 
 
@@ -117,13 +114,13 @@ def _towards(
 ) -> NDArray[np.bool_]:
     """(N, RAYS) the rays from cells (N, 2) that may meet a cell of a mask (nx, ny)."""
     wanted = np.zeros((len(cells), RAYS), np.bool_)
-    parts, side = np.asarray(blocks(mask, STRIDE).any(axis=0)), STRIDE * terrain.cell
-    here = tuple(cells.T // STRIDE)
+    parts, side = np.asarray(blocks(mask, PLACE_STRIDE).any(axis=0)), PLACE_STRIDE * terrain.cell
+    here = tuple(cells.T // PLACE_STRIDE)
     # For an empty mask the distances mean nothing, but then no ray meets a square either.
     near = (ndimage.distance_transform_edt(~parts) <= camera.reach / side + 2)[here]
     # From outside, a ray enters a piece of the mask through its rim.
     rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
-    wanted[near] = kernels.rays_towards(cells[near], rim, _rays_by_offset(camera.reach, terrain.cell), STRIDE)
+    wanted[near] = kernels.rays_towards(cells[near], rim, _rays_by_offset(camera.reach, terrain.cell), PLACE_STRIDE)
     wanted[parts[here]] = True
     return wanted
 
@@ -135,11 +132,11 @@ def _rays_by_offset(reach: float, cell: float) -> NDArray[np.int16]:
     Indices are those of the block's middle cell, from the corner of a square around the cell; rays may be beyond 0 to
     ``RAYS``, and are none if the block is farther away.
     """
-    most, radius = int(reach / cell) + STRIDE, STRIDE * cell / np.sqrt(2)
+    most, radius = int(reach / cell) + PLACE_STRIDE, PLACE_STRIDE * cell / np.sqrt(2)
     i, j = cell * (np.indices((2 * most + 1,) * 2) - most)
     distance, bearing = np.hypot(i, j), np.arctan2(j, i)
     half = np.where(distance > radius, np.arcsin(radius / np.maximum(distance, radius)), np.pi)
-    first, last = np.floor((bearing - half) / STEP), np.ceil((bearing + half) / STEP)
+    first, last = np.floor((bearing - half) / RAY_STEP), np.ceil((bearing + half) / RAY_STEP)
     return np.stack([first, np.where(distance <= reach + radius, last + 1, first)], axis=-1).astype(np.int16)
 
 

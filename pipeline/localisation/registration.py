@@ -17,7 +17,7 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
-from pipeline.gates import chi2_gate
+from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.pose_graph import LEVER
 from pipeline.transforms import orthonormal
 

@@ -13,8 +13,8 @@ from pipeline.topological_map.cover import NodeCover
 from pipeline.topological_map.links import StraightDrives, drive_seconds
 from pipeline.traversability.traversability import Traversability
 
-SNAP = 0.3
-"""m, greatest distance by which a node is moved when the map changes under it."""
+NODE_SNAP = 0.3
+"""m, greatest distance by which a node is moved to where the robot can stand and turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class NodeSet:
     def renew(
         self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
     ) -> NDArray[np.bool_]:
-        """Update the nodes to the ground; if the robot cannot turn there, they move up to ``SNAP`` m or are removed.
+        """Update the nodes to the ground; if the robot cannot turn there, they move up to ``NODE_SNAP`` or go.
 
         See :meth:`NodeCover.update` for the arguments and the result: (nx, ny) the cells that changed.
         """
@@ -71,7 +71,7 @@ class NodeSet:
     def _settle(self, node: Node) -> None:
         """Move a node to where the robot can turn; one that joins others stays, in a passage too narrow for that."""
         cover = self.cover
-        xy = cover.grid.nearest(cover.standable, node.position, SNAP)
+        xy = cover.grid.nearest(cover.standable, node.position, NODE_SNAP)
         parts = len(self.parts())
         self.remove(node.id)
         if xy is not None:

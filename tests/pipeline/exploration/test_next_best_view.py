@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.exploration import next_best_view, visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.next_best_view import CHANCES, GIVEN_UP, Exploration
+from pipeline.exploration.next_best_view import CHANCES, IS_THERE, Exploration
 from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.pose_kernels import ANGLES
@@ -265,7 +265,7 @@ def test_a_miss_lowers_the_probability_by_bayes_rule_until_the_cell_is_given_up(
         missed = before * (1 - 0.7)
         assert after == pytest.approx(missed / (missed + 1 - before), abs=0.01)
     assert 3 <= len(CHANCES) <= 8
-    assert 0.07 < GIVEN_UP < min(CHANCES)
+    assert 0.07 < 1 - IS_THERE < min(CHANCES)
 
 
 def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():

@@ -3,7 +3,7 @@ import pytest
 
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.visibility import STRIDE, ViewpointGains, camera_view
+from pipeline.exploration.visibility import PLACE_STRIDE, ViewpointGains, camera_view
 from pipeline.sensor import XTION
 from tests.pipeline.still_robot import HEIGHT, INTRINSICS, PITCH, StillRobot
 
@@ -38,7 +38,7 @@ def known_but_for_stripes() -> np.ndarray:
 
 
 NOTHING = np.zeros(SHAPE, np.bool_)
-CELLS = np.argwhere(np.ones((20, 20), np.bool_)) * STRIDE
+CELLS = np.argwhere(np.ones((20, 20), np.bool_)) * PLACE_STRIDE
 
 
 def fresh(cells: np.ndarray, terrain: kernels.SearchedTerrain) -> np.ndarray:

@@ -186,7 +186,7 @@ LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
 
 def test_a_person_seen_in_parts_is_one_person() -> None:
     victims = Victims()
-    with constants(victim_map, GATE=1e-6, BETWEEN=0.2):  # only overlap can join the parts
+    with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, BETWEEN=0.2):  # only overlap can join the parts
         walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
         walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
         assert len(victims.all) == 2
@@ -202,16 +202,16 @@ def test_a_person_seen_in_parts_is_one_person() -> None:
 def test_two_ends_of_a_person_whose_middle_is_hidden_are_one_person() -> None:
     for settings, people in (({}, 1), ({"BETWEEN": 0.1}, 2), ({"TOGETHER": 0.8}, 2)):
         victims = Victims()
-        with constants(victim_map, GATE=1e-6, **settings):
+        with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, **settings):
             walk(victims, [(0, 0), (0, 0.4)], [PERSON, LEGS], [PERSON, LEGS])
         assert len(victims.all) == people
 
 
 def test_two_who_touch_but_are_too_large_for_one_stay_two() -> None:
     both = [(2.0, 0.3, 0.2, 0.25), (2.0, -0.3, 0.2, 0.25)]
-    for settings, people in (({}, 1), ({"TOGETHER": 0.6}, 2), ({"TOGETHER": 0.6, "INSIDE": 0.1}, 1)):
+    for settings, people in (({}, 1), ({"TOGETHER": 0.6}, 2), ({"TOGETHER": 0.6, "TOUCH": 0.45}, 1)):
         victims = Victims()
-        with constants(victim_map, GATE=1e-6, **settings):
+        with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, **settings):
             walk(victims, [(0, 0), (0, 0.4)], both, both)
         assert len(victims.all) == people
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from pipeline.gates import CONFIDENCE, chi2_gate
+from pipeline.localisation.gates import CONFIDENCE, chi2_gate
 
 
 def test_a_gate_accepts_as_many_gaussians_as_it_says():

@@ -345,7 +345,7 @@ class Slam(Localisation):
         # A loop must at least halve a deviation of the heading or of a horizontal direction.
         horizontal = slice(2, 5)
         level = found.covariance[horizontal, horizontal] * prior.information.diagonal()[horizontal]
-        tells = np.sqrt(np.linalg.eigvals(level).real.min()) < 1 / 2
+        tells = np.linalg.eigvals(level).real.min() < 1 / 2**2
         # Near enough to register from the odometry, a loop may leave a direction to it, as along a corridor.
         is_safe = deviation < COARSE or is_pinned(found.information)
         if found.overlap >= ENOUGH_OVERLAP and found.fits and tells and is_safe:

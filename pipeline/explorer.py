@@ -10,12 +10,13 @@ from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.keyframes import Moves
 from pipeline.labels import Label
+from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.mission import Mission
-from pipeline.navigation.lookout import KIDNAPPED, Lookout
+from pipeline.navigation.keyframing import Keyframing
 from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck
-from pipeline.navigation.pace import Pace
+from pipeline.navigation.speed_limit import SpeedLimit
 from pipeline.planning.path_plan import PathPlan, plan_path
 from pipeline.robot import Robot
 from pipeline.segments.cells import centres
@@ -25,7 +26,7 @@ from pipeline.traversability.traversability import Traversability
 from pipeline.victims.reobservation import Reobservation
 
 PATIENCE = 6
-"""Failed drives, counted since a drive last moved the robot by more than ``KIDNAPPED``, after which it stays."""
+"""Failed drives, counted since a drive last moved the robot by more than ``KEYFRAME_WAY``, after which it stays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,7 @@ class Explorer:
         mapper: all maps.
         mission: what to do next.
         navigator: drives the robot.
-        lookout: takes frames, also during a drive.
+        keyframing: takes frames, also during a drive.
         steps: number of steps so far.
         on_correction: called after the maps were made anew with corrected poses of the keyframes.
     """
@@ -77,7 +78,7 @@ class Explorer:
         exploration.rewards = self.reobservation
         self.mission = Mission(exploration)
         self.navigator = Navigator(robot)
-        self.lookout = Lookout(self.navigator, self.mapper)
+        self.keyframing = Keyframing(self.navigator, self.mapper)
         self.steps = 0
         self.on_correction: Callable[[Moves], object] = lambda moves: None
         self._failed_drives = 0
@@ -85,9 +86,9 @@ class Explorer:
     def step(self) -> Step:
         """Sense, localise, map, decide where to go next and plan the way."""
         self.settle()
-        frame = self.lookout.sense()
-        was_kidnapped = self.lookout.was_set_down(frame) and self.steps > 0
-        keyframe = self.lookout.add(frame, labelled=True)
+        frame = self.keyframing.sense()
+        was_kidnapped = self.keyframing.pose_check.was_set_down(frame) and self.steps > 0
+        keyframe = self.keyframing.add(frame, labelled=True)
         self.steps += 1
         self.reobservation.count(frame)
         with self.mapper.stopwatch("exploration"):
@@ -107,10 +108,10 @@ class Explorer:
         if step.viewpoint is None or step.plan is None:
             return False
         T_map_start, viewpoint = step.keyframe.T_map_base, step.viewpoint
-        check = ObstacleCheck(self.lookout.returns, step.traversability)
+        check = ObstacleCheck(self.keyframing.returns, step.traversability, step.keyframe.frame.sensor)
         ramps = [centres(ramp.cells) for ramp in self.mapper.segments.of(Label.INCLINED_RAMP)]
         people = [victim.points for victim in self.mapper.victims.confirmed]
-        self.navigator.pace = Pace(step.traversability, ramps, people)
+        self.navigator.speed_limit = SpeedLimit(step.traversability, ramps, people)
         with self.mapper.stopwatch("navigation"):
             reached = self.navigator.follow(
                 step.plan.way_points[:, :2],
@@ -122,8 +123,8 @@ class Explorer:
         T_map_base = self.navigator.T_map_base
         was_kidnapped = self.navigator.legs[-1].outcome is Outcome.MOVED
         assert self.navigator.motion is not None
-        self.lookout.T_odom_expected = None if was_kidnapped else self.navigator.motion.T_odom_base
-        came_away = np.linalg.norm(T_map_base[:2, 3] - T_map_start[:2, 3]) > KIDNAPPED
+        self.keyframing.pose_check.T_odom_expected = None if was_kidnapped else self.navigator.motion.T_odom_base
+        came_away = np.linalg.norm(T_map_base[:2, 3] - T_map_start[:2, 3]) > KEYFRAME_WAY
         self._failed_drives = 0 if came_away else self._failed_drives + (not reached)
         self._learn_from_drive(check.obstacles)
         return reached

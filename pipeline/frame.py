@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.sensor import XTION, SensorModel
 from pipeline.transforms import transform_points
 
 
@@ -72,6 +73,7 @@ class Frame:
         T_odom_base: 4×4 pose of ``base_link`` in ``odom``, by the robot's odometry.
         label: (H, W) uint8 true label of every pixel, where a simulator knows it.
         instance: (H, W) int32 id of the object that every pixel shows, where a simulator knows it; -1 = none.
+        sensor: the camera that measured the depth.
     """
 
     time: float
@@ -82,6 +84,7 @@ class Frame:
     T_odom_base: NDArray[np.float64]
     label: NDArray[np.uint8] | None = None
     instance: NDArray[np.int32] | None = None
+    sensor: SensorModel = XTION
 
     @cached_property
     def returns(self) -> NDArray[np.bool_]:

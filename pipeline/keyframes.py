@@ -77,7 +77,8 @@ class Seen:
         """
         cloud, near = thinned(points, COLUMN if probabilities is None else VOXEL)
         shares = None if probabilities is None else ClassShares.of(cloud.means(probabilities)[near])
-        missing = VoxelCloud.of(find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera), CELL / 2)
+        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera, frame.sensor)
+        missing = VoxelCloud.of(dropouts, CELL / 2)
         rays = lowest_rays(cloud.points, cloud.hits, frame.T_base_camera[:3, 3], CELL)
         depth, intrinsics = frame.every_nth(stride)
         kept = np.where(np.isfinite(depth) & (depth > 0), depth / UNIT, 0).clip(max=np.iinfo(np.uint16).max)

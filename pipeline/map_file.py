@@ -15,7 +15,7 @@ from pipeline.files import load_arrays, whole_file
 from pipeline.frame import Intrinsics
 from pipeline.keyframes import Keyframes, Places, Seen
 from pipeline.labels import Label
-from pipeline.localisation.odometry import Keyframes as KnownSurfaces
+from pipeline.localisation.localisation import SavedKeyframes
 from pipeline.mapper import Mapper
 from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.robot import RobotModel
@@ -152,7 +152,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         owner = np.repeat(np.arange(len(known)), [len(row["surfaces"]) for row in known])
         surfaces, normals = (np.concatenate([row[name] for row in known]) for name in ("surfaces", "normals"))
         poses, ups = (np.array([row[name] for row in known]) for name in ("T_map_base", "up"))
-        mapper.localisation.restore(KnownSurfaces(poses, ups, surfaces, normals, owner))
+        mapper.localisation.restore(SavedKeyframes(poses, ups, surfaces, normals, owner))
         _restore_keyframes(rows, mapper.keyframes)
         mapper.segments.members = [_member_of(row) for row in rows["member"]]
         sightings = iter(rows["sighting"])

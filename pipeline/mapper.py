@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
-from pipeline.localisation.odometry import Localisation, OdometryLocalisation
+from pipeline.localisation.localisation import Localisation
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.segments.cells_kernels import moved
@@ -22,12 +23,12 @@ from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import inverse, transform_points, yaw_of
+from pipeline.traversability.accessibility import is_inaccessible
 from pipeline.traversability.elevation_map import HEIGHTS, ElevationMap
 from pipeline.traversability.ground_evidence import UNDER, Assumed, Driven, GroundEvidence
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.traversability.traversability_layer import TraversabilityLayer
-from pipeline.traversability.ways_up import is_no_way
 from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.victim_map import Victims
 
@@ -89,7 +90,7 @@ class Mapper:
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()
-        self.semantic_map = SemanticMap(self._is_no_way)
+        self.semantic_map = SemanticMap(self._is_inaccessible)
         self.segments = Segments(self.metric_map.is_surface)
         self.topological_map = TopologicalMap(graph)
         self.victims = Victims()
@@ -284,10 +285,10 @@ class Mapper:
             self.topological_map.update(keyframe.patches, self.segments, paths)
             self.topological_map.anchor(self.keyframes.poses)
 
-    def _is_no_way(self, points: NDArray[np.float32], is_deck: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _is_inaccessible(self, points: NDArray[np.float32], is_deck: NDArray[np.bool_]) -> NDArray[np.bool_]:
         ground, known = self._traversability_layer.update(self.elevation_map), self.keyframes
         is_above = points[:, 2] > known.highest_camera
-        return is_no_way(ground, known.poses[:, :3, 3], points, is_deck & is_above)
+        return is_inaccessible(ground, known.poses[:, :3, 3], points, is_deck & is_above)
 
     def _find_victims(self, frame: Frame, T_map_camera: NDArray[np.float64]) -> list[Detection]:
         """Detect people in the image and place them on the map."""

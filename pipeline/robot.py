@@ -46,8 +46,9 @@ class Motion:
 class RobotModel:
     """The size and the abilities of a body: every clearance of the pipeline follows from these.
 
-    The robot provides it, so that the pipeline contains no number of a particular body. The camera's pose comes with
-    every :class:`pipeline.frame.Frame`. ``base_link`` lies in the middle of the footprint, on the ground.
+    The robot provides it, so that the pipeline contains no number of a particular body. The camera and its
+    pose come with every :class:`pipeline.frame.Frame`. ``base_link`` lies in the middle of the footprint, on the
+    ground.
 
     Attributes:
         length, width: of the footprint, wheels included, m.
@@ -63,7 +64,6 @@ class RobotModel:
         ramp_slide: greatest displacement in a quarter turn on the steepest ramp, m.
         slide_per_radian: slide downhill in a turn, per radian turned and times the sine of the tilt, m.
         min_turn_rate: slowest turn in place; in slower turns the tyres do not break loose, rad/s.
-        camera_range: nearest and farthest depth that its camera measures, m.
     """
 
     length: float
@@ -83,7 +83,6 @@ class RobotModel:
     ramp_slide: float
     slide_per_radian: float
     min_turn_rate: float
-    camera_range: tuple[float, float]
 
     @property
     def half_length(self) -> float:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
 from pipeline.files import each, whole_file
-from pipeline.localisation.odometry import LostError, OdometryLocalisation
+from pipeline.localisation.localisation import LostError
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.map_file import load_keyframes
 from pipeline.mapper import Keyframe, Mapper
@@ -71,7 +72,7 @@ class Expedition:
             load_keyframes(config.map / KEYFRAMES, explorer.mapper)
         self.mission = self.explorer.mission
         self.rescue_report = RescueReport(self.explorer)
-        self.explorer.lookout.on_keyframe = self._add_keyframe
+        self.explorer.keyframing.on_keyframe = self._add_keyframe
         self.lost: str | None = None
 
     @property
@@ -123,7 +124,7 @@ class Expedition:
 
     def step(self) -> bool:
         """One step of the robot: sense, map, plan, drive; False when there is nowhere to drive to."""
-        relocalised = self.explorer.lookout.relocalised
+        relocalised = self.explorer.keyframing.pose_check.relocalised
         step = self.explorer.step()
         self._add(step)
         self.rescue_report.add(step)
@@ -132,7 +133,7 @@ class Expedition:
         if step.was_kidnapped:
             how = (
                 "looked around and found itself"
-                if self.explorer.lookout.relocalised > relocalised
+                if self.explorer.keyframing.pose_check.relocalised > relocalised
                 else "was kidnapped and set down"
             )
             self.recorder.log_message("WARN", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer, Step
 from pipeline.labels import Label
-from pipeline.localisation.odometry import Localisation
+from pipeline.localisation.localisation import Localisation
 from pipeline.rerun import drawings
 from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.recorder import Recorder

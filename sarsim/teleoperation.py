@@ -14,10 +14,10 @@ import mujoco.viewer
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.localisation.localisation import is_keyframe
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
-from pipeline.metric_map.specks import without_specks
-from pipeline.navigation.lookout import is_keyframe
+from pipeline.metric_map.isolated_returns import without_isolated_returns
 from pipeline.results import save_maps
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import PointClassifier
@@ -182,14 +182,14 @@ class MappedDrive:
             self._add_keyframe()
 
     def _add_keyframe(self) -> None:
-        frame = without_specks(self._robot.sense())
+        frame = without_isolated_returns(self._robot.sense())
         if correction := self.mapper.settle():
             self._recorder.log_correction(correction)
         T_map_base = self.mapper.localise(frame)
         if not len(self.mapper.keyframes):
             self.mapper.assume_ground(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base)
-        self._recorder.log_keyframe(keyframe.index, self.mapper, keyframe, self._robot.model.camera_range[1])
+        self._recorder.log_keyframe(keyframe.index, self.mapper, keyframe)
         self._T_odom_keyframe = frame.T_odom_base
 
     def save(self, folder: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.datasets.recording import CameraPose, Recording
 from pipeline.datasets.replay import Replay, Replayed, default_poses, localisation_of
 from pipeline.errors import InputError
-from pipeline.localisation.odometry import LostError
+from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.report import write_page
@@ -95,8 +95,7 @@ class RecordedDrive:
             return
         self._score.add()
         if len(keyframe.labels):
-            farthest = self._robot.camera_range[1]
-            self._recorder.log_keyframe(len(self._labelled), self.mapper, keyframe, farthest)
+            self._recorder.log_keyframe(len(self._labelled), self.mapper, keyframe)
             self._labelled.append(keyframe.index)
 
     def _report(self, wall_time: float) -> dict[str, Any]:

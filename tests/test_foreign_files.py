@@ -158,7 +158,7 @@ HEIGHTS = 'nrow="3" ncol="3" size="0.3 0.3 0.1 0.05" elevation="0 0.1 0 0.2 0.3 
 def set_down(arena: Path) -> None:
     """What an episode begins with."""
     with closing(SimulatedRobot(load_arena(str(arena)), SimulationConfig(), 0)) as robot:
-        survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
+        survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body, robot.model)
         survey.surface_from(robot.trajectory[0].T_world_base[:3, 3])
         robot.sense()
 

@@ -12,12 +12,13 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.depth_odometry import DepthOdometry
 from pipeline.localisation.floor import T_floor_camera
-from pipeline.localisation.odometry import Localisation, OdometryLocalisation
+from pipeline.localisation.localisation import Localisation, is_keyframe
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.metric_map.specks import without_specks
-from pipeline.navigation.lookout import LABELLED, is_keyframe
+from pipeline.metric_map.isolated_returns import without_isolated_returns
+from pipeline.navigation.keyframing import LABELLED
 from pipeline.transforms import from_rotation, inverse, level
 from pipeline.traversability.pose_paths import PosePaths
 
@@ -89,7 +90,7 @@ class Replay:
             InputError: the recording is broken; the frames before are mapped.
             LostError: the pose of a frame cannot be found any more; the frames before are mapped.
         """
-        for frame in map(without_specks, self.recording.frames()):
+        for frame in map(without_isolated_returns, self.recording.frames()):
             if not self._has_begun and not self._begin(frame):
                 continue
             if self._T_base_camera is not None:

@@ -21,11 +21,8 @@ from pipeline.traversability.pose_paths import FIRST_HORIZON, GROWTH, bits
 
 MIN_GAIN, MIN_RATE = 0.03, 1 / 3600
 """m² and m²/s, 1 m² per hour; a viewpoint that is expected to show less is not worth the drive, nor its risk."""
-CHANCES = 0.9, 0.73, 0.45, 0.2
-"""Probability that ground which should be in view is there, after 0, 1, … keyframes that should have shown it and did
-not, by Bayes' rule: 0.9 at first, and a keyframe shows ground in view with probability 0.7."""
-GIVEN_UP = 0.1
-"""Ground that is there with a lower probability is no longer looked for."""
+IS_THERE, IS_SHOWN = 0.9, 0.7
+"""Probabilities that ground which should be in view is there at first, and that a keyframe shows ground in view."""
 EXPERIENCE = 1.0
 """m² of missed ground that the robot looks for again until what it finds counts as much as these numbers."""
 KEYFRAME_TIME = 2.0
@@ -33,6 +30,21 @@ KEYFRAME_TIME = 2.0
 
 
 NOWHERE = Places.joined([])
+
+
+def chances_after_misses() -> NDArray[np.float64]:
+    """(K,) probability, by Bayes' rule, that ground is there after 0, 1, … keyframes that should have shown it.
+
+    Ground that is there with a lower probability, less than ground that is not there had at first, is given up.
+    """
+    chances = [IS_THERE]
+    while chances[-1] > 1 - IS_THERE:
+        missed = chances[-1] * (1 - IS_SHOWN)
+        chances.append(missed / (missed + 1 - chances[-1]))
+    return np.array(chances[:-1])
+
+
+CHANCES = chances_after_misses()
 
 
 class ViewpointRewards(Protocol):
@@ -81,7 +93,7 @@ class Exploration:
         self._poses = np.zeros((0, 4, 4))
         # By the number of misses, m² in which ground was looked for, and in which it was shown.
         self._looked_for = np.full(len(CHANCES), EXPERIENCE)
-        self._shown = EXPERIENCE * np.array(CHANCES)
+        self._shown = EXPERIENCE * CHANCES
         self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
         self._falls = True  # whether unknown ground behind crests is assumed to fall
 
@@ -97,7 +109,7 @@ class Exploration:
         is_left = self._terrain.target.any() or (self.rewards and self.rewards.wanted)
         if context.paths.start is None or not is_left:
             return None
-        camera = visibility.camera_view(context.frame, self._robot)
+        camera = visibility.camera_view(context.frame)
         # A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
         for cells_of, falls in ((_spread, True), (self._narrow, True), (_spread, False)):
             self._falls = falls
@@ -107,7 +119,7 @@ class Exploration:
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe from this viewpoint should show."""
-        camera = visibility.camera_view(context.frame, self._robot)
+        camera = visibility.camera_view(context.frame)
         in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
         newest = len(context.poses) - 1
         centres = self._layers.grid.centre_of(np.argwhere(in_view))
@@ -230,7 +242,7 @@ class Exploration:
         layers, may_be_driven = self._layers, context.traversability.to_hazard >= self._robot.half_width
         chances = self.chances
         # Rounded, so that rays are cast anew only when they change much.
-        rounded = np.where(chances < GIVEN_UP, 0.0, np.round(chances, 1))
+        rounded = np.where(chances < 1 - IS_THERE, 0.0, np.round(chances, 1))
         probability = np.append(rounded, 0.0).astype(np.float32)[layers["misses"]]
         layers.write("elevation", context.traversability.sealed)
         layers.write("gradient", context.traversability.gradient)
@@ -238,11 +250,11 @@ class Exploration:
         layers.write("target", np.isnan(context.measured) & may_be_driven & (probability > 0))
 
     @property
-    def _terrain(self) -> kernels.Terrain:
+    def _terrain(self) -> kernels.SearchedTerrain:
         """The ground as known after the last keyframe."""
         names = ("elevation", "gradient", "target", "probability", "missed_from")
         layers = {name: self._layers[name] for name in names}
-        return kernels.Terrain(self._layers.grid.origin, CELL, falls=self._falls, **layers)
+        return kernels.SearchedTerrain(self._layers.grid.origin, CELL, falls=self._falls, **layers)
 
     def _gains(
         self, here: NDArray[np.float64], cells: NDArray[np.int64], camera: kernels.CameraView
@@ -255,4 +267,4 @@ class Exploration:
 
 def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
     """(N, 2) cells: of each block the one with the most reachable headings."""
-    return best_of_blocks(np.bitwise_count(context.paths.headings), visibility.STRIDE)
+    return best_of_blocks(np.bitwise_count(context.paths.headings), visibility.PLACE_STRIDE)

@@ -7,38 +7,37 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.visibility_kernels import RAYS, STEP
+from pipeline.exploration.visibility_kernels import RAY_STEP, RAYS
 from pipeline.frame import Frame
 from pipeline.grid_map import blocks
-from pipeline.robot import RobotModel
+from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.traversability.pose_kernels import ANGLES
 
-STRIDE = 5
+PLACE_STRIDE = 5
 """Cells along each side of the blocks, each of which has one place for viewpoints."""
 
-NEAR_MARGIN, FAR_MARGIN = 0.1, 0.4
-"""m by which the expected range of ground in view is shorter than the camera's range, at its near and its far end."""
-LOWER_MARGIN, UPPER_MARGIN, SIDE_MARGIN = np.deg2rad((0.5, 1.5, 2.0))
-"""rad at the lower edge, the upper edge and each side of the image in which nothing is expected to be seen."""
 
+def camera_view(frame: Frame) -> kernels.CameraView:
+    """What the camera that took a frame sees of the ground, from up to ``KEYFRAME_WAY`` short of a viewpoint.
 
-def camera_view(frame: Frame, robot: RobotModel) -> kernels.CameraView:
-    """What the camera that took a frame sees of the ground.
-
+    Nothing is expected within half a ray's step of the image's lower and upper edge, and within one of its sides.
     Values are rounded to 1 mm and 0.1°, so that a camera that trembles on its mount stays the same.
     """
     lens, T = frame.intrinsics, frame.T_base_camera
     pitch = np.arcsin(T[2, 2])
     left, right = np.arctan([lens.cx / lens.fx, (lens.width - lens.cx) / lens.fx])
     up, down = np.arctan([lens.cy / lens.fy, (lens.height - lens.cy) / lens.fy])
-    near, far = robot.camera_range
-    lengths = T[2, 3], T[0, 3], near + NEAR_MARGIN, far - FAR_MARGIN
-    angles = pitch - down + LOWER_MARGIN, pitch + up - UPPER_MARGIN, left + right - 2 * SIDE_MARGIN
+    sensor = frame.sensor
+    lengths = T[2, 3], T[0, 3], sensor.nearest + sensor.margin, sensor.farthest - sensor.margin - KEYFRAME_WAY
+    angles = pitch - down + RAY_STEP / 2, pitch + up - RAY_STEP / 2, left + right - 2 * RAY_STEP
     rounded = [round(float(metres), 3) for metres in lengths]
-    return kernels.CameraView(*rounded, *np.deg2rad(np.degrees(angles).round(1)).tolist())
+    edges = np.deg2rad(np.degrees(angles).round(1)).tolist()
+    return kernels.CameraView(*rounded, *edges)._replace(grazing=sensor.grazing)
 
 
-def gains(places: NDArray[np.float64], camera: kernels.CameraView, terrain: kernels.Terrain) -> NDArray[np.float64]:
+def gains(
+    places: NDArray[np.float64], camera: kernels.CameraView, terrain: kernels.SearchedTerrain
+) -> NDArray[np.float64]:
     """(N, 16) m² that viewpoints at (N, 2) places, m, along each heading should show."""
     shape = len(places), RAYS
     return _by_heading(kernels.ray_gains(places, camera, terrain, np.ones(shape, np.bool_), np.zeros(shape)), camera)
@@ -46,21 +45,21 @@ def gains(places: NDArray[np.float64], camera: kernels.CameraView, terrain: kern
 
 def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
     """(N, 16) sums of the values of (N, RAYS) rays over the field of view along each heading."""
-    half, first = _rays_in_view(camera) // 2, np.rint(ANGLES / STEP).astype(int)
+    half, first = _rays_in_view(camera) // 2, np.rint(ANGLES / RAY_STEP).astype(int)
     sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays[:, -half:], rays, rays[:, :half]]), axis=1)
     return sums[:, first + 2 * half + 1] - sums[:, first]
 
 
 def cells_in_view(
-    position: NDArray[np.float64], heading: float, camera: kernels.CameraView, terrain: kernels.Terrain
+    position: NDArray[np.float64], heading: float, camera: kernels.CameraView, terrain: kernels.SearchedTerrain
 ) -> NDArray[np.bool_]:
     """(nx, ny) the target cells that a viewpoint at (2,) m with a heading (rad) should show."""
     half = _rays_in_view(camera) // 2
     middle = round(heading / (2 * np.pi) * RAYS)
     # The rays from which the gain was computed, bit for bit, for one may slip through where two cells meet at a
     # corner; and rays in between, for the cells that lie between them.
-    first = np.arange(middle - half, middle + half + 1) % RAYS * STEP
-    bearings = (first[:, None] + np.arange(4) / 4 * STEP).ravel()
+    first = np.arange(middle - half, middle + half + 1) % RAYS * RAY_STEP
+    bearings = (first[:, None] + np.arange(3) / 3 * RAY_STEP).ravel()
     return kernels.cells_in_view(*position, bearings, camera, terrain)
 
 
@@ -77,7 +76,7 @@ class ViewpointGains:
         self,
         cells: NDArray[np.int64],
         camera: kernels.CameraView,
-        terrain: kernels.Terrain,
+        terrain: kernels.SearchedTerrain,
         changed: NDArray[np.bool_],
     ) -> NDArray[np.float64]:
         """(N, 16) m² that viewpoints along each heading should show.
@@ -111,17 +110,17 @@ class ViewpointGains:
 
 
 def _towards(
-    mask: NDArray[np.bool_], cells: NDArray[np.int64], camera: kernels.CameraView, terrain: kernels.Terrain
+    mask: NDArray[np.bool_], cells: NDArray[np.int64], camera: kernels.CameraView, terrain: kernels.SearchedTerrain
 ) -> NDArray[np.bool_]:
     """(N, RAYS) the rays from cells (N, 2) that may meet a cell of a mask (nx, ny)."""
     wanted = np.zeros((len(cells), RAYS), np.bool_)
-    parts, side = np.asarray(blocks(mask, STRIDE).any(axis=0)), STRIDE * terrain.cell
-    here = tuple(cells.T // STRIDE)
+    parts, side = np.asarray(blocks(mask, PLACE_STRIDE).any(axis=0)), PLACE_STRIDE * terrain.cell
+    here = tuple(cells.T // PLACE_STRIDE)
     # For an empty mask the distances mean nothing, but then no ray meets a square either.
     near = (ndimage.distance_transform_edt(~parts) <= camera.reach / side + 2)[here]
     # From outside, a ray enters a piece of the mask through its rim.
     rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
-    wanted[near] = kernels.rays_towards(cells[near], rim, _rays_by_offset(camera.reach, terrain.cell), STRIDE)
+    wanted[near] = kernels.rays_towards(cells[near], rim, _rays_by_offset(camera.reach, terrain.cell), PLACE_STRIDE)
     wanted[parts[here]] = True
     return wanted
 
@@ -133,15 +132,15 @@ def _rays_by_offset(reach: float, cell: float) -> NDArray[np.int16]:
     Indices are those of the block's middle cell, from the corner of a square around the cell; rays may be beyond 0 to
     ``RAYS``, and are none if the block is farther away.
     """
-    most, radius = int(reach / cell) + STRIDE, STRIDE * cell / np.sqrt(2)
+    most, radius = int(reach / cell) + PLACE_STRIDE, PLACE_STRIDE * cell / np.sqrt(2)
     i, j = cell * (np.indices((2 * most + 1,) * 2) - most)
     distance, bearing = np.hypot(i, j), np.arctan2(j, i)
     half = np.where(distance > radius, np.arcsin(radius / np.maximum(distance, radius)), np.pi)
-    first, last = np.floor((bearing - half) / STEP), np.ceil((bearing + half) / STEP)
+    first, last = np.floor((bearing - half) / RAY_STEP), np.ceil((bearing + half) / RAY_STEP)
     return np.stack([first, np.where(distance <= reach + radius, last + 1, first)], axis=-1).astype(np.int16)
 
 
-def _places(cells: NDArray[np.int64], terrain: kernels.Terrain) -> NDArray[np.float64]:
+def _places(cells: NDArray[np.int64], terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
     """(N, 2) m, the middles of cells."""
     return terrain.origin + (cells + 0.5) * terrain.cell
 

@@ -7,25 +7,18 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.labels import RAMP_TILT
+from pipeline.localisation.localisation import KEYFRAME_WAY
+from pipeline.sensor import XTION
 from pipeline.traversability.elevation_kernels import cell_at
 
 RAYS = 180
 """Number of directions around a viewpoint."""
-STEP = 2 * np.pi / RAYS
+RAY_STEP = 2 * np.pi / RAYS
 """rad, from one ray to the next."""
 RAMP = np.tan(RAMP_TILT)
-"""Slope above which ground that rises is a ramp."""
-SUSPECTED_FALL = 0.28
-"""Slope at which ground that a keyframe missed may fall away: a NIST ramp's, 16°."""
-FORGET = 0.3
-"""1/m, by how much the expected fall of the ground after a ramp decreases per metre of level ground."""
-
-MIN_GRAZING = np.deg2rad(8.5)
-"""rad, least angle between a ray and ground that gives a return."""
+"""Slope above which ground that rises is a ramp; a NIST ramp has twice this slope."""
 MAX_UNKNOWN = 1.0
-"""m; a ray is expected to see no farther into unknown terrain."""
-MISSED_RADIUS = 0.35
-"""m; a cell is not expected to be seen from within this distance of where it was missed last."""
+"""m; a ray is expected to see no farther into unknown terrain, and as much level ground ends a ramp's fall."""
 
 
 class CameraView(NamedTuple):
@@ -36,6 +29,7 @@ class CameraView(NamedTuple):
         near, far: distances from the camera at which it sees the ground, m.
         lower_edge, upper_edge: of the image, rad above the horizon.
         field_of_view: along the horizon, rad.
+        grazing: least angle between a ray and ground that gives a return, rad.
     """
 
     height: float
@@ -45,6 +39,7 @@ class CameraView(NamedTuple):
     lower_edge: float
     upper_edge: float
     field_of_view: float
+    grazing: float = XTION.grazing
 
     @property
     def reach(self) -> float:
@@ -52,7 +47,7 @@ class CameraView(NamedTuple):
         return self.far + self.height + self.ahead
 
 
-class Terrain(NamedTuple):
+class SearchedTerrain(NamedTuple):
     """The ground as known, and the targets of keyframes; layers are (nx, ny) on one grid.
 
     Attributes:
@@ -63,7 +58,7 @@ class Terrain(NamedTuple):
         target: bool, unseen ground that counts.
         probability: float32, probability that a cell in view can be seen at all.
         missed_from: (nx, ny, 2) float32 m, where the last keyframe that missed the cell was taken; inf if none did.
-            From within ``MISSED_RADIUS`` of this place the cell is not expected to be seen.
+            From within ``KEYFRAME_WAY`` of this place the cell is not expected to be seen.
         falls: whether unknown ground behind the crest of a ramp is assumed to fall as the ramp rose.
     """
 
@@ -116,7 +111,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
         else:
             level = terrain.elevation[i, j]
             rise = rise_along(i, j, dx, dy, terrain)
-            fall = max(fall_after(rise, terrain), fall - FORGET * cell)
+            fall = max(fall_after(rise, terrain), fall - 2 * RAMP * cell / MAX_UNKNOWN)
         slope = (level - camera) / d
         if slope > ceiling:
             break
@@ -152,24 +147,25 @@ def is_shown(x, y, i, j, d, slope, rise, view, terrain):
     The ray has the ``slope``, and at a horizontal distance of ``d`` m meets ground with the slope ``rise`` along it.
     """
     ex, ey = x - terrain.missed_from[i, j, 0], y - terrain.missed_from[i, j, 1]
-    if not terrain.target[i, j] or ex * ex + ey * ey < MISSED_RADIUS**2:
+    if not terrain.target[i, j] or ex * ex + ey * ey < KEYFRAME_WAY**2:
         return False
     if np.isfinite(ex):
-        rise = min(rise, -SUSPECTED_FALL)
+        # It may fall away as a NIST ramp does.
+        rise = min(rise, -2 * RAMP)
     grazing = np.arctan(rise) - np.arctan(slope)
-    return grazing >= MIN_GRAZING and d * np.sqrt(1 + slope * slope) >= view.near
+    return grazing >= view.grazing and d * np.sqrt(1 + slope * slope) >= view.near
 
 
 @njit(cache=True)
 def ray_gains(places, view, terrain, wanted, known):
     """(N, RAYS) m² that each ray from (N, 2) points should show: cast if ``wanted``, otherwise as ``known``."""
     result = known.copy()
-    seen = np.zeros(int(view.far / terrain.cell) + 9, np.int64)
+    seen = np.zeros(int(view.far / terrain.cell) + 2, np.int64)
     for n in range(len(places)):
         for m in range(RAYS):
             if wanted[n, m]:
-                total, _ = cast_ray(places[n, 0], places[n, 1], m * STEP, view, terrain, seen)
-                result[n, m] = total * terrain.cell * STEP
+                total, _ = cast_ray(places[n, 0], places[n, 1], m * RAY_STEP, view, terrain, seen)
+                result[n, m] = total * terrain.cell * RAY_STEP
     return result
 
 
@@ -197,7 +193,7 @@ def rays_towards(cells, mask, rays, side):
 def cells_in_view(x, y, bearings, view, terrain):
     """(nx, ny) bool, the target cells that rays along ``bearings`` from (x, y) are expected to show."""
     result = np.zeros(terrain.target.size, np.bool_)
-    seen = np.zeros(int(view.far / terrain.cell) + 9, np.int64)
+    seen = np.zeros(int(view.far / terrain.cell) + 2, np.int64)
     for bearing in bearings:
         _, count = cast_ray(x, y, bearing, view, terrain, seen)
         for n in range(count):

@@ -8,30 +8,23 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.frame import Frame
+from pipeline.localisation.localisation import STILL_TURN, STILL_WAY
+from pipeline.localisation.registration import FINE
 from pipeline.localisation.relocalisation_kernels import cast
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import angle_of, inverse
 
-TILE = 20
+PATCH = 20
 """Pixels along each side of the squares that are compared: 1.8° of the Xtion's 640 × 480."""
-WINDOW = 3
-"""Tiles along each side of the window whose depths are all compared: ±2.7°, for a heading may be off by 2°."""
-SHIFT = 0.1
-"""m by which the pose may be off along x and y: 5 cm, and half a voxel."""
-MARGIN = 0.2
-"""m, tolerance of depth besides: the diagonal of a voxel, 0.17, and noise."""
-CARRIED = 0.85
-"""Least share of known tiles that the map must explain: at a right pose it explains 0.99, in dust of 0.5, 0.97."""
-CONTRADICTED = 40
-"""Least number of tiles that contradict the map: a twentieth of the image. Fewer may be one edge, or a thin panel."""
-
-TELLING, SHOWN = 66, 1 / 3
-"""Least number of expected tiles that count, a tenth of an image, and the least share of them that must be known: an
-arena's frames show nearly all, while before a wall, or where nothing is mapped, a carried robot shows none."""
-NEAREST, FARTHEST = 0.9, 3.3
-"""m of depth between which a return is expected."""
-STILL, CHANGED = (0.02, np.deg2rad(2)), 1 / 3
-"""m and rad by the odometry, and a share of tiles: a robot that moved less while more tiles changed was carried."""
+DEPTH_TOLERANCE = 0.2
+"""m by which a depth may differ from the map's: the diagonal of a voxel, 0.17, and noise."""
+LEAST_EXPLAINED = 0.85
+"""Least share of what is known that the map must explain: at a right pose it explains 0.99, in dust of 0.5, 0.97."""
+TELLING_TILES = 40
+"""Least number of tiles that tell anything: a twentieth of the image. Fewer may be one edge, or a thin panel."""
+TELLING_SHARE = 1 / 3
+"""Share of tiles that tells anything. An arena's frames show nearly all that the map expects; before a wall, or where
+nothing is mapped, a carried robot shows none."""
 
 
 class Agreement(NamedTuple):
@@ -69,31 +62,33 @@ class Agreement(NamedTuple):
     @property
     def was_carried(self) -> bool:
         """Whether the frames contradict the map so much that the robot must be elsewhere."""
-        return self.share < CARRIED and self.short + self.through >= CONTRADICTED
+        return self.share < LEAST_EXPLAINED and self.short + self.through >= TELLING_TILES
 
     @property
     def is_doubtful(self) -> bool:
         """Whether so few of the expected tiles are known that the robot may well be elsewhere."""
-        return self.expected >= TELLING and self.known < SHOWN * self.expected
+        return self.expected >= TELLING_TILES and self.known < TELLING_SHARE * self.expected
 
 
 def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap) -> Agreement:
     """Compare a frame with what the map has before the camera, tile by tile of the depth image.
 
     A tile contradicts the map if all returns in the window around it are nearer, or farther, than all that the map
-    has there, for every possible error of the pose. So neither pose errors at edges nor specks of dust count.
+    has there, for every possible error of the pose. So neither pose errors at edges nor returns from dust count.
     """
     depth = tile_depths(frame)
     free, surface = expected_depths(frame, T_map_camera, metric_map)
     # A nearer voxel covers more than a window, though it may hold only the end of a wall beside the view.
-    surface = np.where(surface < NEAREST, np.inf, surface)
-    short = _highest(depth) + MARGIN < _lowest(free)
-    through = _lowest(depth) > _highest(surface) + MARGIN
+    sensor = frame.sensor
+    nearest, farthest = sensor.nearest + sensor.margin, sensor.farthest - sensor.margin
+    surface = np.where(surface < nearest, np.inf, surface)
+    short = _highest(depth) + DEPTH_TOLERANCE < _lowest(free)
+    through = _lowest(depth) > _highest(surface) + DEPTH_TOLERANCE
     seen = np.isfinite(depth)
     # The windows of the outermost tiles would reach beyond the image.
     seen[[0, -1]] = seen[:, [0, -1]] = False
     explained = np.isfinite(surface) & ~short & ~through
-    expected = int(((surface > NEAREST) & (surface < FARTHEST))[1:-1, 1:-1].sum())
+    expected = int(((surface > nearest) & (surface < farthest))[1:-1, 1:-1].sum())
     counts = {"explained": explained, "short": short, "through": through, "seen": seen}
     return Agreement(**{name: int((mask & seen).sum()) for name, mask in counts.items()}, expected=expected)
 
@@ -104,25 +99,26 @@ def shows_another_place(frame: Frame, last: Frame) -> bool:
     A frame from elsewhere may say nothing about the map, as before a wall too near for the camera.
     """
     moved = inverse(last.T_odom_base) @ frame.T_odom_base
-    if np.linalg.norm(moved[:3, 3]) > STILL[0] or angle_of(moved) > STILL[1]:
+    if np.linalg.norm(moved[:3, 3]) > STILL_WAY or angle_of(moved) > STILL_TURN:
         return False
     before, now = (np.where(np.isfinite(depths), depths, 0.0) for depths in map(tile_depths, (last, frame)))
-    return bool((np.abs(now - before) > MARGIN).mean() > CHANGED)
+    return bool((np.abs(now - before) > DEPTH_TOLERANCE).mean() > TELLING_SHARE)
 
 
 def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    return ndimage.minimum_filter(depths, WINDOW)
+    # In a window of ±2.7°, for a heading may be off by 2°.
+    return ndimage.minimum_filter(depths, 3)
 
 
 def _highest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    return ndimage.maximum_filter(depths, WINDOW)
+    return ndimage.maximum_filter(depths, 3)
 
 
 def tile_depths(frame: Frame) -> NDArray[np.float64]:
-    """(H / TILE, W / TILE) median depths, m; infinite where fewer than half of the pixels have a return."""
-    rows, columns = (n // TILE for n in frame.depth.shape)
-    depth = np.where(frame.returns, frame.depth, np.inf)[: rows * TILE : 2, : columns * TILE : 2]
-    tiles = depth.reshape(rows, TILE // 2, columns, TILE // 2).swapaxes(1, 2).reshape(rows, columns, -1)
+    """(H / PATCH, W / PATCH) median depths, m; infinite where fewer than half of the pixels have a return."""
+    rows, columns = (n // PATCH for n in frame.depth.shape)
+    depth = np.where(frame.returns, frame.depth, np.inf)[: rows * PATCH : 2, : columns * PATCH : 2]
+    tiles = depth.reshape(rows, PATCH // 2, columns, PATCH // 2).swapaxes(1, 2).reshape(rows, columns, -1)
     middle = tiles.shape[-1] // 2
     return np.partition(tiles, middle, axis=-1)[..., middle].astype(np.float64)
 
@@ -130,17 +126,17 @@ def tile_depths(frame: Frame) -> NDArray[np.float64]:
 def expected_depths(
     frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depths in the map before a camera that is off by up to SHIFT, at the middle of every tile (H / TILE, W / TILE).
+    """Depths in the map before a camera off by up to ``FINE``, at the middle of every tile (H / PATCH, W / PATCH).
 
     Returns:
         m along the optical axis: the least depth up to which space is free, and the greatest at which the ray meets a
         surface; infinite if it meets none from one of the positions.
     """
-    rows, columns = (n // TILE * TILE for n in frame.depth.shape)
-    middle = frame.intrinsics.rays[TILE // 2 : rows : TILE, TILE // 2 : columns : TILE].astype(np.float64)
+    rows, columns = (n // PATCH * PATCH for n in frame.depth.shape)
+    middle = frame.intrinsics.rays[PATCH // 2 : rows : PATCH, PATCH // 2 : columns : PATCH].astype(np.float64)
     shape, size = middle.shape[:2], metric_map.voxel_size
     rays = middle.reshape(-1, 3) @ T_map_camera[:3, :3].T
-    shifts = SHIFT * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
+    shifts = FINE * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
     origins = T_map_camera[:3, 3] + shifts
     index = metric_map.voxel_index(np.vstack([origins, *(o + rays * metric_map.max_range for o in origins)]))
     lower, upper = index.min(axis=0), index.max(axis=0) + 1

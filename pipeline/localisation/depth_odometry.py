@@ -8,22 +8,16 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import LocalMap
-from pipeline.localisation.odometry import LostError
-from pipeline.localisation.registration import GATES, IMPROBABLE, Prior, Registration, Target, register, shares_of
+from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY, LostError
+from pipeline.localisation.registration import WIDEST, Prior, Registration, Target, register, shares_of
 from pipeline.localisation.slam import cloud_of_frame
 from pipeline.localisation.visual_motion import visual_motion
 from pipeline.transforms import angle_of, inverse
 
-SIGMA = np.repeat([0.15, 0.15], 3)
-"""rad and m, standard deviations of the pose of the next frame about a guess."""
+SIGMA = 0.15
+"""rad and m, standard deviation of the pose of the next frame about a guess."""
 SEEN_SIGMA = np.repeat([0.004, 0.008], 3)
 """The same about the pose by the images; small, since along a plane GICP falsely measures that nothing moves."""
-COARSE = (0.5, 0.5, 0.4, 0.3, *GATES)
-"""m, gates of a registration that starts at a guess."""
-REACH = 0.5
-"""m around a frame's points at the guessed pose within which corresponding points are sought."""
-NEW_WAY, NEW_TURN = 0.15, np.deg2rad(8)
-"""m and rad of motion after which the surfaces of another frame are kept."""
 LEAST_OVERLAP = 0.4
 """Share of a frame's points that must have been seen before, unless its image tells how the camera moved."""
 MOST_BLIND = 30
@@ -89,9 +83,11 @@ class DepthOdometry:
         if by_image is not None:
             seen = self._best(frame, cloud, [by_image], SEEN_SIGMA)
             # Corners in noise or in a repeated pattern may agree on a wrong motion.
-            if seen is None or seen[1].chi2 < IMPROBABLE:
+            if seen is None or seen[1].fits:
                 return (by_image, None) if seen is None else (seen[1].T, seen[0])
-        best = self._best(frame, cloud, [self._T, self._T @ self._motion], SIGMA * (1 + self._blind))
+        best = self._best(
+            frame, cloud, [self._T, self._T @ self._motion], np.repeat([SIGMA, SIGMA], 3) * (1 + self._blind)
+        )
         if best is None or best[1].overlap < LEAST_OVERLAP:
             raise LostError(f"the frame at {frame.time:.2f} s shows little that was seen before")
         return best[1].T, best[0]
@@ -105,11 +101,12 @@ class DepthOdometry:
         found: list[tuple[Target, Registration]] = []
         for T in guesses:
             camera = (T @ frame.T_base_camera)[:3, 3]
-            target = self._map.around(points @ T[:3, :3].T + T[:3, 3], camera, everyone, REACH)
+            target = self._map.around(points @ T[:3, :3].T + T[:3, 3], camera, everyone)
             if target is not None:
-                found.append((target, register(target, cloud, [Prior(T, information)], COARSE)))
+                found.append((target, register(target, cloud, [Prior(T, information)], WIDEST)))
         return max(found, key=lambda pair: pair[1].overlap, default=None)
 
     def _is_new(self) -> bool:
+        # Twice as often as keyframes, so that these find all their surfaces kept.
         moved = inverse(self._kept[-1]) @ self._T
-        return bool(np.linalg.norm(moved[:3, 3]) > NEW_WAY or angle_of(moved) > NEW_TURN)
+        return bool(np.linalg.norm(moved[:3, 3]) > KEYFRAME_WAY / 2 or angle_of(moved) > KEYFRAME_TURN / 2)

@@ -5,21 +5,18 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
+from pipeline.localisation.registration import LEAST_POINTS
 from pipeline.transforms import from_rotation, inverse
 
-STRIDE = 6
+FLOOR_STRIDE = 6
 """Pixels; every sixth row and column is enough."""
-FARTHEST = 5.0
-"""m of depth; noise grows with its square."""
 TRIALS = 400
 """RANSAC samples of three points; if a fifth of the points lie on the floor, one sample lies on it with 96 %."""
-THICKNESS = 0.01, 0.004
-"""m, and 1/m times the squared depth: how far from the plane the floor's returns are."""
 STEEPEST = np.cos(np.deg2rad(60))
 """Cosine of the greatest angle between the floor's normal and the image's upward direction."""
-LEAST = 0.05
+LEAST_FLOOR = 0.05
 """Least share of the returns that lie on the floor."""
-BELOW = 0.02
+MOST_BELOW = 0.02
 """Greatest share of the returns that lie below the floor: a table has a floor below."""
 
 
@@ -31,19 +28,19 @@ def T_floor_camera(frame: Frame) -> NDArray[np.float64]:
     Raises:
         InputError: there is no such plane, or too few returns.
     """
-    depth = frame.depth[::STRIDE, ::STRIDE]
-    shown = (depth > 0) & (depth < FARTHEST)
-    points = frame.intrinsics.rays[::STRIDE, ::STRIDE][shown].astype(np.float64) * depth[shown, None]
-    if len(points) < 100:
+    depth = frame.depth[::FLOOR_STRIDE, ::FLOOR_STRIDE]
+    shown = depth > 0
+    points = frame.intrinsics.rays[::FLOOR_STRIDE, ::FLOOR_STRIDE][shown].astype(np.float64) * depth[shown, None]
+    if len(points) < LEAST_POINTS:
         raise InputError(f"the frame at {frame.time:.2f} s shows too little to tell which way is up")
-    tolerance = THICKNESS[0] + THICKNESS[1] * points[:, 2] ** 2
-    best, most = None, LEAST * len(points)
+    tolerance = 3 * frame.sensor.sigma(points[:, 2])
+    best, most = None, LEAST_FLOOR * len(points)
     rng = np.random.default_rng(0)
     for sample in rng.integers(0, len(points), (TRIALS, 3)):
         plane = _plane(points[sample])
         height = points @ plane[:3] + plane[3]
         on = np.abs(height) < tolerance
-        if -plane[1] > STEEPEST and on.sum() > most and np.mean(height < -3 * tolerance) < BELOW:
+        if -plane[1] > STEEPEST and on.sum() > most and np.mean(height < -3 * tolerance) < MOST_BELOW:
             best, most = on, on.sum()
     if best is None:
         raise InputError(f"the frame at {frame.time:.2f} s shows no floor to tell which way is up")
@@ -59,5 +56,5 @@ def T_floor_camera(frame: Frame) -> NDArray[np.float64]:
 def _plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """(4,) normal that points up in the image, and offset, of the plane through (3, 3) points."""
     normal = np.cross(points[1] - points[0], points[2] - points[0])
-    normal *= -np.sign(normal[1]) / max(float(np.linalg.norm(normal)), 1e-12)
+    normal *= -np.sign(normal[1]) / max(float(np.linalg.norm(normal)), np.finfo(np.float64).eps)
     return np.append(normal, -normal @ points[0])

@@ -4,14 +4,10 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
-from pipeline.localisation.registration import Target, front_normals
+from pipeline.localisation.registration import LEAST_POINTS, WIDEST, Target, front_normals
 
-MARGIN = 0.3
-"""m around a frame's points within which points of the map may correspond to them."""
 FOOT = 0.25, 0.8
 """m, radius of a disc on which the robot stands, and the least upward component of a normal of ground."""
-LEAST = 100
-"""Least number of the map's points to register with."""
 
 
 class LocalMap:
@@ -55,7 +51,7 @@ class LocalMap:
         points: NDArray[np.float64],
         camera: NDArray[np.float64],
         owners: NDArray[np.bool_],
-        margin: float = MARGIN,
+        margin: float = WIDEST,
     ) -> Target | None:
         """The map's points near (N, 3) points that face the camera: a wall seen from behind is another surface.
 
@@ -69,7 +65,7 @@ class LocalMap:
         at, normals = self._in_map
         near = np.flatnonzero(owners[self.owner] & ((at >= low) & (at <= high)).all(axis=1))
         near = near[np.einsum("ni,ni->n", normals[near], camera - at[near]) > 0]
-        return Target(at[near], self.owner[near]) if len(near) >= LEAST else None
+        return Target(at[near], self.owner[near]) if len(near) >= LEAST_POINTS else None
 
     def ground_below(
         self, T_map_base: NDArray[np.float64], owners: NDArray[np.bool_]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from pipeline.localisation.pose_graph import GYRO_SIGMA, Drive
+from pipeline.localisation.pose_graph import GYRO_SIGMA, OdometryMotion
 from pipeline.localisation.registration import Prior, Registration, logarithm
 from pipeline.transforms import from_rotation, inverse, orthonormal
 
@@ -24,9 +24,11 @@ MEAN = 0.0, 0.0, 0.0, 0.4, 0.0
 the slide downhill in m per rad turned and times the sine of the tilt, and the error of the yaw rate in rad/s."""
 SIGMA = 0.02, GYRO_SIGMA[0], 0.02, 0.2, GYRO_SIGMA[1]
 """Initial standard deviations of the parameters."""
-MEMORY = 1000, 1000, 1000, 1000, 100
+ERROR_MEMORY = 1000
 """Keyframes in which a parameter's process noise adds up to its initial variance: floors, tyres and gyros change."""
-GYRO = [1, 4]
+POSE, PARAMETERS = slice(6), slice(6, None)
+"""Parts of a joint covariance (11, 11)."""
+GYRO = [1, -1]
 """Indices of the gyro's parameters, scale and bias. In truth they are constant: the pose graph estimates them too."""
 TURN_SIGMA = 1e-3, 3e-3
 """rad, and rad per rad turned: standard deviation of the odometry's rotation beyond errors of the parameters."""
@@ -40,7 +42,7 @@ SLIDE_SIGMA = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class MeasuredMotion:
     """The motion between two moments as the odometry measures it.
 
     Attributes:
@@ -76,9 +78,9 @@ class Motion:
         return np.stack([nothing, self.turn, nothing, nothing, self.time * np.eye(3)[2]], axis=1)
 
     @property
-    def drive(self) -> Drive:
+    def drive(self) -> OdometryMotion:
         """The motion for the pose graph."""
-        return Drive(self.T, self.moves, self.jacobian[:, GYRO], _noise(self, GYRO_TURN_SIGMA))
+        return OdometryMotion(self.T, self.moves, self.jacobian[:, GYRO], _noise(self, GYRO_TURN_SIGMA))
 
     @cached_property
     def jacobian(self) -> NDArray[np.float64]:
@@ -97,7 +99,7 @@ class Prediction:
         step: (6, 6) covariance of the motion alone, as if the pose before it were known.
     """
 
-    motion: Motion
+    motion: MeasuredMotion
     T_map_base: NDArray[np.float64]
     covariance: NDArray[np.float64]
     step: NDArray[np.float64]
@@ -105,7 +107,7 @@ class Prediction:
     @property
     def prior(self) -> Prior:
         """The predicted pose as a Gaussian."""
-        return Prior(self.T_map_base, np.asarray(np.linalg.inv(self.covariance[:6, :6])))
+        return Prior(self.T_map_base, np.asarray(np.linalg.inv(self.covariance[POSE, POSE])))
 
 
 class MotionModel:
@@ -117,16 +119,19 @@ class MotionModel:
 
     def __init__(self) -> None:
         self.parameters = np.array(MEAN)
-        self._covariance = block_diag(np.zeros((6, 6)), np.diag(np.array(SIGMA) ** 2))
+        self._covariance = np.diag(np.concatenate([np.zeros(6), np.square(SIGMA)]))
 
-    def predict(self, T_map_base: NDArray[np.float64], motion: Motion) -> Prediction:
+    def predict(self, T_map_base: NDArray[np.float64], motion: MeasuredMotion) -> Prediction:
         """The pose after a motion from the newest keyframe's pose (4×4)."""
         delta, J = self._delta(motion, self.parameters), motion.jacobian
-        F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros((5, 6)), np.eye(5)]])
+        F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros_like(J.T), np.eye(len(MEAN))]])
         noise = _noise(motion)
-        covariance = F @ self._covariance @ F.T + block_diag(noise, np.diag(np.array(SIGMA) ** 2 / MEMORY))
+        covariance = F @ self._covariance @ F.T + block_diag(noise, np.diag(np.array(SIGMA) ** 2 / ERROR_MEMORY))
         return Prediction(
-            motion, orthonormal(T_map_base @ delta), covariance, noise + J @ self._covariance[6:, 6:] @ J.T
+            motion,
+            orthonormal(T_map_base @ delta),
+            covariance,
+            noise + J @ self._covariance[PARAMETERS, PARAMETERS] @ J.T,
         )
 
     def take(self, prediction: Prediction, registration: Registration | None) -> None:
@@ -135,12 +140,12 @@ class MotionModel:
         if registration is not None:
             P, H = prediction.prior.information, registration.information
             off = logarithm(np.linalg.solve(prediction.T_map_base, registration.T))
-            self.parameters = self.parameters + C[6:, :6] @ P @ off
+            self.parameters = self.parameters + C[PARAMETERS, POSE] @ P @ off
             gain = P @ np.linalg.solve(P + H, H)
-            C = C - C[:, :6] @ (gain + gain.T) / 2 @ C[:6]
+            C = C - C[:, POSE] @ (gain + gain.T) / 2 @ C[POSE]
         self._covariance = C
 
-    def fit(self, motions: Sequence[Motion | None], poses: NDArray[np.float64]) -> None:
+    def fit(self, motions: Sequence[MeasuredMotion | None], poses: NDArray[np.float64]) -> None:
         """Estimate the parameters from poses of keyframes (K, 4, 4), m in ``map``, that a loop has corrected.
 
         ``motions[k]`` leads from keyframe k - 1 to keyframe k; it is None if the odometry cannot be trusted there.
@@ -154,17 +159,17 @@ class MotionModel:
                 pull += weighted @ logarithm(np.linalg.solve(before @ self._delta(motion, self.parameters), after))
         self.parameters = self.parameters + np.linalg.solve(known, pull)
 
-    def _delta(self, motion: Motion, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _delta(self, motion: MeasuredMotion, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """4×4 motion, corrected by the parameters."""
         R = Rotation.from_rotvec(motion.turn + motion.turns @ parameters).as_matrix()
         return from_rotation(R, motion.T[:3, 3] + motion.moves @ parameters)
 
     def restart(self, covariance: NDArray[np.float64]) -> None:
         """Make a keyframe whose pose has this covariance (6, 6), rad² and m², whatever the odometry measured."""
-        self._covariance = block_diag(covariance, self._covariance[6:, 6:])
+        self._covariance = block_diag(covariance, self._covariance[PARAMETERS, PARAMETERS])
 
 
-def _noise(motion: Motion, turn_sigma: tuple[float, float] = TURN_SIGMA) -> NDArray[np.float64]:
+def _noise(motion: MeasuredMotion, turn_sigma: tuple[float, float] = TURN_SIGMA) -> NDArray[np.float64]:
     """(6, 6) covariance of a motion apart from errors of the parameters, rad² and m²."""
     way, turn, slope = (float(np.linalg.norm(v)) for v in (motion.T[:3, 3], motion.turn, motion.up[:2]))
     rotation = turn_sigma[0] + turn_sigma[1] * turn

@@ -1,52 +1,14 @@
-"""The interface of localisation, and localisation by the odometry alone, for comparison."""
-
-from dataclasses import dataclass
+"""Localisation by the odometry alone, for comparison."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
+from pipeline.localisation.localisation import Localisation, Loop, SavedKeyframes, check_odometry
 
 
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """A loop closure: two keyframes that saw the same place.
-
-    Attributes:
-        first, second: numbers of the keyframes, the older one first.
-        T_first_second: 4×4 pose of the second in the frame of the first, as registered.
-    """
-
-    first: int
-    second: int
-    T_first_second: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Keyframes:
-    """What a later episode must know of keyframes to localise among them.
-
-    Attributes:
-        poses: (K, 4, 4) ``T_map_base``.
-        ups: (K, 3) the vertical in the ``base_link`` of each keyframe.
-        points: (N, 3) points of the surfaces seen, in the ``base_link`` of their keyframe, m.
-        normals: (N, 3) of the points, of length 1.
-        owner: (N,) int64 number of the keyframe that each point belongs to.
-    """
-
-    poses: NDArray[np.float64]
-    ups: NDArray[np.float64]
-    points: NDArray[np.floating]
-    normals: NDArray[np.float64]
-    owner: NDArray[np.int64]
-
-
-class LostError(Exception):
-    """The robot's pose is unknown; the message says why."""
-
-
-class OdometryLocalisation:
-    """Estimates the robot's pose at each frame; this class takes the pose from the odometry unchanged.
+class OdometryLocalisation(Localisation):
+    """Takes the robot's pose from its odometry unchanged.
 
     Attributes:
         T_map_odom: 4×4 pose of ``odom`` in ``map`` by the newest frame; here the two frames are the same.
@@ -108,21 +70,11 @@ class OdometryLocalisation:
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``; here none are kept."""
         return np.zeros((0, 3), np.float32)
 
-    def keyframes(self) -> Keyframes:
+    def keyframes(self) -> SavedKeyframes:
         """All keyframes so far; here without points."""
         nothing = np.zeros((0, 3))
-        return Keyframes(self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64))
+        return SavedKeyframes(self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64))
 
-    def restore(self, keyframes: Keyframes) -> None:
+    def restore(self, keyframes: SavedKeyframes) -> None:
         """Begin with the keyframes of an earlier episode, whose poses stay fixed."""
         self._poses = keyframes.poses
-
-
-Localisation = OdometryLocalisation
-"""The interface of localisation: this class, or its subclass :class:`pipeline.localisation.slam.Slam`."""
-
-
-def check_odometry(frame: Frame) -> None:
-    """Raises LostError if the odometry of a frame is not finite."""
-    if not np.isfinite(frame.T_odom_base).all():
-        raise LostError(f"the odometry at {frame.time:.2f} s is not finite")

@@ -4,43 +4,47 @@ Correlative scan matching (Olson, "Real-time correlative scan matching", 2009) i
 and the elevation map gives the height.
 """
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY
 from pipeline.localisation.relocalisation_kernels import count_values, score
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.transforms import from_yaw, inverse, wrap_angle, yaw_of
 from pipeline.traversability.elevation_map import ElevationMap
 
-UNKNOWN, SURFACE, FREE = range(3)
-"""States of a voxel; an occupied voxel and its neighbours are SURFACE."""
-YAWS = np.arange(72) * 2 * np.pi / 72
+YAWS = np.linspace(0, 2 * np.pi, 72, endpoint=False)
 """rad, the headings that are tried: at 3 m, half a step moves a point by 0.13 m, which SURFACE allows for."""
-STEP = 2
-"""Cells of the elevation map from one tried place to the next: 0.1 m."""
 SEARCHED = 256
 """Number of patches, drawn at random, that the search uses."""
-SAMPLES = 2000
+RANDOM_POSES = 2000
 """Random poses from which the probability that a patch meets a surface by chance is estimated."""
 MISSED = 0.05
 """Probability that a patch lies in free space at the right pose, relative to that at a random pose."""
-DISTINCT = 0.4, np.deg2rad(20)
-"""m and rad; poses closer than both count as one."""
 PROMISING = 0.7
 """Share of the best guess's evidence that another guess needs to be considered: both may be off by half a step."""
-MOST = 12
+MOST_GUESSES = 12
 """Greatest number of promising guesses; if there are more, the place is in doubt."""
+
+
+class VoxelState(IntEnum):
+    """What a voxel holds; an occupied voxel and its neighbours are SURFACE."""
+
+    UNKNOWN = 0
+    SURFACE = 1
+    FREE = 2
 
 
 class Field(NamedTuple):
     """The states of the map's voxels, with a border of unknown ones.
 
     Attributes:
-        voxels: (nx, ny, nz) uint8 UNKNOWN, SURFACE or FREE.
+        voxels: (nx, ny, nz) uint8 :class:`VoxelState`.
         lower: (3,) m in ``map``, lower corner of the first voxel.
         size: side of a voxel, m.
         border: (3,) width of the border at both ends of each axis, m.
@@ -60,7 +64,9 @@ class Field(NamedTuple):
         cells = np.ceil(border / metric_map.voxel_size).astype(np.int64) + 2
         log_odds = metric_map.log_odds(lower - cells, upper + cells)
         surface = ndimage.maximum_filter(log_odds > 0, 3)
-        voxels = np.where(surface, SURFACE, np.where(log_odds < 0, FREE, UNKNOWN)).astype(np.uint8)
+        voxels = np.where(
+            surface, VoxelState.SURFACE, np.where(log_odds < 0, VoxelState.FREE, VoxelState.UNKNOWN)
+        ).astype(np.uint8)
         corner, size = metric_map.corner + (lower - cells) * metric_map.voxel_size, metric_map.voxel_size
         return cls(voxels, corner, size, border)
 
@@ -72,7 +78,7 @@ class Field(NamedTuple):
         """(N,) states at points (N, 3), m in ``map``; UNKNOWN beyond the field."""
         index = np.floor(self.voxel(points)).astype(np.int64)
         inside = ((index >= 0) & (index < self.voxels.shape)).all(axis=1)
-        values = np.full(len(points), UNKNOWN, np.uint8)
+        values = np.full(len(points), VoxelState.UNKNOWN, np.uint8)
         values[inside] = self.voxels[tuple(index[inside].T)]
         return values
 
@@ -96,16 +102,18 @@ class Guess(NamedTuple):
     def is_near(self, T_map_level: NDArray[np.float64]) -> bool:
         """Whether a 4×4 pose is the same within the accuracy of the search."""
         T = inverse(self.T_map_level) @ T_map_level
-        return bool(np.hypot(*T[:2, 3]) < DISTINCT[0] and abs(yaw_of(T)) < DISTINCT[1])
+        return bool(np.hypot(*T[:2, 3]) < KEYFRAME_WAY and abs(yaw_of(T)) < KEYFRAME_TURN)
 
 
 def standable(elevation_map: ElevationMap, field: Field, model: RobotModel) -> NDArray[np.float64]:
     """(N, 3) places on known ground where the map has no surface in the middle of the robot, m in ``map``."""
-    elevation = elevation_map.elevation[::STEP, ::STEP]
+    elevation = elevation_map.elevation[::2, ::2]
     cells = np.argwhere(~np.isnan(elevation))
-    places = np.column_stack([elevation_map.grid.centre_of(STEP * cells), elevation[tuple(cells.T)]])
+    places = np.column_stack([elevation_map.grid.centre_of(2 * cells), elevation[tuple(cells.T)]])
     places = places[field.holds(places)]
-    filled = [field.at(places + np.array([0, 0, z])) == SURFACE for z in (model.body_height, model.headroom)]
+    filled = [
+        field.at(places + np.array([0, 0, z])) == VoxelState.SURFACE for z in (model.body_height, model.headroom)
+    ]
     return places[~np.any(filled, axis=0)]
 
 
@@ -124,12 +132,14 @@ def weigh(points: NDArray[np.float64], places: NDArray[np.float64], field: Field
     """
     rng = np.random.default_rng(0)
     counts = np.zeros((len(points), 3), np.int64)
-    at, yaws = field.voxel(places[rng.integers(len(places), size=SAMPLES)]), rng.choice(YAWS, SAMPLES)
+    at, yaws = field.voxel(places[rng.integers(len(places), size=RANDOM_POSES)]), rng.choice(YAWS, RANDOM_POSES)
     count_values((points / field.size).astype(np.float32), at, yaws, field.voxels, counts)
     counts += 1  # Laplace's rule of succession
-    free = counts[:, FREE] / (counts[:, FREE] + counts[:, SURFACE])
+    _, surface, empty = counts.T
+    free = empty / (empty + surface)
     gain = np.zeros(counts.shape, np.float32)
-    gain[:, SURFACE], gain[:, FREE] = np.log((1 - MISSED * free) / (1 - free)), np.log(MISSED)
+    gain[:, VoxelState.SURFACE] = np.log((1 - MISSED * free) / (1 - free))
+    gain[:, VoxelState.FREE] = np.log(MISSED)
     return gain
 
 
@@ -149,13 +159,13 @@ def search(
     cloud = (points[some] / field.size).astype(np.float32)
     score(cloud, gain[some], field.voxel(places), YAWS, field.voxels, scores)
     least, guesses = PROMISING * scores.max(), list[Guess]()
-    while len(guesses) <= MOST:
+    while len(guesses) <= MOST_GUESSES:
         n, m = np.unravel_index(scores.argmax(), scores.shape)
         if scores[n, m] <= max(least, 0):
             return guesses
         x, y, z = places[n].tolist()
         guesses.append(Guess(from_yaw(x, y, z, YAWS[m]), float(scores[n, m])))
-        beside = np.hypot(*(places[:, :2] - places[n, :2]).T) < DISTINCT[0]
-        turned = np.abs(wrap_angle(YAWS - YAWS[m])) < DISTINCT[1]
+        beside = np.hypot(*(places[:, :2] - places[n, :2]).T) < KEYFRAME_WAY
+        turned = np.abs(wrap_angle(YAWS - YAWS[m])) < KEYFRAME_TURN
         scores[np.ix_(beside, turned)] = -np.inf
     return []

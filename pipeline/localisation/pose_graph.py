@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from pipeline.transforms import orthonormal
 
-GRAVITY = np.deg2rad(0.3)
+GRAVITY_SIGMA = np.deg2rad(0.3)
 """rad, standard deviation of a keyframe's roll and pitch by the odometry: the accelerometer's during a drive."""
 FIXED = 1e-4
 """rad and m, standard deviation of a fixed pose: the first keyframe's position and heading, and restored poses."""
@@ -23,10 +23,9 @@ OUTLIER = 3.0
 GYRO_SIGMA = 0.005, 5e-5
 """Initial standard deviations of the gyro's scale and of its bias in rad/s."""
 _GYRO = 1 << 40  # key of the gyro's scale and bias, which all motions by odometry share
-_UP = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
 
 
-class Drive(NamedTuple):
+class OdometryMotion(NamedTuple):
     """A motion by odometry.
 
     Attributes:
@@ -97,13 +96,13 @@ class PoseGraph:
             information: (6, 6) in the tangent at that pose, 1/rad² and 1/m².
             is_loop: whether it may be an outlier.
         """
-        gaussian = gtsam.noiseModel.Gaussian.Information(information + LOOSE * np.eye(6))
+        gaussian = gtsam.noiseModel.Gaussian.Information(information + LOOSE * np.eye(len(information)))
         robust = gtsam.noiseModel.mEstimator.GemanMcClure.Create(OUTLIER)
         model = gtsam.noiseModel.Robust.Create(robust, gaussian) if is_loop else gaussian
         T_i_j = gtsam.Pose3(np.linalg.solve(self.poses[i], T_map_base))
         self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
 
-    def drive(self, drive: Drive) -> None:
+    def drive(self, drive: OdometryMotion) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
         model, j = gtsam.noiseModel.Gaussian.Covariance(drive.covariance), len(self) - 1
         R = gtsam.Rot3(drive.T[:3, :3])
@@ -132,21 +131,26 @@ class PoseGraph:
         """Move the poses so that they fit all constraints best."""
         graph = gtsam.NonlinearFactorGraph()
         graph.push_back(self._factors)
-        model = gtsam.noiseModel.Isotropic.Sigma(2, GRAVITY)
+        model = gtsam.noiseModel.Isotropic.Sigma(2, GRAVITY_SIGMA)
+        vertical = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
         bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # of an accelerometer that is mounted askew
         for k, up in enumerate(self.ups):
-            graph.add(gtsam.AttitudeFactorPose3(k, _UP, model, gtsam.Unit3(up - bias)))
+            graph.add(gtsam.AttitudeFactorPose3(k, vertical, model, gtsam.Unit3(up - bias)))
         graph.add(gtsam.PriorFactorVector(_GYRO, np.zeros(2), gtsam.noiseModel.Diagonal.Sigmas(np.array(GYRO_SIGMA))))
         values = gtsam.Values()
         values.insert(_GYRO, self.gyro)
         for k, T in enumerate(self.poses):
             values.insert(k, gtsam.Pose3(T))
         params = gtsam.LevenbergMarquardtParams()
-        params.setMaxIterations(10)
         params.setRelativeErrorTol(1e-3)
         result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
         self.gyro = result.atVector(_GYRO)
         self.poses = orthonormal(np.array([result.atPose3(k).matrix() for k in range(len(self))]))
+
+
+def spread(deviation: float) -> NDArray[np.float64]:
+    """(6,) rad and m, standard deviations of a pose whose error moves what the robot sees by ``deviation`` m."""
+    return np.repeat([deviation / LEVER, deviation], 3)
 
 
 def variance_of(covariance: NDArray[np.float64]) -> float:

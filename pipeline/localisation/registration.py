@@ -17,24 +17,27 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
+from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.pose_graph import LEVER
 from pipeline.transforms import orthonormal
 
-VOXEL = 0.05
+CLOUD_VOXEL = 0.05
 """m; clouds are thinned to the mean of the returns in each voxel."""
-NEIGHBOURS = 20
+NORMAL_NEIGHBOURS = 20
 """Number of neighbours from which a point's normal is estimated."""
-GATES = (0.2, 0.2, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1)
-"""m, greatest distance of corresponding points in each step."""
+WIDEST, COARSE, FINE = 0.5, 0.2, 0.1
+"""m, greatest distances of corresponding points: from a guess alone, from odometry, and at the end, two voxels."""
+ROUNDS = 4
+"""Steps of a registration with each of these distances."""
+LEAST_POINTS = 100
+"""Least number of points to register, and to register with."""
 STRAY = 0.063
 """m, standard deviation of a pair's distance across its surface. Single points have less noise, but it is correlated
 among the points of one keyframe, with which later ones are registered."""
-ALIKE = 0.9
+SAME_SURFACE = 0.9
 """Least cosine between the normals of a pair on one surface."""
 FEIGNED = 1e-3
 """Share of the strongest information; weaker information comes from noise and is left out."""
-IMPROBABLE = 22.5
-"""χ² of six degrees of freedom, 99.9 %; a registration so far from its prior disproves it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +80,7 @@ class Target:
         self.owner = owner
         self.cloud = small_gicp.PointCloud(points)
         self.tree = small_gicp.KdTree(self.cloud)
-        small_gicp.estimate_normals(self.cloud, self.tree, num_neighbors=NEIGHBOURS)
+        small_gicp.estimate_normals(self.cloud, self.tree, num_neighbors=NORMAL_NEIGHBOURS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +101,16 @@ class Registration:
     overlap: float
     chi2: float
 
+    @property
+    def fits(self) -> bool:
+        """Whether it is near enough to the priors not to disprove them."""
+        return self.chi2 <= chi2_gate(len(self.covariance))
+
 
 def cloud_of(points: NDArray) -> small_gicp.PointCloud:
     """A thinned cloud with normals from (N, 3) points, m."""
-    cloud = small_gicp.voxelgrid_sampling(points.astype(np.float64), VOXEL)
-    small_gicp.estimate_normals(cloud, num_neighbors=NEIGHBOURS)
+    cloud = small_gicp.voxelgrid_sampling(points.astype(np.float64), CLOUD_VOXEL)
+    small_gicp.estimate_normals(cloud, num_neighbors=NORMAL_NEIGHBOURS)
     return cloud
 
 
@@ -117,7 +125,7 @@ def exponential(tangent: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def register(
-    target: Target, source: small_gicp.PointCloud, priors: Sequence[Prior], gates: Sequence[float] = GATES
+    target: Target, source: small_gicp.PointCloud, priors: Sequence[Prior], farthest: float = COARSE
 ) -> Registration:
     """Fit a source to a target, starting at the mean of the first prior.
 
@@ -125,10 +133,10 @@ def register(
         target: in ``map``.
         source: thinned, with normals, in its own frame.
         priors: of the source's pose in ``map``; together they must determine it.
-        gates: m, greatest distance of corresponding points in each step.
+        farthest: m, greatest distance of corresponding points at first.
     """
     T = priors[0].T
-    for gate in gates:
+    for gate in np.repeat(np.unique([FINE, COARSE, farthest])[::-1], ROUNDS):
         pairs = _Pairs(target, source, T, gate)
         information, pull = pairs.tell()
         total = information.copy()
@@ -140,7 +148,7 @@ def register(
     offsets = [logarithm(np.linalg.solve(T, prior.T)) for prior in priors]
     chi2 = sum(float(o @ p.information @ o) for o, p in zip(offsets, priors, strict=True))
     covariance = np.asarray(np.linalg.inv(total))
-    overlap = float(np.mean(pairs.squared < gates[-1] ** 2))
+    overlap = float(np.mean(pairs.squared < FINE**2))
     return Registration(T, information, covariance, overlap, chi2)
 
 
@@ -154,17 +162,18 @@ def shares_of(
         T: 4×4 pose of the source in the target's frame.
 
     Returns:
-        The shares, the most informative one first, and (N,) bool, the points without a target point within ``VOXEL``.
+        The shares, the most informative one first, and (N,) bool, the points without a target point
+        within ``CLOUD_VOXEL``.
     """
-    pairs = _Pairs(target, source, T, GATES[-1])
+    pairs = _Pairs(target, source, T, FINE)
     owner = target.owner[pairs.target]
     shares = []
     for one in np.unique(owner):
         H, pull = pairs.tell(owner == one)
         # The identity decides what a few points leave undetermined: there the share's own minimum is meaningless.
-        delta = np.linalg.solve(H + np.eye(6), pull)
+        delta = np.linalg.solve(H + np.eye(len(H)), pull)
         shares.append(Share(int(one), T @ exponential(np.asarray(delta)), H))
-    return sorted(shares, key=lambda share: -np.trace(share.information)), pairs.squared > VOXEL**2
+    return sorted(shares, key=lambda share: -np.trace(share.information)), pairs.squared > CLOUD_VOXEL**2
 
 
 class _Pairs:
@@ -188,7 +197,7 @@ class _Pairs:
         near = np.flatnonzero(self.squared < gate**2)
         n, m = target.cloud.normals()[index[near], :3], source.normals()[near, :3] @ R.T
         cosine = np.einsum("ni,ni->n", n, m)
-        alike = np.abs(cosine) > ALIKE
+        alike = np.abs(cosine) > SAME_SURFACE
         self.source, self.target = near[alike], index[near[alike]]
         away = target.cloud.points()[self.target, :3] - at[self.source]
         self.rows = []
@@ -206,7 +215,7 @@ class _Pairs:
         lever = np.repeat([LEVER, 1.0], 3)
         pull: NDArray[np.float64] = -(J_n.T @ r_m + J_m.T @ r_n) / 2
         strength, directions = np.linalg.eigh((J_n.T @ J_m + J_m.T @ J_n) / 2 / np.outer(lever, lever))
-        real = np.clip(1 - FEIGNED * strength[-1] / np.maximum(strength, 1e-9), 0, 1)
+        real = np.clip(1 - FEIGNED * strength[-1] / np.maximum(strength, np.finfo(np.float64).eps), 0, 1)
         scaled: NDArray[np.float64] = lever[:, None] * directions
         return scaled * (strength * real) @ scaled.T, scaled @ (real * (directions.T @ (pull / lever)))
 

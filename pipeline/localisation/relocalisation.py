@@ -8,51 +8,24 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
-from pipeline.localisation.agreement import Agreement, agreement
-from pipeline.localisation.place_search import (
-    FREE,
-    SEARCHED,
-    SURFACE,
-    UNKNOWN,
-    Field,
-    Guess,
-    search,
-    standable,
-    weigh,
-)
+from pipeline.localisation.agreement import LEAST_EXPLAINED, Agreement, agreement
+from pipeline.localisation.place_search import SEARCHED, Field, Guess, VoxelState, search, standable, weigh
+from pipeline.localisation.pose_graph import GRAVITY_SIGMA, spread
+from pipeline.localisation.registration import CLOUD_VOXEL, COARSE, FINE, NORMAL_NEIGHBOURS
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points, yaw_of
 from pipeline.traversability.elevation_map import ElevationMap
 
-PATCH = 0.2
-"""m, side of the patches in which the robot's observations are compared with the map."""
-THIN, COARSE = 0.05, 0.1
-"""m, to which the map's points and a single frame, and all frames together, are thinned for registration."""
-REACHES = 0.3, 0.1
-"""m, greatest distances of correspondences: first enough for half a step of the search, then one voxel."""
 LEAST_FRAMES = 3
 """Least number of frames: one corner of a room looks like another, above all in an incomplete map."""
-COVERED = 0.85
-"""Least share of the patches within a voxel of the map's points; with fewer, the map knows too little there."""
 RIVAL = 1e-4
 """Greatest likelihood of any other place, relative to the best one."""
-CORRELATED = 3
+CORRELATED_PATCHES = 3
 """Number of patches that count as one: neighbours lie on a surface together, by chance or rightly."""
-NEIGHBOURS = 10
-"""Number of points from which a normal is estimated."""
-DRIFT = np.array([3e-3, 3e-3, 0.05, 0.1, 0.1, 0.03])
-"""rad and m, standard deviations: roll, pitch, yaw, x, y and z of the newest pose by all frames together, while a
-robot turns on a slope and slides."""
-DEPENDENT = 4
-"""Number of points thinned to THIN whose errors are correlated: those in a voxel of COARSE on a surface."""
-GROUND = 0.1
-"""m, greatest distance of a place from the ground: on the crest of a ridge it is 0.03 above the mean of a cell."""
-CERTAIN = 0.05
-"""m, standard deviation of the position above which the pose is in doubt."""
 
 
-class Place(NamedTuple):
+class RegisteredGuess(NamedTuple):
     """A registered guess; ``covered`` is the share of the patches that lie on surfaces of the map."""
 
     guess: Guess
@@ -69,40 +42,46 @@ class MapPoints:
             near |= (np.abs(points[:, :2] - guess.T_map_level[:2, 3]) < reach).all(axis=1)
         self.is_empty = not near.any()
         if not self.is_empty:
-            self._cloud, self._tree = prepared(points[near], THIN)
+            self._cloud, self._tree = prepared(points[near], CLOUD_VOXEL)
 
     def are_near(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
         """(N,) whether a point of the map lies within a voxel of points (N, 3), m in ``map``."""
         _, squared = self._tree.batch_nearest_neighbor_search(points.astype(np.float64))
-        return np.asarray(np.asarray(squared) < REACHES[-1] ** 2)
+        return np.asarray(np.asarray(squared) < FINE**2)
 
     def align(self, cloud: small_gicp.PointCloud, T_map_level: NDArray[np.float64]) -> NDArray[np.float64]:
         """4×4 pose of a levelled cloud as registered; it stays level."""
-        for reach in REACHES:
+        for reach in (COARSE, FINE):
             T = self._register(cloud, T_map_level, reach).T_target_source
             T_map_level = level(T)
         return T_map_level
 
     def correct(self, cloud: small_gicp.PointCloud, T_map_level: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """4×4 pose that fuses the registration of a cloud with the prior of DRIFT; None if it is not CERTAIN."""
+        """4×4 pose that fuses the registration of a cloud with a prior of the drift since the first frame.
+
+        None if the position is less certain than ``CLOUD_VOXEL``.
+        """
         T = T_map_level
-        for reach in REACHES:
+        for reach in (COARSE, FINE):
             result = self._register(cloud, T, reach)
             T = result.T_target_source
         move = inverse(T_map_level) @ T
         change = np.concatenate([Rotation.from_matrix(move[:3, :3]).as_rotvec(), move[:3, 3]])
-        covariance = np.linalg.inv(result.H / DEPENDENT + np.diag(DRIFT**-2))
-        if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > CERTAIN**2:
+        # Errors of points closer than a correspondence are one error.
+        information = result.H * (CLOUD_VOXEL / FINE) ** 2
+        # While it looks around on a slope, a robot slides.
+        drift = spread(FINE)
+        drift[:2] = GRAVITY_SIGMA
+        covariance = np.linalg.inv(information + np.diag(drift**-2.0))
+        if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > CLOUD_VOXEL**2:
             return None
-        change = covariance @ (result.H / DEPENDENT) @ change
+        change = covariance @ information @ change
         return T_map_level @ from_rotation(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:])
 
     def _register(
         self, cloud: small_gicp.PointCloud, T: NDArray[np.float64], reach: float
     ) -> small_gicp.RegistrationResult:
-        return small_gicp.align(
-            self._cloud, cloud, self._tree, T, "GICP", max_correspondence_distance=reach, max_iterations=10
-        )
+        return small_gicp.align(self._cloud, cloud, self._tree, T, "GICP", max_correspondence_distance=reach)
 
 
 class Relocalisation:
@@ -144,18 +123,18 @@ class Relocalisation:
         cloud = np.vstack([*map(self._points, self.frames)])
         if len(cloud) < SEARCHED:
             return None
-        patches = thinned(cloud, PATCH)
+        patches = thinned(cloud, COARSE)
         field = Field.around(metric_map, patches)
         places = standable(elevation_map, field, self._model)
         if not len(places):
             return None
         gain = weigh(patches, places, field)
         guesses = search(patches, gain, places, field)
-        target = MapPoints(points, guesses, field.border[0] + REACHES[0])
+        target = MapPoints(points, guesses, field.border[0] + COARSE)
         if target.is_empty:
             return None
-        source, _ = prepared(cloud, COARSE)
-        found: list[Place] = []
+        source, _ = prepared(cloud, FINE)
+        found: list[RegisteredGuess] = []
         for guess in guesses:
             T_map_level = target.align(source, guess.T_map_level)
             is_new = not any(place.guess.is_near(T_map_level) for place in found)
@@ -172,7 +151,7 @@ class Relocalisation:
 
     def _points(self, frame: Frame) -> NDArray[np.float64]:
         """(N, 3) thinned returns of a frame in ``level``, m."""
-        return thinned(frame.points(self._T_level_odom @ frame.T_odom_base @ frame.T_base_camera)[::2], THIN)
+        return thinned(frame.points(self._T_level_odom @ frame.T_odom_base @ frame.T_base_camera)[::2], CLOUD_VOXEL)
 
     def _contradicts(self, T_map_level: NDArray[np.float64], metric_map: MetricMap) -> bool:
         """Whether the frames contradict the map if the robot is at a 4×4 pose."""
@@ -185,14 +164,14 @@ class Relocalisation:
         points = self._points(self.frames[-1])
         if len(points) < SEARCHED:
             return None
-        corrected = target.correct(prepared(points, THIN)[0], T_map_level)
+        corrected = target.correct(prepared(points, CLOUD_VOXEL)[0], T_map_level)
         return None if corrected is None else corrected @ self._T_level_odom @ self.frames[-1].T_odom_base
 
 
 def stands(T_map_level: NDArray[np.float64], elevation_map: ElevationMap) -> bool:
-    """Whether a 4×4 pose is on the ground, within ``GROUND`` m, or the ground there is unknown."""
+    """Whether a 4×4 pose is on the ground, within ``FINE`` m, or the ground there is unknown."""
     ground = elevation_map.grid.at(elevation_map.elevation, T_map_level[:2, 3], outside=np.nan)
-    return not abs(T_map_level[2, 3] - ground) > GROUND
+    return not abs(T_map_level[2, 3] - ground) > FINE
 
 
 def judge(
@@ -201,22 +180,22 @@ def judge(
     gain: NDArray[np.float32],
     target: MapPoints,
     field: Field,
-) -> Place:
+) -> RegisteredGuess:
     """How well a pose explains (P, 3) patches, m from the levelled robot; ``gain`` (P, 3) is their worth."""
     moved = transform_points(T_map_level, patches)
-    covered = target.are_near(moved)
-    value = np.where(covered, SURFACE, np.where(field.at(moved) == UNKNOWN, UNKNOWN, FREE))
+    covered, is_unknown = target.are_near(moved), field.at(moved) == VoxelState.UNKNOWN
+    value = np.where(covered, VoxelState.SURFACE, np.where(is_unknown, VoxelState.UNKNOWN, VoxelState.FREE))
     evidence = float(gain[np.arange(len(gain)), value].sum())
-    return Place(Guess(T_map_level, evidence), float(covered.mean()))
+    return RegisteredGuess(Guess(T_map_level, evidence), float(covered.mean()))
 
 
-def decide(found: list[Place]) -> NDArray[np.float64] | None:
+def decide(found: list[RegisteredGuess]) -> NDArray[np.float64] | None:
     """4×4 pose of the best place if the map covers it and it is far likelier than any other and than chance."""
     ranked = sorted(found, key=lambda place: -place.guess.evidence)
-    if not ranked or ranked[0].covered < COVERED:
+    if not ranked or ranked[0].covered < LEAST_EXPLAINED:
         return None
     rival = ranked[1].guess.evidence if len(ranked) > 1 else 0.0
-    is_clear = (ranked[0].guess.evidence - rival) / CORRELATED > -np.log(RIVAL)
+    is_clear = (ranked[0].guess.evidence - rival) / CORRELATED_PATCHES > -np.log(RIVAL)
     return ranked[0].guess.T_map_level if is_clear else None
 
 
@@ -235,4 +214,4 @@ def thinned(points: NDArray[np.floating], size: float) -> NDArray[np.float64]:
 
 def prepared(points: NDArray[np.floating], size: float) -> tuple[small_gicp.PointCloud, small_gicp.KdTree]:
     """Points (N, 3), m, thinned to voxels of ``size`` m, with their covariances, and a KD tree of them."""
-    return small_gicp.preprocess_points(points.astype(np.float64), size, num_neighbors=NEIGHBOURS)
+    return small_gicp.preprocess_points(points.astype(np.float64), size, num_neighbors=NORMAL_NEIGHBOURS)

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-STEP = 0.25
+RAY_STEP = 0.25
 """Voxels along the optical axis between the samples of a ray."""
 
 
@@ -46,7 +46,7 @@ def _follow(ray, origin, voxels, reach):
             last_free = depth
         elif last_free > 0:
             return depth, False
-        depth += STEP
+        depth += RAY_STEP
     return (reach if last_free > 0 else 0.0), False
 
 

@@ -17,13 +17,17 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.localisation.local_map import MARGIN, LocalMap
-from pipeline.localisation.motion_model import GYRO, WAY_SIGMA, Motion, MotionModel, Prediction
-from pipeline.localisation.odometry import Keyframes, Localisation, Loop, LostError, check_odometry
-from pipeline.localisation.pose_graph import GRAVITY, LEVER, PoseGraph
+from pipeline.localisation.local_map import LocalMap
+from pipeline.localisation.localisation import Localisation, Loop, LostError, SavedKeyframes, check_odometry
+from pipeline.localisation.motion_model import GYRO, WAY_SIGMA, MeasuredMotion, MotionModel, Prediction
+from pipeline.localisation.pose_graph import GRAVITY_SIGMA, PoseGraph, spread
 from pipeline.localisation.registration import (
-    GATES,
-    IMPROBABLE,
+    CLOUD_VOXEL,
+    COARSE,
+    FINE,
+    LEAST_POINTS,
+    NORMAL_NEIGHBOURS,
+    WIDEST,
     Prior,
     Registration,
     Share,
@@ -35,49 +39,29 @@ from pipeline.localisation.registration import (
 )
 from pipeline.transforms import from_rotation, inverse, orthonormal, transform_points
 
-FARTHEST = 3.4
-"""m of depth; beyond it, the sensor's limit cuts off the far half of its noise."""
 AROUND = 9
-"""Pixels along each side of a square whose mean depth is compared with that limit. Comparing single depths would cut
-off the far half of their noise too: walls at the limit came 3 cm too near, and a first turn closed 1° too short."""
-STRIDE = 2
-"""Pixels; every other row and column is enough for means over ``VOXEL``."""
-LEAST_RETURNS, LEAST_POINTS = 300, 50
-"""Least number of returns, and of points thinned from them; frames with fewer cannot be registered."""
-PROBABLE = 12.6
-"""χ² of six degrees of freedom, 95 %; frames of another place fit this well by chance only."""
-CONTRADICTED = 100.0
+"""Pixels along each side of a square whose mean depth is compared with the sensor's limit. Comparing single depths
+would cut off the far half of their noise too: walls at the limit came 3 cm too near, and a first turn closed 1° too
+short."""
+IMPOSSIBLE = 100.0
 """χ² above which slipping wheels cannot explain a contradicted odometry: of 800 frames the greatest was 45."""
-POOR, BETTER = 0.6, 0.1
-"""Overlap below which wheels may have slipped, and by how much more overlap assuming a slip must give."""
-STOPPED = 0.05
-"""m by the odometry after which a camera that shows the very same depths has stopped: noise changes every image."""
+ENOUGH_OVERLAP, BETTER = 0.6, 0.1
+"""Overlap below which wheels may have slipped and a loop is doubtful; and by how much more overlap assuming a slip
+must give."""
 BLIND = 3.0
 """m by the odometry without a registration; the wheels may also have spun before a wall too near to be measured."""
-JUMP = 1.0
-"""m between keyframes; an odometry that measures more has jumped, and is ignored."""
-SINCE_JUMP = (0.5,) * 6 + GATES
-"""m, gates of a registration that starts where the robot was before the odometry jumped."""
-SET_DOWN = np.repeat([0.05, 0.1], 3)
-"""rad and m, standard deviations of a pose at which a robot was found again."""
 MOST_SHARES = 6
 """Greatest number of keyframes that a new one is connected with: those with the most information."""
-KNOWN = 0.1
+KNOWN = FINE
 """m; keyframes with a smaller deviation from the newest one make up one map to register with. Others make a loop."""
 TOLD = 0.01
 """Least information along the way, relative to the best known direction, to tell that wheels slipped: on bare floors,
 where robots that drove seem to have stayed, it is less than 0.0004 in 95 of 100 frames."""
 FAR_OFF = 1.0
-"""m, greatest distance at which a loop is sought, however uncertain the pose is."""
-UNPINNED = 0.15
-"""m; if the deviation is smaller, a loop may leave a direction, as along a corridor, to the odometry."""
-TELLS = 0.25
-"""Greatest share of the variance in heading or a horizontal direction, whichever shrinks most, that a loop leaves."""
-STANDS, LEAST_GROUND = 0.015, 20
-"""m, standard deviation of the height of the ground, as known, under the robot, as measured on half ramps;
-and the least number of points of this ground."""
-LOOP_OVERLAP = 0.6
-"""Least share of a frame's points that a loop explains."""
+"""m; a loop is sought no farther, however uncertain the pose is, and an odometry that measures more between two
+keyframes has jumped and is ignored."""
+GROUND_SIGMA = 0.015
+"""m, standard deviation of the height of the ground, as known, under the robot, as measured on half ramps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +106,7 @@ class Slam(Localisation):
         self.closes_loops, self.on_ground = closes_loops, on_ground
         self.slips = 0
         self._odometry: list[tuple[float, NDArray[np.float64]]] = []
-        self._motions: list[Motion | None] = []
+        self._motions: list[MeasuredMotion | None] = []
         self._anchor: NDArray[np.float64] | None = None
         self._deviations = np.zeros(0)
         self._unseen_way = 0.0
@@ -144,7 +128,7 @@ class Slam(Localisation):
     def is_contradicted(self) -> bool:
         """Whether registration of the newest frame contradicts the odometry more than slipping wheels can explain."""
         match = self._match
-        return bool(match and match.step and match.registration and match.registration.chi2 > CONTRADICTED)
+        return bool(match and match.step and match.registration and match.registration.chi2 > IMPOSSIBLE)
 
     @property
     def is_blind(self) -> bool:
@@ -157,7 +141,7 @@ class Slam(Localisation):
         match = self._match
         if match is None or match.registration is None:
             return None
-        return match.step is not None and match.registration.chi2 < PROBABLE
+        return match.step is not None and match.registration.fits
 
     @property
     def overlap(self) -> float:
@@ -187,7 +171,7 @@ class Slam(Localisation):
         elif match.registration:
             self.motion.restart(match.registration.covariance)
         elif len(self.graph):
-            self.motion.restart(np.diag(SET_DOWN**2))
+            self.motion.restart(np.diag(spread(KNOWN) ** 2))
         way = float(np.linalg.norm(match.prediction.motion.T[:3, 3])) if match.prediction else 0.0
         self._unseen_way = 0.0 if match.registration else self._unseen_way + way
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
@@ -237,12 +221,12 @@ class Slam(Localisation):
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
         return self.local_map.all_points()
 
-    def keyframes(self) -> Keyframes:
+    def keyframes(self) -> SavedKeyframes:
         """All keyframes so far."""
         known = self.local_map
-        return Keyframes(self.poses, np.array(self.graph.ups), known.points, known.normals, known.owner)
+        return SavedKeyframes(self.poses, np.array(self.graph.ups), known.points, known.normals, known.owner)
 
-    def restore(self, keyframes: Keyframes) -> None:
+    def restore(self, keyframes: SavedKeyframes) -> None:
         """Begin with the keyframes of an earlier episode, whose poses stay fixed; :meth:`set_down` gives the robot's.
 
         Raises:
@@ -262,7 +246,8 @@ class Slam(Localisation):
         last = self._match.frame if self._match else None
         if last is not None and np.array_equal(last.depth, frame.depth) and frame.returns.any():
             moved = inverse(last.T_odom_base) @ frame.T_odom_base
-            if np.linalg.norm(moved[:3, 3]) > STOPPED:
+            # Noise changes every image.
+            if np.linalg.norm(moved[:3, 3]) > CLOUD_VOXEL:
                 raise LostError(f"the camera has stopped: at {frame.time:.2f} s it shows what it showed before")
 
     def _count_turns(self, frame: Frame) -> None:
@@ -280,21 +265,21 @@ class Slam(Localisation):
         if not len(self.graph) and self._anchor is None:
             return _Match(frame, orthonormal(frame.T_odom_base), cloud=cloud)
         odometry = self._by_odometry(frame) if self._anchor is None else None
-        gates: Sequence[float] = GATES
-        if odometry is not None and np.linalg.norm(odometry.T_map_base[:3, 3] - self.poses[-1, :3, 3]) > JUMP:
-            self._anchor, odometry, gates = self.poses[-1], None, SINCE_JUMP
-        first = odometry.prior if odometry else Prior(np.asarray(self._anchor), np.diag(SET_DOWN**-2.0))
+        farthest = COARSE
+        if odometry is not None and np.linalg.norm(odometry.T_map_base[:3, 3] - self.poses[-1, :3, 3]) > FAR_OFF:
+            self._anchor, odometry, farthest = self.poses[-1], None, WIDEST
+        first = odometry.prior if odometry else Prior(np.asarray(self._anchor), np.diag(spread(KNOWN) ** -2.0))
         step = Prior(first.T, np.asarray(np.linalg.inv(odometry.step))) if odometry else None
         points = cloud.points()[:, :3] if cloud else np.zeros((1, 3))
-        target = self._target(points, first.T, frame, self._deviations < KNOWN, MARGIN) if cloud else None
+        target = self._target(points, first.T, frame, self._deviations < KNOWN, WIDEST) if cloud else None
         if target is None:
             return _Match(frame, first.T, odometry, step, cloud)
         stand = self._stand(first.T)
         known = [Prior(stand.T, stand.information)] if stand else []
-        registration = register(target, cloud, [first, by_gravity(first.T, frame), *known], gates)
-        if odometry is not None and (registration.chi2 > IMPROBABLE or registration.overlap < POOR):
+        registration = register(target, cloud, [first, by_gravity(first.T, frame), *known], farthest)
+        if odometry is not None and not (registration.fits and registration.overlap >= ENOUGH_OVERLAP):
             prior, slipped = slipped_registration(target, cloud, first, self.poses[-1], frame)
-            is_better = registration.chi2 > IMPROBABLE or slipped.overlap > registration.overlap + BETTER
+            is_better = not registration.fits or slipped.overlap > registration.overlap + BETTER
             # On a bare floor, which looks the same everywhere, the pose of a robot that stayed always fits best.
             way = (inverse(slipped.T) @ first.T)[:3, 3]
             if is_better and is_pinned(slipped.information, way):
@@ -316,7 +301,7 @@ class Slam(Localisation):
     def _by_odometry(self, frame: Frame) -> Prediction:
         """The pose by the odometry since the newest keyframe."""
         (time, T_odom_base), up = self._odometry[-1], self.graph.ups[-1]
-        motion = Motion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time, self._turned)
+        motion = MeasuredMotion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time, self._turned)
         return self.motion.predict(self.poses[-1], motion)
 
     def _connect(
@@ -336,10 +321,14 @@ class Slam(Localisation):
         In a narrow place the camera sees walls alone, which do not tell how high the robot is.
         """
         heights, owners = self.local_map.ground_below(T_map_base, self._deviations < KNOWN)
-        if not self.on_ground or len(heights) < LEAST_GROUND:
+        if not self.on_ground or len(heights) < NORMAL_NEIGHBOURS:
             return None
         lifted = T_map_base @ from_rotation(np.eye(3), np.array([0.0, 0.0, np.median(heights)]))
-        return Share(int(np.bincount(owners).argmax()), lifted, np.diag([0.0] * 5 + [STANDS**-2]))
+        return Share(
+            int(np.bincount(owners).argmax()),
+            lifted,
+            block_diag(np.zeros((3, 3)), np.diag([0.0, 0.0, GROUND_SIGMA**-2])),
+        )
 
     def _find_loop(self, number: int, match: _Match) -> None:
         """Register the newest keyframe with those nearby whose relative position is uncertain; one loop at a time."""
@@ -347,18 +336,19 @@ class Slam(Localisation):
         if self._loop is not None or match.cloud is None or not unknown.any():
             return
         T, reach = self.poses[number], min(float(self._deviations.max()), FAR_OFF)
-        target = self._target(match.cloud.points()[:, :3], T, match.frame, unknown, MARGIN + reach)
+        target = self._target(match.cloud.points()[:, :3], T, match.frame, unknown, WIDEST + reach)
         if target is None:
             return
         deviation = min(float(self._deviations[np.unique(target.owner)].max()), FAR_OFF)
-        prior = Prior(T, np.diag(np.repeat([deviation / LEVER, deviation], 3) ** -2.0))
-        gates = (max(2 * deviation, GATES[0]),) * 4 + GATES
-        found = register(target, match.cloud, [prior, by_gravity(T, match.frame)], gates)
-        # Along a corridor a loop determines the heading alone.
-        level = found.covariance[2:5, 2:5] * prior.information.diagonal()[2:5]
-        tells = np.linalg.eigvals(level).real.min() < TELLS
-        is_safe = deviation < UNPINNED or is_pinned(found.information)
-        if found.overlap >= LOOP_OVERLAP and found.chi2 <= IMPROBABLE and tells and is_safe:
+        prior = Prior(T, np.diag(spread(deviation) ** -2.0))
+        found = register(target, match.cloud, [prior, by_gravity(T, match.frame)], max(2 * deviation, COARSE))
+        # A loop must at least halve a deviation of the heading or of a horizontal direction.
+        horizontal = slice(2, 5)
+        level = found.covariance[horizontal, horizontal] * prior.information.diagonal()[horizontal]
+        tells = np.linalg.eigvals(level).real.min() < 1 / 2**2
+        # Near enough to register from the odometry, a loop may leave a direction to it, as along a corridor.
+        is_safe = deviation < COARSE or is_pinned(found.information)
+        if found.overlap >= ENOUGH_OVERLAP and found.fits and tells and is_safe:
             self._loop = number, found, shares_of(target, match.cloud, found.T)[0][:MOST_SHARES]
 
     def _close_loop(self, number: int, found: Registration, shares: Sequence[Share]) -> None:
@@ -374,13 +364,14 @@ class Slam(Localisation):
 
 def cloud_of_frame(frame: Frame) -> small_gicp.PointCloud | None:
     """The frame's returns in ``base_link``, thinned; None if there are too few."""
-    depth = frame.depth[::STRIDE, ::STRIDE]
+    depth = frame.depth[::2, ::2]
     returns = depth > 0
     square = AROUND, AROUND
-    returns &= cv2.blur(depth, square) <= FARTHEST * cv2.blur(returns.astype(np.float32), square)
-    if np.count_nonzero(returns) < LEAST_RETURNS:
+    farthest = frame.sensor.farthest - frame.sensor.margin
+    returns &= cv2.blur(depth, square) <= farthest * cv2.blur(returns.astype(np.float32), square)
+    if np.count_nonzero(returns) < LEAST_POINTS:
         return None
-    points = frame.intrinsics.rays[::STRIDE, ::STRIDE][returns] * depth[returns, None]
+    points = frame.intrinsics.rays[::2, ::2][returns] * depth[returns, None]
     cloud = cloud_of(transform_points(frame.T_base_camera, points))
     return cloud if cloud.size() >= LEAST_POINTS else None
 
@@ -397,7 +388,7 @@ def slipped_registration(
     way = WAY_SIGMA[0] + np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3])
     rotation = np.linalg.inv(np.linalg.inv(odometry.information)[:3, :3])
     prior = Prior(odometry.T, block_diag(rotation, np.eye(3) / way**2))
-    begins = Prior(stayed, np.zeros((6, 6))), Prior(odometry.T, np.zeros((6, 6)))
+    begins = (Prior(T, np.zeros_like(prior.information)) for T in (stayed, odometry.T))
     found = [register(target, cloud, [begin, prior, by_gravity(prior.T, frame)]) for begin in begins]
     return prior, max(found, key=lambda registration: registration.overlap)
 
@@ -406,9 +397,8 @@ def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:
     """A prior of roll and pitch alone: the pose ``T`` (4×4), rotated until its vertical is the odometry's."""
     up = frame.T_odom_base[2, :3]
     level = T @ exponential(np.append(np.cross(up, T[2, :3]), np.zeros(3)))
-    information = np.zeros((6, 6))
-    information[:3, :3] = (np.eye(3) - np.outer(up, up)) / GRAVITY**2
-    return Prior(level, information)
+    tilt = (np.eye(3) - np.outer(up, up)) / GRAVITY_SIGMA**2
+    return Prior(level, block_diag(tilt, np.zeros((3, 3))))
 
 
 def is_pinned(information: NDArray[np.float64], way: NDArray[np.float64] | None = None) -> bool:
@@ -416,8 +406,10 @@ def is_pinned(information: NDArray[np.float64], way: NDArray[np.float64] | None 
 
     It must do so in every direction, or only along a ``way`` (3,), m, in the frame of the pose.
     """
-    covariance = np.linalg.inv(information + np.eye(6))[3:, 3:]
+    covariance = np.linalg.inv(information + np.eye(len(information)))[3:, 3:]
     variances = np.linalg.eigvalsh(covariance)
     if way is None:
         return bool(variances[-1] < KNOWN**2)
-    return bool(way @ covariance @ way < min(KNOWN**2, variances[0] / TOLD) * max(float(way @ way), 1e-12))
+    return bool(
+        way @ covariance @ way < min(KNOWN**2, variances[0] / TOLD) * max(float(way @ way), np.finfo(np.float64).eps)
+    )

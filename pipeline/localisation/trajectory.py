@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, inverse
 
-NEAR = 0.02  # s from a pose within which it is still valid
+STILL_VALID = 0.02  # s from a pose within which it is still valid
 LONGEST_GAP = 0.5  # s between two poses, the longest time over which they are interpolated
 
 
@@ -39,7 +39,7 @@ class Trajectory:
             start, end = self.poses[pair, :3, 3]
             return from_rotation(R, start + share * (end - start))
         k = min((k for k in (after - 1, after) if 0 <= k < len(self.times)), key=lambda k: abs(self.times[k] - time))
-        return self.poses[k] if abs(self.times[k] - time) <= NEAR else None
+        return self.poses[k] if abs(self.times[k] - time) <= STILL_VALID else None
 
     def of_base(self, T_base_camera: NDArray[np.float64]) -> "Trajectory":
         """The trajectory of ``base_link``, on which the camera has a 4×4 pose."""

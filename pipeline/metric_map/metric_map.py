@@ -12,6 +12,7 @@ from pipeline.frame import Intrinsics
 from pipeline.metric_map.blocks import BlockArray, Key, parts
 from pipeline.metric_map.grid_kernels import WORD, any_mark, fold, is_rigid
 from pipeline.metric_map.updates import Scan, Updater
+from pipeline.sensor import XTION
 
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel
 
@@ -46,7 +47,7 @@ class MetricMap:
     def __init__(
         self,
         voxel_size: float = 0.1,
-        max_range: float = 3.5,
+        max_range: float = XTION.farthest,
         margin: float = 0.03,
         offset: tuple[float, float, float] = OFFSET,
         max_bytes: int = 2**31,

@@ -2,14 +2,14 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import g
 
-GRAVITY = 9.81
-TIME_CONSTANT = 0.5
+from pipeline.labels import RAMP_TILT
+
+ATTITUDE_TIME = 0.5
 """s, time constant with which the vertical follows the accelerometer, which bumps and braking disturb."""
 MAX_DISTURBANCE = 2.0
 """m/s²; an acceleration that differs more from gravity is ignored."""
-MAX_LEAD = np.deg2rad(8)
-"""rad, greatest predicted change of the tilt: bumps turn the robot fast, but not far."""
 
 
 class Attitude:
@@ -28,8 +28,8 @@ class Attitude:
         self.rate = gyro[:2]
         up = self.up - np.cross(gyro, self.up) * dt
         size = float(np.linalg.norm(accelerometer))
-        if abs(size - GRAVITY) < MAX_DISTURBANCE:
-            up = up + (accelerometer / size - up) * min(1.0, dt / TIME_CONSTANT)
+        if abs(size - g) < MAX_DISTURBANCE:
+            up = up + (accelerometer / size - up) * min(1.0, dt / ATTITUDE_TIME)
         self.up = up / np.linalg.norm(up)
 
     @property
@@ -39,5 +39,6 @@ class Attitude:
         return float(np.arctan2(y, z)), float(np.arcsin(np.clip(-x, -1, 1)))
 
     def tilt_in(self, seconds: float) -> float:
-        """The larger of roll and pitch, rad, if both go on changing at the present rate, by ``MAX_LEAD`` at most."""
-        return float(np.abs(np.array(self.tilt) + np.clip(self.rate * seconds, -MAX_LEAD, MAX_LEAD)).max())
+        """The larger of roll and pitch, rad, if both go on changing at the present rate, by ``RAMP_TILT`` at most."""
+        # Bumps turn the robot fast, but not far.
+        return float(np.abs(np.array(self.tilt) + np.clip(self.rate * seconds, -RAMP_TILT, RAMP_TILT)).max())

@@ -8,40 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import RAMP_TILT
+from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY, STILL_TURN, STILL_WAY
 from pipeline.navigation.attitude import Attitude
-from pipeline.navigation.pace import BRAKING
-from pipeline.navigation.progress import STUCK_ANGLE, STUCK_DISTANCE, Progress, Turn
+from pipeline.navigation.progress import Progress, Turn
 from pipeline.robot import Motion, Robot, RobotModel, Velocity
 from pipeline.transforms import transform_points, wrap_angle, yaw_of
+from pipeline.traversability.elevation_map import CELL
+from pipeline.traversability.traversability import RAMP_MARGIN
 
-LEAN = RAMP_TILT - np.deg2rad(2)
+LEAN = RAMP_TILT - STILL_TURN
 """rad; a robot that leans more is on a ramp, even if only its first wheels are."""
-CREST = 0.1
-"""m; a robot that leaned within this distance is still on a ramp, as on its crest."""
 TURN_GAIN = 1.5
 """1/s, turn rate over heading error: the wider the angle, the faster the turn (thesis 4.5)."""
-HEADING_TOLERANCE = np.deg2rad(2)
-"""rad; a turn in place ends this close to its heading."""
 POSITION_TOLERANCE = 0.04
 """m; a way point counts as reached this close to it."""
-CROSS_TRACK_GAIN = 1.5
-"""rad/m, heading correction over the distance from the line."""
 TILT_LEAD = 0.1
 """s; the robot backs out if it will lean too far within this time."""
 TURN_LIMIT = np.deg2rad(35)
 """rad; on a ramp the robot turns in place only if the way deviates more than this from its heading, or its tail."""
 SWERVE = np.deg2rad(5)
 """rad; the same on level ground: smaller deviations are corrected on the way."""
-TURN_BRAKING = 1.0
-"""rad/s², so that wheels do not skid past a heading."""
-HOLD_SPEED = 0.1
-"""m/s, greatest speed with which a turn on a ramp makes up for sliding."""
-JUMP = 0.15
-"""m; a robot that moves farther than this from one control period to the next was kidnapped."""
-BACK_OUT, BACK_TURN = 0.3, np.deg2rad(20)
-"""m and rad by which the robot drives or turns back after it was held, at most: what it drove was free."""
-BUMPER_GAP = 0.036
-"""m before the footprint at which the robot maps what it touched."""
 
 
 class Outcome(Enum):
@@ -57,7 +43,7 @@ class Outcome(Enum):
 
 
 @dataclass
-class Leg:
+class DrivenLeg:
     """One straight drive to a way point, for the log and the report.
 
     Attributes:
@@ -90,8 +76,9 @@ class Halt:
 
     def touched(self, robot: RobotModel) -> NDArray[np.float64]:
         """(N, 3) points in ``map`` right before the leading end of the robot, as high as its body, m."""
-        ahead = (robot.half_length + BUMPER_GAP) * np.sign(self.command.v)
-        across = np.linspace(-robot.half_width, robot.half_width, 21)
+        # Half a cell's diagonal before the footprint, so that the cell lies outside.
+        ahead = (robot.half_length + CELL / np.sqrt(2)) * np.sign(self.command.v)
+        across = np.linspace(-robot.half_width, robot.half_width, 2 + int(2 * robot.width / CELL))
         points = [[ahead, left, robot.body_height] for left in across]
         return transform_points(self.T_map_base, np.array(points)).astype(np.float64)
 
@@ -114,7 +101,7 @@ class Navigator:
         recovered: number of times so far that the robot backed out of a halt.
         motion: the newest motion of the body.
         attitude: estimate of the robot's tilt.
-        pace: m/s, the greatest speed of a robot at a place (2,) that drives along a unit vector (2,).
+        speed_limit: m/s, the greatest speed of a robot at a place (2,) that drives along a unit vector (2,).
         look: called before each command; it may renew ``T_map_odom`` and ``spins``. False if the robot must stop.
         spins: whether the wheels turn and the robot stays, by its poses in ``map``.
     """
@@ -122,13 +109,13 @@ class Navigator:
     robot: Robot
     hold_gain: float = 1.0
     T_map_odom: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
-    legs: list[Leg] = field(default_factory=list)
+    legs: list[DrivenLeg] = field(default_factory=list)
     halts: list[Halt] = field(default_factory=list)
     track: list[NDArray[np.float64]] = field(default_factory=list)
     recovered: int = 0
     motion: Motion | None = None
     attitude: Attitude = field(default_factory=Attitude)
-    pace: Callable[[NDArray[np.float64], NDArray[np.float64]], float] = lambda here, along: np.inf
+    speed_limit: Callable[[NDArray[np.float64], NDArray[np.float64]], float] = lambda here, along: np.inf
     look: Callable[[], bool] = lambda: True
     spins: bool = False
     _leaned_at: NDArray[np.float64] | None = field(default=None, init=False)
@@ -152,8 +139,8 @@ class Navigator:
         """
         self.halts, self.track = [], []
         here = self._drive(Velocity())[:2, 3]
-        if start is not None and np.linalg.norm(here - start) > JUMP:
-            self.legs.append(Leg(here, Outcome.MOVED))
+        if start is not None and np.linalg.norm(here - start) > KEYFRAME_WAY:
+            self.legs.append(DrivenLeg(here, Outcome.MOVED))
             return False
         backwards = np.zeros(len(way_points), np.bool_) if backwards is None else backwards
         for target, backs in zip(way_points, backwards, strict=True):
@@ -177,7 +164,7 @@ class Navigator:
         if length > POSITION_TOLERANCE:
             commands = self._approach(T, target, backwards)
             outcome = self._finish(commands, lambda here: is_clear(here, target), length)
-        self.legs.append(Leg(target, outcome))
+        self.legs.append(DrivenLeg(target, outcome))
         return outcome is Outcome.REACHED
 
     def _approach(self, T: NDArray[np.float64], target: NDArray[np.float64], backwards: bool) -> Iterator[Velocity]:
@@ -190,8 +177,10 @@ class Navigator:
 
     @property
     def _on_ramp(self) -> bool:
-        """Whether the robot leans, or leaned within ``CREST``: on the crest of a ridge it stands level."""
-        return self._leaned_at is not None and bool(np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < CREST)
+        """Whether the robot leans, or leaned within ``RAMP_MARGIN``: on the crest of a ridge it stands level."""
+        return self._leaned_at is not None and bool(
+            np.linalg.norm(self.T_map_base[:3, 3] - self._leaned_at) < RAMP_MARGIN
+        )
 
     @property
     def _limits(self) -> tuple[float, float]:
@@ -205,10 +194,12 @@ class Navigator:
         while True:
             T = self.T_map_base
             error = wrap_angle(heading - yaw_of(T))
-            if abs(error) < HEADING_TOLERANCE:
+            if abs(error) < STILL_TURN:
                 return
-            _, fastest = self._limits
-            rate = np.clip(np.sqrt(2 * TURN_BRAKING * abs(error)) - 0.1, self.robot.model.min_turn_rate, fastest)
+            model, (_, fastest) = self.robot.model, self._limits
+            # It brakes half as fast as it could, so that wheels do not skid past the heading.
+            slower = np.sqrt(model.turn_acceleration * (abs(error) - STILL_TURN))
+            rate = np.clip(slower, model.min_turn_rate, fastest)
             yield Turn(self._hold(T, place, error) if self._on_ramp else 0.0, float(np.sign(error) * rate))
 
     def _hold(self, T: NDArray[np.float64], place: NDArray[np.float64], left: float) -> float:
@@ -220,28 +211,30 @@ class Navigator:
         ahead = T[:2, 0] / np.linalg.norm(T[:2, 0])
         slide = self.robot.model.slide_per_radian * abs(left) * T[:2, 2]
         speed = self.hold_gain * (place - T[:2, 3] - slide) @ ahead
-        return float(np.clip(speed, -HOLD_SPEED, HOLD_SPEED))
+        return float(np.clip(speed, -self.robot.model.ramp_speed, self.robot.model.ramp_speed))
 
     def _straight_to(
         self, start: NDArray[np.float64], target: NDArray[np.float64], backwards: bool
     ) -> Iterator[Velocity]:
         """Commands that follow the line from ``start`` until the robot is abreast of the target."""
-        length = max(float(np.linalg.norm(target - start)), 1e-6)
+        length = max(float(np.linalg.norm(target - start)), np.finfo(np.float64).eps)
         along = (target - start) / length
         left = np.array([-along[1], along[0]])
         bearing = np.arctan2(along[1], along[0]) + (np.pi if backwards else 0.0)
-        fastest = self.robot.model.turn_rate
+        model = self.robot.model
+        # By this gain the robot returns to the line with a damping ratio of 0.7 at full speed, and more at less.
+        gain = TURN_GAIN / (2 * model.speed)
         while True:
             T = self.T_map_base
             remaining = float(length - (T[:2, 3] - start) @ along)
             if remaining < POSITION_TOLERANCE:
                 return
-            offset = float(np.clip(CROSS_TRACK_GAIN * ((T[:2, 3] - start) @ left), -0.5, 0.5))
+            offset = float(np.clip(gain * ((T[:2, 3] - start) @ left), -0.5, 0.5))
             error = wrap_angle(bearing - offset - yaw_of(T))
             # Slowing down before the way point keeps the wheels from skidding past it.
-            speed = min(self._limits[0], max(0.05, np.sqrt(2 * BRAKING * max(0.0, remaining - POSITION_TOLERANCE))))
-            speed = min(speed, self.pace(T[:2, 3], along))
-            rate = float(np.clip(TURN_GAIN * error, -fastest, fastest))
+            slower = np.sqrt(model.acceleration * max(0.0, remaining - POSITION_TOLERANCE))
+            speed = min(self._limits[0], max(model.ramp_speed / 3, slower), self.speed_limit(T[:2, 3], along))
+            rate = float(np.clip(TURN_GAIN * error, -model.turn_rate, model.turn_rate))
             yield Velocity(-speed if backwards else speed, rate)
 
     def _finish(
@@ -263,7 +256,7 @@ class Navigator:
             before, time, T = self.T_map_base, self._time, self._drive(command)
             # A real robot's time goes on while a keyframe is mapped.
             missed = max(0.0, self._time - time - self.robot.control_period)
-            if np.linalg.norm(T[:3, 3] - before[:3, 3]) > JUMP + missed * self.robot.model.speed:
+            if np.linalg.norm(T[:3, 3] - before[:3, 3]) > KEYFRAME_WAY + missed * self.robot.model.speed:
                 self._drive(Velocity())
                 return Outcome.MOVED
             leans = self.attitude.tilt_in(TILT_LEAD) > self.robot.model.tipping_tilt
@@ -278,10 +271,10 @@ class Navigator:
         """Undo the last motion since a 4×4 pose, for its way was free; True if more than half of it was possible."""
         model, turns, T_odom_held = self.robot.model, isinstance(command, Turn), self._T_odom_base
         if turns:
-            most, least, braking = BACK_TURN, STUCK_ANGLE, abs(command.omega) / model.turn_acceleration
+            most, least, braking = KEYFRAME_TURN, STILL_TURN, abs(command.omega) / model.turn_acceleration
             undo = Velocity(0.0, -np.sign(command.omega) * model.ramp_turn_rate)
         else:
-            most, least, braking = BACK_OUT, STUCK_DISTANCE, abs(command.v) / model.acceleration
+            most, least, braking = KEYFRAME_WAY, STILL_WAY, abs(command.v) / model.acceleration
             undo = Velocity(-np.sign(command.v) * model.ramp_speed)
         way, began, progress = np.clip(_way(T_odom_start, T_odom_held, undo), least, most), self._time, None
         while _way(self._T_odom_base, T_odom_held, undo) < way:

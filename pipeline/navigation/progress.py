@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.localisation.localisation import STILL_TURN, STILL_WAY
 from pipeline.robot import RobotModel, Velocity
 from pipeline.transforms import wrap_angle, yaw_of
 
@@ -12,17 +13,14 @@ BLOCKED_SHARE = 0.35
 """Share of the commanded speed; a slower robot is held, unless it is on a ramp."""
 STUCK_TIME = 4.0
 """s without progress after which the robot is stuck."""
-STUCK_DISTANCE, STUCK_ANGLE = 0.02, np.deg2rad(3)
-"""m and rad that count as progress."""
 OVERDUE = 60.0
 """s that a turn may take, and that a leg may take beyond four times what it takes on a ramp: a robot that
 slides back and forth moves, and still makes no progress."""
-PAUSE = 0.15
-"""s; a longer time between two poses is not judged: a real robot had no new command while its software computed."""
-LEAST = np.array([0.04, 0.15])
+LEAST_JUDGED = np.array([0.04, 0.15])
 """m/s and rad/s; slower commands are not judged."""
 REACTION = 0.3
-"""s in which a robot may still follow its last command: commands cross a network, and both ends are busy."""
+"""s in which a robot may still follow its last command: commands cross a network, and both ends are busy. A longer
+time between two poses is not judged: a real robot had no new command while its software computed."""
 
 
 class Turn(Velocity):
@@ -47,13 +45,13 @@ class Progress:
 
     def is_stuck(self, T: NDArray[np.float64], time: float, command: Velocity, on_ramp: bool = False) -> bool:
         """Whether the newest 4×4 pose shows that the robot cannot follow the command; on ramps wheels may skid."""
-        if (pause := time - self._time) > PAUSE:
+        if (pause := time - self._time) > REACTION:
             self._since, self._deadline, self._time = self._since + pause, self._deadline + pause, time
             self._restart(time)
         held = self._is_held(T, time, command) and not on_ramp
         # In a turn, wheels that spin on one side alone seem to move the robot.
-        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STUCK_DISTANCE and not isinstance(command, Turn)
-        turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STUCK_ANGLE
+        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STILL_WAY and not isinstance(command, Turn)
+        turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STILL_TURN
         if moved or turned:
             self._anchor, self._since = T, time
         self._last, self._time = T, time
@@ -75,6 +73,6 @@ class Progress:
         wanted = np.minimum(np.abs(self._due), np.abs(asked)) * (self._due * asked > 0)
         self._wanted += share * (wanted - self._wanted)
         self._felt += share * (speeds * np.sign(self._due) - self._felt)
-        counts = self._wanted > LEAST
+        counts = self._wanted > LEAST_JUDGED
         counts[1] &= asked[0] == 0
         return bool((counts & (self._felt < BLOCKED_SHARE * self._wanted)).any())

@@ -12,10 +12,8 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.traversability.pose_paths import PosePaths, Way
 from pipeline.traversability.traversability import Traversability
 
-FARTHEST = 1e5
+UNREACHABLE = 1e5
 """s, cost between goals that no way connects."""
-THICKEST = 0.3
-"""m; unseen ground this close to a hazard may be the inside of a wall."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +83,8 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
     if np.isfinite(paths.cost_to(goal)):
         return None
     if np.isnan(grid.at(traversability.elevation, goal, outside=np.nan)):
-        if grid.at(traversability.to_hazard, goal, outside=np.inf) < THICKEST:
+        # Unseen ground this close to a hazard may be the inside of a wall.
+        if grid.at(traversability.to_hazard, goal, outside=np.inf) < traversability.robot.half_width:
             return f"{name} is in a wall or right behind one: the ground there was not seen"
         return f"{name} is off the map: the ground there was not seen"
     # The top of a wall two cells thick is level.
@@ -120,7 +119,7 @@ def order_goals(paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
     there = [paths, *(PosePaths(paths.traversability, places[k], caution=paths.caution) for k in wanted)]
     seconds = np.zeros((len(wanted) + 1, len(wanted) + 1))
     for row, ways in zip(seconds, there, strict=False):
-        row[1:] = [min(ways.cost_to(places[k]), FARTHEST) for k in wanted]
+        row[1:] = [min(ways.cost_to(places[k]), UNREACHABLE) for k in wanted]
     return [wanted[k - 1] for k in visiting_order(np.maximum(seconds, seconds.T))]
 
 

@@ -43,7 +43,7 @@ def _two_opt(cost: NDArray[np.float64], order: list[int]) -> list[int]:
         improved = False
         for i, j in combinations(range(len(order)), 2):
             other = order[:i] + order[i : j + 1][::-1] + order[j + 1 :]
-            if _total(cost, other) < _total(cost, order) - 1e-9:
+            if _total(cost, other) < _total(cost, order) * (1 - np.finfo(np.float64).eps):
                 order, improved = other, True
     return order
 

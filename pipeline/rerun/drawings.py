@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.explorer import Step
 from pipeline.frame import Frame
 from pipeline.labels import COLOURS, Label
-from pipeline.localisation.odometry import Loop
+from pipeline.localisation.localisation import Loop
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.semantic_map import SemanticMap

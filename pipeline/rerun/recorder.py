@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Step
 from pipeline.keyframes import Moves
-from pipeline.localisation.odometry import Localisation
+from pipeline.localisation.localisation import Localisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.rerun import drawings, victim_drawings
 from pipeline.rerun.blueprint import blueprint
@@ -66,18 +66,18 @@ class Recorder:
 
     def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
         """Log a step of the explorer, the ``index``-th counted from 0, and the maps after it."""
-        self.log_keyframe(index, explorer.mapper, step.keyframe, explorer.robot.model.camera_range[1])
+        self.log_keyframe(index, explorer.mapper, step.keyframe)
         self.stream.log("world/path_plan", drawings.path(step))
         self.stream.log("world/frontiers", drawings.frontier_points(step.frontiers))
         self._log_metrics("map/", frontiers=len(step.frontiers))
 
-    def log_keyframe(self, index: int, mapper: Mapper, keyframe: Keyframe, farthest: float) -> None:
-        """Log the keyframe of the ``index``-th step, and the maps after it; depth is drawn up to ``farthest`` m."""
+    def log_keyframe(self, index: int, mapper: Mapper, keyframe: Keyframe) -> None:
+        """Log the keyframe of the ``index``-th step, and the maps after it."""
         self._step, self._mapper = index, mapper
         self._move(keyframe.frame.T_odom_base)
         self._set_time(keyframe.frame.time)
         self._log_robot_pose()
-        self._log_camera(keyframe, farthest)
+        self._log_camera(keyframe)
         self._log_maps(mapper)
         if mapper.detector is not None:
             found = victim_drawings.detections(keyframe.detections, mapper.victims.refusals)
@@ -168,12 +168,12 @@ class Recorder:
         roll, pitch = np.rad2deg(tilt_of(T_map_base))
         self._log_metrics(roll_deg=roll, pitch_deg=pitch, distance_m=self._track.distance)
 
-    def _log_camera(self, keyframe: Keyframe, max_depth: float) -> None:
+    def _log_camera(self, keyframe: Keyframe) -> None:
         frame, camera = keyframe.frame, "world/robot/camera"
         log = self.stream.log
         log(camera, drawings.transform(frame.T_base_camera), drawings.pinhole(frame))
         log(f"{camera}/rgb", drawings.colour_image(frame.rgb))
-        log(f"{camera}/depth", drawings.depth_image(frame.depth, max_depth))
+        log(f"{camera}/depth", drawings.depth_image(frame.depth, frame.sensor.farthest))
         log(f"{camera}/labels", drawings.label_image(frame, keyframe.labels))
 
     def _log_maps(self, mapper: Mapper) -> None:

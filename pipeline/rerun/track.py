@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.localisation.odometry import Localisation
+from pipeline.localisation.localisation import Localisation
 from pipeline.transforms import inverse
 
 SPACING = 0.05  # m between two points of a track

@@ -16,7 +16,7 @@ from pipeline.semantic_map.semantic_map_kernels import accumulate
 VOXEL = 0.02  # m, the edge of the voxels; each keeps one point whatever the number of frames
 RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
 SKIN = 0.03  # m; a point this near to a person's points belongs to that person
-IsNoWay = Callable[[NDArray[np.float32], NDArray[np.bool_]], NDArray[np.bool_]]
+IsInaccessible = Callable[[NDArray[np.float32], NDArray[np.bool_]], NDArray[np.bool_]]
 """Takes (N, 3) points in ``map`` labelled as ramps, and which are straight ones; (N,) where no robot can drive."""
 
 
@@ -29,9 +29,9 @@ class SemanticMap:
     first hit: the same frames in the same order give the same map.
     """
 
-    def __init__(self, is_no_way: IsNoWay | None = None) -> None:
-        """An empty map. Without ``is_no_way`` points labelled as ramps keep their labels."""
-        self._is_no_way = is_no_way
+    def __init__(self, is_inaccessible: IsInaccessible | None = None) -> None:
+        """An empty map. Without ``is_inaccessible`` points labelled as ramps keep their labels."""
+        self._is_inaccessible = is_inaccessible
         self._blocks, self._size = 0, 0
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
@@ -106,10 +106,10 @@ class SemanticMap:
     def labels(self) -> NDArray[np.uint8]:
         """(M,) uint8 most probable class (the lower id wins a tie), or victim where people are shown."""
         labels = self._rows[: self._size, 4:].argmax(axis=1).astype(np.uint8)
-        if self._is_no_way is not None:
+        if self._is_inaccessible is not None:
             ramps = np.flatnonzero(np.isin(labels, RAMPS))
             is_deck = labels[ramps] == Label.STRAIGHT_RAMP
-            labels[ramps[self._is_no_way(self._rows[ramps, 1:4], is_deck)]] = Label.CLUTTER
+            labels[ramps[self._is_inaccessible(self._rows[ramps, 1:4], is_deck)]] = Label.CLUTTER
         if self._people and not (labels == Label.VICTIM).any():
             for person in self._people:
                 labels[self._points_of(person)] = Label.VICTIM

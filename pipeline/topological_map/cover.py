@@ -37,7 +37,7 @@ class VisibleCells:
     corners: NDArray[np.int64]
 
 
-class Cover:
+class NodeCover:
     """A grid map of the ground that nodes must see, and of how many nodes see each cell.
 
     Attributes:

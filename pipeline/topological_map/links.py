@@ -10,16 +10,12 @@ from pipeline.segments.segment import Segment
 from pipeline.traversability.pose_kernels import STOP
 from pipeline.traversability.traversability import Traversability
 
-BODY_LOW, BODY_HIGH = 0.2, 0.5
-"""m above the ground between which walls meet the robot's body."""
 BODY_MARGIN = 0.15
 """m; a line this close to a wall of the semantic map meets it. The traversability keeps the whole footprint off
 hazards already."""
-MAX_LENGTH = 15.0
-"""m, greatest length of an edge."""
 
 
-class Links:
+class StraightDrives:
     """Tests which straight lines the robot can drive, by the maps of one step.
 
     Attributes:
@@ -34,13 +30,13 @@ class Links:
         """(N,) whether the footprint, swept along lines between points (N, 3) of the ground, m, meets no obstacle.
 
         The traversability contains drops, steps, ramps' sides, tilt, low ceilings and unknown ground, and the
-        segments contain walls.
+        segments contain walls, which stand in the way between half of the body's height and the headroom.
         """
-        free = np.linalg.norm(ends - starts, axis=1) <= MAX_LENGTH
-        free[free] = np.isfinite(self.traversability.line_seconds(starts[free], ends[free]))
-        lift = np.array([0, 0, BODY_LOW])
+        free = np.isfinite(self.traversability.line_seconds(starts, ends))
+        robot = self.traversability.robot
+        lift = np.array([0, 0, robot.body_height / 2])
         a, b = starts[free] + lift, ends[free] + lift
-        free[free] = ~crossings(a, b, self.walls, BODY_MARGIN, BODY_HIGH - BODY_LOW)
+        free[free] = ~crossings(a, b, self.walls, BODY_MARGIN, robot.headroom - robot.body_height / 2)
         return free
 
 

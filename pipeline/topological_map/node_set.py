@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from pipeline.labels import Label
 from pipeline.segments.segment import Segment
-from pipeline.topological_map.cover import Cover
-from pipeline.topological_map.links import Links, drive_seconds
+from pipeline.topological_map.cover import NodeCover
+from pipeline.topological_map.links import StraightDrives, drive_seconds
 from pipeline.traversability.traversability import Traversability
 
-SNAP = 0.3
-"""m, greatest distance by which a node is moved when the map changes under it."""
+NODE_SNAP = 0.3
+"""m, greatest distance by which a node is moved to where the robot can stand and turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,25 +42,25 @@ class NodeSet:
         links: which straight lines can be driven.
     """
 
-    links: Links
+    links: StraightDrives
 
     def __init__(self) -> None:
         self.nodes: dict[int, Node] = {}
         self.free = nx.Graph()
-        self.cover = Cover()
+        self.cover = NodeCover()
         self._next_id = 0
         self._have_moved = False
 
     def renew(
         self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
     ) -> NDArray[np.bool_]:
-        """Update the nodes to the ground; if the robot cannot turn there, they move up to ``SNAP`` m or are removed.
+        """Update the nodes to the ground; if the robot cannot turn there, they move up to ``NODE_SNAP`` or go.
 
-        See :meth:`Cover.update` for the arguments and the result: (nx, ny) the cells that changed.
+        See :meth:`NodeCover.update` for the arguments and the result: (nx, ny) the cells that changed.
         """
         changed = self.cover.update(traversability, reachable, walls) | self._have_moved
         self._have_moved = False
-        self.links = Links(traversability, walls)
+        self.links = StraightDrives(traversability, walls)
         nodes = list(self.nodes.values())
         stand = self.cover.grid.at(self.cover.standable, np.array([n.position for n in nodes]).reshape(-1, 3))
         for k in np.flatnonzero(~stand):
@@ -71,7 +71,7 @@ class NodeSet:
     def _settle(self, node: Node) -> None:
         """Move a node to where the robot can turn; one that joins others stays, in a passage too narrow for that."""
         cover = self.cover
-        xy = cover.grid.nearest(cover.standable, node.position, SNAP)
+        xy = cover.grid.nearest(cover.standable, node.position, NODE_SNAP)
         parts = len(self.parts())
         self.remove(node.id)
         if xy is not None:

@@ -11,23 +11,18 @@ from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segment import Segment
 from pipeline.segments.segments import Segments
-from pipeline.topological_map.cover import Cover
+from pipeline.topological_map.cover import NodeCover
+from pipeline.topological_map.node_set import NODE_SNAP
 from pipeline.traversability.traversability import RAMP_MARGIN
 
-LEVEL = 0.12
+SAME_LEVEL = 0.12
 """m; ground that differs more in height from a segment does not belong to it."""
 LARGE_RAMP = 1.8
 """m; a longer straight ramp has a node in each half."""
-MAX_SLOPE = np.deg2rad(35)
-"""rad; a steeper plane is a ramp's side."""
-MIN_AREA = 0.1
-"""m²; smaller segments have no nodes."""
-SNAP = 0.4
-"""m, greatest distance by which a node is moved to where the robot can stand and turn."""
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class NodePlace:
     """Where the thesis wants a node.
 
     Attributes:
@@ -39,30 +34,33 @@ class Place:
     label: Label
 
 
-def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: Cover) -> list[Place]:
+def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: NodeCover) -> list[NodePlace]:
     """The places of all segments and of terrain patches, moved to where the robot can stand and turn."""
     wanted = [(p, s.label) for s in segments for p in segment_nodes(s, cover.traversability.robot)]
     wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
     places = []
     for place, label in wanted:
-        level = np.abs(cover.traversability.elevation - place[2]) < LEVEL
-        xy = cover.grid.nearest(cover.standable & level, place, SNAP)
+        level = np.abs(cover.traversability.elevation - place[2]) < SAME_LEVEL
+        xy = cover.grid.nearest(cover.standable & level, place, NODE_SNAP)
         if xy is not None:
-            places.append(Place(xy, label))
+            places.append(NodePlace(xy, label))
     return places
 
 
 def label_at(point: NDArray[np.float64], segments: Segments) -> Label:
     """The label of a node at a point (3,) of the ground, m: a straight ramp, or else the terrain."""
     for segment in segments.of(Label.STRAIGHT_RAMP):
-        if segment.tree.query(point)[0] <= LEVEL:
+        if segment.tree.query(point)[0] <= SAME_LEVEL:
             return Label.STRAIGHT_RAMP
     return Label.TERRAIN
 
 
 def segment_nodes(segment: Segment, robot: RobotModel) -> NDArray[np.float64]:
-    """(N, 3) places in ``map`` for the nodes of a straight or an inclined ramp; none on other segments."""
-    if segment.box.area >= MIN_AREA and segment.plane.normal[2] >= np.cos(MAX_SLOPE):
+    """(N, 3) places in ``map`` for the nodes of a straight or an inclined ramp; none on other segments.
+
+    A segment smaller than the robot has none, nor has one too steep to be driven on, as the side of a ramp.
+    """
+    if segment.box.area >= robot.length * robot.width and segment.plane.normal[2] >= np.cos(robot.max_tilt):
         if segment.label is Label.STRAIGHT_RAMP:
             return _middles(segment)
         if segment.label is Label.INCLINED_RAMP:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.grid_map import box_around
 from pipeline.topological_map.cover import SIGHT
-from pipeline.topological_map.links import Links, drive_seconds
+from pipeline.topological_map.links import StraightDrives, drive_seconds
 from pipeline.topological_map.node_set import Node
 from pipeline.traversability.pose_paths import PosePaths, simplify
 from pipeline.traversability.traversability import Traversability
@@ -23,7 +23,9 @@ class Passages:
         self._edges: dict[tuple[int, int], dict[str, Any]] = {}
         self._known: dict[int, Node] = {}
 
-    def renew(self, nodes: Mapping[int, Node], links: Links, drives: nx.Graph, changed: NDArray[np.bool_]) -> None:
+    def renew(
+        self, nodes: Mapping[int, Node], links: StraightDrives, drives: nx.Graph, changed: NDArray[np.bool_]
+    ) -> None:
         """Find passages anew around ``changed`` (nx, ny) ground and around nodes that came, went or moved.
 
         There are none between nodes that straight ``drives`` join.
@@ -50,7 +52,7 @@ class Passages:
 
 
 def _free(
-    edges: Mapping[tuple[int, int], dict[str, Any]], nodes: Mapping[int, Node], links: Links
+    edges: Mapping[tuple[int, int], dict[str, Any]], nodes: Mapping[int, Node], links: StraightDrives
 ) -> dict[tuple[int, int], dict[str, Any]]:
     """The edges whose ways still meet no obstacle."""
     ways = [np.vstack([nodes[a].position, edge["bends"], nodes[b].position]) for (a, b), edge in edges.items()]
@@ -61,7 +63,7 @@ def _free(
 
 
 def _between(
-    nodes: Mapping[int, Node], links: Links, drives: nx.Graph, part: Traversability
+    nodes: Mapping[int, Node], links: StraightDrives, drives: nx.Graph, part: Traversability
 ) -> dict[tuple[int, int], dict[str, Any]]:
     """The edges of passages between nodes, by lower and higher id, on a part of the ground."""
     edges: dict[tuple[int, int], dict[str, Any]] = {}

@@ -14,27 +14,23 @@ from scipy.spatial import KDTree
 from pipeline.labels import Label
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.cover import SIGHT
-from pipeline.topological_map.node_set import NodeSet
-from pipeline.topological_map.nodes import Place, label_at
+from pipeline.topological_map.node_set import NODE_SNAP, NodeSet
+from pipeline.topological_map.nodes import NodePlace, label_at
 from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_paths import PosePaths, simplify
 
-MIN_GAIN = 0.01
-"""m²; less ground is not worth a node."""
+SPARE = 4
+"""Greatest number of cells, 1 dm², that are not worth a node."""
 PLACE_GAIN = 1.0
 """m² of ground that a place of the thesis's rules must add to become a node."""
 LINKED = 0.7
 """Share of the greatest gain; a place with at least this gain is preferred if a straight drive joins it to a node."""
-JOINT_REACH = 0.6
-"""m around the shortest way between two groups of nodes within which a node that joins them is sought."""
-_SPARE = int(MIN_GAIN / CELL**2)
-"""Greatest number of cells that are not worth a node."""
 
 
 class Placement:
     """Places nodes on the ground as of one step."""
 
-    def __init__(self, nodes: NodeSet, places: Sequence[Place], segments: Segments):
+    def __init__(self, nodes: NodeSet, places: Sequence[NodePlace], segments: Segments):
         """``places``: where the thesis's rules want nodes; they come before all others."""
         self._nodes, self._cover, self._places, self._segments = nodes, nodes.cover, places, segments
 
@@ -48,10 +44,10 @@ class Placement:
     def cover_rest(self) -> None:
         """Add nodes for the cells that no node sees, the node with the greatest gain first."""
         cover = self._cover
-        visible = cover.visible_from(cover.candidates(cover.wanted, SIGHT, _SPARE + 1))
+        visible = cover.visible_from(cover.candidates(cover.wanted, SIGHT, SPARE + 1))
         while len(visible.places):
             gains = cover.gains(visible)
-            if gains.max() <= _SPARE:
+            if gains.max() <= SPARE:
                 break
             xy = visible.places[self._best(visible.places, gains)]
             self._nodes.add(self._label(xy), xy)
@@ -60,7 +56,7 @@ class Placement:
     def _best(self, places: NDArray[np.float64], gains: NDArray[np.int64]) -> int:
         """The row of the place with the greatest gain, or of one with a little less that is linked to a node."""
         order = np.argsort(-gains, kind="stable")
-        for k in order[gains[order] >= LINKED * gains.max()][:20]:
+        for k in order[gains[order] >= LINKED * gains.max()]:
             if self._nodes.links_from(places[[k]])[0]:
                 return int(k)
         return int(order[0])
@@ -87,7 +83,7 @@ class Placement:
         if nearest is None:
             return np.zeros((0, 2))
         way = paths.path_to(targets[nearest])
-        places = self._cover.candidates(self._cover.grid.mask_of(way), JOINT_REACH)
+        places = self._cover.candidates(self._cover.grid.mask_of(way), 2 * NODE_SNAP)
         room = traversability.grid.at(traversability.to_hazard, places)
         places = places[np.argsort(-room, kind="stable")]
         for xy, links in zip(places, self._nodes.links_from(places), strict=True):
@@ -99,7 +95,7 @@ class Placement:
         """Remove and merge ``active`` nodes and their neighbours as long as no ground and no connection is lost."""
         cover = self._cover
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
-            if len(cover.lost_without([n])) <= _SPARE and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
+            if len(cover.lost_without([n])) <= SPARE and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
                 self._nodes.remove(n)
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
@@ -143,15 +139,15 @@ class Placement:
         middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
         centre = self._cover.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
         near = np.linalg.norm(places - centre, axis=1) <= SIGHT
-        if len(lost) > 2 * _SPARE:
+        if len(lost) > 2 * SPARE:
             # No place sees farther than SIGHT to any side.
-            low, high = self._cover.grid.centre_of(np.sort(lost, axis=0)[[_SPARE, -1 - _SPARE]])
+            low, high = self._cover.grid.centre_of(np.sort(lost, axis=0)[[SPARE, -1 - SPARE]])
             near &= ((places >= high - SIGHT - CELL) & (places <= low + SIGHT + CELL)).all(axis=1)
         rows = np.flatnonzero(near)
         visible = self._cover.visible_from(places[rows])
-        good = self._cover.see_all(visible, lost, _SPARE)
-        worth = visible.seen[good].sum(axis=(1, 2)) + 1e6 * (rows[good] < len(self._places))
-        return visible.places[good][np.argsort(-worth, kind="stable")]
+        good = self._cover.see_all(visible, lost, SPARE)
+        is_other, seen = rows[good] >= len(self._places), visible.seen[good].sum(axis=(1, 2))
+        return visible.places[good][np.lexsort([-seen, is_other])]
 
     def _label(self, xy: NDArray[np.float64]) -> Label:
         """The label of a place (2,): of the thesis's place there, if there is one, or else of the ground."""

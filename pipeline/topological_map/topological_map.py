@@ -103,16 +103,16 @@ class TopologicalMap:
     def save(self, path: Path) -> None:
         """Write nodes and edges as JSON."""
         nodes = [
-            {"id": n.id, "label": n.label.name.lower(), "position": n.position.round(4).tolist()}
+            {"id": n.id, "label": n.label.name.lower(), "position": n.position.round(3).tolist()}
             for n in self.nodes.values()
         ]
         edges = [
             {
                 "nodes": [a, b],
-                "length": round(e["length"], 4),
+                "length": round(e["length"], 3),
                 "seconds": round(e["weight"], 2),
                 "tree": self.tree.has_edge(a, b),
-                "way": self.way(a, b).round(4).tolist(),
+                "way": self.way(a, b).round(3).tolist(),
             }
             for a, b, e in self.graph.edges(data=True)
         ]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.frame import Intrinsics
+from pipeline.sensor import SensorModel
 from pipeline.transforms import transform_points
 from pipeline.traversability import depth_dropouts_kernels as kernels
 
@@ -17,7 +18,7 @@ LEAST_ROWS = 3
 
 
 def find_depth_dropouts(
-    depth: NDArray[np.float32], intrinsics: Intrinsics, T_map_camera: NDArray[np.float64]
+    depth: NDArray[np.float32], intrinsics: Intrinsics, T_map_camera: NDArray[np.float64], sensor: SensorModel
 ) -> NDArray[np.float32]:
     """(N, 3) float32 points in ``map`` where rays should have met the ground that is seen on both sides of them.
 
@@ -25,9 +26,10 @@ def find_depth_dropouts(
         depth: (H, W) float32 m along the optical axis; 0 = no return.
         intrinsics: of the depth image.
         T_map_camera: pose of ``camera_optical``.
+        sensor: that measured the depth.
     """
     dropouts = np.zeros_like(depth)
-    kernels.dropout_depth(depth, intrinsics.fy, dropouts)
+    kernels.dropout_depth(depth, intrinsics.fy, sensor.grazing, dropouts)
     gaps, _ = ndimage.label(dropouts[:: kernels.ROW_STEP] > 0, np.ones((3, 3)))
     is_panel = [False, *(rows.stop - rows.start >= LEAST_ROWS for rows, _ in ndimage.find_objects(gaps))]
     v, u = np.nonzero(np.array(is_panel)[gaps])

@@ -7,8 +7,6 @@ MIN_GAP, MAX_GAP = 3, 60
 """Pixels, width of a gap: the sensor frays edges by less, and wider gaps leave unknown ground behind them."""
 TOLERANCE = np.float32(0.06)
 """Share by which the depths to the left and to the right may differ."""
-MIN_GRAZING = np.deg2rad(12)
-"""rad; ground that is seen at a smaller angle may itself give no return."""
 ROW_STEP = 2
 """Rows from one searched row to the next."""
 _ROWS = 4
@@ -16,11 +14,12 @@ _ROWS = 4
 
 
 @njit(cache=True)
-def dropout_depth(depth, focal, dropouts):
+def dropout_depth(depth, focal, least_grazing, dropouts):
     """Write the depth of the surface on both sides of each narrow gap to the gap's pixels in ``dropouts`` (H, W), m.
 
     A gap is a run of pixels in a row without a return, or with a nearer one, between two returns of nearly equal
     depth. ``depth`` is (H, W) m, 0 without a return, and ``focal`` the vertical focal length in pixels.
+    Ground that is seen at a smaller angle than ``least_grazing``, rad, may itself give no return.
     """
     height, width = depth.shape
     for v in range(0, height, ROW_STEP):
@@ -34,7 +33,7 @@ def dropout_depth(depth, focal, dropouts):
                     continue
                 goes_on = z <= left * (1 + TOLERANCE) and u - at - 1 >= MIN_GAP
                 angle = min(grazing(depth, v, at, focal), grazing(depth, v, u, focal)) if goes_on else 0.0
-                if goes_on and angle >= MIN_GRAZING:
+                if goes_on and angle >= least_grazing:
                     for k in range(at + 1, u):
                         dropouts[v, k] = left + (z - left) * (k - at) / (u - at)
             left, at = z, u

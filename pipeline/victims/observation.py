@@ -10,18 +10,15 @@ from pipeline.transforms import transform_points
 from pipeline.victims.detection.background import background_planes, near_plane
 from pipeline.victims.detection.detection import Detection
 
-MIN_RETURNS = 0.1  # Share of a box's pixels that must have a depth
-MIN_RELIEF = 0.05  # Share of a box's returns that must stand out of the background
-GAP = 0.3  # m of depth between a person and objects in front of or behind the person
+LEAST_SHARE = 0.05  # Of a box's pixels, that must have a depth, and of these, that must stand out of the background
+PERSON_GAP = 0.3  # m of depth between a person and objects in front of or behind the person
 MIN_PART = 0.25  # The person is the nearest part with at least this share of the points that stand out
-REACH = 1.1  # m around the median of that part within which a person's points lie
 MIN_SIZE, MAX_SIZE = 0.15, 2.3  # m across a person, or across the head of one
 SKIN_TO_MIDDLE = 0.08  # m, standard deviation due to the distance from the visible skin to the middle of the body
-SEED = 0  # Of the random draws that find the background's planes
 
 
 @dataclass(frozen=True, eq=False)
-class Observation:
+class PersonObservation:
     """A person, seen in one frame.
 
     Attributes:
@@ -47,7 +44,7 @@ class Refusal:
     reason: str
 
 
-def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64]) -> Observation | Refusal:
+def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64]) -> PersonObservation | Refusal:
     """Observe the person of a detection by the frame's depth, or refuse the detection.
 
     Args:
@@ -57,21 +54,21 @@ def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64
     """
     inside = _window(frame, detection)
     returns = frame.returns & inside
-    if returns.sum() < max(1, MIN_RETURNS * inside.sum()):
+    if returns.sum() < max(1, LEAST_SHARE * inside.sum()):
         return Refusal(detection, "no depth where it is")
     points = frame.intrinsics.rays[returns] * frame.depth[returns, None]
     person = points[_stands_out(frame, detection, points)]
-    if len(person) < MIN_RELIEF * len(points):
+    if len(person) < LEAST_SHARE * len(points):
         return Refusal(detection, "flat: nothing stands out of the plane around it, as of a picture")
     person = _nearest_part(person)
-    person = person[np.linalg.norm(person - np.median(person, axis=0), axis=1) < REACH]
+    person = person[np.linalg.norm(person - np.median(person, axis=0), axis=1) < MAX_SIZE / 2]
     size = size_of(person)
     if not MIN_SIZE <= size <= MAX_SIZE:
         return Refusal(detection, f"{size:.2f} m: {'less' if size < MIN_SIZE else 'more'} than a person")
     points = transform_points(T_map_camera, person)
     # The middle's standard deviation is half that of the points, because parts of the person may be hidden.
-    spread = np.cov(points.T.astype(np.float64)) / 4 + np.eye(3) * SKIN_TO_MIDDLE**2
-    return Observation(detection, points, middle(points), spread, T_map_camera[:3, 3])
+    spread = np.cov(points.T.astype(np.float64)) / 2**2 + np.eye(3) * SKIN_TO_MIDDLE**2
+    return PersonObservation(detection, points, middle(points), spread, T_map_camera[:3, 3])
 
 
 def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -94,14 +91,14 @@ def _window(frame: Frame, detection: Detection) -> NDArray[np.bool_]:
 def _stands_out(frame: Frame, detection: Detection, points: NDArray[np.float32]) -> NDArray[np.bool_]:
     """(N,) bool: the points in the box that lie on no plane of the background."""
     result = np.ones(len(points), np.bool_)
-    for plane in background_planes(frame, detection.box, np.random.default_rng(SEED)):
-        result &= ~near_plane(points, plane)
+    for plane in background_planes(frame, detection.box, np.random.default_rng(0)):
+        result &= ~near_plane(points, plane, frame.sensor)
     return result
 
 
 def _nearest_part(points: NDArray[np.float32]) -> NDArray[np.float32]:
     """The (M, 3) points of the nearest large enough part, where gaps in depth separate the parts."""
     order = np.argsort(points[:, 2], kind="stable")
-    parts = np.split(order, np.flatnonzero(np.diff(points[order, 2]) > GAP) + 1)
+    parts = np.split(order, np.flatnonzero(np.diff(points[order, 2]) > PERSON_GAP) + 1)
     large = [part for part in parts if len(part) >= MIN_PART * len(points)]
     return points[np.sort(large[0] if large else max(parts, key=len))]

@@ -9,33 +9,39 @@ from scipy.spatial import cKDTree
 
 from pipeline.frame import Frame
 from pipeline.keyframes import Places
+from pipeline.localisation.gates import chi2_gate
+from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.segments.cells_kernels import moved
+from pipeline.sensor import SensorModel
 from pipeline.transforms import inverse, transform_points
-from pipeline.victims.detection.background import depth_noise
 from pipeline.victims.detection.detection import Detection
-from pipeline.victims.observation import MAX_SIZE, SKIN_TO_MIDDLE, Observation, Refusal, middle, observe, size_of
+from pipeline.victims.observation import (
+    MAX_SIZE,
+    PERSON_GAP,
+    SKIN_TO_MIDDLE,
+    PersonObservation,
+    Refusal,
+    middle,
+    observe,
+    size_of,
+)
 
-GATE = 11.34
-"""Largest squared Mahalanobis distance of an observation from its victim: 99 % (χ², three degrees of freedom)."""
 TOGETHER = 1.85
 """m across; 24 of 25 people measure no more; two who lie side by side almost always measure more together."""
 BETWEEN = 0.4
 """m; two parts no farther apart are one person if together they measure no more than TOGETHER: an object may hide a
 person's middle, or one frame may show the legs and another one the head."""
-TOUCH, INSIDE = 0.15, 0.5
-"""Two parts are one person, even if they measure more, if the share INSIDE of the smaller one's points lies within
-TOUCH, m, of the other's."""
+TOUCH = 0.15
+"""m; two parts are one person, even if they measure more, if half of the smaller one's points lie this near to the
+other's."""
 REOBSERVED = 0.5
 """Least sum of the confidences of a victim's detections for which a re-observation is worth the drive."""
 ENOUGH, ENOUGH_OF_PART = 0.75, 1.2
 """Least sum of confidences of a confirmed victim, and of a confirmed victim of which less than WHOLE is seen."""
 WHOLE = 0.85  # m across; of most people at least this much is seen, and less may be a part of any object
-MIN_FRAMES, APART = 2, 0.3
-"""Least number of detections of a confirmed victim, and m at least between the farthest two of their cameras."""
-IN_VIEW = 3.0  # m within which the detector should find a victim that is not hidden
-OPEN_SHARE, CLEARANCE = 0.7, 0.1
-"""A victim is in view if for this share of its points the return is at most CLEARANCE, m, plus the noise nearer."""
-VOXEL = 0.03  # m; one of a victim's points is kept in each voxel
+OPEN_SHARE = 0.7
+"""A victim is in view if for this share of its points the return is no nearer than of a thing in front of it."""
+VICTIM_VOXEL = 0.03  # m; one of a victim's points is kept in each voxel
 PHOTO_MARGIN = 0.2
 """Margin of a photo around its box, as a share of the longer side: surroundings help to recognise a person."""
 
@@ -97,7 +103,7 @@ class Victim:
         """Add the points and information of another observation, or of another victim that is the same person."""
         self.points = _thinned(np.concatenate([self.points, seen.points]))
         # Errors of observations from one place are correlated, so the covariance has a floor.
-        floor = np.eye(3) * SKIN_TO_MIDDLE**2 / 4
+        floor = np.eye(3) * (SKIN_TO_MIDDLE / 2) ** 2
         self.information = _inverse(_inverse(self.information + seen.information) + floor)
 
     def place(self, poses: NDArray[np.float64]) -> None:
@@ -170,10 +176,10 @@ class Victims:
         A victim of which little is seen needs more evidence.
         """
         found = len(victim.cameras)
-        if found < MIN_FRAMES or found <= victim.missed or victim.evidence < ENOUGH:
+        if found <= victim.missed or victim.evidence < ENOUGH:
             return False
         # Distances and sizes come last: they take longest, and this is called several times a step.
-        return victim.apart >= APART and (victim.evidence >= ENOUGH_OF_PART or victim.size >= WHOLE)
+        return victim.apart >= KEYFRAME_WAY and (victim.evidence >= ENOUGH_OF_PART or victim.size >= WHOLE)
 
     def place(self, poses: NDArray[np.float64]) -> None:
         """Make all victims anew at (K, 4, 4) keyframes in ``map``, and join those that prove to be one person."""
@@ -196,7 +202,7 @@ class Victims:
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         T_map_base = T_map_camera @ inverse(frame.T_base_camera)
         before, found = list(self.all), set[int]()
-        for observation in (item for item in seen if isinstance(item, Observation)):
+        for observation in (item for item in seen if isinstance(item, PersonObservation)):
             found.add(id(self._add(observation, frame, keyframe, T_map_base)))
         for victim in before:
             if id(victim) not in found and _in_view(victim, frame, T_map_camera):
@@ -204,7 +210,9 @@ class Victims:
         self._merge()
         self.all = [victim for victim in self.all if victim.missed <= 2 * len(victim.cameras)]
 
-    def _add(self, observation: Observation, frame: Frame, keyframe: int, T_map_base: NDArray[np.float64]) -> Victim:
+    def _add(
+        self, observation: PersonObservation, frame: Frame, keyframe: int, T_map_base: NDArray[np.float64]
+    ) -> Victim:
         """Add an observation to the nearest victim that may be the same person, or as a new one."""
         points, confidence = _thinned(observation.points), observation.detection.confidence
         seen = Sighting(keyframe, points, _inverse(observation.covariance), observation.camera, frame.time)
@@ -215,7 +223,7 @@ class Victims:
         new = Victim(
             now.points, now.information, [now.camera], [confidence], photo, len(points) * confidence, sightings=[seen]
         )
-        same = [other for other in self.all if _distance(other, new) <= GATE or _is_one(other, new)]
+        same = [other for other in self.all if _distance(other, new) <= chi2_gate(3) or _is_one(other, new)]
         if not same:
             self.all.append(new)
             return new
@@ -262,25 +270,30 @@ def _is_one(one: Victim, other: Victim) -> bool:
     apart, _ = cKDTree(large).query(small)
     if together <= TOGETHER:
         return bool(apart.min() <= BETWEEN)
-    return bool((apart <= TOUCH).mean() >= INSIDE)
+    return bool((apart <= TOUCH).mean() >= 1 / 2)
+
+
+def farthest_whole(sensor: SensorModel) -> float:
+    """m; a person in the camera's range is no farther than this."""
+    return sensor.farthest - WHOLE / 2
 
 
 def _in_view(victim: Victim, frame: Frame, T_map_camera: NDArray[np.float64]) -> bool:
     """Whether the victim is near enough and most of its points lie in the image with nothing in front of them."""
     points = transform_points(inverse(T_map_camera), victim.points)
     depth = np.maximum(points[:, 2], 1e-6)
-    if np.median(depth) > IN_VIEW:
+    if np.median(depth) > farthest_whole(frame.sensor):
         return False
     pixels, inside = frame.intrinsics.project(points)
     depth, (row, column) = depth[inside], pixels[inside].T
     measured = frame.depth[row, column]
-    is_open = (measured > 0) & (measured > depth - CLEARANCE - 2 * depth_noise(depth))
+    is_open = (measured > 0) & (measured > depth - PERSON_GAP)
     return bool(is_open.sum() > OPEN_SHARE * len(points))
 
 
 def _thinned(points: NDArray[np.float32]) -> NDArray[np.float32]:
     """One of the points (N, 3) in each voxel."""
-    _, first = np.unique(np.floor(points / VOXEL).astype(np.int64), axis=0, return_index=True)
+    _, first = np.unique(np.floor(points / VICTIM_VOXEL).astype(np.int64), axis=0, return_index=True)
     return points[np.sort(first)]
 
 

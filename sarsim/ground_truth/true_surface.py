@@ -1,7 +1,8 @@
-"""The true ground: where a Pioneer 3-AT can stand and drive."""
+"""The true ground: where a robot can stand and drive, by the numbers of its own body."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import ceil
 
 import mujoco
 import numpy as np
@@ -11,15 +12,13 @@ from scipy import ndimage
 from pipeline.errors import InputError
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
+from pipeline.robot import RobotModel
 from sarsim.ground_truth import columns_kernels as kernels
 from sarsim.ground_truth.columns import ConvexBodies, columns, convex_bodies
 from sarsim.ground_truth.contacts import OBSTACLES
+from sarsim.robots.skid_steered import robot_model
 
 CELL = 0.05
-MAX_STEP = 0.08
-MAX_TILT = np.deg2rad(20)
-CLEARANCE = 0.30
-HEADROOM = 0.65
 MARGIN = 0.5  # m of grid around the arena
 MOST_AREA = 6000.0  # m² of an arena; a .raf file's may be 72 m long and wide
 START_REACH = 0.3  # m; a start at most this far above or below the ground counts as on the ground
@@ -31,9 +30,9 @@ class TrueSurface:
 
     Attributes:
         grid: of the layers.
-        height: float64 m of the ground in each cell; NaN where it is not connected to the start by steps ≤ 0.08 m.
-        drivable: bool, connected to the start, without steps above 0.08 m, tilt above 20°, walls, clutter or victims
-            within 0.30 m, and with 0.65 m of headroom.
+        height: float64 m of the ground in each cell; NaN where it is not connected to the start by low steps.
+        drivable: bool, connected to the start, with the robot's headroom, and without steps, tilt above the robot's,
+            walls, clutter or victims within :func:`clearance_of` the robot; steps are higher than two of its own.
         walls: bool, a wall stands in the cell at the height of the robot's body.
     """
 
@@ -45,14 +44,14 @@ class TrueSurface:
 
 @dataclass(frozen=True, eq=False)
 class FreeGround:
-    """Ground connected by steps of at most ``MAX_STEP``; layers are (nx, ny).
+    """Ground connected by steps of at most twice the robot's; layers are (nx, ny).
 
     Attributes:
         grid: of the layers.
         height: float64 m, NaN where this ground does not reach.
         label: uint8 of the ground.
         pieces: int32, the number of the connected drivable piece; 0 where the robot cannot stand.
-        to_obstacle: float64 m to the nearest obstructing wall, clutter or victim, exact up to ``CLEARANCE``.
+        to_obstacle: float64 m to the nearest obstructing wall, clutter or victim; inf beyond the robot's clearance.
         walls: bool, a wall stands in the cell at the height of the robot's body.
     """
 
@@ -72,8 +71,23 @@ class Survey:
         grid: of the columns.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None = None):
-        """``robot_body``: id of the robot's root body, which is left out; None if there is no robot."""
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot_body: int | None = None,
+        robot: RobotModel | None = None,
+    ):
+        """Survey the ground for a robot.
+
+        Args:
+            model, data: of the arena.
+            robot_body: id of the robot's root body, which is left out; None if there is no robot.
+            robot: its size and abilities; by default those of the P3-AT, for which arenas are built.
+        """
+        self._robot = robot or robot_model()
+        self._clearance = clearance_of(self._robot)
+        self._max_step = 2 * self._robot.max_step
         self.bodies = convex_bodies(model, data, robot_body)
         self.grid = _grid_around(self.bodies)
         self._columns = columns(self.bodies, self.grid)
@@ -105,7 +119,7 @@ class Survey:
         """(nx, ny) height in m of the lowest top with headroom and this label in each cell; NaN without one."""
         c, height = self._columns, np.full(self.grid.shape, np.nan)
         chosen = self.bodies.label == label
-        kernels.lowest_places(c.start, c.count, c.bottom, c.top, c.owner, chosen, HEADROOM, height)
+        kernels.lowest_places(c.start, c.count, c.bottom, c.top, c.owner, chosen, self._robot.headroom, height)
         return height
 
     def ground_from(self, start: NDArray[np.float64]) -> FreeGround | None:
@@ -115,10 +129,10 @@ class Survey:
             return None
         height, edge = self._flood(self.grid.cell_of(start), body)
         known = ~np.isnan(height)
-        hazard = known & (edge | (_tilt(height) > MAX_TILT))
-        clear = self.grid.distance_to(hazard) > CLEARANCE
+        hazard = known & (edge | (_tilt(height) > self._robot.max_tilt))
+        clear = self.grid.distance_to(hazard) > self._clearance
         to_obstacle = self._to_obstacle(height, self._is_obstacle)
-        pieces, _ = ndimage.label(known & clear & (to_obstacle > CLEARANCE), np.ones((3, 3)))
+        pieces, _ = ndimage.label(known & clear & (to_obstacle > self._clearance), np.ones((3, 3)))
         walls = self._to_obstacle(height, self.bodies.label == Label.WALL) < CELL / 2 - 1e-6
         return FreeGround(self.grid, height, self._label(height), pieces, to_obstacle, walls)
 
@@ -137,7 +151,8 @@ class Survey:
         c, (i, j), (nx, ny) = self._columns, self.grid.cell_of(start), self.grid.shape
         if not (0 <= i < nx and 0 <= j < ny):
             return None
-        body = kernels.place_near(c.start, c.count, c.bottom, c.top, i, j, float(start[2]), reach, HEADROOM)
+        headroom = self._robot.headroom
+        body = kernels.place_near(c.start, c.count, c.bottom, c.top, i, j, float(start[2]), reach, headroom)
         return None if body < 0 else int(body)
 
     def _flood(self, first: NDArray[np.int64], body: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -146,7 +161,7 @@ class Survey:
         height, edge = np.full(self.grid.shape, np.nan), np.zeros(self.grid.shape, np.bool_)
         kernels.flood(
             c.start, c.count, c.bottom, c.top, c.normal_z, c.owner, self._is_obstacle, *first, body,
-            MAX_STEP, HEADROOM, np.cos(MAX_TILT), height, edge,
+            self._max_step, self._robot.headroom, np.cos(self._robot.max_tilt), height, edge,
         )  # fmt: skip
         return height, edge
 
@@ -158,15 +173,20 @@ class Survey:
         return np.append(self.bodies.label, np.uint8(Label.UNLABELLED))[owner]
 
     def _to_obstacle(self, height: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(nx, ny) m to the nearest of the chosen bodies that obstructs the ground; inf beyond ``CLEARANCE``."""
+        """(nx, ny) m to the nearest of the chosen bodies that obstructs the ground; inf beyond the clearance."""
         b, distance = self.bodies, np.full(self.grid.shape, np.inf)
-        windows = b.windows(self.grid, CLEARANCE + CELL)
+        windows = b.windows(self.grid, self._clearance + CELL)
         windows[~chosen, 1] = 0
         kernels.lower_distance(
             b.corners, b.first_corner, windows, b.low[:, 2], b.high[:, 2], self.grid.origin, CELL, height,
-            MAX_STEP, HEADROOM, distance,
+            self._max_step, self._robot.headroom, distance,
         )  # fmt: skip
         return distance
+
+
+def clearance_of(robot: RobotModel) -> float:
+    """m that the robot's middle keeps from obstacles: half of its width and a cell, rounded up to whole cm."""
+    return ceil(100 * (robot.half_width + CELL)) / 100
 
 
 def _grid_around(bodies: ConvexBodies) -> Grid:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from dm_control import composer, mjcf
@@ -163,10 +163,9 @@ def robot_model(robot: str = ROBOTS[0]) -> RobotModel:
 
 
 def _filled(kind: type[Model], numbers: Mapping[str, NDArray[np.float64]], robot: str) -> Model:
-    """A ``kind`` whose fields are the positive numbers of the same names: two for a range, else one."""
+    """A ``kind`` whose fields are the positive numbers of the same names."""
     values = {f.name: numbers.get(f.name, np.empty(0)) for f in fields(kind)}
     for name, value in values.items():
-        if len(value) != 1 + name.endswith("_range") or not ((value > 0) & np.isfinite(value)).all():
+        if len(value) != 1 or not ((value > 0) & np.isfinite(value)).all():
             raise InputError(f'--robot {robot}: <custom> has no proper <numeric name="{name}">: {value.tolist()}')
-    told: dict[str, Any] = {k: v.item() if len(v) == 1 else tuple(v.tolist()) for k, v in values.items()}
-    return kind(**told)
+    return kind(**{name: value.item() for name, value in values.items()})

@@ -93,7 +93,7 @@ class EpisodeScore:
             "navigation": self._navigation(),
             "exploration": self._exploration(),
             "localisation": self.trajectory.report()
-            | {"relocalised": explorer.lookout.relocalised}
+            | {"relocalised": explorer.keyframing.pose_check.relocalised}
             | self.fiducials.report(list(known.poses[known.loaded :])),
             **({"victims": self.victims.report(self._confirmed)} if explorer.mapper.detector else {}),
         }

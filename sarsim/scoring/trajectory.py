@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.files import whole_file
-from pipeline.localisation.odometry import Localisation, Loop
+from pipeline.localisation.localisation import Localisation, Loop
 from pipeline.transforms import inverse, tilt_of, wrap_angle, yaw_of
 from sarsim.robots.pose import Pose
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Intrinsics
+from pipeline.sensor import XTION
 from sarsim.sensors import xtion_kernels as kernels
 from sarsim.sensors.camera import LabelledImage
 
@@ -26,9 +27,9 @@ class Xtion:
     "Accuracy and resolution of Kinect depth data" (Sensors 2012); range from the maker's data sheet.
     """
 
-    min_range: float = 0.8
+    min_range: float = XTION.nearest
     """m along the optical axis; nearer surfaces give no return."""
-    max_range: float = 3.5
+    max_range: float = XTION.farthest
     """m along the optical axis; farther surfaces give no return."""
     axial_noise: bool = True
     """Gaussian noise of depth that grows with distance, and steeply past 60° of incidence."""
@@ -46,7 +47,7 @@ class Xtion:
     """Share of the pixels that give no return at random."""
 
     @classmethod
-    def ideal(cls, min_range: float = 0.8, max_range: float = 3.5) -> Self:
+    def ideal(cls, min_range: float = XTION.nearest, max_range: float = XTION.farthest) -> Self:
         """A sensor with a range and no errors."""
         off = dict.fromkeys(("axial_noise", "lateral_noise", "quantisation", "grazing", "shadow"), False)
         return cls(min_range=min_range, max_range=max_range, **off)

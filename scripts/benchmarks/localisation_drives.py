@@ -167,7 +167,7 @@ def _record(job: DriveJob, path: Path) -> int:
     config = job.config
     simulation = SimulationConfig("truth", config.sensor, config.lighting, config.dust, config.speed)
     robot = SimulatedRobot(load_arena(config.arena), simulation, config.seed)
-    survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
+    survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body, robot.model)
     surface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
     with whole_file(path) as partial, DriveWriter(partial, job.settings, surface) as writer:
         recorder = _Recorder(robot, writer)

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
-from pipeline.localisation.odometry import LostError
+from pipeline.localisation.localisation import LostError
 from pipeline.localisation.slam import Slam
 from pipeline.map_file import load_keyframes
 from pipeline.mapper import Mapper
@@ -58,7 +58,7 @@ def placed(episode: Episode, folder: Path) -> Explorer:
     mapper.localisation.set_down(robot.trajectory[-1].T_world_base)
     mapper.add(frame, mapper.localise(frame))
     explorer.navigator.motion = robot.drive(Velocity())
-    explorer.lookout.sense()  # the last that it sees before it is carried
+    explorer.keyframing.sense()  # the last that it sees before it is carried
     return explorer
 
 
@@ -82,12 +82,12 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
 
 def look(explorer: Explorer, episode: Episode) -> str:
     """One of ``OUTCOMES``, by the pose that the explorer finds in its next step."""
-    found = explorer.lookout.relocalised
+    found = explorer.keyframing.pose_check.relocalised
     try:
         T_map_base = explorer.step().keyframe.T_map_base
     except LostError:
         return "in_doubt"
     error = np.linalg.norm((inverse(episode.robot.trajectory[-1].T_world_base) @ T_map_base)[:3, 3])
-    if explorer.lookout.relocalised == found and error > WRONG:
+    if explorer.keyframing.pose_check.relocalised == found and error > WRONG:
         return "not_noticed"
     return "found" if error < GOOD else "found_worse" if error < WRONG else "wrong"

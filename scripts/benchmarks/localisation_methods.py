@@ -13,10 +13,10 @@ from kiss_icp.kiss_icp import KissICP
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame, Intrinsics
+from pipeline.localisation.localisation import is_keyframe
 from pipeline.localisation.slam import Slam
-from pipeline.navigation.lookout import is_keyframe
+from pipeline.sensor import XTION
 from pipeline.transforms import inverse, orthonormal, transform_points
-from sarsim.robots.skid_steered import robot_model
 from sarsim.scoring.trajectory import is_false
 from sarsim.scripts.benchmarks.localisation_scores import errors_of, nees, trajectory_scores
 
@@ -153,9 +153,8 @@ class Kiss(Guided):
 
     def __init__(self, T_map_start: NDArray[np.float64]):
         super().__init__(T_map_start)
-        near, far = robot_model().camera_range
         config = KISSConfig(
-            data=DataConfig(max_range=1.5 * far, min_range=near / 2, deskew=False),
+            data=DataConfig(max_range=1.5 * XTION.farthest, min_range=XTION.nearest / 2, deskew=False),
             mapping=MappingConfig(voxel_size=self.VOXEL, max_points_per_voxel=self.POINTS),
             registration=RegistrationConfig(max_num_threads=1),
             adaptive_threshold=AdaptiveThresholdConfig(fixed_threshold=self.THRESHOLD),
@@ -202,7 +201,7 @@ class Open3d(Guided):
                 o3d.core.Tensor.from_numpy(matrix),
                 o3d.core.Tensor.from_numpy(guess),
                 depth_scale=1.0,
-                depth_max=robot_model().camera_range[1],
+                depth_max=XTION.farthest,
                 method=o3d.t.pipelines.odometry.Method.Hybrid,
             )
         except RuntimeError:  # too little overlap

@@ -17,6 +17,7 @@ from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context
 from pipeline.planning.path_plan import plan_path
 from pipeline.segments.segments import Segments
+from pipeline.sensor import XTION
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw, yaw_of
 from pipeline.traversability.elevation_map import ElevationMap
@@ -55,7 +56,8 @@ class _Floor:
         robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
         self._frame, model, physics = robot.sense(), robot.model, robot.physics
         self._start = robot.trajectory[-1].T_world_base
-        surface = Survey(physics.model.ptr, physics.data.ptr, robot.base_body).surface_from(self._start[:3, 3])
+        survey = Survey(physics.model.ptr, physics.data.ptr, robot.base_body, model)
+        surface = survey.surface_from(self._start[:3, 3])
         robot.close()
         cells = np.argwhere(~np.isnan(surface.height))
         self._ground = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)]])
@@ -87,8 +89,7 @@ class _Floor:
         """Add returns of the ground in view, and of a new box on it, to the elevation map."""
         ahead = (self._ground[:, :2] - T_map_base[:2, 3]) @ T_map_base[:2, :2]
         away = np.hypot(*ahead.T)
-        near, far = self._elevation_map.robot.camera_range
-        in_view = (away > near) & (away < far) & (np.abs(np.arctan2(*ahead.T[::-1])) < HALF_VIEW)
+        in_view = (away > XTION.nearest) & (away < XTION.farthest) & (np.abs(np.arctan2(*ahead.T[::-1])) < HALF_VIEW)
         is_box = np.abs(ahead - (AWAY, 0)).max(axis=1) < SIDE / 2
         box = np.vstack([self._ground[is_box] + (0, 0, z) for z in WALL_TOPS])
         seen = self._ground[in_view] + self._rng.normal(0, [0, 0, NOISE], (in_view.sum(), 3))

@@ -22,5 +22,4 @@ PIONEER = RobotModel(
     ramp_slide=0.15,
     slide_per_radian=0.42,
     min_turn_rate=0.06,
-    camera_range=(0.8, 3.5),
 )

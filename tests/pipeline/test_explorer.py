@@ -8,7 +8,7 @@ from pipeline.explorer import PATIENCE, Explorer
 from pipeline.frame import Frame
 from pipeline.mapper import Mapper
 from pipeline.mission import Goals
-from pipeline.navigation.navigator import Halt, Leg, Outcome
+from pipeline.navigation.navigator import DrivenLeg, Halt, Outcome
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
@@ -36,7 +36,7 @@ def explorer():
 @pytest.mark.parametrize("freed", [True, False])
 def test_what_holds_the_robot_is_an_obstacle_once_it_got_away(explorer, freed):
     explorer.navigator.follow = lambda way_points, *rest: (
-        explorer.navigator.legs.append(Leg(way_points[-1, :2], Outcome.STUCK))
+        explorer.navigator.legs.append(DrivenLeg(way_points[-1, :2], Outcome.STUCK))
         or explorer.navigator.halts.append(Halt(np.eye(4), Velocity(0.2), freed))
     )
     explorer.navigator.motion = explorer.robot.drive(Velocity())
@@ -62,7 +62,7 @@ def test_ground_is_level_wherever_the_robot_is_set_down(explorer, moved):
 @pytest.mark.parametrize("outcome", [Outcome.UNSURE, Outcome.MOVED])
 def test_a_robot_that_stopped_in_doubt_was_not_carried(explorer, outcome):
     explorer.navigator.follow = lambda way_points, *rest: explorer.navigator.legs.append(
-        Leg(way_points[-1, :2], outcome)
+        DrivenLeg(way_points[-1, :2], outcome)
     )
     explorer.navigator.motion = explorer.robot.drive(Velocity())
     explorer.drive(explorer.step())
@@ -80,7 +80,7 @@ def test_a_robot_that_was_not_lifted_trusts_what_it_saw(explorer):
 
 def test_a_robot_that_is_held_again_and_again_stays(explorer):
     explorer.navigator.follow = lambda way_points, *rest: explorer.navigator.legs.append(
-        Leg(way_points[-1, :2], Outcome.STUCK)
+        DrivenLeg(way_points[-1, :2], Outcome.STUCK)
     )
     explorer.navigator.motion = explorer.robot.drive(Velocity())
     steps = [explorer.step()]
@@ -97,7 +97,7 @@ def test_goals_come_before_views_and_views_only_as_long_as_goals_are_out_of_reac
     viewpoint = explorer.step().viewpoint
     np.testing.assert_allclose(viewpoint.position, (1.2, 0.0))
     explorer.robot.T = from_yaw(1.2, 0.0, 0, np.pi)
-    explorer.lookout.T_odom_expected = explorer.robot.T
+    explorer.keyframing.pose_check.T_odom_expected = explorer.robot.T
     assert explorer.step().viewpoint.gain > 0
     assert len(explorer.mission.goals.left) == 1
     explorer.mission.may_explore = False

@@ -121,7 +121,7 @@ def test_while_it_drives_the_robot_is_where_its_newest_keyframe_has_it(tmp_path)
 
     odometry = []
     robot.on_motion = watch
-    explorer.lookout.on_keyframe = lambda keyframe: odometry.append(keyframe.frame.T_odom_base)
+    explorer.keyframing.on_keyframe = lambda keyframe: odometry.append(keyframe.frame.T_odom_base)
     for index in range(2):
         recorder.log_step(index, explorer, step := explorer.step())
         explorer.drive(step)

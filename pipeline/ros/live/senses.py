@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import g
 
 from pipeline.frame import Frame
 from pipeline.localisation.trajectory import Trajectory
-from pipeline.navigation.attitude import GRAVITY
 from pipeline.robot import Motion
 from pipeline.ros.images import colour_of, depth_of
 from pipeline.ros.links import Links
@@ -144,7 +144,7 @@ class Senses:
             R = self.links.T_base(self.imu_frame)
             mean = np.mean(self._felt, axis=0)
             self._inertial, self._felt = mean if R is None else mean @ R[:3, :3].T, []
-        by_odometry = np.array([[0.0, 0.0, omega], GRAVITY * T[2, :3]])
+        by_odometry = np.array([[0.0, 0.0, omega], g * T[2, :3]])
         gyro, accelerometer = by_odometry if self._inertial is None else self._inertial
         return Motion(time, T, gyro, accelerometer, np.array([v, v]) + self._half_width * omega * np.array([-1, 1]))
 

@@ -1,12 +1,13 @@
 """The planes in the background of a person: what the person lies on, leans against or is seen in front of."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.segments.plane import facing_camera
+from pipeline.sensor import SensorModel
 
 MARGIN, MIN_MARGIN = 1.0, 60.0
 """Margin around a box in which planes are searched: a share of its size, which counts as MIN_MARGIN px at least."""
@@ -31,15 +32,17 @@ class _Samples:
         pixels: (N, 2) row and column.
         inside: (N,) bool, whether each lies in the box.
         solid_angle: solid angle that each sample represents, sr.
+        sensor: that measured them.
     """
 
     points: NDArray[np.float32]
     pixels: NDArray[np.int64]
     inside: NDArray[np.bool_]
     solid_angle: float
+    sensor: SensorModel
 
     def __getitem__(self, chosen: NDArray) -> "_Samples":
-        return _Samples(self.points[chosen], self.pixels[chosen], self.inside[chosen], self.solid_angle)
+        return replace(self, points=self.points[chosen], pixels=self.pixels[chosen], inside=self.inside[chosen])
 
 
 def background_planes(
@@ -55,7 +58,7 @@ def background_planes(
         if len(samples.points) < enough:
             break
         plane = _plane(samples, rng)
-        near = near_plane(samples.points, plane)
+        near = near_plane(samples.points, plane, samples.sensor)
         if np.count_nonzero(near) < enough:
             break
         outside = np.count_nonzero(near & ~samples.inside)
@@ -68,19 +71,14 @@ def background_planes(
 def _is_flat(samples: _Samples, plane: NDArray[np.float64]) -> bool:
     """Whether samples of a plane lie nearer to it than the samples of a round body would."""
     points = samples.points
-    near = np.abs(points @ plane[:3] - plane[3]) < SURFACE_NOISE + depth_noise(points[:, 2])
+    near = np.abs(points @ plane[:3] - plane[3]) < SURFACE_NOISE + samples.sensor.sigma(points[:, 2])
     area = np.sum(np.square(points[:, 2])) * samples.solid_angle
     return bool(near.mean() >= FLAT and area >= FLAT_AREA)
 
 
-def depth_noise(depth: NDArray[np.floating]) -> NDArray[np.floating]:
-    """m, standard deviation of a return (Nguyen, Izadi and Lovell, 3DIMPVT 2012)."""
-    return 0.0012 + 0.0019 * np.square(depth - 0.4)
-
-
-def near_plane(points: NDArray[np.float32], plane: NDArray[np.float64]) -> NDArray[np.bool_]:
+def near_plane(points: NDArray[np.float32], plane: NDArray[np.float64], sensor: SensorModel) -> NDArray[np.bool_]:
     """(N,) bool: which points (N, 3) in ``camera_optical`` belong to a plane (4,)."""
-    return np.abs(points @ plane[:3] - plane[3]) < TOLERANCE + 2 * depth_noise(points[:, 2])
+    return np.abs(points @ plane[:3] - plane[3]) < TOLERANCE + 2 * sensor.sigma(points[:, 2])
 
 
 def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
@@ -98,7 +96,7 @@ def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
     inside = np.all((middle >= low) & (middle <= high), axis=1)
     k = frame.intrinsics
     points = k.rays[v, u] * frame.depth[v, u, None]
-    return _Samples(points, np.stack([v, u], axis=1), inside, stride**2 / (k.fx * k.fy))
+    return _Samples(points, np.stack([v, u], axis=1), inside, stride**2 / (k.fx * k.fy), frame.sensor)
 
 
 def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -106,9 +104,9 @@ def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
     planes = _planes_of(_triples(samples, TRIALS, rng))
     points = samples.points
     distance = np.abs(points @ planes[:, :3].T.astype(np.float32) - planes[:, 3].astype(np.float32))
-    near = distance < (TOLERANCE + 2 * depth_noise(points[:, 2]))[:, None]
+    near = distance < (TOLERANCE + 2 * samples.sensor.sigma(points[:, 2]))[:, None]
     best = planes[near.sum(axis=0).argmax()]
-    members = samples.points[near_plane(samples.points, best)].astype(np.float64)
+    members = samples.points[near_plane(samples.points, best, samples.sensor)].astype(np.float64)
     if len(members) < 3:
         return best
     centre = members.mean(axis=0)

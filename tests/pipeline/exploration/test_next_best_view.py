@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.exploration import next_best_view, visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.next_best_view import CHANCES, GIVEN_UP, Exploration
+from pipeline.exploration.next_best_view import CHANCES, IS_THERE, Exploration
 from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.pose_kernels import ANGLES
@@ -98,7 +98,7 @@ def test_cells_are_in_view_wherever_a_gain_is_expected(seed):
     """Also cells that only one ray reaches, with samples on the border of two cells, as every second one at 60°."""
     shape, camera = (140, 140), CAMERA
     pillars = np.random.default_rng(seed).random(shape) < 0.2  # few rays get through
-    terrain = kernels.Terrain(
+    terrain = kernels.SearchedTerrain(
         origin=np.full(2, -3.5),
         cell=0.05,
         elevation=np.where(pillars, 3, 0).astype(np.float32),
@@ -265,7 +265,7 @@ def test_a_miss_lowers_the_probability_by_bayes_rule_until_the_cell_is_given_up(
         missed = before * (1 - 0.7)
         assert after == pytest.approx(missed / (missed + 1 - before), abs=0.01)
     assert 3 <= len(CHANCES) <= 8
-    assert 0.07 < GIVEN_UP < min(CHANCES)
+    assert 0.07 < 1 - IS_THERE < min(CHANCES)
 
 
 def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():

@@ -3,17 +3,17 @@ import pytest
 
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.visibility import STRIDE, ViewpointGains, camera_view
-from tests.pipeline.robot_model import PIONEER
+from pipeline.exploration.visibility import PLACE_STRIDE, ViewpointGains, camera_view
+from pipeline.sensor import XTION
 from tests.pipeline.still_robot import HEIGHT, INTRINSICS, PITCH, StillRobot
 
 CAMERA = kernels.CameraView(0.6, 0.17, 0.9, 3.1, -0.6, 0.15, 0.9)
 SHAPE = (203, 101)
 
 
-def terrain_with(known: np.ndarray, origin: tuple[float, float] = (0.0, 0.0)) -> kernels.Terrain:
+def terrain_with(known: np.ndarray, origin: tuple[float, float] = (0.0, 0.0)) -> kernels.SearchedTerrain:
     elevation = np.where(known, 0.0, np.nan).astype(np.float32)
-    return kernels.Terrain(
+    return kernels.SearchedTerrain(
         np.array(origin),
         0.05,
         elevation,
@@ -38,10 +38,10 @@ def known_but_for_stripes() -> np.ndarray:
 
 
 NOTHING = np.zeros(SHAPE, np.bool_)
-CELLS = np.argwhere(np.ones((20, 20), np.bool_)) * STRIDE
+CELLS = np.argwhere(np.ones((20, 20), np.bool_)) * PLACE_STRIDE
 
 
-def fresh(cells: np.ndarray, terrain: kernels.Terrain) -> np.ndarray:
+def fresh(cells: np.ndarray, terrain: kernels.SearchedTerrain) -> np.ndarray:
     return visibility.gains(terrain.origin + (cells + 0.5) * terrain.cell, CAMERA, terrain)
 
 
@@ -103,9 +103,9 @@ def test_rays_are_cast_anew_where_the_grid_begins_elsewhere_and_for_another_came
 
 
 def test_a_view_is_that_of_the_camera_on_the_robot():
-    view = camera_view(StillRobot().sense(), PIONEER)
+    view = camera_view(StillRobot().sense())
     assert (view.height, view.ahead) == (HEIGHT, 0.0)
-    assert PIONEER.camera_range[0] < view.near < view.far < PIONEER.camera_range[1]
+    assert XTION.nearest < view.near < view.far < XTION.farthest
     half = np.arctan2(INTRINSICS.height / 2, INTRINSICS.fy)
     assert view.lower_edge == pytest.approx(-PITCH - half, abs=0.03)
     assert view.lower_edge > -PITCH - half

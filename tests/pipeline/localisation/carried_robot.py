@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.sensor import XTION
 from pipeline.transforms import from_rotation, from_yaw, inverse
 from pipeline.traversability.elevation_map import ElevationMap
 from tests.pipeline.polygon_scene import Face, floor, look, pose, wall, wedge
@@ -43,7 +44,7 @@ def seen(
     faces: list[Face], T_map_base: NDArray[np.float64], T_map_odom: NDArray[np.float64] | None = None, seed: int = 0
 ) -> Frame:
     """The frame that a robot takes, whose odometry began at ``T_map_odom``."""
-    frame = look(faces, T_map_base @ T_BASE_CAMERA, sigma=0.01, seed=seed, reach=PIONEER.camera_range)
+    frame = look(faces, T_map_base @ T_BASE_CAMERA, sigma=0.01, seed=seed, reach=(XTION.nearest, XTION.farthest))
     T_odom_base = T_map_base if T_map_odom is None else inverse(T_map_odom) @ T_map_base
     return replace(frame, T_base_camera=T_BASE_CAMERA, T_odom_base=T_odom_base)
 

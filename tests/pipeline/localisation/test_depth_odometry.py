@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.frame import Frame
 from pipeline.localisation.depth_odometry import MOST_BLIND, DepthOdometry
-from pipeline.localisation.odometry import LostError
+from pipeline.localisation.localisation import LostError
 from pipeline.transforms import angle_of, inverse
 from tests.pipeline.localisation.driving_robot import drive, seen
 from tests.pipeline.localisation.painted_room import painted

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.localisation.local_map import LEAST, LocalMap
-from pipeline.localisation.registration import cloud_of
+from pipeline.localisation.local_map import LocalMap
+from pipeline.localisation.registration import LEAST_POINTS, cloud_of
 from pipeline.transforms import from_yaw
 from tests.pipeline.worlds import ground_points, wall_points
 
@@ -73,7 +73,7 @@ def test_points_beyond_the_margin_are_not_taken(margin: float, is_there: bool) -
 
 def test_what_is_not_new_is_not_added_and_too_few_are_no_target() -> None:
     few = LocalMap()
-    new = np.arange(WALL.size()) < LEAST - 1
+    new = np.arange(WALL.size()) < LEAST_POINTS - 1
     few.add(0, np.eye(4), WALL, CAMERA, new)
     np.testing.assert_allclose(few.all_points(), WALL.points()[new, :3], atol=1e-6)
     assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_)) is None

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.localisation.pose_graph import LEVER, Drive, PoseGraph
+from pipeline.localisation.pose_graph import LEVER, OdometryMotion, PoseGraph
 from pipeline.transforms import from_rotation, from_yaw, inverse, tilt_of, yaw_of
 
 SURE, VAGUE = 1e4 * np.eye(6), 10 * np.eye(6)
@@ -156,7 +156,7 @@ def test_a_turn_that_closes_tells_what_is_wrong_with_the_gyro() -> None:
     for k in range(25):
         graph.add(from_yaw(0, 0, 0, k * step), np.array([0.0, 0.0, 1.0]))
         if k:
-            graph.drive(Drive(from_yaw(0, 0, 0, step), np.zeros((3, 5)), J, 1e-6 * np.eye(6)))
+            graph.drive(OdometryMotion(from_yaw(0, 0, 0, step), np.zeros((3, 5)), J, 1e-6 * np.eye(6)))
     at = graph.poses[0] @ from_yaw(0, 0, 0, 24 * true)
     graph.connect(0, 24, at, 1e6 * np.eye(6))
     graph.optimise()
@@ -171,7 +171,7 @@ def test_early_motions_follow_what_is_learnt_later_of_the_tyres() -> None:
     for k in range(4):
         graph.add(from_yaw(k, 0, 0, 0), np.array([0.0, 0.0, 1.0]))
         if k:
-            graph.drive(Drive(from_yaw(1, 0, 0, 0), moves, np.zeros((6, 2)), 1e-6 * np.eye(6)))
+            graph.drive(OdometryMotion(from_yaw(1, 0, 0, 0), moves, np.zeros((6, 2)), 1e-6 * np.eye(6)))
     graph.odometry = np.array([0.01, 0, 0, 0, 0])
     graph.optimise()
     np.testing.assert_allclose(graph.poses[:, 0, 3], 1.01 * np.arange(4), atol=1e-6)

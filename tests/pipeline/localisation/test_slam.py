@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 import pipeline.localisation.slam as slam_module
 from pipeline.frame import Frame
-from pipeline.localisation.odometry import LostError, OdometryLocalisation
+from pipeline.localisation.localisation import LostError
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
 from pipeline.localisation.slam import Slam, cloud_of_frame
 from pipeline.transforms import from_yaw, inverse, transform_points

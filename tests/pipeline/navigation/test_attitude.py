@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pipeline.navigation.attitude import MAX_LEAD, Attitude
+from pipeline.labels import RAMP_TILT
+from pipeline.navigation.attitude import Attitude
 from pipeline.transforms import from_rotation, tilt_of
 
 angles = st.floats(-0.6, 0.6)
@@ -31,7 +32,7 @@ def test_the_gyro_tells_it_at_once(axis):
         attitude.update(rate, np.zeros(3), DT)  # thrown up, the robot is in free fall
     np.testing.assert_allclose(attitude.tilt, 0.2 * rate[:2], atol=0.01)
     assert attitude.tilt_in(0.1) == pytest.approx(0.3, abs=0.01)
-    assert attitude.tilt_in(9.0) == pytest.approx(0.2 + MAX_LEAD, abs=0.01)
+    assert attitude.tilt_in(9.0) == pytest.approx(0.2 + RAMP_TILT, abs=0.01)
 
 
 def test_a_bump_is_no_tilt():

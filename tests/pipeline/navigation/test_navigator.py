@@ -6,10 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.navigation.navigator import BACK_OUT, BUMPER_GAP, Halt, Navigator, Outcome
+from pipeline.localisation.localisation import KEYFRAME_WAY
+from pipeline.navigation.navigator import Halt, Navigator, Outcome
 from pipeline.navigation.progress import OVERDUE
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
+from pipeline.traversability.elevation_map import CELL
 from tests.pipeline.kinematic_robot import KinematicRobot
 from tests.pipeline.robot_model import PIONEER
 
@@ -62,7 +64,7 @@ def test_it_drives_at_the_speed_of_the_thesis_and_slower_on_ramps():
 def test_it_slows_down_to_the_pace_of_the_ground_ahead():
     robot = KinematicRobot()
     navigator = Navigator(robot)
-    navigator.pace = lambda here, along: 0.1 if 1 < here[0] < 2 else np.inf
+    navigator.speed_limit = lambda here, along: 0.1 if 1 < here[0] < 2 else np.inf
     assert navigator.follow(np.array([(3.0, 0.0)]))
     speeds = [c.v for c in robot.commands]
     assert speeds.count(0.1) * robot.control_period > 9
@@ -98,7 +100,7 @@ def test_stuck_is_noticed_and_the_robot_backs_out():
     (halt,) = navigator.halts
     assert halt.command.v > 0
     assert halt.freed
-    assert robot.T[0, 3] == pytest.approx(halt.T_map_base[0, 3] - BACK_OUT, abs=0.04)
+    assert robot.T[0, 3] == pytest.approx(halt.T_map_base[0, 3] - KEYFRAME_WAY, abs=0.04)
 
 
 def test_it_pushes_for_less_than_a_second():
@@ -135,7 +137,7 @@ def test_it_backs_out_once_its_wheels_have_come_to_rest():
     navigator = Navigator(RobotBeforeWall(0.6))
     assert not navigator.follow(np.array([(2, 0)]))
     assert [halt.freed for halt in navigator.halts] == [True]
-    assert navigator.robot.T[0, 3] == pytest.approx(0.6 - BACK_OUT, abs=0.06)
+    assert navigator.robot.T[0, 3] == pytest.approx(0.6 - KEYFRAME_WAY, abs=0.06)
 
 
 def test_it_backs_out_no_farther_than_it_came():
@@ -359,6 +361,6 @@ def test_a_turn_that_makes_up_for_sliding_is_not_held_where_the_ramp_ends():
 def test_what_it_touched_stands_right_before_the_end_that_went_ahead():
     for v, end in ((0.2, 1), (-0.2, -1)):
         points = Halt(from_yaw(1, 2, 0, np.pi / 2), Velocity(v), True).touched(PIONEER)
-        np.testing.assert_allclose(points[:, 1], 2 + end * (PIONEER.half_length + BUMPER_GAP))
+        np.testing.assert_allclose(points[:, 1], 2 + end * (PIONEER.half_length + CELL / np.sqrt(2)))
         np.testing.assert_allclose(np.ptp(points[:, 0]), PIONEER.width, rtol=1e-6)
         np.testing.assert_allclose(points[:, 2], PIONEER.body_height)

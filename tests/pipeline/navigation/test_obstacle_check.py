@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.navigation.obstacle_check import ObstacleCheck
+from pipeline.sensor import XTION
 from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import flat, ground_points, ridge, surface_of, wall_points
 
@@ -14,7 +15,7 @@ FLOOR = assess_map(surface_of(ground_points(flat, (-1, 4), (-1, 1))))
 def obstacle_check(*seen, traversability=FLOOR):
     """A check whose camera always sees the same points."""
     cloud = np.vstack(seen).astype(np.float32)
-    return ObstacleCheck(lambda: cloud, traversability)
+    return ObstacleCheck(lambda: cloud, traversability, XTION)
 
 
 def box(x, y, height=0.4):
@@ -60,7 +61,7 @@ def test_what_stands_behind_the_way_point_does_not_matter():
 
 def test_it_checks_at_each_new_way_point_and_every_stride():
     checks = []
-    watch = ObstacleCheck(lambda: checks.append(1) or np.zeros((0, 3), np.float32), FLOOR)
+    watch = ObstacleCheck(lambda: checks.append(1) or np.zeros((0, 3), np.float32), FLOOR, XTION)
     for x in np.arange(0, 1.0, 0.01):
         assert watch.is_clear(np.array([x, 0.0]), TARGET)
     assert len(checks) == 3

@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.labels import COLOURS, Label
-from pipeline.localisation.odometry import Loop
+from pipeline.localisation.localisation import Loop
 from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
+from pipeline.sensor import XTION
 from pipeline.traversability.depth_dropouts import LEAST_ROWS, find_depth_dropouts
 from pipeline.traversability.depth_dropouts_kernels import ROW_STEP
 
@@ -18,7 +19,7 @@ def ground_depth() -> np.ndarray:
 
 
 def dropouts(depth):
-    return find_depth_dropouts(depth, WIDE, LEVEL)
+    return find_depth_dropouts(depth, WIDE, LEVEL, XTION)
 
 
 def test_nothing_is_missing_on_open_ground():

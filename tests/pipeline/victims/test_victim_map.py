@@ -9,7 +9,7 @@ from pipeline.keyframes import Places
 from pipeline.transforms import from_rotation
 from pipeline.victims import observation, victim_map
 from pipeline.victims.detection.detection import Detection
-from pipeline.victims.observation import Observation, Refusal, observe
+from pipeline.victims.observation import PersonObservation, Refusal, observe
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
@@ -33,7 +33,7 @@ def walk(victims: Victims, places: list[tuple[float, float]], balls: list[Ball],
 def test_a_person_is_where_it_is() -> None:
     T = camera_at(0, 0)
     result = observe(step(T, [PERSON]), detection_of(T, PERSON), T)
-    assert isinstance(result, Observation)
+    assert isinstance(result, PersonObservation)
     assert result.position == pytest.approx(PERSON[:3], abs=0.16)  # the front of it
     np.testing.assert_allclose(np.linalg.norm(result.points - PERSON[:3], axis=1), 0.25, atol=0.01)
     deviation = result.position - PERSON[:3]
@@ -46,8 +46,8 @@ def test_the_map_may_lie_anywhere() -> None:
     moved = T.copy()
     moved[:3, 3] += [5, -3, 1]
     here, there = (observe(step(T, [PERSON]), detection_of(T, PERSON), pose) for pose in (T, moved))
-    assert isinstance(here, Observation)
-    assert isinstance(there, Observation)
+    assert isinstance(here, PersonObservation)
+    assert isinstance(there, PersonObservation)
     np.testing.assert_allclose(there.position - here.position, [5, -3, 1], atol=1e-5)
     np.testing.assert_allclose(there.covariance, here.covariance, atol=1e-6)
 
@@ -186,7 +186,7 @@ LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
 
 def test_a_person_seen_in_parts_is_one_person() -> None:
     victims = Victims()
-    with constants(victim_map, GATE=1e-6, BETWEEN=0.2):  # only overlap can join the parts
+    with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, BETWEEN=0.2):  # only overlap can join the parts
         walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
         walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
         assert len(victims.all) == 2
@@ -202,16 +202,16 @@ def test_a_person_seen_in_parts_is_one_person() -> None:
 def test_two_ends_of_a_person_whose_middle_is_hidden_are_one_person() -> None:
     for settings, people in (({}, 1), ({"BETWEEN": 0.1}, 2), ({"TOGETHER": 0.8}, 2)):
         victims = Victims()
-        with constants(victim_map, GATE=1e-6, **settings):
+        with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, **settings):
             walk(victims, [(0, 0), (0, 0.4)], [PERSON, LEGS], [PERSON, LEGS])
         assert len(victims.all) == people
 
 
 def test_two_who_touch_but_are_too_large_for_one_stay_two() -> None:
     both = [(2.0, 0.3, 0.2, 0.25), (2.0, -0.3, 0.2, 0.25)]
-    for settings, people in (({}, 1), ({"TOGETHER": 0.6}, 2), ({"TOGETHER": 0.6, "INSIDE": 0.1}, 1)):
+    for settings, people in (({}, 1), ({"TOGETHER": 0.6}, 2), ({"TOGETHER": 0.6, "TOUCH": 0.45}, 1)):
         victims = Victims()
-        with constants(victim_map, GATE=1e-6, **settings):
+        with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, **settings):
             walk(victims, [(0, 0), (0, 0.4)], both, both)
         assert len(victims.all) == people
 
@@ -220,7 +220,7 @@ def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> No
     T = camera_at(2.7, 0)
     near: Ball = (3.7, 0.0, 0.6, 0.28)
     result = observe(step(T, [near]), Detection((4, 2, 156, 118), 0.9), T)
-    assert isinstance(result, Observation)
+    assert isinstance(result, PersonObservation)
     np.testing.assert_allclose(np.linalg.norm(result.points - near[:3], axis=1), 0.28, atol=0.02)
 
 
@@ -228,7 +228,7 @@ def test_of_what_stands_one_behind_the_other_the_nearest_is_the_person() -> None
     T = camera_at(0, 0)
     behind: Ball = (3.0, 0.0, 0.3, 0.3)
     result = observe(step(T, [PERSON, behind]), detection_of(T, (2.0, 0.0, 0.3, 0.4)), T)
-    assert isinstance(result, Observation)
+    assert isinstance(result, PersonObservation)
     assert result.points[:, 0].max() < 2.1
 
 

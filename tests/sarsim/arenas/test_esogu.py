@@ -14,7 +14,8 @@ from sarsim.arenas.load import load_arena
 from sarsim.assets import asset
 from sarsim.ground_truth.columns import convex_bodies
 from sarsim.ground_truth.contacts import OBSTACLES
-from sarsim.ground_truth.true_surface import CELL, HEADROOM, Survey
+from sarsim.ground_truth.true_surface import CELL, Survey
+from sarsim.robots.skid_steered import robot_model
 from sarsim.scripts.assets.esogu import building, plan
 from sarsim.scripts.assets.make_esogu import TARGET, VICTIMS, laboratory_floor, people_on_the_floor
 from sarsim.sensors.camera import geom_labels
@@ -116,7 +117,7 @@ def way_from_start(world, width, solid):
     """The area that the centre line of a lane of ``width`` m can reach from the start, around labels ``solid``."""
     model, data = world
     bodies = convex_bodies(model, data, None)
-    low = (bodies.low[:, 2] < HEADROOM) & (bodies.high[:, 2] > 0) & np.isin(bodies.label, solid)
+    low = (bodies.low[:, 2] < robot_model().headroom) & (bodies.high[:, 2] > 0) & np.isin(bodies.label, solid)
     outlines = [shapely.Polygon(bodies.corners[slice(*bodies.first_corner[n : n + 2])]) for n in np.flatnonzero(low)]
     free = shapely.box(-26, -7.5, 26, 7.5) - shapely.union_all(outlines).buffer(width / 2)
     start = shapely.Point(plan.START[:2])

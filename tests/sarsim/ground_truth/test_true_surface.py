@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.ground_truth.true_surface import Survey
+from sarsim.ground_truth.true_surface import Survey, clearance_of
+from sarsim.robots.skid_steered import robot_model
 
 HEAD = """
 <mujoco>
@@ -18,11 +19,11 @@ HEAD = """
 NOWHERE = np.zeros(3)
 
 
-def survey(geoms: str, start=NOWHERE):
+def survey(geoms: str, start=NOWHERE, robot="pioneer3at"):
     model = mujoco.MjModel.from_xml_string(HEAD + geoms + "</worldbody></mujoco>")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    return Survey(model, data, model.body("robot").id).surface_from(np.array(start))
+    return Survey(model, data, model.body("robot").id, robot_model(robot)).surface_from(np.array(start))
 
 
 def at(layer, surface, x, y):
@@ -75,6 +76,16 @@ def test_headroom_counts_and_a_high_ceiling_does_not_matter():
         board = f'<geom type="box" pos="1.5 0 {height + 0.05}" size="0.5 2 0.05" user="5"/>'
         surface = survey(board)
         assert bool(at(surface.drivable, surface, 1.5, 0.0)) is expected, height
+
+
+def test_every_robot_is_held_to_its_own_body():
+    assert [clearance_of(robot_model(robot)) for robot in ("pioneer3at", "jackal")] == [0.30, 0.27]
+    gap = "".join(f'<geom type="box" pos="1 {side} 0.6" size="0.1 0.7 0.6" user="1"/>' for side in (-1.0, 1.0))
+    board = '<geom type="box" pos="1 0 0.67" size="0.1 2 0.05" user="5"/>'
+    for robot, expected in (("pioneer3at", False), ("jackal", True)):
+        for narrow in (gap, board):
+            surface = survey(narrow, robot=robot)
+            assert bool(at(surface.drivable, surface, 1.5, 0.0)) is expected
 
 
 def test_clutter_under_the_height_of_a_step_is_in_nobodys_way():

@@ -360,7 +360,7 @@ def at_rest(name) -> tuple[mujoco.MjModel, mujoco.MjData]:
         ('<joint name="front_left" ', '<joint name="left_front" ', "not readable MJCF|has no joint front_left"),
         ('<numeric name="max_gap" data="0.15"/>', "", 'no proper <numeric name="max_gap">: \\[\\]'),
         ('name="length" data="0.508"', 'name="length" data="-1"', r"length\">: \[-1.0\]"),
-        ('name="camera_range" data="0.8 3.5"', 'name="camera_range" data="3.5"', "camera_range"),
+        ('name="length" data="0.508"', 'name="length" data="0.5 0.5"', r"length\">: \[0.5, 0.5\]"),
         ("<worldbody>", "<worldbody", "not readable MJCF"),
     ],
 )

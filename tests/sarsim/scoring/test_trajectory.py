@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pipeline.localisation.odometry import Loop, OdometryLocalisation
+from pipeline.localisation.localisation import Loop
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.transforms import from_rotation, from_yaw, inverse
 from sarsim.robots.pose import Pose
 from sarsim.scoring.trajectory import TrajectoryScore, driven, greatest_tilt, times_tipped, write_tum

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.localisation.odometry import Loop
+from pipeline.localisation.localisation import Loop
 from pipeline.transforms import from_rotation, from_yaw
 from sarsim.scoring.trajectory import is_false, write_tum
 from sarsim.scripts.benchmarks.localisation_scores import errors_of, evo_ate, nees, trajectory_scores, way_driven

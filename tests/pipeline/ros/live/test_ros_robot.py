@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.constants import g
 
 from pipeline.errors import InputError
 from pipeline.navigation.navigator import Navigator
@@ -89,7 +90,7 @@ def test_without_inertial_sensors_the_odometry_tells_whether_it_leans() -> None:
 
     wire.change = leaning
     motion = robot.drive(Velocity())
-    assert motion.accelerometer == pytest.approx(tilted.T @ [0, 0, 9.81])
+    assert motion.accelerometer == pytest.approx(tilted.T @ [0, 0, g])
     assert motion.gyro == pytest.approx([0, 0, 0.3])
 
 

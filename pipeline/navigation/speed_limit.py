@@ -6,19 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_kernels import NARROW_SPEED, level_speed
 from pipeline.traversability.pose_paths import nearest_heading
 from pipeline.traversability.traversability import RAMP_MARGIN, STANDING, Traversability
 
-BRAKING = 0.2
-"""m/s², so that wheels do not skid."""
-STEP = 0.05
-"""m between the places on the way at which ground is checked, far enough ahead to brake from full speed."""
-BESIDE = 1.0
+BESIDE_PEOPLE = 1.0
 """m from a person within which the robot drives no faster than where it has no room."""
 
 
-class Pace:
+class SpeedLimit:
     """Computes the greatest speed from what the maps show under and before the wheels."""
 
     def __init__(
@@ -29,8 +26,9 @@ class Pace:
     ):
         """``ramps``, ``people``: (N, 3) points of each inclined ramp and person of the semantic map, m."""
         self._traversability, robot = traversability, traversability.robot
-        self._ahead = np.arange(0.0, robot.half_length + robot.speed**2 / (2 * BRAKING) + STEP, STEP)
-        slow = (ramps, RAMP_MARGIN, robot.ramp_speed), (people, BESIDE, NARROW_SPEED)
+        # Far enough to brake from full speed half as fast as it could, so that wheels do not skid.
+        self._ahead = np.arange(0.0, robot.half_length + robot.speed**2 / robot.acceleration + CELL, CELL)
+        slow = (ramps, RAMP_MARGIN, robot.ramp_speed), (people, BESIDE_PEOPLE, NARROW_SPEED)
         self._slow = [(KDTree(np.vstack(these)[:, :2]), near, most) for these, near, most in slow if len(these)]
 
     def __call__(self, here: NDArray[np.float64], along: NDArray[np.float64]) -> float:
@@ -44,4 +42,4 @@ class Pace:
             is_near = np.isfinite(tree.query(places, distance_upper_bound=near)[0])
             speeds = np.where(is_near, np.minimum(most, speeds), speeds)
         left = np.maximum(self._ahead - robot.half_length, 0.0)
-        return float(np.sqrt(speeds**2 + 2 * BRAKING * left).min())
+        return float(np.sqrt(speeds**2 + robot.acceleration * left).min())

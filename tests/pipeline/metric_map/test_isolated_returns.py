@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.metric_map.specks import without_specks
-from pipeline.metric_map.specks_kernels import without_specks as kernel
+from pipeline.metric_map.isolated_returns import without_isolated_returns
+from pipeline.metric_map.isolated_returns_kernels import without_isolated_returns as kernel
 from tests.pipeline.still_robot import StillRobot
 
 SHARE = np.float32(0.05)
@@ -48,7 +48,7 @@ def test_dust_leaves_surfaces_and_loses_its_specks() -> None:
 
 def test_a_frame_keeps_all_but_its_specks() -> None:
     frame = StillRobot().sense()
-    cleaned = without_specks(frame)
+    cleaned = without_isolated_returns(frame)
     assert cleaned.returns.sum() >= 0.999 * frame.returns.sum()
     np.testing.assert_array_equal(cleaned.depth[cleaned.returns], frame.depth[cleaned.returns])
     assert cleaned.rgb is frame.rgb

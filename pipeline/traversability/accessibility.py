@@ -12,7 +12,7 @@ JOINT = 0.1
 """m, side of the voxels that join a surface if they are neighbours, and greatest height of the foot of a ramp."""
 
 
-def is_no_way(
+def is_inaccessible(
     ground: Traversability,
     places: NDArray[np.float64],
     points: NDArray[np.floating],
@@ -36,7 +36,7 @@ def is_no_way(
     side = ceil(ground.robot.width / 2 / ground.grid.cell)
     broad = ndimage.binary_opening(surface, np.ones((side, side)))
     near = ndimage.binary_dilation(broad, np.ones((2 * side - 1, 2 * side - 1)))
-    narrow, height = ~near[tuple(cells.T)], height_above_ways(ground, places, points)
+    narrow, height = ~near[tuple(cells.T)], height_above_accessible(ground, places, points)
     high = (height > ground.robot.headroom) & ~from_below
     return narrow | high & ~_comes_down(points, ~narrow, height) if high.any() else narrow
 
@@ -52,7 +52,7 @@ def _comes_down(
     return counts & np.isin(surface, surface[counts & (height < JOINT)])
 
 
-def height_above_ways(
+def height_above_accessible(
     ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]
 ) -> NDArray[np.float64]:
     """(N,) m, height of points (N, 3) above the nearest ground that no hazard separates from where the robot stood.

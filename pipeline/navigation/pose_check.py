@@ -1,4 +1,4 @@
-"""Keyframes and the check of the robot's pose against the map, while it drives and while it stands."""
+"""Whether the robot is where it thinks, and where it is if it was carried elsewhere."""
 
 from collections.abc import Callable
 
@@ -7,107 +7,60 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.agreement import Agreement, agreement, shows_another_place
-from pipeline.localisation.odometry import LostError
-from pipeline.localisation.relocalisation import Relocalisation
-from pipeline.mapper import Keyframe, Mapper
-from pipeline.metric_map.specks import without_specks
+from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY, LostError
+from pipeline.localisation.relocalisation import LEAST_FRAMES, Relocalisation
+from pipeline.mapper import Mapper
 from pipeline.navigation.navigator import Navigator
-from pipeline.navigation.progress import BLOCKED_SHARE
-from pipeline.transforms import angle_of, inverse, yaw_of
+from pipeline.transforms import inverse, yaw_of
 
-KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
-"""m and rad that the robot drives or turns from one keyframe to the next."""
-LABELLED = 6
-"""During a drive one keyframe in this many is labelled: the network is the slowest stage."""
 LOOKS = 8
 """Number of frames that a robot takes around itself when its pose is in doubt."""
-UNSURE = 0.98, 0.7
+SURE_AGREEMENT, FAIR_FIT = 0.98, 0.7
 """Agreement and overlap of a frame; if both are lower, the pose is in doubt. In all 56 steps of two episodes at least
-one was higher."""
-FITTING = 0.7, 0.75
-"""Agreement and overlap of a frame; if both are higher, the map is wrong and not the pose, as behind a curtain."""
+one was higher. If agreement and overlap are both higher than the second, the map is wrong and not the pose, as behind
+a curtain."""
 UNRIVALLED = 0.9
 """Overlap of a frame above which its pose is trusted if no other place fits for sure either."""
-REGISTERED = 3
-"""Least number of frames of a full turn that agree with the odometry, while none does not, to trust the pose. In dust
-the map has few voxels to compare with."""
-KIDNAPPED = 0.3
-"""m; a robot that has moved farther than this without driving was carried."""
 
 
-class Lookout:
-    """Makes keyframes for the mapper, tells the navigator where the robot is, and notices if the robot was carried.
+class PoseCheck:
+    """Compares frames with the map; where they disagree, the robot looks around until it knows its pose.
 
     Attributes:
-        on_keyframe: called with every keyframe, also those taken during a drive.
         relocalised: number of times that the robot was localised anew after it was carried.
         T_odom_expected: 4×4 pose where the last step or drive left the robot; None if it was kidnapped.
     """
 
-    def __init__(self, navigator: Navigator, mapper: Mapper) -> None:
-        """Begin to take keyframes during the navigator's drives."""
-        self.on_keyframe: Callable[[Keyframe], object] = lambda keyframe: None
+    def __init__(self, navigator: Navigator, mapper: Mapper, sense: Callable[[], Frame]) -> None:
+        """``sense``: takes a frame where the robot stands."""
         self.relocalised = 0
         self.T_odom_expected: NDArray[np.float64] | None = None
-        self._navigator, self._robot, self._mapper = navigator, navigator.robot, mapper
-        self._T_odom_keyframe = np.eye(4)
-        self._last: Frame | None = None
-        navigator.look = self.look
+        self._navigator, self._mapper, self._sense = navigator, mapper, sense
 
-    def sense(self) -> Frame:
+    def confirmed(self, frame: Frame, last: Frame | None) -> Frame:
         """The newest frame, once the robot has looked around as much as it needs to know its pose.
+
+        Args:
+            frame: the newest so far.
+            last: the one before it; None for the first.
 
         Raises:
             LostError: the pose remains in doubt.
         """
-        last = self._last
-        with self._mapper.stopwatch("sense"):
-            frame = self._sense()
-        self._navigator.look = lambda: True
         frame, is_there = self._confirm(frame, last)
-        frame = frame if is_there else self._find_place(frame)
-        self._navigator.look = self.look
-        return frame
+        return frame if is_there else self._find_place(frame)
+
+    def was_carried(self, frame: Frame) -> bool:
+        """Whether a frame contradicts the map so much that the robot must be elsewhere."""
+        return self._was_carried(self._agreement(frame))
 
     def was_set_down(self, frame: Frame) -> bool:
         """Whether the robot is elsewhere than its drive ended, or has just begun; if so, assume flat ground there."""
         last, self.T_odom_expected = self.T_odom_expected, frame.T_odom_base
-        is_elsewhere = last is None or bool(np.linalg.norm(frame.T_odom_base[:3, 3] - last[:3, 3]) > KIDNAPPED)
+        is_elsewhere = last is None or bool(np.linalg.norm(frame.T_odom_base[:3, 3] - last[:3, 3]) > KEYFRAME_WAY)
         if is_elsewhere:
             self._mapper.assume_ground(self._mapper.localise(frame))
         return is_elsewhere
-
-    def add(self, frame: Frame, labelled: bool) -> Keyframe:
-        """Make a keyframe of a frame."""
-        keyframe = self._mapper.add(frame, self._mapper.localise(frame), labelled)
-        self._T_odom_keyframe = frame.T_odom_base
-        self._navigator.T_map_odom = self._mapper.localisation.T_map_odom
-        self.on_keyframe(keyframe)
-        return keyframe
-
-    def look(self) -> bool:
-        """Take a keyframe if the robot has moved far enough; False if its pose is wrong or no longer certain."""
-        assert self._navigator.motion is not None
-        if is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
-            frame = self._sense()
-            localisation = self._mapper.localisation
-            if localisation.may_err and self._was_carried(self._agreement(frame)):
-                return False
-            driven = np.linalg.norm((inverse(self._T_odom_keyframe) @ frame.T_odom_base)[:3, 3])
-            moved = np.linalg.norm((self._mapper.localise(frame) - localisation.poses[-1])[:3, 3])
-            self._navigator.spins = bool(driven >= KEYFRAME_WAY and moved < BLOCKED_SHARE * driven)
-            self.add(frame, labelled=len(self._mapper.keyframes) % LABELLED == 0)
-            return not localisation.is_blind
-        return True
-
-    def returns(self) -> NDArray[np.float32]:
-        """(N, 3) the camera's present returns, m in ``map``; their frame becomes a keyframe."""
-        frame = self._sense()
-        return frame.points(self.add(frame, labelled=False).T_map_base @ frame.T_base_camera)
-
-    def _sense(self) -> Frame:
-        self._last = without_specks(self._robot.sense())
-        return self._last
 
     @property
     def _is_lost(self) -> bool:
@@ -124,7 +77,7 @@ class Lookout:
         found = self._agreement(frame)
         for _ in range(LOOKS):
             is_elsewhere = self._was_carried(found) or localisation.is_contradicted
-            is_unsure = localisation.is_blind or (found.share < UNSURE[0] and localisation.overlap < UNSURE[1])
+            is_unsure = localisation.is_blind or (found.share < SURE_AGREEMENT and localisation.overlap < FAIR_FIT)
             is_doubtful = found.is_doubtful or is_unsure
             if is_elsewhere or not is_doubtful or not self._navigator.turn(2 * np.pi / LOOKS):
                 break
@@ -135,7 +88,7 @@ class Lookout:
 
     def _was_carried(self, found: Agreement) -> bool:
         overlap = self._mapper.localisation.overlap
-        return found.was_carried and not (found.share > FITTING[0] and overlap > FITTING[1])
+        return found.was_carried and not (found.share > FAIR_FIT and overlap > FAIR_FIT)
 
     def _agreement(self, frame: Frame) -> Agreement:
         T_map_camera = self._mapper.localise(frame) @ frame.T_base_camera
@@ -143,7 +96,7 @@ class Lookout:
 
     def _find_place(self, frame: Frame) -> Frame:
         """Look around until the robot is localised; returns the newest frame."""
-        mapper, relocalisation = self._mapper, Relocalisation(self._robot.model)
+        mapper, relocalisation = self._mapper, Relocalisation(self._navigator.robot.model)
         agreements, agrees = [], []
         for _ in range(LOOKS):
             agreements.append(self._agreement(frame))
@@ -158,7 +111,8 @@ class Lookout:
         localisation = mapper.localisation
         fits = localisation.overlap > UNRIVALLED and not localisation.is_contradicted
         around = Agreement.of(agreements)
-        is_registered = agrees.count(True) >= REGISTERED and False not in agrees
+        # In dust the map has few voxels to compare with, but registration tells as much as to relocalise.
+        is_registered = agrees.count(True) >= LEAST_FRAMES and False not in agrees
         has_seen_all = len(agreements) == LOOKS and not around.was_carried
         if not self._is_lost and (fits or (has_seen_all and (is_registered or not around.is_doubtful))):
             # The frames fit the map except for something new, or something that the robot has driven through.
@@ -170,14 +124,8 @@ class Lookout:
         move = inverse(self._mapper.localise(frame)) @ T_map_base
         self.T_odom_expected = frame.T_odom_base
         self._mapper.localisation.trust()
-        if self._is_lost or np.linalg.norm(move[:3, 3]) > KIDNAPPED or abs(yaw_of(move)) > KEYFRAME_TURN:
+        if self._is_lost or np.linalg.norm(move[:3, 3]) > KEYFRAME_WAY or abs(yaw_of(move)) > KEYFRAME_TURN:
             self._mapper.localisation.set_down(T_map_base)
             self.relocalised += 1
             self.T_odom_expected = None
         return frame
-
-
-def is_keyframe(T_odom_last: NDArray[np.float64], T_odom_base: NDArray[np.float64]) -> bool:
-    """Whether a pose (4×4) is far enough, in m or rad, from the last keyframe's to take another keyframe."""
-    moved = inverse(T_odom_last) @ T_odom_base
-    return bool(np.linalg.norm(moved[:3, 3]) >= KEYFRAME_WAY or angle_of(moved) >= KEYFRAME_TURN)

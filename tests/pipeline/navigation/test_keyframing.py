@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Frame
-from pipeline.localisation.odometry import LostError
+from pipeline.localisation.localisation import KEYFRAME_WAY, LostError
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.navigation.lookout import KEYFRAME_WAY, KIDNAPPED, LABELLED, LOOKS, Lookout
+from pipeline.navigation.keyframing import LABELLED, Keyframing
 from pipeline.navigation.navigator import Navigator, Outcome
+from pipeline.navigation.pose_check import LOOKS
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, inverse
 from tests.pipeline.kinematic_robot import KinematicRobot
@@ -37,23 +38,23 @@ class SeeingRobot(KinematicRobot):
 
 
 class Outlook:
-    """A robot that looks around from where it stands, with its navigator, mapper and lookout."""
+    """A robot that looks around from where it stands, with its navigator, mapper and keyframing."""
 
     def __init__(self):
         self.robot = SeeingRobot()
         self.navigator = Navigator(self.robot)
         self.mapper = Mapper(PIONEER, TruthClassifier(), localisation=Slam())
-        self.lookout = Lookout(self.navigator, self.mapper)
+        self.keyframing = Keyframing(self.navigator, self.mapper)
         self.keyframes: list[Keyframe] = []
-        self.lookout.on_keyframe = self.keyframes.append
+        self.keyframing.on_keyframe = self.keyframes.append
 
     def look_around(self, place: np.ndarray) -> "Outlook":
         """Make keyframes of a full turn."""
         for yaw in np.arange(6) * np.pi / 3:
             self.robot.T = place @ from_yaw(0, 0, 0, yaw)
-            frame = self.lookout.sense()
-            self.lookout.was_set_down(frame)
-            self.lookout.add(frame, labelled=False)
+            frame = self.keyframing.sense()
+            self.keyframing.pose_check.was_set_down(frame)
+            self.keyframing.add(frame, labelled=False)
         self.robot.T = place
         return self
 
@@ -67,7 +68,13 @@ def looked_around():
 def outlook(looked_around, monkeypatch):
     """The shared outlook, restored after each test; a test must add no keyframe."""
     slam = looked_around.mapper.localisation
-    for thing in (looked_around.robot, looked_around.lookout, looked_around.navigator, slam):
+    for thing in (
+        looked_around.robot,
+        looked_around.keyframing,
+        looked_around.keyframing.pose_check,
+        looked_around.navigator,
+        slam,
+    ):
         for name, value in vars(thing).items():
             monkeypatch.setattr(thing, name, value)
     return looked_around
@@ -75,19 +82,19 @@ def outlook(looked_around, monkeypatch):
 
 def test_what_agrees_with_the_map_needs_one_look(outlook):
     before = outlook.robot.looks
-    frame = outlook.lookout.sense()
+    frame = outlook.keyframing.sense()
     assert outlook.robot.looks == before + 1
-    assert not outlook.lookout.was_set_down(frame)
+    assert not outlook.keyframing.pose_check.was_set_down(frame)
 
 
 def test_a_thing_that_was_put_in_the_way_is_no_reason_to_be_lost(outlook):
     outlook.robot.faces = [*BARE, PANEL]
     before = outlook.robot.looks
-    frame = outlook.lookout.sense()
+    frame = outlook.keyframing.sense()
     assert outlook.robot.looks > before + 1
-    assert outlook.lookout.relocalised == 0
-    assert not outlook.lookout.was_set_down(frame)
-    assert outlook.navigator.look == outlook.lookout.look
+    assert outlook.keyframing.pose_check.relocalised == 0
+    assert not outlook.keyframing.pose_check.was_set_down(frame)
+    assert outlook.navigator.look == outlook.keyframing.look
 
 
 def test_nor_is_it_where_no_place_is_found_for_sure():
@@ -96,40 +103,40 @@ def test_nor_is_it_where_no_place_is_found_for_sure():
     outlook = Outlook().look_around(middle)
     outlook.robot.faces = [*BARE, wall((3.7, 1.2), (3.7, 2.8))]
     before = outlook.robot.looks
-    frame = outlook.lookout.sense()
+    frame = outlook.keyframing.sense()
     assert before + 1 < outlook.robot.looks <= before + 1 + LOOKS
-    assert outlook.lookout.relocalised == 0
-    assert not outlook.lookout.was_set_down(frame)
+    assert outlook.keyframing.pose_check.relocalised == 0
+    assert not outlook.keyframing.pose_check.was_set_down(frame)
 
 
 def test_a_robot_in_another_room_is_lost(outlook):
     outlook.robot.faces = CLOSET
     with pytest.raises(LostError, match="no place fits"):
-        outlook.lookout.sense()
+        outlook.keyframing.sense()
 
 
 @pytest.mark.parametrize("faces", [CLOSET, [wall((2.6, 1.0), (2.6, 3.0))]])
 def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_contradict_it(faces):
     outlook = Outlook()
-    frame = outlook.lookout.sense()
-    outlook.lookout.was_set_down(frame)
-    outlook.lookout.add(frame, labelled=False)
+    frame = outlook.keyframing.sense()
+    outlook.keyframing.pose_check.was_set_down(frame)
+    outlook.keyframing.add(frame, labelled=False)
     outlook.mapper.keyframes.loaded, outlook.robot.faces = 1, faces
     outlook.robot.T = START @ from_yaw(0, 0, 0, np.pi)
     with pytest.raises(LostError, match="no place fits"):
-        outlook.lookout.sense()
+        outlook.keyframing.sense()
 
 
 def test_where_the_odometry_leaps_the_robot_was_set_down(outlook):
-    outlook.lookout.was_set_down(seen(BARE, START))
-    near, far = (seen(BARE, START @ from_yaw(way * KIDNAPPED, 0, 0, 0)) for way in (0.9, 2.0))
-    assert not outlook.lookout.was_set_down(near)
-    assert outlook.lookout.was_set_down(far)
+    outlook.keyframing.pose_check.was_set_down(seen(BARE, START))
+    near, far = (seen(BARE, START @ from_yaw(way * KEYFRAME_WAY, 0, 0, 0)) for way in (0.9, 2.0))
+    assert not outlook.keyframing.pose_check.was_set_down(near)
+    assert outlook.keyframing.pose_check.was_set_down(far)
 
 
 def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
     outlook = Outlook()
-    outlook.lookout.add(outlook.lookout.sense(), labelled=True)
+    outlook.keyframing.add(outlook.keyframing.sense(), labelled=True)
     assert outlook.navigator.follow(np.array([(3.0, 2.0)]))
     places = [keyframe.T_map_base[0, 3] for keyframe in outlook.keyframes]
     np.testing.assert_allclose(places, 2.0 + KEYFRAME_WAY * np.arange(4), atol=0.05)
@@ -138,7 +145,7 @@ def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
 
 def test_the_returns_are_those_of_a_keyframe_that_is_not_labelled():
     outlook = Outlook()
-    points = outlook.lookout.returns()
+    points = outlook.keyframing.returns()
     (keyframe,) = outlook.keyframes
     assert len(points) == keyframe.frame.returns.sum()
     assert not len(keyframe.labels)
@@ -159,8 +166,8 @@ class HeldRobot(SeeingRobot):
 @pytest.mark.parametrize(("robot", "outcome"), [(HeldRobot(), Outcome.STUCK), (SeeingRobot(), Outcome.REACHED)])
 def test_a_robot_whose_wheels_spin_is_held(robot, outcome):
     navigator, mapper = Navigator(robot), Mapper(PIONEER, TruthClassifier(), localisation=Slam())
-    lookout = Lookout(navigator, mapper)
-    lookout.add(lookout.sense(), labelled=True)
+    keyframing = Keyframing(navigator, mapper)
+    keyframing.add(keyframing.sense(), labelled=True)
     navigator.follow(np.array([(4.0, 2.0)]))
     assert [leg.outcome for leg in navigator.legs] == [outcome]
     if outcome is Outcome.STUCK:

@@ -1,0 +1,135 @@
+"""The interface of localisation."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.transforms import angle_of, inverse
+
+KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
+"""m and rad that the robot drives or turns from one keyframe to the next; poses closer than that count as one."""
+STILL_WAY, STILL_TURN = 0.02, np.deg2rad(2)
+"""m and rad; a robot that moves less stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A loop closure: two keyframes that saw the same place.
+
+    Attributes:
+        first, second: numbers of the keyframes, the older one first.
+        T_first_second: 4×4 pose of the second in the frame of the first, as registered.
+    """
+
+    first: int
+    second: int
+    T_first_second: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SavedKeyframes:
+    """What a later episode must know of keyframes to localise among them.
+
+    Attributes:
+        poses: (K, 4, 4) ``T_map_base``.
+        ups: (K, 3) the vertical in the ``base_link`` of each keyframe.
+        points: (N, 3) points of the surfaces seen, in the ``base_link`` of their keyframe, m.
+        normals: (N, 3) of the points, of length 1.
+        owner: (N,) int64 number of the keyframe that each point belongs to.
+    """
+
+    poses: NDArray[np.float64]
+    ups: NDArray[np.float64]
+    points: NDArray[np.floating]
+    normals: NDArray[np.float64]
+    owner: NDArray[np.int64]
+
+
+class LostError(Exception):
+    """The robot's pose is unknown; the message says why."""
+
+
+class Localisation(Protocol):
+    """Estimates the robot's pose at each frame, and the poses of keyframes.
+
+    Attributes:
+        T_map_odom: 4×4 pose of ``odom`` in ``map`` by the newest frame.
+        loops: loop closures so far.
+        may_err: whether the poses must be checked against the map.
+    """
+
+    T_map_odom: NDArray[np.float64]
+    loops: list[Loop]
+    may_err: bool
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
+        ...
+
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether registration of the newest frame contradicts the odometry more than slipping wheels can explain."""
+        ...
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether the robot has driven too far without a registration to trust its odometry."""
+        ...
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether registration of the newest frame agrees with the odometry; None if it was not registered."""
+        ...
+
+    @property
+    def overlap(self) -> float:
+        """Share of the newest frame's points that were seen before; 1 if it was not registered."""
+        ...
+
+    def localise(self, frame: Frame) -> NDArray[np.float64]:
+        """4×4 pose of ``base_link`` in ``map`` at the time of the frame; raises LostError if it is unknown."""
+        ...
+
+    def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
+        """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
+        ...
+
+    def optimise(self) -> None:
+        """Correct the poses of all keyframes."""
+        ...
+
+    def set_down(self, T_map_base: NDArray[np.float64]) -> None:
+        """Continue from the pose (4×4) to which the robot was carried."""
+        ...
+
+    def trust(self) -> None:
+        """Trust the odometry again where nothing could be registered, once the robot has looked around."""
+        ...
+
+    def points(self) -> NDArray[np.float32]:
+        """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
+        ...
+
+    def keyframes(self) -> SavedKeyframes:
+        """All keyframes so far."""
+        ...
+
+    def restore(self, keyframes: SavedKeyframes) -> None:
+        """Begin with the keyframes of an earlier episode, whose poses stay fixed."""
+        ...
+
+
+def check_odometry(frame: Frame) -> None:
+    """Raises LostError if the odometry of a frame is not finite."""
+    if not np.isfinite(frame.T_odom_base).all():
+        raise LostError(f"the odometry at {frame.time:.2f} s is not finite")
+
+
+def is_keyframe(T_odom_last: NDArray[np.float64], T_odom_base: NDArray[np.float64]) -> bool:
+    """Whether a pose (4×4) is far enough, in m or rad, from the last keyframe's to take another keyframe."""
+    moved = inverse(T_odom_last) @ T_odom_base
+    return bool(np.linalg.norm(moved[:3, 3]) >= KEYFRAME_WAY or angle_of(moved) >= KEYFRAME_TURN)

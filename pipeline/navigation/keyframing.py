@@ -1,0 +1,82 @@
+"""When the robot takes keyframes, and what the navigator learns from them while it drives."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.localisation.localisation import KEYFRAME_WAY, is_keyframe
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.metric_map.isolated_returns import without_isolated_returns
+from pipeline.navigation.navigator import Navigator
+from pipeline.navigation.pose_check import PoseCheck
+from pipeline.navigation.progress import BLOCKED_SHARE
+from pipeline.transforms import inverse
+
+LABELLED = 6
+"""During a drive one keyframe in this many is labelled: the network is the slowest stage."""
+
+
+class Keyframing:
+    """Makes keyframes for the mapper, and tells the navigator where the robot is.
+
+    Attributes:
+        on_keyframe: called with every keyframe, also those taken during a drive.
+        pose_check: whether the robot is where it thinks.
+    """
+
+    def __init__(self, navigator: Navigator, mapper: Mapper) -> None:
+        """Begin to take keyframes during the navigator's drives."""
+        self.on_keyframe: Callable[[Keyframe], object] = lambda keyframe: None
+        self.pose_check = PoseCheck(navigator, mapper, self._sense)
+        self._navigator, self._mapper = navigator, mapper
+        self._T_odom_keyframe = np.eye(4)
+        self._last: Frame | None = None
+        navigator.look = self.look
+
+    def sense(self) -> Frame:
+        """The newest frame, once the robot has looked around as much as it needs to know its pose.
+
+        Raises:
+            LostError: the pose remains in doubt.
+        """
+        last = self._last
+        with self._mapper.stopwatch("sense"):
+            frame = self._sense()
+        self._navigator.look = lambda: True
+        frame = self.pose_check.confirmed(frame, last)
+        self._navigator.look = self.look
+        return frame
+
+    def add(self, frame: Frame, labelled: bool) -> Keyframe:
+        """Make a keyframe of a frame."""
+        keyframe = self._mapper.add(frame, self._mapper.localise(frame), labelled)
+        self._T_odom_keyframe = frame.T_odom_base
+        self._navigator.T_map_odom = self._mapper.localisation.T_map_odom
+        self.on_keyframe(keyframe)
+        return keyframe
+
+    def look(self) -> bool:
+        """Take a keyframe if the robot has moved far enough; False if its pose is wrong or no longer certain."""
+        assert self._navigator.motion is not None
+        if is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
+            frame = self._sense()
+            localisation = self._mapper.localisation
+            if localisation.may_err and self.pose_check.was_carried(frame):
+                return False
+            driven = np.linalg.norm((inverse(self._T_odom_keyframe) @ frame.T_odom_base)[:3, 3])
+            moved = np.linalg.norm((self._mapper.localise(frame) - localisation.poses[-1])[:3, 3])
+            self._navigator.spins = bool(driven >= KEYFRAME_WAY and moved < BLOCKED_SHARE * driven)
+            self.add(frame, labelled=len(self._mapper.keyframes) % LABELLED == 0)
+            return not localisation.is_blind
+        return True
+
+    def returns(self) -> NDArray[np.float32]:
+        """(N, 3) the camera's present returns, m in ``map``; their frame becomes a keyframe."""
+        frame = self._sense()
+        return frame.points(self.add(frame, labelled=False).T_map_base @ frame.T_base_camera)
+
+    def _sense(self) -> Frame:
+        self._last = without_isolated_returns(self._navigator.robot.sense())
+        return self._last

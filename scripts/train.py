@@ -14,6 +14,7 @@ from rich.console import Console
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.victims.detection.training_config import YoloTrainingConfig
+from sarsim.assets import asset
 from sarsim.scripts.cli import Interruptible, check_folder_of, progress
 from sarsim.scripts.settings import run_one_of, save_settings
 from sarsim.settings import POINT_NETWORKS
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from pipeline.semantic_map.networks.parallel import Worker
     from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
+ARCHITECTURES = {"yolov3-small": "victims.cfg", "yolov3-tiny": "yolov3-tiny.cfg", "yolov3": "yolov3.cfg"}
+"""The file that describes each of the networks for people."""
 VALIDATION_FRAMES = 40
 """Largest number of clouds for validation, spread over its scenes; 200 took as long as 1,000 training steps."""
 
@@ -105,7 +108,8 @@ def train_yolo(settings: TrainYolo) -> None:
     with next(splits) as training, next(splits) as validation:
         about = {"data": list(map(str, settings.data)), "images": [len(training), len(validation)]}
         about |= {"stride": settings.stride, "init": str(settings.init) if settings.init else None}
-        trainer = Trainer(training, validation, config, settings.out, about, settings.init)
+        initial = settings.init or asset("weights", ARCHITECTURES[config.network])
+        trainer = Trainer(training, validation, config, settings.out, about, initial)
         _train(trainer, settings, "AP50")
 
 

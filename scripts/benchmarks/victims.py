@@ -12,12 +12,12 @@ from rich.progress import track
 from rich.table import Table
 
 from pipeline.semantic_map.networks.threads import torch_threads
-from pipeline.victims.detection.architectures import COCO_TINY_ANCHORS, yolov3_tiny
-from pipeline.victims.detection.darknet_cfg import DarknetCfg
+from pipeline.victims.detection.darknet_cfg import DarknetCfg, adapted
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.detection.inference import FusedNetwork, to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import load_network
+from sarsim.assets import asset
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Results, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_table import group_figures, groups_in, pairs, rich_table, rows_of
@@ -179,7 +179,10 @@ def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:
 
 def tiny() -> DarknetNetwork:
     """YOLOv3-tiny for one class that finds nothing: its time does not depend on its weights."""
-    network = DarknetNetwork(DarknetCfg.parse(yolov3_tiny(416, 416, 1, COCO_TINY_ANCHORS))).eval()
+    path = asset("weights", "yolov3-tiny.cfg")
+    coco = DarknetCfg.read(path)
+    text = adapted(path.read_text(), coco.width, coco.height, 1, coco.heads[0].anchors)
+    network = DarknetNetwork(DarknetCfg.parse(text)).eval()
     for layer in network.convolutions:
         if layer.norm is None:
             torch.nn.init.zeros_(layer.conv.weight)

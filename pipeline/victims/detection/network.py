@@ -17,13 +17,13 @@ from pipeline.victims.detection.darknet_cfg import (
     Route,
     Shortcut,
     Upsample,
-    Yolo,
+    YoloHead,
 )
 
 BATCH_NORM_EPSILON = 1e-6  # as Darknet's batchnorm_layer.c on a processor, and OpenCV's reader
 LEAKY_SLOPE = 0.1  # as Darknet's activations.h
-MOST_WEIGHTS, MOST_OUTPUTS = 2**27, 2**29
-"""Most weights of a network, and most numbers that it computes for an image, 4 bytes each; YOLOv3 has 62 million
+MOST_NUMBERS = 2**29
+"""Most weights of a network, and most numbers that it computes for an image: 2 GB each; YOLOv3 has 62 million
 weights, and computes 345 million numbers for an image of 1024 × 1024 pixels."""
 
 
@@ -61,7 +61,7 @@ class DarknetNetwork(nn.Module):
                 x = torch.cat(sources, dim=1) if sources[1:] else sources[0]
             elif isinstance(layer, Shortcut):
                 x = x + kept[layer.layer]
-            elif isinstance(layer, Yolo):
+            elif isinstance(layer, YoloHead):
                 heads.append(x)
             else:
                 x = module(x)
@@ -172,7 +172,7 @@ def _shape(
         case Shortcut():
             if shapes[layer.layer] != before:
                 raise InputError(f"{where}: layers of other sizes: {_sizes([shapes[layer.layer], before])}")
-        case Yolo():
+        case YoloHead():
             if channels != layer.channels:
                 raise InputError(f"{where}: needs filters={layer.channels} before it, not {channels}")
     return before
@@ -186,9 +186,11 @@ def _check_size(cfg: DarknetCfg, shapes: Sequence[tuple[int, int, int]]) -> None
     ]
     weights = sum(layer.filters * n * layer.size**2 for layer, n in convolutions)
     outputs = cfg.channels * cfg.height * cfg.width + sum(map(prod, shapes))
-    for count, most, what in ((weights, MOST_WEIGHTS, "weights"), (outputs, MOST_OUTPUTS, "numbers for an image")):
-        if count > most:
-            raise InputError(f"{cfg.name}: too large: {count:.2g} {what}, at most {most:.2g} are computed with")
+    for count, what in ((weights, "weights"), (outputs, "numbers for an image")):
+        if count > MOST_NUMBERS:
+            raise InputError(
+                f"{cfg.name}: too large: {count:.2g} {what}, at most {MOST_NUMBERS:.2g} are computed with"
+            )
 
 
 def _sizes(shapes: Sequence[tuple[int, int, int]]) -> str:

@@ -10,7 +10,7 @@ from rich.progress import track
 from torch.nn import functional
 
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.networks.blocks import Block, BlockConfig, cut
+from pipeline.semantic_map.networks.blocks import CHANNELS, Block, BlockConfig, cut
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
@@ -33,7 +33,7 @@ def speed(frames: list[TrueFrame], rounds: int, classifier: NetworkClassifier | 
     Blocks of the frames are timed for ``rounds`` rounds; whole frames also by the robot's ``classifier``.
     """
     torch.manual_seed(0)
-    network = Dgcnn(classes=len(CLASSES)).eval()
+    network = Dgcnn(CHANNELS, len(CLASSES)).eval()
     blocks = [block for frame in frames for block in thesis_blocks(frame)]
     figures = _block_contest(network, [blocks[i % len(blocks)].points for i in range(rounds)])
     figures |= _step_contest(network, blocks[0].points)

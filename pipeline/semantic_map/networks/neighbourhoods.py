@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 import torch
@@ -29,7 +30,7 @@ class Cloud:
 
 def farthest(cloud: Cloud, share: float) -> tuple[Tensor, list[int]]:
     """(Q,) int64 indices of a ``share`` of each block's points by farthest point sampling; their number per block."""
-    counts = [max(1, int(np.ceil(size * share - 1e-9))) for size in cloud.sizes]
+    counts = [max(1, ceil(size * share)) for size in cloud.sizes]
 
     def choose(points: NDArray[np.float32], block: int) -> NDArray[np.int64]:
         chosen = np.empty(counts[block], np.int64)

@@ -1,7 +1,7 @@
 """PointNet++ for semantic segmentation, single scale (Qi et al., NeurIPS 2017): PointNets on ever larger balls."""
 
 from collections.abc import Sequence
-from typing import cast
+from typing import TypeVar, cast
 
 import torch
 from torch import Tensor, nn
@@ -11,12 +11,19 @@ from pipeline.semantic_map.networks.layers import largest, mlp
 from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, in_ball, interpolated
 from pipeline.semantic_map.networks.network import RowNetwork
 
+T = TypeVar("T", int, float)
+LEVELS = 4
 SHARE = 0.25
 """Share of a cloud's points that become centres of balls, the points of the next level: 4,096, 1,024, 256, 64, 16."""
-RADII = (0.1, 0.2, 0.4, 0.8)
-"""m, of the balls of each level."""
-NEIGHBOURS = 32
-"""Most points of a ball."""
+RADIUS = 0.1
+"""m, of the balls of the first level; they double from level to level, and so do the features."""
+WIDTH = 32
+"""Features within a ball of the first level, and most points of a ball of any."""
+
+
+def doubled(first: T) -> list[T]:
+    """The values of the levels, and of one more: twice as much at each."""
+    return [first * 2**level for level in range(LEVELS + 1)]
 
 
 class SetAbstraction(nn.Module):
@@ -41,7 +48,7 @@ def balls(cloud: Cloud, radius: float, layer: nn.Linear, unit: float = 1.0) -> t
     """
     index, sizes = farthest(cloud, SHARE)
     centres = Cloud(cloud.positions[index], cloud.features[index], sizes)
-    near = in_ball(cloud, centres, radius, NEIGHBOURS)
+    near = in_ball(cloud, centres, radius, WIDTH)
     of_points = layer(torch.cat((cloud.positions / unit, cloud.features), dim=1))
     of_centres = linear(centres.positions / unit, layer.weight[:, :3])
     return centres, of_points[near] - of_centres[:, None]
@@ -66,23 +73,22 @@ class PointNet2(RowNetwork):
 
     NAME = "pointnet2"
 
-    def __init__(self, channels: int = 6, classes: int = 6) -> None:
+    def __init__(self, channels: int, classes: int) -> None:
         """Random weights; the first three channels are x, y, z in m."""
         super().__init__(channels, classes)
-        widths = ((32, 32, 64), (64, 64, 128), (128, 128, 256), (256, 256, 512))
-        inputs = (channels, *(w[-1] for w in widths))
-        self.down = nn.ModuleList(map(SetAbstraction, inputs, widths, RADII))
+        inner = doubled(WIDTH)[:-1]
+        outputs = [2 * width for width in inner]
+        widths = [(width, width, 2 * width) for width in inner]
+        self.down = nn.ModuleList(map(SetAbstraction, (channels, *outputs), widths, doubled(RADIUS)))
+        wide, narrow = outputs[2], outputs[1]
         # As in the published code, the last one uses no features of the points themselves.
-        self.up = nn.ModuleList(
-            map(
-                FeaturePropagation,
-                (512 + 256, 256 + 128, 256 + 64, 128),
-                ((256,) * 2, (256,) * 2, (256, 128), (128,) * 3),
-            )
-        )
-        self.head = mlp(128, 128)
-        self.dropout = nn.Dropout(0.5)
-        self.classifier = nn.Linear(128, classes)
+        own = *reversed(outputs[:-1]), 0
+        back = (wide, wide), (wide, wide), (wide, narrow), (narrow, narrow, narrow)
+        known = (outputs[-1], *(widths[-1] for widths in back))
+        self.up = nn.ModuleList(map(FeaturePropagation, map(sum, zip(known, own, strict=False)), back))
+        self.head = mlp(narrow, narrow)
+        self.dropout = nn.Dropout()
+        self.classifier = nn.Linear(narrow, classes)
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
         """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""

@@ -15,13 +15,13 @@ from torch.nn.functional import relu
 from pipeline.semantic_map.networks.layers import largest, mlp
 from pipeline.semantic_map.networks.neighbourhoods import Cloud
 from pipeline.semantic_map.networks.network import RowNetwork
-from pipeline.semantic_map.networks.pointnet2 import RADII, FeaturePropagation, balls
+from pipeline.semantic_map.networks.pointnet2 import RADIUS, WIDTH, FeaturePropagation, balls, doubled
 
-WIDTHS = (32, 64, 128, 256, 512)
+WIDTHS = doubled(WIDTH)
 """Features of a point at each level."""
 
 
-class SetAbstraction(nn.Module):
+class ResidualSetAbstraction(nn.Module):
     """Two layers on the balls around a few centres, added to the centres' own features."""
 
     def __init__(self, channels: int, outputs: int, radius: float) -> None:
@@ -44,19 +44,19 @@ class PointNeXt(RowNetwork):
 
     NAME = "pointnext"
 
-    def __init__(self, channels: int = 6, classes: int = 6) -> None:
+    def __init__(self, channels: int, classes: int) -> None:
         """Random weights; the first three channels are x, y, z in m."""
         super().__init__(channels, classes)
         self.stem = nn.Linear(channels, WIDTHS[0])
         self.down = nn.ModuleList(
-            SetAbstraction(fine, coarse, radius)
-            for (fine, coarse), radius in zip(pairwise(WIDTHS), RADII, strict=True)
+            ResidualSetAbstraction(fine, coarse, radius)
+            for (fine, coarse), radius in zip(pairwise(WIDTHS), doubled(RADIUS), strict=False)
         )
         self.up = nn.ModuleList(
             FeaturePropagation(fine + coarse, (fine, fine)) for coarse, fine in pairwise(reversed(WIDTHS))
         )
         self.head = mlp(WIDTHS[0], WIDTHS[0])
-        self.dropout = nn.Dropout(0.5)
+        self.dropout = nn.Dropout()
         self.classifier = nn.Linear(WIDTHS[0], classes)
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:

@@ -6,7 +6,7 @@ from scipy.cluster.vq import kmeans2
 from scipy.special import expit, logit
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.darknet_cfg import CLASSES, OBJECTNESS, SIZE, XY, YoloHead
+from pipeline.victims.detection.darknet_cfg import OBJECTNESS, YoloHead
 
 LARGEST_EXPONENT = 20.0
 """Bound of the exponent that scales an anchor: no box in an image is so large, and its square still fits float32."""
@@ -32,11 +32,11 @@ def decode(
     cells = head.reshape(len(yolo.mask), -1, rows, columns)
     anchor, y, x = np.nonzero(cells[:, OBJECTNESS] >= logit(threshold))
     found = cells[anchor, :, y, x]
-    middle = (expit(found[:, XY]) + np.stack([x, y], axis=1)) * (width / columns, height / rows)
+    middle = (expit(found[:, :2]) + np.stack([x, y], axis=1)) * (width / columns, height / rows)
     sizes = np.array(yolo.anchors)[list(yolo.mask)][anchor]
-    half = np.exp(np.minimum(found[:, SIZE], LARGEST_EXPONENT)) * sizes / 2
+    half = np.exp(np.minimum(found[:, 2:OBJECTNESS], LARGEST_EXPONENT)) * sizes / 2
     boxes = np.concatenate([middle - half, middle + half], axis=1)
-    return boxes.astype(np.float32), expit(found[:, CLASSES]) * expit(found[:, OBJECTNESS, None])
+    return boxes.astype(np.float32), expit(found[:, OBJECTNESS + 1 :]) * expit(found[:, OBJECTNESS, None])
 
 
 def areas(boxes: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -14,8 +14,8 @@ from pipeline.errors import InputError
 
 N = TypeVar("N", int, float)
 MOST_CFG_BYTES = 1_000_000  # Of a network's text; that of YOLOv3, of 107 layers, has 8,000
-XY, SIZE, OBJECTNESS, CLASSES = slice(0, 2), slice(2, 4), 4, slice(5, None)
-"""The numbers that a [yolo] reads for each anchor of a cell."""
+OBJECTNESS = 4
+"""Place among the numbers that a [yolo] reads for an anchor of a cell: after x, y, width, height, before classes."""
 WIDEST = 64  # Greatest size, stride or padding of a window
 
 
@@ -72,7 +72,7 @@ class YoloHead:
     @property
     def channels(self) -> int:
         """Numbers in each cell: x, y, width, height, objectness and the classes of every anchor."""
-        return len(self.mask) * (CLASSES.start + self.classes)
+        return len(self.mask) * (OBJECTNESS + 1 + self.classes)
 
 
 Layer = Convolutional | Maxpool | Upsample | Route | Shortcut | YoloHead

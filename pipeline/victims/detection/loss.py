@@ -15,7 +15,7 @@ from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, logsigmoid
 
 from pipeline.victims.detection.boxes import LARGEST_EXPONENT, size_overlaps
-from pipeline.victims.detection.darknet_cfg import CLASSES, OBJECTNESS, SIZE, XY, DarknetCfg, YoloHead
+from pipeline.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead
 from pipeline.victims.detection.labelled_image import LabelledImage
 
 ASSIGNED_IOU = 0.3  # Least overlap of an anchor's size with a person's for the anchor to be assigned to that person
@@ -44,7 +44,7 @@ class YoloLoss:
             predicted = self._boxes(cells, yolo)
             boxes = boxes + (1 - ciou(predicted[index], truths)).sum()
             objectness = objectness + self._objectness(cells, predicted.detach(), index, batch)
-            classes = classes - logsigmoid(cells[..., CLASSES][index]).sum()  # the only class is person
+            classes = classes - logsigmoid(cells[..., OBJECTNESS + 1][index]).sum()  # the only class is person
             asked += len(truths)
         return (boxes + objectness + classes) / max(1, asked)
 
@@ -102,9 +102,9 @@ class YoloLoss:
         rows, columns = cells.shape[2:4]
         y, x = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")
         stride = torch.tensor([self.cfg.width / columns, self.cfg.height / rows], device=cells.device)
-        middle = (cells[..., XY].sigmoid() + torch.stack([x, y], dim=-1).to(cells.device)) * stride
+        middle = (cells[..., :2].sigmoid() + torch.stack([x, y], dim=-1).to(cells.device)) * stride
         sizes = torch.tensor(yolo.anchors, device=cells.device)[list(yolo.mask)][None, :, None, None]
-        half = cells[..., SIZE].clamp(max=LARGEST_EXPONENT).exp() * sizes / 2
+        half = cells[..., 2:OBJECTNESS].clamp(max=LARGEST_EXPONENT).exp() * sizes / 2
         return torch.cat([middle - half, middle + half], dim=-1)
 
 

@@ -15,11 +15,9 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle, yaw_of
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
+from pipeline.victims.certainty import ellipsoids
 from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.victim_map import Victim
-
-CHI2_95 = 5.991
-"""95 % quantile of χ² with two degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +44,8 @@ class Person:
     @property
     def ellipse(self) -> tuple[float, float, float]:
         """Half axes, m, of the ellipse with a probability of 95 %, the longer one first, and its yaw, rad."""
-        values, vectors = np.linalg.eigh(self.victim.covariance[:2, :2])
-        shorter, longer = np.sqrt(CHI2_95 * values).tolist()
-        return longer, shorter, float(np.arctan2(vectors[1, 1], vectors[0, 1]))
+        (shorter, longer), directions = ellipsoids(self.victim.covariance[:2, :2])
+        return float(longer), float(shorter), float(np.arctan2(directions[1, 1], directions[0, 1]))
 
     @property
     def beyond_way(self) -> float:

@@ -18,6 +18,8 @@ cut around any point."""
 JITTER = 0.003
 """m, standard deviation of the noise of every coordinate and of the height of the whole cloud; rad, that of its roll
 and pitch about the camera."""
+DARK = 0.2
+"""Share of the clouds that are black; the colours of the others are multiplied by a random factor of at most 1."""
 THINNEST = 0.5
 """Density: the share of a block's points that is kept is drawn uniformly between this and 1."""
 
@@ -91,4 +93,5 @@ def augmented(cloud: LabelledCloud, rng: np.random.Generator) -> tuple[NDArray[n
     xyz, colours = np.split(cloud.points, [3], axis=1)
     points = (xyz - cloud.camera) @ turn.T + camera
     points += rng.normal(0, JITTER, points.shape)
-    return np.concatenate([points, colours * rng.uniform()], axis=1).astype(np.float32), camera
+    light = rng.uniform() * (rng.random() >= DARK)
+    return np.concatenate([points, colours * light], axis=1).astype(np.float32), camera

@@ -140,7 +140,7 @@ def recoloured(image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
     """The image with its hue shifted, its saturation and brightness multiplied by random factors."""
     hsv = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2HSV_FULL)
     hsv[..., 0] += rng.integers(-HUE, HUE, endpoint=True).astype(np.uint8)  # the circle wraps as uint8 does
-    changed = cv2.multiply(hsv, (1, _factor(rng), _factor(rng), 1))
+    changed = cv2.multiply(hsv, np.array([1, _factor(rng), _factor(rng), 1]))
     return replace(image, rgb=np.asarray(cv2.cvtColor(changed, cv2.COLOR_HSV2RGB_FULL), np.uint8))
 
 

@@ -164,5 +164,5 @@ def _optimizer(network: DarknetNetwork, learning_rate: float) -> torch.optim.Opt
     """AdamW, without weight decay for biases and batch normalization."""
     kernels = [p for p in network.parameters() if p.ndim > 1]
     others = [p for p in network.parameters() if p.ndim == 1]
-    groups = [{"params": kernels}, {"params": others, "weight_decay": 0.0}]
+    groups: list[dict[str, Any]] = [{"params": kernels}, {"params": others, "weight_decay": 0.0}]
     return torch.optim.AdamW(groups, learning_rate)

@@ -6,13 +6,11 @@ from pathlib import PurePath
 from typing import Any
 
 from pipeline.labels import Label
-from pipeline.rescue_report.map_drawing import draw_map, pale
+from pipeline.rescue_report.map_drawing import MOST_NAMED, draw_map, pale
 from pipeline.rescue_report.people import people_data
 from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.situation import Situation
 
-MAX_LISTED = 8
-"""Most places of one kind that are listed, the worst first."""
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
 """Parts of report.json on what ran and how long it took; all others except the settings need the ground truth."""
 SETTINGS = "config"
@@ -40,7 +38,7 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
         run=_tables({key: report[key] for key in RUN if key in report}, "run"),
         scores=_tables({key: report[key] for key in report if key not in (*RUN, SETTINGS)}, ""),
         settings=_tables(report.get(SETTINGS, {}), "command"),
-        MAX_LISTED=MAX_LISTED,
+        MOST_NAMED=MOST_NAMED,
     )
 
 

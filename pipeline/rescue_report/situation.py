@@ -125,9 +125,9 @@ def situation_of(
     """
     traversability = mapper.traversability
     paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
-    hazards = find_hazards(traversability, paths.reachable, points, robot.headroom)
+    hazards = find_hazards(traversability, paths.reachable, points, robot)
     maps = traversability, paths, mapper.topological_map, mapper.metric_map
-    router = Router(*maps, hazards, yaw_of(poses[0]), camera_height)
+    router = Router(*maps, hazards, robot, yaw_of(poses[0]), camera_height)
     return Situation(
         robot=robot,
         T_map_entrance=poses[0],
@@ -136,7 +136,7 @@ def situation_of(
         points=points,
         labels=mapper.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(traversability, mapper.elevation_map.measured, paths.reachable),
+        unseen=find_unseen(traversability, mapper.elevation_map.measured, paths.reachable, robot),
         people=[_person(*found, router) for found in confirmed_ids(mapper.victims)],
         sightings=[_person(*found, router) for found in unconfirmed_ids(mapper.victims)],
         searched=mapper.detector is not None,

@@ -11,6 +11,9 @@ from PIL import Image
 
 from pipeline.transforms import transform_points
 
+SAME_TIME = 0.02
+"""s, greatest difference between the times of a depth image and its colour image, as in the TUM benchmark's tool."""
+
 
 @dataclass(frozen=True)
 class Intrinsics:

@@ -75,7 +75,7 @@ def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[NDArray[np.flo
     grid, hazards = situation.traversability.grid, situation.hazards
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]
     cells = np.argwhere(hazards.is_steep)
-    apart = 2 * SYMBOL / paper.cell
+    apart = 3 / 2 * SYMBOL / paper.cell
     for place in hazards.slopes[:MOST_NAMED]:  # keep free: the place's number is drawn there
         cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > apart]
     while len(cells):

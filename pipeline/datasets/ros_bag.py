@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.frame import SAME_TIME, Calibration, Frame
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.ros.images import colour_of, depth_of, label_of
-from pipeline.ros.links import Links
+from pipeline.ros.links import FrameTree
 from pipeline.ros.messages import BASE, NANO, ODOM, STORE, Message, pose_matrix, seconds, vector_of
 from pipeline.ros.pinhole import Pinhole
 
@@ -128,7 +128,7 @@ class _Beside:
         self.true_poses: list[tuple[float, NDArray[np.float64]]] = []
         self._odometry: list[tuple[float, NDArray[np.float64]]] = []
         self._by_tf: list[tuple[float, NDArray[np.float64]]] = []
-        self.links = Links()
+        self.links = FrameTree()
         self._felt: list[tuple[float, NDArray[np.float64]]] = []
         self._imu_frame = ""
         takers: dict[str | None, Callable[[Any], None]] = {

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from pipeline.grid_map import Grid
 from pipeline.labels import RAMP_TILT
-from pipeline.rescue_report.places import Place, places
+from pipeline.rescue_report.places import ReportedPlace, places
 from pipeline.robot import RobotModel
 from pipeline.traversability.traversability import Traversability
 
@@ -36,9 +36,9 @@ class Hazards:
     slope: NDArray[np.float64]
     is_steep: NDArray[np.bool_]
     drop: NDArray[np.float64]
-    slopes: list[Place]
-    drops: list[Place]
-    ceilings: list[Place]
+    slopes: list[ReportedPlace]
+    drops: list[ReportedPlace]
+    ceilings: list[ReportedPlace]
 
 
 def find_hazards(
@@ -66,7 +66,7 @@ def find_hazards(
         drop=drop,
         slopes=places(traversability.grid, is_steep, slope, 0),
         drops=places(traversability.grid, drop > 0, drop, robot.width),
-        ceilings=[Place(place.position, place.area, -place.value) for place in lowest_first],
+        ceilings=[ReportedPlace(place.position, place.area, -place.value) for place in lowest_first],
     )
 
 

@@ -13,7 +13,7 @@ from pipeline.labels import RAMP_TILT
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.path_plan import plan_path
 from pipeline.rescue_report.hazards import Hazards
-from pipeline.rescue_report.places import Place, places
+from pipeline.rescue_report.places import ReportedPlace, places
 from pipeline.rescue_report.words import STRAIGHT
 from pipeline.robot import RobotModel
 from pipeline.topological_map.topological_map import TopologicalMap
@@ -28,7 +28,7 @@ VIEWS_CHECKED = 400
 
 
 @dataclass(frozen=True)
-class Leg:
+class RouteLeg:
     """A straight part of a way.
 
     Attributes:
@@ -66,10 +66,10 @@ class Route:
     trace: NDArray[np.float64]
     length: float
     steepest: float
-    drops: list[Place]
+    drops: list[ReportedPlace]
     gap: float
     in_sight: bool
-    legs: list[Leg]
+    legs: list[RouteLeg]
 
     @property
     def end(self) -> NDArray[np.float64]:
@@ -145,12 +145,12 @@ class Router:
             legs=legs,
         )
 
-    def _legs(self, way: NDArray[np.float64]) -> Iterator[Leg]:
+    def _legs(self, way: NDArray[np.float64]) -> Iterator[RouteLeg]:
         heading = self._heading
         for points in straight_parts(way[:, :2]):
             first, last = np.diff(points, axis=0)[[0, -1]]
             bearing = float(np.arctan2(first[1], first[0]))
-            yield Leg(wrap_angle(bearing - heading), *self._measure(points))
+            yield RouteLeg(wrap_angle(bearing - heading), *self._measure(points))
             heading = float(np.arctan2(last[1], last[0]))
 
     def _measure(self, points: NDArray[np.float64]) -> tuple[float, float]:
@@ -172,7 +172,7 @@ class Router:
         parts = [np.linspace(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / cell))) for a, b in pairwise(way)]
         return self._traversability.on_ground(np.vstack(parts))
 
-    def _drops_beside(self, trace: NDArray[np.float64]) -> list[Place]:
+    def _drops_beside(self, trace: NDArray[np.float64]) -> list[ReportedPlace]:
         drop, grid = self._hazards.drop, self._traversability.grid
         edges = np.argwhere(drop > 0)
         if not len(edges):

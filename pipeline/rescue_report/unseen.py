@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.rescue_report.places import Place, places
+from pipeline.rescue_report.places import ReportedPlace, places
 from pipeline.robot import RobotModel
 from pipeline.traversability.traversability import Traversability
 
@@ -28,7 +28,7 @@ class Unseen:
         seen: m² of ground that was seen.
     """
 
-    places: list[Place]
+    places: list[ReportedPlace]
     rest: float
     seen: float
 

@@ -22,7 +22,7 @@ Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and
 STILL = 1e-6  # m by which a camera's pose may change without being sent again: a simulator's rounding moves it too
 
 
-class Odometry(NamedTuple):
+class OdometrySample(NamedTuple):
     """Pose and velocity of a robot.
 
     Attributes:
@@ -78,7 +78,7 @@ class RobotTopics:
         pixels = metres if self._depth_encoding == "32FC1" else frame.millimetres
         self._send("/camera/depth/image_raw", time, messages.image(time, self._depth_encoding, pixels))
 
-    def odometry(self, odometry: Odometry) -> None:
+    def odometry(self, odometry: OdometrySample) -> None:
         """Send the robot's pose by its odometry, that in ``map``, and the true one, as far as they are known."""
         time, T_odom_base, twist, T_map_odom, T_world_base = odometry
         self._send("/odom", time, messages.odometry(time, T_odom_base, twist))

@@ -20,7 +20,7 @@ REGION_ANGLE = np.deg2rad(6)
 """rad, between a surfel's normal and its region's: small, because no labels separate planes here."""
 MAX_SHIFT, NOISE = 0.02, 0.008
 """m, and m per m² of depth that is added: greatest distance, along the optical axis, of a pixel from its plane."""
-WINDOW = 2  # pixels around a pixel that fits several planes, whose depths decide between these planes
+VOTING_WINDOW = 2  # pixels around a pixel that fits several planes, whose depths decide between these planes
 PLANE_WEIGHT = 2.0  # Of the mean log probabilities of a plane's points; a point's own log probabilities weigh 1
 LEAST_PROBABILITY = 1e-3  # Least probability of a class: limits the evidence of a network that rules a class out
 MAX_LEAN = np.deg2rad(15)
@@ -47,7 +47,7 @@ def planar_vote(
     found = planar_regions(frame, frame.returns.astype(np.uint8), 0, REGION_ANGLE)
     plane = planes_of_pixels(
         frame.depth, frame.intrinsics.rays, found.surfels.of_pixel, found.surfels.near, found.region,
-        found.planes, MAX_SHIFT, NOISE, WINDOW,
+        found.planes, MAX_SHIFT, NOISE, VOTING_WINDOW,
     )[frame.returns]  # fmt: skip
     possible = possible_classes(found.planes[:, :3] @ T_map_camera[2, :3])
     logs = possible_logs(probabilities, plane, possible, CLASSES.index(Label.CLUTTER), LEAST_PROBABILITY)

@@ -10,7 +10,7 @@ from pipeline.semantic_map.voxels import VoxelCloud
 
 PATCH_POINTS = 30  # Points to which a normal is fitted
 WALL_TILT = np.radians(60)  # rad; a surface at least as steep is a wall
-VOXEL = 0.03  # m; the cloud is thinned to one point a voxel, and a surface that is rougher is clutter
+CLOUD_VOXEL = 0.03  # m; the cloud is thinned to one point a voxel, and a surface that is rougher is clutter
 DECK_HEIGHT = 0.08  # m; a level surface above this is a straight ramp, not terrain
 CEILING_HEIGHT = 2.0  # m; a level surface above this is a ceiling
 
@@ -22,7 +22,7 @@ class RuleClassifier:
         self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
     ) -> NDArray[np.float32]:
         """(N, 8) float32 one-hot; a point that is not finite is unlabelled."""
-        cloud = VoxelCloud.of(points, VOXEL)
+        cloud = VoxelCloud.of(points, CLOUD_VOXEL)
         labels = np.append(_labels(cloud.points), Label.UNLABELLED)
         return np.eye(len(Label), dtype=np.float32)[labels[cloud.voxel_of_point]]
 
@@ -33,7 +33,7 @@ def _labels(points: NDArray[np.float32]) -> NDArray[np.int64]:
     # The first rule that holds decides.
     rules = [
         (tilt > WALL_TILT, Label.WALL),
-        (roughness > VOXEL, Label.CLUTTER),
+        (roughness > CLOUD_VOXEL, Label.CLUTTER),
         (tilt >= RAMP_TILT, Label.INCLINED_RAMP),
         (points[:, 2] > CEILING_HEIGHT, Label.CEILING),
         (points[:, 2] > DECK_HEIGHT, Label.STRAIGHT_RAMP),

@@ -27,7 +27,7 @@ def shift(front: Side, ahead: int, aside: int) -> Tile:
 
 
 @dataclass(frozen=True)
-class Ground:
+class TileGround:
     """The ground of a tile.
 
     Attributes:
@@ -49,8 +49,8 @@ class Ground:
         return self.level if self.kind == "ramp" and side == self.uphill else 0
 
 
-FLOOR = Ground()
-BLOCKED = Ground("blocked")
+FLOOR = TileGround()
+BLOCKED = TileGround("blocked")
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Layout:
         self.walls: set[Edge] = set()
         self.reserved: set[Tile] = set()
         self.start: Tile | None = None
-        self._ground: dict[Tile, Ground] = {}
+        self._ground: dict[Tile, TileGround] = {}
 
     def tiles(self) -> list[Tile]:
         """All tiles, row by row."""
@@ -109,7 +109,7 @@ class Layout:
         """Whether a wall stands there; around the arena always."""
         return self.neighbour(tile, side) is None or self.edge(tile, side) in self.walls
 
-    def ground(self, tile: Tile) -> Ground:
+    def ground(self, tile: Tile) -> TileGround:
         """The ground of a tile."""
         return self._ground.get(tile, FLOOR)
 
@@ -174,7 +174,7 @@ class Layout:
             tiles.append(after)
         return tiles
 
-    def lay(self, grounds: Iterable[tuple[Tile, Ground]], opened: Iterable[Edge] = ()) -> bool:
+    def lay(self, grounds: Iterable[tuple[Tile, TileGround]], opened: Iterable[Edge] = ()) -> bool:
         """Change ground and remove walls, unless the robot then misses a tile; returns whether it was done."""
         before = (dict(self._ground), set(self.walls))
         self._ground.update(grounds)

@@ -33,7 +33,7 @@ WHEEL_RADIUS = 0.1105
 """m; any value would do, because the wheel angles are computed from it as well."""
 
 
-class Drive:
+class EndlessDrive:
     """An endless drive of a robot, leg by leg, to places that it has not visited."""
 
     def __init__(

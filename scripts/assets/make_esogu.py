@@ -40,7 +40,7 @@ TEXTURES = (
     {"name": "floor_tiles", "rgb1": "0.62 0.63 0.64", "mark": "edge", "markrgb": "0.48 0.49 0.50"},
 )
 TILES_PER_METRE = "3.3333 3.3333"
-COLOURS = {
+SURFACE_COLOURS = {
     "plaster": (0.87, 0.86, 0.81), "column": (0.76, 0.76, 0.74), "frame": (0.93, 0.93, 0.93),
     "glass": (0.66, 0.79, 0.88), "door": (0.58, 0.39, 0.22), "door_frame": (0.44, 0.29, 0.17),
     "cabinet": (0.20, 0.36, 0.60), "cabinet_door": (0.25, 0.43, 0.68), "locker_door": (0.42, 0.52, 0.60),
@@ -95,7 +95,7 @@ def _world(builder: ArenaBuilder) -> Element:
 def _add_materials(root: Element) -> None:
     assets = root.find("asset")
     assert assets is not None
-    for same_name in [m for m in assets.findall("material") if m.get("name") in COLOURS]:
+    for same_name in [m for m in assets.findall("material") if m.get("name") in SURFACE_COLOURS]:
         assets.remove(same_name)
     for texture in TEXTURES:
         flat = {"type": "2d", "builtin": "flat", "width": "64", "height": "64"}
@@ -103,7 +103,7 @@ def _add_materials(root: Element) -> None:
         tiled = {"texture": texture["name"], "texuniform": "true", "texrepeat": TILES_PER_METRE}
         SubElement(assets, "material", {"name": texture["name"], "specular": "0.1"} | tiled)
     SubElement(assets, "material", {"name": "lamp", "rgba": "1 1 0.97 1"})
-    for name, rgb in COLOURS.items():
+    for name, rgb in SURFACE_COLOURS.items():
         SubElement(assets, "material", {"name": name, "rgba": numbers((*rgb, 1)), "specular": "0.1"})
 
 

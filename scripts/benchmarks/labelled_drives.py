@@ -16,7 +16,7 @@ from sarsim.sensors.rendering import Renderer
 
 
 @dataclass(frozen=True, eq=False)
-class TrueFrame:
+class PosedFrame:
     """A frame with its true pose.
 
     Attributes:
@@ -45,7 +45,7 @@ def drive_through(
     seed: int,
     lighting: Lighting = Lighting.normal,
     keyframes: tuple[float, float] = KEYFRAMES,
-) -> Iterator[TrueFrame]:
+) -> Iterator[PosedFrame]:
     """``frames`` frames of a drive from the arena's start; the seed determines the path and the sensor's errors.
 
     ``keyframes``: m driven and rad turned from one frame to the next.
@@ -59,4 +59,4 @@ def drive_through(
         noise = recipe.rng(0, "noise")
         for pose in world.drive(recipe, recipe.rng(0, "drive")).poses(frames):
             seen = world.capture(pose, noise)
-            yield TrueFrame(seen.frame, seen.pose_true @ seen.frame.T_base_camera)
+            yield PosedFrame(seen.frame, seen.pose_true @ seen.frame.T_base_camera)

@@ -21,7 +21,15 @@ from sarsim.assets import asset
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Results, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_table import group_figures, groups_in, pairs, rich_table, rows_of
-from sarsim.scripts.benchmarks.victims_frames import DISTANCES, HIDDEN, People, ap50, ap50_by, recipe, scene_frames
+from sarsim.scripts.benchmarks.victims_frames import (
+    DISTANCES,
+    HIDDEN,
+    PeopleInFrame,
+    ap50,
+    ap50_by,
+    recipe,
+    scene_frames,
+)
 from sarsim.sensors.lighting import Lighting
 from sarsim.settings import DETECTOR, EpisodeConfig, Labels, LightingName, Odometry
 
@@ -84,17 +92,17 @@ def measure(
     return Result(figures, {"ap50_by": by, "failed": failed}, _table(figures))
 
 
-def _frames(detector: VictimDetector, scenes: int, frames: int, seed: int) -> dict[str, list[People]]:
+def _frames(detector: VictimDetector, scenes: int, frames: int, seed: int) -> dict[str, list[PeopleInFrame]]:
     """People and detections in the frames of all scenes, by lighting."""
     arenas = recipe(seed, frames)
-    result: dict[str, list[People]] = {light.name: [] for light in Lighting if scenes}
+    result: dict[str, list[PeopleInFrame]] = {light.name: [] for light in Lighting if scenes}
     for index in track(range(scenes), "frames", transient=True):
         for light in Lighting:
             result[light.name] += scene_frames(arenas, index, light, detector)
     return result
 
 
-def _precision(frames: Mapping[str, Sequence[People]]) -> tuple[dict[str, float], dict[str, Any]]:
+def _precision(frames: Mapping[str, Sequence[PeopleInFrame]]) -> tuple[dict[str, float], dict[str, Any]]:
     """Average precision in each lighting, and by distance and by hidden share."""
     figures, by = {}, {}
     for light, seen in frames.items():

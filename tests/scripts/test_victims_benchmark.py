@@ -10,16 +10,16 @@ from pipeline.errors import InputError
 from pipeline.victims.detection.weights import load_network, write_weights
 from sarsim.scripts.benchmarks import victims
 from sarsim.scripts.benchmarks.victims import speed, tiny
-from sarsim.scripts.benchmarks.victims_frames import People, ap50, ap50_by, recipe, scene_frames
+from sarsim.scripts.benchmarks.victims_frames import PeopleInFrame, ap50, ap50_by, recipe, scene_frames
 from sarsim.sensors.lighting import Lighting
 from tests.pipeline.victims.detection.networks import OWN, random_network
 
 BOXES = np.array([(0, 0, 20, 20), (100, 0, 140, 20), (200, 0, 240, 40)], np.float64)
 
 
-def people(found: list[int], area: int = 500) -> People:
+def people(found: list[int], area: int = 500) -> PeopleInFrame:
     """Three people, the second of whom is mostly hidden; some of them found."""
-    return People(
+    return PeopleInFrame(
         boxes=BOXES,
         area=np.full(3, area),
         hidden=np.array([0.0, 0.7, 0.5]),

@@ -24,7 +24,7 @@ DEPTH = 10
 """Messages of a topic that are queued for a listener, as is ROS's default."""
 
 
-class Node:
+class RosNode:
     """Sends and receives messages until it is closed; it listens in a thread of its own.
 
     Attributes:

@@ -12,7 +12,7 @@ from pipeline.frame import SAME_TIME, Frame
 from pipeline.navigation.progress import LEAST, STUCK_ANGLE, STUCK_DISTANCE
 from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.ros import messages
-from pipeline.ros.live.node import DISCOVERY, Node
+from pipeline.ros.live.node import DISCOVERY, RosNode
 from pipeline.ros.live.senses import Senses
 from pipeline.ros.live.topic_names import TopicNames
 from pipeline.ros.pinhole import Pinhole
@@ -39,7 +39,7 @@ class RosRobot:
 
     def __init__(
         self,
-        node: Node,
+        node: RosNode,
         model: RobotModel,
         topics: TopicNames,
         T_base_camera: NDArray[np.float64] | None = None,

@@ -11,7 +11,7 @@ from pipeline.localisation.trajectory import Trajectory
 from pipeline.navigation.attitude import GRAVITY
 from pipeline.robot import Motion
 from pipeline.ros.images import colour_of, depth_of
-from pipeline.ros.links import Links
+from pipeline.ros.links import FrameTree
 from pipeline.ros.live.node import DEPTH, QUEUE
 from pipeline.ros.messages import Message, decode, pose_matrix, seconds, time_of, vector_of
 from pipeline.ros.pinhole import Pinhole
@@ -28,7 +28,7 @@ class Senses:
 
     def __init__(self, half_width: float):
         """``half_width``: m from the robot's middle to its wheels."""
-        self.links = Links()
+        self.links = FrameTree()
         self.info: Message | None = None
         self.imu_frame = ""
         self._half_width = half_width

@@ -13,9 +13,9 @@ SLOPE = 0.2
 """Of LeakyReLU below 0."""
 MOST_NEIGHBOURS = 64
 """Greatest k that ``dgcnn_cpu`` supports."""
-WIDTH, GLOBAL = 64, 1024
+EDGE_FEATURES, GLOBAL = 64, 1024
 """Features of a point after each EdgeConv, and of a block."""
-NEIGHBOURS = 20
+NEAREST_POINTS = 20
 """Of a point, itself included, unless a file has another k."""
 GRAPH_CHANNELS = 3
 """Number of channels, the last ones (normalized x, y, z), on which the first neighbour graph is built."""
@@ -47,14 +47,14 @@ class Dgcnn(PointNetwork):
 
     NAME = "dgcnn"
 
-    def __init__(self, channels: int, classes: int, k: int = NEIGHBOURS) -> None:
+    def __init__(self, channels: int, classes: int, k: int = NEAREST_POINTS) -> None:
         """Random weights; ``channels`` of a point are x, y, z and more, the last three normalized x, y, z."""
         super().__init__(channels, classes)
         self.k = k
-        self.edge_conv1 = EdgeConv(channels, WIDTH, WIDTH)
-        self.edge_conv2 = EdgeConv(WIDTH, WIDTH, WIDTH)
-        self.edge_conv3 = EdgeConv(WIDTH, WIDTH)
-        local, half, last = 3 * WIDTH, GLOBAL // 2, GLOBAL // 4
+        self.edge_conv1 = EdgeConv(channels, EDGE_FEATURES, EDGE_FEATURES)
+        self.edge_conv2 = EdgeConv(EDGE_FEATURES, EDGE_FEATURES, EDGE_FEATURES)
+        self.edge_conv3 = EdgeConv(EDGE_FEATURES, EDGE_FEATURES)
+        local, half, last = 3 * EDGE_FEATURES, GLOBAL // 2, GLOBAL // 4
         self.embedding = _layer(nn.Conv1d, local, GLOBAL)
         self.head1 = _layer(nn.Conv1d, GLOBAL + local, half)
         self.head2 = _layer(nn.Conv1d, half, last)
@@ -69,12 +69,12 @@ class Dgcnn(PointNetwork):
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
         """A network of the size of published weights, with the metadata's k; ValueError if they are of no DGCNN."""
-        k = whole(metadata.get("k", str(NEIGHBOURS)))
+        k = whole(metadata.get("k", str(NEAREST_POINTS)))
         if not 1 <= k <= MOST_NEIGHBOURS:
             raise ValueError(f"k = {metadata['k']:.20}: a point has 1 to {MOST_NEIGHBOURS} neighbours")
         first, last = (tuple(tensors[n].shape) if n in tensors else () for n in ("conv1.0.weight", "conv9.weight"))
         # Shapes need bounds: a tensor with a 0 in its shape takes no bytes of a file, whatever its other sizes.
-        if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != WIDTH:
+        if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != EDGE_FEATURES:
             raise ValueError(f"not a DGCNN for segmentation: conv1.0.weight is {first}")
         if len(last) != 3 or not 1 <= last[0] <= MOST_CHANNELS:
             raise ValueError(f"not a DGCNN for segmentation: conv9.weight is {last}")

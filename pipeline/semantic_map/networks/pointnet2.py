@@ -8,22 +8,22 @@ from torch import Tensor, nn
 from torch.nn.functional import linear
 
 from pipeline.semantic_map.networks.layers import largest, mlp
-from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, in_ball, interpolated
+from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, farthest, in_ball, interpolated
 from pipeline.semantic_map.networks.network import RowNetwork
 
 T = TypeVar("T", int, float)
-LEVELS = 4
+ABSTRACTIONS = 4
 SHARE = 0.25
 """Share of a cloud's points that become centres of balls, the points of the next level: 4,096, 1,024, 256, 64, 16."""
 RADIUS = 0.1
 """m, of the balls of the first level; they double from level to level, and so do the features."""
-WIDTH = 32
+BALL_FEATURES = 32
 """Features within a ball of the first level, and most points of a ball of any."""
 
 
 def doubled(first: T) -> list[T]:
     """The values of the levels, and of one more: twice as much at each."""
-    return [first * 2**level for level in range(LEVELS + 1)]
+    return [first * 2**level for level in range(ABSTRACTIONS + 1)]
 
 
 class SetAbstraction(nn.Module):
@@ -35,20 +35,20 @@ class SetAbstraction(nn.Module):
         self.radius = radius
         self.layers = mlp(3 + channels, *widths)
 
-    def forward(self, cloud: Cloud) -> Cloud:
+    def forward(self, cloud: PointFeatures) -> PointFeatures:
         """The centres, with the features of their balls."""
         centres, edges = balls(cloud, self.radius, cast(nn.Linear, self.layers[0]))
-        return Cloud(centres.positions, largest(edges, self.layers[1:]), centres.sizes)
+        return PointFeatures(centres.positions, largest(edges, self.layers[1:]), centres.sizes)
 
 
-def balls(cloud: Cloud, radius: float, layer: nn.Linear, unit: float = 1.0) -> tuple[Cloud, Tensor]:
+def balls(cloud: PointFeatures, radius: float, layer: nn.Linear, unit: float = 1.0) -> tuple[PointFeatures, Tensor]:
     """Centres of balls of ``radius``, m, and (Q, K, C) ``layer`` of the edges [(x_j − x_i) / ``unit``, features_j].
 
     The layer is linear, so it is applied to points and centres, which are fewer than the edges.
     """
     index, sizes = farthest(cloud, SHARE)
-    centres = Cloud(cloud.positions[index], cloud.features[index], sizes)
-    near = in_ball(cloud, centres, radius, WIDTH)
+    centres = PointFeatures(cloud.positions[index], cloud.features[index], sizes)
+    near = in_ball(cloud, centres, radius, BALL_FEATURES)
     of_points = layer(torch.cat((cloud.positions / unit, cloud.features), dim=1))
     of_centres = linear(centres.positions / unit, layer.weight[:, :3])
     return centres, of_points[near] - of_centres[:, None]
@@ -62,10 +62,10 @@ class FeaturePropagation(nn.Module):
         super().__init__()
         self.layers = mlp(channels, *widths)
 
-    def forward(self, coarse: Cloud, fine: Cloud) -> Cloud:
+    def forward(self, coarse: PointFeatures, fine: PointFeatures) -> PointFeatures:
         """The fine cloud with new features."""
         features = torch.cat((interpolated(coarse, fine), fine.features), dim=1)
-        return Cloud(fine.positions, self.layers(features), fine.sizes)
+        return PointFeatures(fine.positions, self.layers(features), fine.sizes)
 
 
 class PointNet2(RowNetwork):
@@ -76,7 +76,7 @@ class PointNet2(RowNetwork):
     def __init__(self, channels: int, classes: int) -> None:
         """Random weights; the first three channels are x, y, z in m."""
         super().__init__(channels, classes)
-        inner = doubled(WIDTH)[:-1]
+        inner = doubled(BALL_FEATURES)[:-1]
         outputs = [2 * width for width in inner]
         widths = [(width, width, 2 * width) for width in inner]
         self.down = nn.ModuleList(map(SetAbstraction, (channels, *outputs), widths, doubled(RADIUS)))
@@ -92,10 +92,10 @@ class PointNet2(RowNetwork):
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
         """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
-        clouds = [Cloud(points[:, :3], points, sizes)]
+        clouds = [PointFeatures(points[:, :3], points, sizes)]
         for down in self.down:
             clouds.append(down(clouds[-1]))
-        clouds[0] = Cloud(points[:, :3], points[:, :0], sizes)
+        clouds[0] = PointFeatures(points[:, :3], points[:, :0], sizes)
         x = clouds.pop()
         for up in self.up:
             x = up(x, clouds.pop())

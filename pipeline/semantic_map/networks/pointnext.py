@@ -13,11 +13,11 @@ from torch import Tensor, nn
 from torch.nn.functional import relu
 
 from pipeline.semantic_map.networks.layers import largest, mlp
-from pipeline.semantic_map.networks.neighbourhoods import Cloud
+from pipeline.semantic_map.networks.neighbourhoods import PointFeatures
 from pipeline.semantic_map.networks.network import RowNetwork
-from pipeline.semantic_map.networks.pointnet2 import RADIUS, WIDTH, FeaturePropagation, balls, doubled
+from pipeline.semantic_map.networks.pointnet2 import BALL_FEATURES, RADIUS, FeaturePropagation, balls, doubled
 
-WIDTHS = doubled(WIDTH)
+WIDTHS = doubled(BALL_FEATURES)
 """Features of a point at each level."""
 
 
@@ -32,11 +32,11 @@ class ResidualSetAbstraction(nn.Module):
         self.layers = nn.Sequential(*mlp(3 + channels, outputs // 2), *last)
         self.own = nn.Linear(channels, outputs)
 
-    def forward(self, cloud: Cloud) -> Cloud:
+    def forward(self, cloud: PointFeatures) -> PointFeatures:
         """The centres, with the features of their balls."""
         centres, edges = balls(cloud, self.radius, cast(nn.Linear, self.layers[0]), self.radius)
         features = relu(largest(edges, self.layers[1:]) + self.own(centres.features))
-        return Cloud(centres.positions, features, centres.sizes)
+        return PointFeatures(centres.positions, features, centres.sizes)
 
 
 class PointNeXt(RowNetwork):
@@ -61,7 +61,7 @@ class PointNeXt(RowNetwork):
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
         """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
-        clouds = [Cloud(points[:, :3], self.stem(points), sizes)]
+        clouds = [PointFeatures(points[:, :3], self.stem(points), sizes)]
         for down in self.down:
             clouds.append(down(clouds[-1]))
         x = clouds.pop()

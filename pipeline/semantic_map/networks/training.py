@@ -18,7 +18,7 @@ from pipeline.semantic_map.networks.classifier import save_classifier, segment
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.inference import for_inference, for_training
 from pipeline.semantic_map.networks.network import PointNetwork
-from pipeline.semantic_map.networks.parallel import Worker
+from pipeline.semantic_map.networks.parallel import TrainingWorker
 from pipeline.semantic_map.networks.sampling import Batch, BlockSampler
 from pipeline.semantic_map.networks.scores import confusion_of, iou, mean_iou
 from pipeline.semantic_map.networks.threads import torch_threads
@@ -27,7 +27,7 @@ from pipeline.semantic_map.networks.training_loop import TrainingLoop
 from pipeline.semantic_map.networks.weights import NETWORKS
 
 
-class Trainer(TrainingLoop[Batch]):
+class PointTrainer(TrainingLoop[Batch]):
     """The training of a network on points; its score is the mean IoU over the thesis's four classes."""
 
     SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
@@ -38,7 +38,7 @@ class Trainer(TrainingLoop[Batch]):
         validation: Sequence[LabelledCloud],
         config: TrainingConfig,
         out: Path,
-        worker: Worker,
+        worker: TrainingWorker,
         about: dict[str, Any],
         initial: PointNetwork | str,
         blocks: BlockConfig | None = None,

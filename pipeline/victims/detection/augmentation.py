@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.errors import InputError
 from pipeline.victims.detection.boxes import areas
 from pipeline.victims.detection.input_image import GREY, evenly_exposed, scaled
-from pipeline.victims.detection.labelled_image import LabelledImage, LabelledImages
+from pipeline.victims.detection.labelled_image import TrainingImage, TrainingImages
 
 ODDS = 0.5
 """Probability of each thing that may be done: drawing an image without people, a mosaic of four images (Bochkovskiy
@@ -29,7 +29,7 @@ Region = tuple[int, int, int, int]  # x0, y0, x1, y1 of the canvas, pixels
 class CanvasSampler:
     """Draws canvases; a canvas depends only on its number and the seed."""
 
-    def __init__(self, images: LabelledImages, size: tuple[int, int], batch: int, seed: int) -> None:
+    def __init__(self, images: TrainingImages, size: tuple[int, int], batch: int, seed: int) -> None:
         """Draw from ``images``, in batches of ``batch`` canvases of ``size`` (width, height) pixels.
 
         Raises:
@@ -41,11 +41,11 @@ class CanvasSampler:
         if len(self._shown) == 0:
             raise InputError("the images to train with show no people")
 
-    def batch(self, number: int) -> list[LabelledImage]:
+    def batch(self, number: int) -> list[TrainingImage]:
         """Batch ``number`` of the training."""
         return [self._canvas(number * self._batch + i) for i in range(self._batch)]
 
-    def _canvas(self, number: int) -> LabelledImage:
+    def _canvas(self, number: int) -> TrainingImage:
         rng = np.random.default_rng([self._seed, number])
         count = 4 if rng.random() < ODDS else 1
         images = [self._image(self._draw(rng)) for _ in range(count)]
@@ -53,7 +53,7 @@ class CanvasSampler:
         donors = [self._image(int(index)) for index in pasted]
         return augmented(images, donors, self._size, rng)
 
-    def _image(self, index: int) -> LabelledImage:
+    def _image(self, index: int) -> TrainingImage:
         """An image with its light compensated, as the detector passes it to the network."""
         image = self._images[index]
         return replace(image, rgb=evenly_exposed(image.rgb))
@@ -64,8 +64,8 @@ class CanvasSampler:
 
 
 def augmented(
-    images: Sequence[LabelledImage], donors: Sequence[LabelledImage], size: tuple[int, int], rng: np.random.Generator
-) -> LabelledImage:
+    images: Sequence[TrainingImage], donors: Sequence[TrainingImage], size: tuple[int, int], rng: np.random.Generator
+) -> TrainingImage:
     """A canvas of ``size`` (width, height) with one image, or with four, and the donors' people pasted onto it."""
     canvas = np.full((size[1], size[0], 3), GREY, np.uint8)
     boxes, ignored = [np.zeros((0, 4), np.float32)], [np.zeros(0, bool)]
@@ -74,7 +74,7 @@ def augmented(
         placed = place(recoloured(image, rng), canvas, region, ratio, rng)
         boxes.append(placed.boxes)
         ignored.append(placed.ignored)
-    whole = LabelledImage(canvas, np.concatenate(boxes), np.concatenate(ignored))
+    whole = TrainingImage(canvas, np.concatenate(boxes), np.concatenate(ignored))
     for donor in donors:
         whole = pasted(whole, recoloured(donor, rng), _ratio(donor, size, rng), rng)
     return mirrored(whole) if rng.random() < ODDS else whole
@@ -85,7 +85,7 @@ def _factor(rng: np.random.Generator) -> float:
     return float(VARIATION ** rng.uniform(-1, 1))
 
 
-def _ratio(image: LabelledImage, room: ArrayLike, rng: np.random.Generator) -> float:
+def _ratio(image: TrainingImage, room: ArrayLike, rng: np.random.Generator) -> float:
     """A random factor of size, relative to the one that makes the image just fit into ``room``, (2,) pixels."""
     return _factor(rng) * float(min(np.divide(room, image.rgb.shape[1::-1])))
 
@@ -100,8 +100,8 @@ def regions(count: int, size: tuple[int, int], rng: np.random.Generator) -> list
 
 
 def place(
-    image: LabelledImage, canvas: NDArray[np.uint8], region: Region, ratio: float, rng: np.random.Generator
-) -> LabelledImage:
+    image: TrainingImage, canvas: NDArray[np.uint8], region: Region, ratio: float, rng: np.random.Generator
+) -> TrainingImage:
     """Draw an image, ``ratio`` times as large, somewhere in a region of a canvas (H, W, 3); returns its boxes."""
     x0, y0, x1, y1 = region
     drawn = scaled(image.rgb, ratio)
@@ -116,27 +116,27 @@ def place(
     canvas[v0:v1, u0:u1] = drawn[v0 - top : v1 - top, u0 - left : u1 - left]
     factors = np.tile(np.divide((columns, rows), image.rgb.shape[1::-1]), 2)
     moved = image.boxes * factors + np.tile([left, top], 2)
-    return cut(LabelledImage(canvas, moved.astype(np.float32), image.ignored), (u0, v0, u1, v1))
+    return cut(TrainingImage(canvas, moved.astype(np.float32), image.ignored), (u0, v0, u1, v1))
 
 
-def cut(image: LabelledImage, region: Region) -> LabelledImage:
+def cut(image: TrainingImage, region: Region) -> TrainingImage:
     """The image with its boxes clipped to a region; a box is ignored if less than VISIBLE of it is left."""
     low, high = np.tile(region[:2], 2), np.tile(region[2:], 2)
     boxes = np.clip(image.boxes, low, high).astype(np.float32)
     left = areas(boxes)
     ignored = image.ignored | (left < VISIBLE * areas(image.boxes))
-    return LabelledImage(image.rgb, boxes[left > 0], ignored[left > 0])
+    return TrainingImage(image.rgb, boxes[left > 0], ignored[left > 0])
 
 
-def mirrored(image: LabelledImage) -> LabelledImage:
+def mirrored(image: TrainingImage) -> TrainingImage:
     """The image with left and right exchanged."""
     width = image.rgb.shape[1]
     boxes = image.boxes.copy()
     boxes[:, [0, 2]] = width - boxes[:, [2, 0]]
-    return LabelledImage(np.ascontiguousarray(image.rgb[:, ::-1]), boxes, image.ignored)
+    return TrainingImage(np.ascontiguousarray(image.rgb[:, ::-1]), boxes, image.ignored)
 
 
-def recoloured(image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
+def recoloured(image: TrainingImage, rng: np.random.Generator) -> TrainingImage:
     """The image with its hue shifted, its saturation and brightness multiplied by random factors."""
     hsv = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2HSV_FULL)
     hsv[..., 0] += rng.integers(-HUE, HUE, endpoint=True).astype(np.uint8)  # the circle wraps as uint8 does
@@ -144,7 +144,7 @@ def recoloured(image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
     return replace(image, rgb=np.asarray(cv2.cvtColor(changed, cv2.COLOR_HSV2RGB_FULL), np.uint8))
 
 
-def pasted(canvas: LabelledImage, donor: LabelledImage, ratio: float, rng: np.random.Generator) -> LabelledImage:
+def pasted(canvas: TrainingImage, donor: TrainingImage, ratio: float, rng: np.random.Generator) -> TrainingImage:
     """The canvas with the donor's people, ``ratio`` times as large, at a random place; unchanged if they do not fit.
 
     Edges are hard, as the renderer's are.
@@ -167,7 +167,7 @@ def pasted(canvas: LabelledImage, donor: LabelledImage, ratio: float, rng: np.ra
     factors = np.tile([width / (x1 - x0), height / (y1 - y0)], 2)
     moved = (donor.boxes - np.tile([x0, y0], 2)) * factors + np.tile([left, top], 2)
     hidden = np.array([_covered(over, box) > 1 - VISIBLE for box in canvas.boxes], np.bool_)
-    return LabelledImage(
+    return TrainingImage(
         rgb,
         np.concatenate([canvas.boxes, moved]).astype(np.float32),
         np.concatenate([canvas.ignored | hidden, donor.ignored]),

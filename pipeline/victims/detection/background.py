@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.segments.plane import Moments, facing_camera
 
-SAMPLES = 3000  # Approximate number of pixels sampled from the box and its margin
+MOST_SAMPLES = 3000  # Approximate number of pixels sampled from the box and its margin
 TRIALS = 200  # RANSAC's random draws for each plane
 MIN_SHARE = 0.02  # Least share of the samples on a plane
 BEYOND = 0.25  # Least ratio of a plane's samples outside the box to those inside for it to be background
@@ -16,7 +16,7 @@ TOLERANCE = 0.012  # m from a plane, in addition to twice the sensor's noise, wi
 FLAT, FLAT_AREA, SURFACE_NOISE = 0.6, 0.04, 0.002
 """A plane is flatter than any person if the share FLAT of its samples is nearer to it than the sensor's noise plus
 SURFACE_NOISE, m, and they cover at least FLAT_AREA, m² across the line of sight."""
-NEIGHBOURS = 12
+CANDIDATES = 12
 """Random samples of which the nearest in the image to a first sample is taken: planes are small, and far apart."""
 
 
@@ -86,7 +86,7 @@ def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
     size = (frame.intrinsics.width, frame.intrinsics.height)
     first = np.clip(low - margin, 0, size).astype(int)
     last = np.clip(high + margin, 0, size).astype(int)
-    stride = max(1, int(np.sqrt(np.prod(last - first) / SAMPLES)))
+    stride = max(1, int(np.sqrt(np.prod(last - first) / MOST_SAMPLES)))
     v, u = (axis.ravel() for axis in np.mgrid[first[1] : last[1] : stride, first[0] : last[0] : stride])
     seen = frame.returns[v, u]
     v, u = v[seen], u[seen]
@@ -114,7 +114,7 @@ def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
 def _triples(samples: _Samples, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(count, 3, 3) triples of a random point and two points near it in the image."""
     first = rng.integers(len(samples.points), size=count)
-    others = rng.integers(len(samples.points), size=(count, 2, NEIGHBOURS))
+    others = rng.integers(len(samples.points), size=(count, 2, CANDIDATES))
     apart = np.abs(samples.pixels[others] - samples.pixels[first, None, None]).max(axis=-1)
     nearest = np.where(apart > 0, apart, np.iinfo(np.int64).max).argmin(axis=-1)
     near = np.take_along_axis(others, nearest[..., None], axis=-1)[..., 0]

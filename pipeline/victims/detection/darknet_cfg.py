@@ -48,7 +48,7 @@ class Upsample:
 
 
 @dataclass(frozen=True)
-class Route:
+class RouteLayer:
     """The outputs of the layers with these numbers, concatenated along the channels."""
 
     layers: tuple[int, ...]
@@ -75,7 +75,7 @@ class YoloHead:
         return len(self.mask) * (OBJECTNESS + 1 + self.classes)
 
 
-Layer = Convolutional | Maxpool | Upsample | Route | Shortcut | YoloHead
+Layer = Convolutional | Maxpool | Upsample | RouteLayer | Shortcut | YoloHead
 
 
 @dataclass(frozen=True)
@@ -267,9 +267,9 @@ def _upsample(section: _Section) -> Upsample:
     return Upsample(section.whole("stride", 2, most=WIDEST))
 
 
-def _route(section: _Section) -> Route:
+def _route(section: _Section) -> RouteLayer:
     section.refuse_others(groups="1")
-    return Route(section.sources("layers"))
+    return RouteLayer(section.sources("layers"))
 
 
 def _shortcut(section: _Section) -> Shortcut:

@@ -16,7 +16,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits, logsigmoid
 
 from pipeline.victims.detection.boxes import LARGEST_EXPONENT, size_overlaps
 from pipeline.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead
-from pipeline.victims.detection.labelled_image import LabelledImage
+from pipeline.victims.detection.labelled_image import TrainingImage
 
 ASSIGNED_IOU = 0.3  # Least overlap of an anchor's size with a person's for the anchor to be assigned to that person
 IGNORED_IOU = 0.7
@@ -34,7 +34,7 @@ class YoloLoss:
     def __init__(self, cfg: DarknetCfg) -> None:
         self.cfg = cfg
 
-    def __call__(self, heads: Sequence[Tensor], batch: Sequence[LabelledImage]) -> Tensor:
+    def __call__(self, heads: Sequence[Tensor], batch: Sequence[TrainingImage]) -> Tensor:
         """() sum of three losses of a network's heads, (N, anchors · (5 + classes), H, W) each, for N canvases."""
         boxes = objectness = classes = heads[0].new_zeros(())
         asked = 0
@@ -48,7 +48,7 @@ class YoloLoss:
             asked += len(truths)
         return (boxes + objectness + classes) / max(1, asked)
 
-    def _objectness(self, cells: Tensor, predicted: Tensor, index: Index, batch: Sequence[LabelledImage]) -> Tensor:
+    def _objectness(self, cells: Tensor, predicted: Tensor, index: Index, batch: Sequence[TrainingImage]) -> Tensor:
         """Cross entropy of objectness over all cells except those near a person but not assigned to it."""
         wanted = torch.zeros_like(cells[..., OBJECTNESS])
         wanted[index] = 1
@@ -56,7 +56,7 @@ class YoloLoss:
         counted[index] = True
         return binary_cross_entropy_with_logits(cells[..., OBJECTNESS][counted], wanted[counted], reduction="sum")
 
-    def _far(self, predicted: Tensor, image: LabelledImage) -> Tensor:
+    def _far(self, predicted: Tensor, image: TrainingImage) -> Tensor:
         """(anchors, H, W) bool: boxes that overlap no person by IGNORED_IOU and have no middle in an ignored one."""
         far = torch.ones(predicted.shape[:-1], dtype=torch.bool, device=predicted.device)
         middle = (predicted[..., :2] + predicted[..., 2:]) / 2
@@ -67,7 +67,7 @@ class YoloLoss:
         return far
 
     def _targets(
-        self, batch: Sequence[LabelledImage], yolo: YoloHead, rows: int, columns: int
+        self, batch: Sequence[TrainingImage], yolo: YoloHead, rows: int, columns: int
     ) -> tuple[Index, Tensor]:
         """Cells of one scale that are assigned to people, and these people's (P, 4) boxes in pixels of the input."""
         anchors = np.array(yolo.anchors)

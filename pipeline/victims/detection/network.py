@@ -14,7 +14,7 @@ from pipeline.victims.detection.darknet_cfg import (
     DarknetCfg,
     Layer,
     Maxpool,
-    Route,
+    RouteLayer,
     Shortcut,
     Upsample,
     YoloHead,
@@ -47,7 +47,7 @@ class DarknetNetwork(nn.Module):
         _check_size(cfg, self.shapes)
         inputs = [(cfg.channels, cfg.height, cfg.width), *self.shapes]
         self.layers = nn.ModuleList(_module(layer, inputs[i]) for i, layer in enumerate(cfg.layers))
-        self._kept = {i for layer in cfg.layers if isinstance(layer, Route) for i in layer.layers}
+        self._kept = {i for layer in cfg.layers if isinstance(layer, RouteLayer) for i in layer.layers}
         self._kept |= {layer.layer for layer in cfg.layers if isinstance(layer, Shortcut)}
 
     def forward(self, images: Tensor) -> list[Tensor]:
@@ -56,7 +56,7 @@ class DarknetNetwork(nn.Module):
         heads: list[Tensor] = []
         x = images
         for index, (layer, module) in enumerate(zip(self.cfg.layers, self.layers, strict=True)):
-            if isinstance(layer, Route):
+            if isinstance(layer, RouteLayer):
                 sources = [kept[i] for i in layer.layers]
                 x = torch.cat(sources, dim=1) if sources[1:] else sources[0]
             elif isinstance(layer, Shortcut):
@@ -145,11 +145,15 @@ def _shapes(cfg: DarknetCfg) -> list[tuple[int, int, int]]:
     shapes: list[tuple[int, int, int]] = []
     before = (cfg.channels, cfg.height, cfg.width)
     for index, layer in enumerate(cfg.layers):
-        before = _shape(layer, before, shapes, f"{cfg.name}: layer {index} ({type(layer).__name__.lower()})")
+        before = _shape(layer, before, shapes, f"{cfg.name}: layer {index} ({_kind(layer)})")
         if min(before) < 1:
             raise InputError(f"{cfg.name}: nothing is left after layer {index}: make the input larger")
         shapes.append(before)
     return shapes
+
+
+def _kind(layer: Layer) -> str:
+    return type(layer).__name__.removesuffix("Layer").removesuffix("Head").lower()
 
 
 def _shape(
@@ -164,7 +168,7 @@ def _shape(
             return channels, _pooled(layer, height), _pooled(layer, width)
         case Upsample():
             return channels, height * layer.stride, width * layer.stride
-        case Route():
+        case RouteLayer():
             sources = [shapes[i] for i in layer.layers]
             if len({shape[1:] for shape in sources}) != 1:
                 raise InputError(f"{where}: layers of other sizes: {_sizes(sources)}")

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
-from pipeline.semantic_map.networks.parallel import Worker
+from pipeline.semantic_map.networks.parallel import TrainingWorker
 from pipeline.semantic_map.networks.training_loop import TrainingLoop
 from pipeline.victims.detection.augmentation import CanvasSampler
 from pipeline.victims.detection.average_precision import AveragePrecision
@@ -20,7 +20,7 @@ from pipeline.victims.detection.boxes import fit_anchors
 from pipeline.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead, adapted
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.detection.inference import to_tensor
-from pipeline.victims.detection.labelled_image import LabelledImage, LabelledImages
+from pipeline.victims.detection.labelled_image import TrainingImage, TrainingImages
 from pipeline.victims.detection.loss import YoloLoss
 from pipeline.victims.detection.network import LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
 from pipeline.victims.detection.training_config import YoloTrainingConfig
@@ -34,7 +34,7 @@ AVERAGE = 0.998
 MAX_GRADIENT = 10.0  # Norm to which gradients are clipped
 
 
-class Trainer(TrainingLoop[list[LabelledImage]]):
+class YoloTrainer(TrainingLoop[list[TrainingImage]]):
     """The training of a YOLO; it writes the network (.cfg) and a card (.json) beside the weights.
 
     Attributes:
@@ -46,8 +46,8 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
 
     def __init__(
         self,
-        training: LabelledImages,
-        validation: LabelledImages,
+        training: TrainingImages,
+        validation: TrainingImages,
         config: YoloTrainingConfig,
         out: Path,
         about: dict[str, Any],
@@ -87,9 +87,9 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
         networks: dict[str, nn.Module] = {"network": self.network, "average": self.average}
         optimizer = _optimizer(self.network, config.learning_rate)
         data = f"{len(training)} {len(validation)} {self._text}"
-        super().__init__(config, out, Worker(0, 1, device), about, draw, optimizer, networks, data)
+        super().__init__(config, out, TrainingWorker(0, 1, device), about, draw, optimizer, networks, data)
 
-    def _loss(self, batch: list[LabelledImage]) -> Tensor:
+    def _loss(self, batch: list[TrainingImage]) -> Tensor:
         images = to_tensor(np.stack([image.rgb for image in batch])).to(self.worker.device)
         return self._yolo_loss(self.network.train()(images), batch)
 
@@ -114,7 +114,7 @@ class Trainer(TrainingLoop[list[LabelledImage]]):
                 file.write_text(text)
 
 
-def fitted_cfg(text: str, images: LabelledImages, config: YoloTrainingConfig) -> str:
+def fitted_cfg(text: str, images: TrainingImages, config: YoloTrainingConfig) -> str:
     """The ``.cfg`` of a ``text``'s network for people alone, with anchors fitted to the images' people.
 
     Raises:
@@ -148,7 +148,7 @@ def new_network(text: str) -> DarknetNetwork:
     return network
 
 
-def validate(network: DarknetNetwork, images: LabelledImages) -> float:
+def validate(network: DarknetNetwork, images: TrainingImages) -> float:
     """Average precision, at an overlap of 0.5, of the robot's detector with this network."""
     detector = VictimDetector(network, PRIOR)
     result = AveragePrecision()

@@ -8,7 +8,7 @@ from pipeline.errors import InputError
 from pipeline.transforms import from_yaw, inverse, tilt_of
 from sarsim.arenas.load import load_arena
 from sarsim.dataset import drive
-from sarsim.dataset.drive import PERIOD, SPEED, DeadReckoning, Drive
+from sarsim.dataset.drive import PERIOD, SPEED, DeadReckoning, EndlessDrive
 from sarsim.dataset.settings import KEYFRAMES
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.columns import convex_bodies
@@ -34,7 +34,7 @@ class Nist:
     def poses(self, seed: int, count: int = COUNT) -> list[Pose]:
         """A drive from the start."""
         rng = np.random.default_rng(seed)
-        return Drive(self.surface, self.wheel_contact, self.start, rng).poses(count)
+        return EndlessDrive(self.surface, self.wheel_contact, self.start, rng).poses(count)
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +123,6 @@ def test_a_longer_drive_begins_like_a_shorter_one(nist: Nist) -> None:
 
 def test_a_robot_that_cannot_stand_is_an_input_error(nist: Nist) -> None:
     nowhere = from_yaw(-2.9, -1.9, 3.0, 0.0)
-    lost = Drive(nist.surface, nist.wheel_contact, nowhere, np.random.default_rng(0))
+    lost = EndlessDrive(nist.surface, nist.wheel_contact, nowhere, np.random.default_rng(0))
     with pytest.raises(InputError, match=r"neither turn nor drive at \(-2.90, -1.90\) m"):
         lost.poses(3)

@@ -16,7 +16,7 @@ from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels as kernel
 from pipeline.semantic_map.networks.network import check_block
 from pipeline.semantic_map.networks.threads import Threads
 
-TILE = 64
+TILE_ROWS = 64
 """Points per tile: their data, above all 1 MB of distances from 4,096 points, stay in the cache."""
 SLOPE32 = np.float32(SLOPE)
 
@@ -148,8 +148,8 @@ def neighbour_finder(x: Tensor, k: int) -> Callable[[slice], Neighbours]:
 
 
 def tiles(count: int) -> list[slice]:
-    """Slices of TILE rows."""
-    return [slice(start, min(start + TILE, count)) for start in range(0, count, TILE)]
+    """Slices of TILE_ROWS rows."""
+    return [slice(start, min(start + TILE_ROWS, count)) for start in range(0, count, TILE_ROWS)]
 
 
 def linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:

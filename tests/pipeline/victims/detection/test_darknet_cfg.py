@@ -10,7 +10,7 @@ from pipeline.victims.detection.darknet_cfg import (
     Convolutional,
     DarknetCfg,
     Maxpool,
-    Route,
+    RouteLayer,
     Shortcut,
     YoloHead,
     adapted,
@@ -28,8 +28,8 @@ def test_a_text_is_read() -> None:
 
 def test_layers_are_counted_from_here_and_from_the_start() -> None:
     layers = DarknetCfg.parse(TINY).layers
-    assert layers[17] == Route((13,))  # -4
-    assert layers[20] == Route((19, 8))  # -1, 8
+    assert layers[17] == RouteLayer((13,))  # -4
+    assert layers[20] == RouteLayer((19, 8))  # -1, 8
     assert layers[11] == Maxpool(2, 1, 1)
     assert DarknetCfg.parse(FULL).layers[4] == Shortcut(1)
 

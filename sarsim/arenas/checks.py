@@ -12,7 +12,7 @@ from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 from sarsim.victims.victims import TrueVictim, victims_of
 
 CAMERA_HEIGHT = 0.6  # m above the ground
-NEAR, FAR = 0.8, 3.5  # m, range of the camera
+CHECKED_NEAR, CHECKED_FAR = 0.8, 3.5  # m, range of the camera
 DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # Elevation of the lower and upper edge of its image
 VISIBLE_SHARE = 0.2  # of a victim's geoms that the camera must see from one place
 GROUND_LABELS = (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
@@ -64,7 +64,7 @@ def is_visible(model: mujoco.MjModel, data: mujoco.MjData, victim: TrueVictim, p
     """Whether enough of a victim is visible from one of the camera's positions (N, 3), m."""
     parts = data.geom_xpos[victim.geoms]
     distance = np.linalg.norm(places - parts.mean(axis=0), axis=1)
-    in_range = (distance >= NEAR) & (distance <= FAR)
+    in_range = (distance >= CHECKED_NEAR) & (distance <= CHECKED_FAR)
     near = places[in_range]
     order = np.argsort(np.round(distance[in_range], 3), kind="stable")
     own = set(victim.geoms.tolist())

@@ -10,7 +10,7 @@ Side = int  # 0 to 3: east, north, west, south, the directions +x, +y, -x, -y
 Edge = tuple[Tile, Side]
 """The edge between a tile and its neighbour; of its two names the one with side east or north."""
 
-STEP: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
+NEIGHBOUR_TILES: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 SIDES: tuple[Side, ...] = (0, 1, 2, 3)
 YAW = (270, 0, 90, 180)  # Degrees by which an element's +y, where its wall stands, is turned to each side
 
@@ -22,7 +22,7 @@ def opposite(side: Side) -> Side:
 
 def shift(front: Side, ahead: int, aside: int) -> Tile:
     """cm along x and y of ``ahead`` towards a side and ``aside`` to its left."""
-    (fx, fy), (lx, ly) = STEP[front], STEP[(front + 1) % 4]
+    (fx, fy), (lx, ly) = NEIGHBOUR_TILES[front], NEIGHBOUR_TILES[(front + 1) % 4]
     return ahead * fx + aside * lx, ahead * fy + aside * ly
 
 
@@ -165,7 +165,7 @@ class Layout:
 
     def next(self, tile: Tile, side: Side) -> Tile:
         """The tile on a side, inside the arena or not."""
-        return tile[0] + STEP[side][0], tile[1] + STEP[side][1]
+        return tile[0] + NEIGHBOUR_TILES[side][0], tile[1] + NEIGHBOUR_TILES[side][1]
 
     def run(self, tile: Tile, side: Side, length: int) -> list[Tile]:
         """``length`` tiles in a row from ``tile`` towards ``side``; fewer at the arena's border."""

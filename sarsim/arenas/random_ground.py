@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from sarsim.arenas.layout import FLOOR, SIDES, YAW, Item, Layout, Side, Tile, TileGround, opposite, shift
 from sarsim.arenas.random_draws import RandomDraws
 
-LEVELS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 stands for 25.5
+DECK_HEIGHTS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 stands for 25.5
 RIDGE = 17
 FENCED = 0.5  # Share of the sides with a drop to the floor that get a wall
 HOLED = 0.15  # Share of the inner walls with holes, if the arena has any
@@ -69,7 +69,7 @@ def _lay_run(layout: Layout, draws: RandomDraws, kind: str, most: int) -> int:
 
 def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[TileGround]:
     """The grounds of a run: a ridge, several ridges, ramps and a deck between, or a ramp up to a deck."""
-    level = draws.pick(LEVELS)
+    level = draws.pick(DECK_HEIGHTS)
     up, down = TileGround("ramp", level, side), TileGround("ramp", level, opposite(side))
     decks = [TileGround("deck", level)] * draws.number(1, 2)
     ridges = [TileGround("ridge", RIDGE, side)] * draws.number(2, 4)

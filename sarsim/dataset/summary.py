@@ -19,7 +19,7 @@ from sarsim.dataset.scene_file import Scene
 FILE = "index.html"
 MAX_PICTURED = 12  # Largest number of scenes of which the page shows a frame
 SIZE = (320, 240)  # Width and height of the pictures in pixels
-FAR = 3.5  # m, the end of the depth pictures' colours
+DEPTH_END = 3.5  # m, the end of the depth pictures' colours
 
 
 def write_summary(folder: Path) -> None:
@@ -38,7 +38,7 @@ def write_summary(folder: Path) -> None:
             balance=list(_balance(dataset)),
             figures=list(_figures(dataset)),
             recipe=dataset.recipe,
-            far=FAR,
+            far=DEPTH_END,
         )
     )
     with whole_file(folder / FILE) as partial:
@@ -98,5 +98,5 @@ def with_boxes(rgb: NDArray[np.uint8], boxes: NDArray[np.int32]) -> NDArray[np.u
 
 def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 RGB of depths (H, W) in m; near is blue, far red, no return black."""
-    bgr = cv2.applyColorMap((depth / FAR * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
+    bgr = cv2.applyColorMap((depth / DEPTH_END * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
     return np.where((depth > 0)[..., None], bgr[..., ::-1], 0).astype(np.uint8)

@@ -12,7 +12,7 @@ from sarsim.victims.mjcf import about_z, geom, quaternion
 PANEL = 0.02  # m thickness of boards and panels
 MAX_SLOPE = np.radians(28)  # Steepest slope of a board of the rubble
 WALL, HOLE = 1.2, (0.28, 0.24)  # m: the least size of a wall panel, and half sizes of its hole
-GAP, RIM = 0.03, 0.05  # m between a person and what surrounds it, and between a hole and the panel's edge
+COVER_GAP, RIM = 0.03, 0.05  # m between a person and what surrounds it, and between a hole and the panel's edge
 MAX_DEPTH = 0.6  # m, largest depth of a box; a person who needs more sticks out of it
 BOARDS = (("back", 0, -1), ("left", 1, 1), ("right", 1, -1), ("top", 2, 1), ("bottom", 2, -1))
 """The boards of a box: name, axis, and side of its centre."""
@@ -55,7 +55,7 @@ def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> 
 
 def box(name: str, person: NDArray[np.float64]) -> PersonCover:
     """A box around a person, (N, 3) points in m, that is open towards +x; legs may stick out of it."""
-    low, high = person.min(axis=0) - GAP, person.max(axis=0) + GAP
+    low, high = person.min(axis=0) - COVER_GAP, person.max(axis=0) + COVER_GAP
     high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL / 2
     middle, half = (low + high) / 2, (high - low) / 2
     cover = joined([])
@@ -71,7 +71,7 @@ def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.floa
     """A wall panel before a person, (N, 3) points in m, 1.2 m high, at least as wide, with a hole before the chin."""
     left = max(WALL / 2, person[:, 1].max() + RIM)
     right = min(-WALL / 2, person[:, 1].min() - RIM)
-    x = person[:, 0].max() + GAP + PANEL
+    x = person[:, 0].max() + COVER_GAP + PANEL
     wide, high = HOLE
     y = float(np.clip(chin[1], right + wide + RIM, left - wide - RIM))
     z = float(np.clip(chin[2], high, WALL - high - RIM))

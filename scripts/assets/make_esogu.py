@@ -16,7 +16,7 @@ from sarsim.scripts.cli import run
 from sarsim.victims.mjcf import numbers
 from sarsim.victims.victims import make_victim
 
-SEED = 52  # of the victims' builds, clothes and poses
+PEOPLE_SEED = 52  # of the victims' builds, clothes and poses
 HALF_TILE = 0.6
 FLOOR_GRID = 0.8  # m, size of the floor's rendered squares; the lamp's light is computed at their corners
 QUADS = "2"  # per row on each face of a box; rendering spends most of its time on their vertices
@@ -79,7 +79,7 @@ def people_on_the_floor() -> str:
     """MJCF of the victims, to be included."""
     root = Element("mujocoinclude")
     for number, victim in enumerate(plan.VICTIMS, 1):
-        rng = np.random.default_rng([SEED, number])
+        rng = np.random.default_rng([PEOPLE_SEED, number])
         model = make_victim(str(number), rng, victim.posture, victim.placement)
         model.add_to(root, (victim.x, victim.y, 0.0), np.radians(victim.yaw))
     indent(root, " ")
@@ -122,10 +122,10 @@ def _add_surroundings(root: Element) -> None:
 
 
 def _add_building(world: Element) -> None:
-    half = (building.LENGTH / 2, building.WIDTH / 2, FLOOR_GRID)
+    half = (building.LENGTH / 2, building.BUILDING_WIDTH / 2, FLOOR_GRID)
     floor = {"name": "floor", "class": "terrain", "material": "floor_tiles", "size": numbers(half)}
     SubElement(world, "geom", floor)
-    inner = building.WIDTH / 2 - building.OUTER
+    inner = building.BUILDING_WIDTH / 2 - building.OUTER
     half_wall = building.INNER / 2
     shell = {
         "outer": building.outer_walls(plan.SOUTH_ROOMS, plan.NORTH_ROOMS),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.render import World, arena_of
-from sarsim.dataset.settings import KEYFRAMES
+from sarsim.dataset.settings import KEYFRAME_WAY
 from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
@@ -44,7 +44,7 @@ def drive_through(
     frames: int,
     seed: int,
     lighting: Lighting = Lighting.normal,
-    keyframes: tuple[float, float] = KEYFRAMES,
+    keyframes: tuple[float, float] = KEYFRAME_WAY,
 ) -> Iterator[PosedFrame]:
     """``frames`` frames of a drive from the arena's start; the seed determines the path and the sensor's errors.
 

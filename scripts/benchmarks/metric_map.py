@@ -21,7 +21,7 @@ from sarsim.scripts.benchmarks.recorded_frames import RecordedFrames, record
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
 """m; sizes of the environments whose frame times are compared."""
-TILE = 8  # Frames that fill each 6 m × 4 m of an environment before frames are timed
+TILE_FRAMES = 8  # Frames that fill each 6 m × 4 m of an environment before frames are timed
 WARM_UP = 5  # Frames that are not counted
 
 
@@ -112,7 +112,7 @@ def _timed_in_all(maps: list[MetricMap], recording: RecordedFrames, n: int) -> l
 def _mapped_environment(recording: RecordedFrames, size: tuple[float, float]) -> MetricMap:
     """A map that repeats the 6 m × 4 m arena side by side."""
     metric_map = MetricMap()
-    chosen = np.linspace(0, len(recording.xtion) - 1, TILE).astype(int)
+    chosen = np.linspace(0, len(recording.xtion) - 1, TILE_FRAMES).astype(int)
     columns, rows = (int(np.ceil(length / tile)) for length, tile in zip(size, SMALL, strict=True))
     for i in track(range(columns), f"filling {size[0]:g} m × {size[1]:g} m", transient=True):
         for j in range(rows):

@@ -22,7 +22,7 @@ from pipeline.semantic_map.networks.weights import NETWORKS, load_weights
 from pipeline.semantic_map.planar_vote import planar_vote
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.labelled_drives import PosedFrame, drive_through
-from sarsim.scripts.benchmarks.semantic import KEYFRAMES, LIGHTINGS, SHARED
+from sarsim.scripts.benchmarks.semantic import LIGHTINGS, SHARED, SPARSE_KEYFRAMES
 from sarsim.scripts.benchmarks.semantic_accuracy import KINDS, Change, Scores, scores
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, classifier_of, thesis_blocks
 from sarsim.settings import WEIGHTS, LightingName
@@ -68,7 +68,7 @@ def measure(
     details: dict[str, dict[str, Scores]] = {}
     for group, arena, suffix in track(jobs if networks else [], "arenas", transient=True):
         count = raf_frames if group.endswith("_mean") else frames
-        seen = drive_through(arena, count, seed, lit[suffix], KEYFRAMES)
+        seen = drive_through(arena, count, seed, lit[suffix], SPARSE_KEYFRAMES)
         details.setdefault(group + suffix, {})[arena] = scores(seen, networks, VOTES)
     for group, of_arenas in details.items():
         figures |= group_figures(group, list(of_arenas.values()))

@@ -17,7 +17,7 @@ TIMESTEP = 0.003
 FALL, REST = 1.5, 2.0
 """s with muscles that hold the posture, and s without, after which the ragdoll must be at rest."""
 DENSITY = 500.0  # kg/m³; the primitives overlap, so that half of a body's density makes 75 kg
-BLOCK = (0.26, 0.3, 0.25)  # m; half sizes of the block to sit on
+SEAT_BLOCK = (0.26, 0.3, 0.25)  # m; half sizes of the block to sit on
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class Ragdoll:
 
     def _is_on_block(self) -> bool:
         x, _, z = self.physics.data.qpos[:3]
-        return bool(x < 1.5 * BLOCK[0] and z > 2 * BLOCK[2])
+        return bool(x < 1.5 * SEAT_BLOCK[0] and z > 2 * SEAT_BLOCK[2])
 
     def _pose(self, rng: np.random.Generator) -> None:
         recipe, qpos = self._recipe, self.physics.data.qpos
@@ -195,7 +195,7 @@ def _scene(recipe: Setup) -> tuple[mjcf.RootElement, mjcf.RootElement]:
     if recipe.wall:
         scene.worldbody.add("geom", type="box", size=(0.1, 3, 2), pos=(-0.1, 0, 2))
     if recipe.block:
-        scene.worldbody.add("geom", type="box", size=BLOCK, pos=(BLOCK[0], 0, BLOCK[2]))
+        scene.worldbody.add("geom", type="box", size=SEAT_BLOCK, pos=(SEAT_BLOCK[0], 0, SEAT_BLOCK[2]))
     root = cmu_humanoid.CMUHumanoidPositionControlledV2020().mjcf_model
     for unwanted in ("actuator", "sensor", "geom", "site", "camera", "light", "tendon"):
         for element in root.find_all(unwanted):

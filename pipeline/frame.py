@@ -114,6 +114,7 @@ class Frame:
         cx, cy = ((c - first - 0.5) / n + 0.5 for c in (k.cx, k.cy))
         return depth, Intrinsics(depth.shape[1], depth.shape[0], k.fx / n, k.fy / n, cx, cy)
 
+
 def jpeg(rgb: NDArray[np.uint8]) -> bytes:
     """(H, W, 3) uint8 RGB as the content of a JPEG file, of Pillow's quality."""
     content = BytesIO()

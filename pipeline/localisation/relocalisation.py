@@ -14,8 +14,8 @@ from pipeline.localisation.place_search import (
     SEARCHED,
     SURFACE,
     UNKNOWN,
-    Field,
     Guess,
+    VoxelField,
     search,
     standable,
     weigh,
@@ -145,7 +145,7 @@ class Relocalisation:
         if len(cloud) < SEARCHED:
             return None
         patches = thinned(cloud, PATCH)
-        field = Field.around(metric_map, patches)
+        field = VoxelField.around(metric_map, patches)
         places = standable(elevation_map, field, self._model)
         if not len(places):
             return None
@@ -200,7 +200,7 @@ def judge(
     patches: NDArray[np.float64],
     gain: NDArray[np.float32],
     target: MapPoints,
-    field: Field,
+    field: VoxelField,
 ) -> Place:
     """How well a pose explains (P, 3) patches, m from the levelled robot; ``gain`` (P, 3) is their worth."""
     moved = transform_points(T_map_level, patches)

@@ -18,7 +18,9 @@ SHARE = 0.25
 RADIUS = 0.1
 """m, of the balls of the first level; they double from level to level, and so do the features."""
 BALL_FEATURES = 32
-"""Features within a ball of the first level, and most points of a ball of any."""
+"""Features within a ball of the first level."""
+BALL_POINTS = 32
+"""Most points of a ball."""
 
 
 def doubled(first: T) -> list[T]:
@@ -48,7 +50,7 @@ def balls(cloud: PointFeatures, radius: float, layer: nn.Linear, unit: float = 1
     """
     index, sizes = farthest(cloud, SHARE)
     centres = PointFeatures(cloud.positions[index], cloud.features[index], sizes)
-    near = in_ball(cloud, centres, radius, BALL_FEATURES)
+    near = in_ball(cloud, centres, radius, BALL_POINTS)
     of_points = layer(torch.cat((cloud.positions / unit, cloud.features), dim=1))
     of_centres = linear(centres.positions / unit, layer.weight[:, :3])
     return centres, of_points[near] - of_centres[:, None]
@@ -81,11 +83,10 @@ class PointNet2(RowNetwork):
         widths = [(width, width, 2 * width) for width in inner]
         self.down = nn.ModuleList(map(SetAbstraction, (channels, *outputs), widths, doubled(RADIUS)))
         wide, narrow = outputs[2], outputs[1]
-        # As in the published code, the last one uses no features of the points themselves.
-        own = *reversed(outputs[:-1]), 0
+        coarse = outputs[-1], wide, wide, narrow
+        fine = *reversed(outputs[:-1]), 0  # as in the published code, the last one uses no features of the points
         back = (wide, wide), (wide, wide), (wide, narrow), (narrow, narrow, narrow)
-        known = (outputs[-1], *(widths[-1] for widths in back))
-        self.up = nn.ModuleList(map(FeaturePropagation, map(sum, zip(known, own, strict=False)), back))
+        self.up = nn.ModuleList(FeaturePropagation(a + b, w) for a, b, w in zip(coarse, fine, back, strict=True))
         self.head = mlp(narrow, narrow)
         self.dropout = nn.Dropout()
         self.classifier = nn.Linear(narrow, classes)

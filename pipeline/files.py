@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
-MOST_BYTES = 4_000_000_000  # Largest size of the arrays in a file, unpacked
+MOST_UNPACKED = 4_000_000_000  # bytes, largest size of the arrays in a file, unpacked
 GOOD = "good"  # Answer of a separate process that found nothing wrong
-MOST_SAID = 4096  # Longest answer of a separate process, in bytes, that a pipe takes at once
 
 
 @contextmanager
@@ -60,7 +59,7 @@ def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
     try:
         with zipfile.ZipFile(path) as packed:
             size = sum(member.file_size for member in packed.infolist())
-        if size > MOST_BYTES:
+        if size > MOST_UNPACKED:
             raise InputError(f"{path}: refused, a {what} that takes {size / 1e6:.0f} MB unpacked")
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
@@ -81,20 +80,20 @@ def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:
         memory: limit in bytes beyond what this process has.
 
     Returns:
-        The first ``MOST_SAID`` bytes of the answer; empty if the process exceeded a limit, or crashed.
+        The first bytes of the answer, as many as a pipe takes at once; empty if a limit was exceeded, or it crashed.
     """
     reading, writing = os.pipe()
     child = os.fork()  # spawning takes a second, and multiprocessing's daemonic workers may not start processes
     if not child:
         try:
             _limit(seconds, memory)
-            os.write(writing, action().encode()[:MOST_SAID])
+            os.write(writing, action().encode()[: select.PIPE_BUF])
         finally:
             os._exit(0)
     os.close(writing)
     try:
         answered, _, _ = select.select([reading], [], [], 10 * seconds)
-        return os.read(reading, MOST_SAID).decode(errors="replace") if answered else ""
+        return os.read(reading, select.PIPE_BUF).decode(errors="replace") if answered else ""
     finally:
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)

@@ -2,13 +2,18 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from pipeline.sensor import XTION, SensorModel
 from pipeline.transforms import transform_points
+
+SAME_TIME = 0.02
+"""s, greatest difference between the times of a depth image and its colour image, as in the TUM benchmark's tool."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +96,12 @@ class Frame:
         """(H, W) bool, the pixels with a depth return."""
         return np.isfinite(self.depth) & (self.depth > 0)
 
+    @property
+    def millimetres(self) -> NDArray[np.uint16]:
+        """(H, W) whole mm along the optical axis, as images of depth are stored; 0 = no return."""
+        depth = np.where(self.returns, self.depth, 0)
+        return np.rint(1e3 * depth).clip(max=np.iinfo(np.uint16).max).astype(np.uint16)
+
     def points(self, T_target_camera: NDArray[np.float64]) -> NDArray[np.float32]:
         """(N, 3) float32 points of all returns, row-major over the image, in the target frame, m."""
         with np.errstate(invalid="ignore"):
@@ -105,3 +116,10 @@ class Frame:
         # The centre of the first pixel kept is the centre of the first pixel of the new image.
         cx, cy = ((c - first - 0.5) / n + 0.5 for c in (k.cx, k.cy))
         return depth, Intrinsics(depth.shape[1], depth.shape[0], k.fx / n, k.fy / n, cx, cy)
+
+
+def jpeg(rgb: NDArray[np.uint8]) -> bytes:
+    """(H, W, 3) uint8 RGB as the content of a JPEG file, of Pillow's quality."""
+    content = BytesIO()
+    Image.fromarray(rgb).save(content, "JPEG")
+    return content.getvalue()

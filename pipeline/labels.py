@@ -3,6 +3,7 @@
 from enum import IntEnum
 
 import numpy as np
+from PIL import ImageColor
 
 
 class Label(IntEnum):
@@ -23,17 +24,6 @@ PLANAR = (*THESIS_FOUR, Label.CEILING)  # Classes made of planes
 
 RAMP_TILT = np.deg2rad(8)  # rad; steeper ground is a ramp
 
-COLOURS = np.array(
-    [
-        (128, 128, 128),  # unlabelled: grey
-        (214, 39, 40),  # wall: red
-        (242, 200, 15),  # terrain: yellow
-        (31, 101, 214),  # inclined ramp: blue
-        (255, 128, 192),  # straight ramp: pink
-        (200, 200, 200),  # ceiling: light grey
-        (44, 160, 44),  # victim: green
-        (140, 86, 50),  # clutter: brown
-    ],
-    np.uint8,
-)
-"""(8, 3) uint8 RGB, indexed by label."""
+_NAMES = ("gray", "crimson", "gold", "royalblue", "hotpink", "lightgray", "forestgreen", "sienna")
+COLOURS = np.array([ImageColor.getrgb(name) for name in _NAMES], np.uint8)
+"""(8, 3) uint8 RGB, indexed by label: CSS's colours."""

@@ -14,80 +14,78 @@ from pipeline.files import whole_file
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import PointClassifier
+from pipeline.victims.detection.boxes import MOST_BOXES
 from pipeline.victims.detection.detection import Detection, Detector
 
-MOST_ROWS = 10_000
-"""Greatest number of rows of an answer whose length is not known."""
 
-
-class Answers:
-    """A folder of answers, one file each, named by the digest of the question.
+class OutputCache:
+    """A folder of outputs, one file each, named by the digest of the inputs.
 
     Attributes:
         folder: made if it does not exist.
-        recalled: number of answers that were read from the folder.
+        hits: number of outputs that were read from the folder.
     """
 
     def __init__(self, folder: Path):
         """Make the folder; InputError if that fails."""
-        self.folder, self.recalled = folder, 0
+        self.folder, self.hits = folder, 0
         try:
             folder.mkdir(exist_ok=True)
         except OSError as error:
             raise InputError(f"{folder}: {error.strerror or error}") from error
 
-    def recall(
-        self, question: Sequence[ArrayLike], kind: DTypeLike, shape: tuple[int, int], ask: Callable[[], NDArray]
+    def get(
+        self, inputs: Sequence[ArrayLike], kind: DTypeLike, shape: tuple[int, int], run: Callable[[], NDArray]
     ) -> NDArray:
-        """The kept answer (rows, columns) of a type and ``shape``; if there is none, that of ``ask``, which is kept.
+        """The cached output (rows, columns) of a type and ``shape``; if there is none, that of ``run``, then cached.
 
         Raises:
-            InputError: the answer cannot be written.
+            InputError: the output cannot be written.
         """
-        digest = blake2b(digest_size=16)
-        for part in question:
+        digest = blake2b()
+        for part in inputs:
             digest.update(np.asarray(part).tobytes())
         path = self.folder / digest.hexdigest()
         with suppress(OSError, zlib.error, ValueError):
-            stream, rows = zlib.decompressobj(), MOST_ROWS if shape[0] < 0 else shape[0]
+            stream, rows = zlib.decompressobj(), MOST_BOXES if shape[0] < 0 else shape[0]
             content = stream.decompress(path.read_bytes(), rows * shape[1] * np.dtype(kind).itemsize + 1)
             kept = np.frombuffer(content, kind).reshape(shape).copy()
             if stream.eof and np.isfinite(kept).all():
-                self.recalled += 1
+                self.hits += 1
                 return kept
-        answer = np.asarray(ask(), kind).reshape(shape)
+        output = np.asarray(run(), kind).reshape(shape)
         with whole_file(path) as partial:
-            partial.write_bytes(zlib.compress(answer.tobytes(), 1))
-        return answer
+            partial.write_bytes(zlib.compress(output.tobytes(), 1))
+        return output
 
 
-class RecallingClassifier:
+class CachedClassifier:
     """A point classifier that is called only once for the same arguments; it must depend on nothing else."""
 
-    def __init__(self, classifier: PointClassifier, answers: Answers, weights: Path):
-        self._classifier, self._answers, self._weights = classifier, answers, _content(weights)
+    def __init__(self, classifier: PointClassifier, cache: OutputCache, weights: Path):
+        self._classifier, self._cache, self._weights = classifier, cache, _content(weights)
 
     def classify(
         self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
     ) -> NDArray[np.float32]:
         """As :meth:`PointClassifier.classify`."""
-        question = self._weights, frame.time, frame.depth, points, T_map_camera
+        inputs = self._weights, frame.time, frame.depth, points, T_map_camera
         shape = len(points), len(Label)
-        return self._answers.recall(
-            question, np.float32, shape, lambda: self._classifier.classify(frame, points, T_map_camera)
+        return self._cache.get(
+            inputs, np.float32, shape, lambda: self._classifier.classify(frame, points, T_map_camera)
         )
 
 
-class RecallingDetector:
+class CachedDetector:
     """A detector that is called only once for the same image."""
 
-    def __init__(self, detector: Detector, answers: Answers, *files: Path):
+    def __init__(self, detector: Detector, cache: OutputCache, *files: Path):
         """``files`` are those from which the detector was made."""
-        self._detector, self._answers, self._files = detector, answers, _content(*files)
+        self._detector, self._cache, self._files = detector, cache, _content(*files)
 
     def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
         """As :meth:`Detector.detect`, of an (H, W, 3) image."""
-        numbers = self._answers.recall(
+        numbers = self._cache.get(
             (self._files, rgb),
             np.float64,
             (-1, 5),
@@ -97,5 +95,5 @@ class RecallingDetector:
 
 
 def _content(*files: Path) -> NDArray[np.uint8]:
-    """The digests of these files, as a part of a question."""
+    """The digests of these files, as a part of the inputs."""
     return np.frombuffer(b"".join(blake2b(path.read_bytes()).digest() for path in files), np.uint8)

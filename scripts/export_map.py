@@ -9,7 +9,7 @@ from pipeline.errors import InputError
 from sarsim.scripts.cli import run
 from sarsim.settings import Robot
 
-GROUND = (".pgm", ".tif", ".png", ".svg", ".dxf")  # Endings of 2D maps
+PLAN_ENDINGS = (".pgm", ".tif", ".png", ".svg", ".dxf")  # Endings of 2D maps
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,8 +37,8 @@ def export_map(
             does not recognise ramps: 0.25 0.65 shows what stands in the robot's way on level ground.
         robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
     """
-    if out.suffix not in (".bt", ".ot", ".ply", *GROUND):
-        raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply, {', '.join(GROUND)}")
+    if out.suffix not in (".bt", ".ot", ".ply", *PLAN_ENDINGS):
+        raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply, {', '.join(PLAN_ENDINGS)}")
     if heights is not None and not (out.suffix == ".pgm" and heights[0] < heights[1]):
         raise InputError(f"--heights {heights[0]:g} {heights[1]:g}: of a .pgm, the lower one first")
     from pipeline.metric_map.io.exports import save_map_server, save_ply
@@ -46,7 +46,7 @@ def export_map(
     from pipeline.metric_map.io.octomap import write_bt, write_ot
 
     path = path / "metric_map.npz" if path.is_dir() else path
-    if out.suffix in GROUND and heights is None:
+    if out.suffix in PLAN_ENDINGS and heights is None:
         _export_ground(path.with_name("keyframes.npz"), out, robot)
         return
     metric_map = load_metric_map(path)

@@ -13,7 +13,7 @@ from pipeline.navigation.navigator import Outcome
 from pipeline.rerun.recorder import Recorder
 from pipeline.rerun.viewer import Viewer
 from pipeline.robot import Motion
-from pipeline.ros.live.node import Node
+from pipeline.ros.live.node import RosNode
 from pipeline.ros.live.ros_robot import RosRobot
 from pipeline.ros.messages import MAP, ODOM, transforms
 from pipeline.ros.topics import MapTopics
@@ -39,7 +39,7 @@ class RosDrive(Expedition):
 
     config: RosExploration
 
-    def __init__(self, config: RosExploration, node: Node):
+    def __init__(self, config: RosExploration, node: RosNode):
         """Raises InputError if no robot is found, or a file cannot be read or written."""
         classifier = make_classifier(config.labels, config.weights)
         detector = VictimDetector.load(*config.detector) if config.detector else None

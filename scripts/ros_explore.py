@@ -15,10 +15,10 @@ def ros_explore(config: RosExploration) -> None:
 
     Ctrl-C stops the robot. If the robot falls silent or ignores commands, the maps so far are kept.
     """
-    from pipeline.ros.live.node import Node
+    from pipeline.ros.live.node import RosNode
     from sarsim.scripts.ros_drive import RosDrive
 
-    with closing(Node(config.name, config.network)) as node:
+    with closing(RosNode(config.name, config.network)) as node:
         drive = RosDrive(config, node)
         save_settings(config, drive.out / "config.yaml")
         ended_by = run_watched(

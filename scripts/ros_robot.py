@@ -11,10 +11,10 @@ from sarsim.settings import RosRobotConfig
 
 def ros_robot(config: RosRobotConfig) -> None:
     """Run the simulated robot as a ROS 2 robot, which publishes sensor data and follows commands, until Ctrl-C."""
-    from pipeline.ros.live.node import Node
+    from pipeline.ros.live.node import RosNode
     from sarsim.scripts.simulated_node import SimulatedNode
 
-    with closing(Node(config.name, config.network)) as node:
+    with closing(RosNode(config.name, config.network)) as node:
         simulated = SimulatedNode(config, node)
         ended_by = run_watched(
             lambda interrupted, on_period: simulated.run(

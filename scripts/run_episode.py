@@ -18,7 +18,7 @@ from sarsim.scripts.tables import report_table
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig
 
 if TYPE_CHECKING:
-    from pipeline.network_cache import Answers
+    from pipeline.network_cache import OutputCache
     from sarsim.episode import Episode
 
 
@@ -31,17 +31,17 @@ def run_episode(config: EpisodeConfig) -> None:
     announce_compilation()
     episode = Episode(config)
     save_settings(config, episode.out / "config.yaml")
-    answers = recall_answers(episode)
+    cache = cache_outputs(episode)
     ended_by = run_watched(
         lambda interrupted, on_step: episode.run(interrupted, lambda line: on_step(episode.explorer.steps, line)),
         config.arena,
         config.steps,
     )
     if not ended_by:
-        shutil.rmtree(answers.folder)
+        shutil.rmtree(cache.folder)
     console = Console()
     if config.resume:
-        console.print(f"Driven again from its start, with {answers.recalled} answers that its networks had given")
+        console.print(f"Driven again from its start, with {cache.hits} cached outputs of its networks")
     if episode.explorer.steps or episode.lost:
         console.print(report_table(episode.report))
     viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
@@ -54,17 +54,17 @@ def run_episode(config: EpisodeConfig) -> None:
         episode.recorder.viewer.wait()
 
 
-def recall_answers(episode: "Episode") -> "Answers":
-    """Store the answers of an episode's networks in its folder, so that a resumed episode need not run them again."""
-    from pipeline.network_cache import Answers, RecallingClassifier, RecallingDetector
+def cache_outputs(episode: "Episode") -> "OutputCache":
+    """Cache the outputs of an episode's networks in its folder, so that a resumed episode need not run them again."""
+    from pipeline.network_cache import CachedClassifier, CachedDetector, OutputCache
 
-    config, mapper, answers = episode.config, episode.explorer.mapper, Answers(episode.out / "answers")
+    config, mapper, cache = episode.config, episode.explorer.mapper, OutputCache(episode.out / "network_outputs")
     if config.labels in POINT_NETWORKS:
         weights = config.weights or asset("weights", f"{config.labels}.safetensors")
-        mapper.classifier = RecallingClassifier(mapper.classifier, answers, weights)
+        mapper.classifier = CachedClassifier(mapper.classifier, cache, weights)
     if mapper.detector and config.detector:
-        mapper.detector = RecallingDetector(mapper.detector, answers, *config.detector)
-    return answers
+        mapper.detector = CachedDetector(mapper.detector, cache, *config.detector)
+    return cache
 
 
 def elsewhere(config: EpisodeConfig) -> EpisodeConfig:

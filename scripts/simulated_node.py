@@ -11,9 +11,9 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.robot import Velocity
-from pipeline.ros.live.node import Node
+from pipeline.ros.live.node import RosNode
 from pipeline.ros.messages import BASE, CAMERA, command_of, decode, time_of, transform
-from pipeline.ros.topics import Joints, Odometry, RobotTopics
+from pipeline.ros.topics import Joints, OdometrySample, RobotTopics
 from sarsim.arenas.load import load_arena
 from sarsim.episode import make_folder, write_report
 from sarsim.robots.skid_steered import WHEELS
@@ -40,7 +40,7 @@ class SimulatedNode:
         commands: number of commands received.
     """
 
-    def __init__(self, config: RosRobotConfig, node: Node):
+    def __init__(self, config: RosRobotConfig, node: RosNode):
         """Raises InputError if the arena or the folder for results is not available."""
         if not 0 < config.camera_rate <= 25 or config.seed < 0:
             raise InputError(
@@ -105,7 +105,7 @@ class SimulatedNode:
         motion, topics = self.robot.drive(command), self._topics
         topics.motion(motion)
         topics.joints(motion.time, Joints(WHEELS, *self.robot.wheels))
-        topics.odometry(Odometry(motion.time, motion.T_odom_base, motion.twist))
+        topics.odometry(OdometrySample(motion.time, motion.T_odom_base, motion.twist))
         if motion.time >= self._next_frame - 1e-6:
             self._next_frame += 1 / self.config.camera_rate
             self._sense()

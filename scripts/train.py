@@ -14,6 +14,7 @@ from rich.console import Console
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.victims.detection.training_config import YoloTrainingConfig
+from sarsim.assets import asset
 from sarsim.scripts.cli import Interruptible, check_folder_of, progress
 from sarsim.scripts.settings import run_one_of, save_settings
 from sarsim.settings import POINT_NETWORKS
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
 
     from pipeline.semantic_map.networks.clouds import LabelledCloud
     from pipeline.semantic_map.networks.network import PointNetwork
-    from pipeline.semantic_map.networks.parallel import Worker
+    from pipeline.semantic_map.networks.parallel import TrainingWorker
     from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
+ARCHITECTURES = {"yolov3-small": "victims.cfg", "yolov3-tiny": "yolov3-tiny.cfg", "yolov3": "yolov3.cfg"}
+"""The file that describes each of the networks for people."""
 VALIDATION_FRAMES = 40
 """Largest number of clouds for validation, spread over its scenes; 200 took as long as 1,000 training steps."""
 
@@ -73,8 +76,8 @@ def train_points(settings: TrainPoints, network: str) -> None:
     _check(settings, ".safetensors")
     from pipeline.semantic_map.networks.blocks import COLOURED, BlockConfig
     from pipeline.semantic_map.networks.classifier import load_classifier
-    from pipeline.semantic_map.networks.parallel import Worker
-    from pipeline.semantic_map.networks.training import Trainer
+    from pipeline.semantic_map.networks.parallel import TrainingWorker
+    from pipeline.semantic_map.networks.training import PointTrainer
 
     config = TrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(TrainingConfig)})
     scenes = sum(map(_scenes, settings.data))
@@ -84,11 +87,11 @@ def train_points(settings: TrainPoints, network: str) -> None:
     if settings.init is not None:
         (initial, blocks), about["init"] = load_classifier(settings.init, network), str(settings.init)
         colours = initial.channels == COLOURED
-    worker = Worker.join()
+    worker = TrainingWorker.join()
     try:
         clouds = _clouds(settings, worker, blocks.voxel_size, colours)
         validation = clouds["val"][:: -(-len(clouds["val"]) // VALIDATION_FRAMES)]
-        trainer = Trainer(clouds["train"], validation, config, settings.out, worker, about, initial, blocks)
+        trainer = PointTrainer(clouds["train"], validation, config, settings.out, worker, about, initial, blocks)
         _train(trainer, settings, "mIoU over the four")
     finally:
         worker.leave()
@@ -97,7 +100,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
 def train_yolo(settings: TrainYolo) -> None:
     """Train the victim detector, and print the path of its weights."""
     _check(settings, ".weights")
-    from pipeline.victims.detection.training import Trainer
+    from pipeline.victims.detection.training import YoloTrainer
     from sarsim.dataset.victim_images import VictimImages
 
     config = YoloTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(YoloTrainingConfig)})
@@ -105,7 +108,8 @@ def train_yolo(settings: TrainYolo) -> None:
     with next(splits) as training, next(splits) as validation:
         about = {"data": list(map(str, settings.data)), "images": [len(training), len(validation)]}
         about |= {"stride": settings.stride, "init": str(settings.init) if settings.init else None}
-        trainer = Trainer(training, validation, config, settings.out, about, settings.init)
+        initial = settings.init or asset("weights", ARCHITECTURES[config.network])
+        trainer = YoloTrainer(training, validation, config, settings.out, about, initial)
         _train(trainer, settings, "AP50")
 
 
@@ -131,7 +135,7 @@ def _scenes(data: Path) -> int:
 
 
 def _clouds(
-    settings: TrainPoints, worker: "Worker", voxel_size: float, colours: bool
+    settings: TrainPoints, worker: "TrainingWorker", voxel_size: float, colours: bool
 ) -> dict[str, list["LabelledCloud"]]:
     """The clouds of the splits train and val; prints which classes train lacks."""
     from pipeline.semantic_map.classifier import CLASSES

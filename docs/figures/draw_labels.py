@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.labels import COLOURS
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
-from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
+from sarsim.scripts.benchmarks.labelled_drives import PosedFrame, drive_through
 from sarsim.settings import POINT_NETWORKS, WEIGHTS
 
 FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
@@ -16,14 +16,14 @@ FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
 KEYFRAMES = (2.0, 0.8)  # m and rad
 
 
-def label_picture(seen: TrueFrame, labels: NDArray[np.integer]) -> NDArray[np.uint8]:
+def label_picture(seen: PosedFrame, labels: NDArray[np.integer]) -> NDArray[np.uint8]:
     """(H, W, 3) BGR, the (N,) labels of the returns in their colours; no return is black."""
     picture = np.zeros((*seen.frame.depth.shape, 3), np.uint8)
     picture[seen.frame.returns] = COLOURS[labels, ::-1]
     return picture
 
 
-def column(seen: TrueFrame, networks: list[NetworkClassifier]) -> NDArray[np.uint8]:
+def column(seen: PosedFrame, networks: list[NetworkClassifier]) -> NDArray[np.uint8]:
     """Colour image, true labels and the labels of each network, one above the other."""
     given = [network.classify(seen.frame, seen.points, seen.T_map_camera).argmax(axis=1) for network in networks]
     colour = seen.frame.rgb[..., ::-1]

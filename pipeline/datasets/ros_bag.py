@@ -13,20 +13,19 @@ from rosbags.highlevel import AnyReader
 
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
-from pipeline.frame import Calibration, Frame
+from pipeline.frame import SAME_TIME, Calibration, Frame
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.ros.images import colour_of, depth_of, label_of
-from pipeline.ros.links import Links
-from pipeline.ros.messages import BASE, ODOM, STORE, Message, pose_matrix, seconds, vector_of
+from pipeline.ros.links import FrameTree
+from pipeline.ros.messages import BASE, NANO, ODOM, STORE, Message, pose_matrix, seconds, vector_of
 from pipeline.ros.pinhole import Pinhole
 
-APART = 0.02  # s, greatest difference between the times of a depth image and its colour image
-WINDOW = 15  # Depth images that are buffered: they may come out of order, and colour images may lag
+BUFFERED = 15  # Depth images that are buffered: they may come out of order, and colour images may lag
 AT_REST = 0.5  # s at the beginning during which the accelerometer measures the vertical
-KEYFRAME, LABELLED, STEP = "/keyframe", "/semantic_cloud", "/map"
+KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
 INFRARED = re.compile("/(infra|ir/)")  # In names of topics of infrared images
-IMAGES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+IMAGE_TYPES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 
 
 def read_ros_bag(path: Path, topics: Sequence[str] = (), calibration: Calibration | None = None) -> Recording:
@@ -43,7 +42,7 @@ def read_ros_bag(path: Path, topics: Sequence[str] = (), calibration: Calibratio
     with _opened(path) as reader:
         chosen = Topics(path, reader, topics)
         beside = _Beside(reader, chosen)
-        span = reader.duration / 1e9
+        span = reader.duration / NANO
     camera = Pinhole(path, beside.camera_info, calibration)
     recording = Recording(path, lambda: _frames(recording, chosen, camera, beside, span))
     recording.odometry, recording.truth = beside.odometry(), beside.trajectory(beside.true_poses)
@@ -69,7 +68,7 @@ def _opened(path: Path) -> Iterator[AnyReader]:
     except FileNotFoundError as error:
         raise InputError(f"{path}: no bag: {error}") from error
     except Exception as error:
-        said = " ".join(str(error).split())[:200] or type(error).__name__
+        said = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path}: cut short or broken, or of an unknown kind: {said}") from error
 
 
@@ -88,7 +87,7 @@ class Topics:
         self._kinds = {name: info.msgtype for name, info in reader.topics.items() if info.msgcount}
         if unknown := [name for name in named if name not in self._kinds]:
             raise InputError(f"{path}: holds no messages of {', '.join(unknown)}")
-        images = [name for name, kind in self._kinds.items() if kind in IMAGES and name != LABELS]
+        images = [name for name, kind in self._kinds.items() if kind in IMAGE_TYPES and name != LABELS]
         depths = [name for name in images if "depth" in name.lower()]
         depth = self._one("depth images", depths)
         if depth is None:
@@ -129,7 +128,7 @@ class _Beside:
         self.true_poses: list[tuple[float, NDArray[np.float64]]] = []
         self._odometry: list[tuple[float, NDArray[np.float64]]] = []
         self._by_tf: list[tuple[float, NDArray[np.float64]]] = []
-        self.links = Links()
+        self.links = FrameTree()
         self._felt: list[tuple[float, NDArray[np.float64]]] = []
         self._imu_frame = ""
         takers: dict[str | None, Callable[[Any], None]] = {
@@ -138,9 +137,9 @@ class _Beside:
             topics.imu: self._take_imu,
             "/tf": self._take_tf,
             "/tf_static": self._take_tf,
-            KEYFRAME: lambda message: self.keyframes.append(seconds(message.header.stamp)),
-            LABELLED: lambda message: self.labelled.add(seconds(message.header.stamp)),
-            STEP: lambda message: self.steps.add(seconds(message.header.stamp)),
+            KEYFRAME_TOPIC: lambda message: self.keyframes.append(seconds(message.header.stamp)),
+            LABELLED_TOPIC: lambda message: self.labelled.add(seconds(message.header.stamp)),
+            STEP_TOPIC: lambda message: self.steps.add(seconds(message.header.stamp)),
             TRUTH: lambda m: self.true_poses.append(_stamped(m, m.pose)),
         }
         connections = [c for c in reader.connections if c.topic in takers]
@@ -221,7 +220,7 @@ def _matched(reader: AnyReader, topics: Topics) -> Iterator[tuple[float, Message
         def found(topic: str | None) -> Message | None:
             images = others.get(topic or "", {})
             nearest = min(images, key=lambda t: abs(t - time), default=np.inf)
-            return images[nearest] if abs(nearest - time) <= (0 if topic == LABELS else APART) else None
+            return images[nearest] if abs(nearest - time) <= (0 if topic == LABELS else SAME_TIME) else None
 
         return found
 
@@ -232,11 +231,11 @@ def _matched(reader: AnyReader, topics: Topics) -> Iterator[tuple[float, Message
             heapq.heappush(depths, (time, number, message))
         else:
             others[connection.topic][time] = message
-        if len(depths) > WINDOW:
+        if len(depths) > BUFFERED:
             first, _, depth = heapq.heappop(depths)
             yield first, depth, finder(first)
             for images in others.values():
-                for old in [t for t in images if t < first - APART]:
+                for old in [t for t in images if t < first - SAME_TIME]:
                     del images[old]
     for first, _, depth in (heapq.heappop(depths) for _ in range(len(depths))):
         yield first, depth, finder(first)

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
-from pipeline.frame import Calibration, Frame, Intrinsics
+from pipeline.frame import SAME_TIME, Calibration, Frame, Intrinsics
 from pipeline.localisation.trajectory import Trajectory, read_trajectory
 
-UNITS = 5000.0
+DEPTH_UNITS = 5000.0
 """Units of depth images per metre, by default."""
-APART = 0.02
-"""s, greatest difference between the times of a depth image and its colour image, as in the benchmark's own tool."""
-IMAGES = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
+IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
 Listed = list[tuple[float, Path]]
 
 
@@ -45,7 +43,7 @@ def read_tum_folder(
         path,
         lambda: (
             replace(frame, T_base_camera=T_base_camera)
-            for frame in _frames(recording, depth, colour, calibration, depth_scale or UNITS)
+            for frame in _frames(recording, depth, colour, calibration, depth_scale or DEPTH_UNITS)
         ),
         has_camera_pose=place is not None,
     )
@@ -90,7 +88,7 @@ def _listed(path: Path, names: tuple[str, ...], fps: float | None) -> Listed:
         if (path / f"{name}.txt").exists():
             return _from_list(path / f"{name}.txt")
     for name in names:
-        files = sorted(file for file in (path / name).glob("*") if file.suffix.lower() in IMAGES)
+        files = sorted(file for file in (path / name).glob("*") if file.suffix.lower() in IMAGE_ENDINGS)
         if files:
             if fps is None:
                 raise InputError(f"{path / name}: its images have no times; --fps tells how many there are a second")
@@ -121,7 +119,7 @@ def _frames(
     size: tuple[int, ...] | None = None
     for time, file in depth:
         nearest = int(np.abs(times - time).argmin())
-        if abs(times[nearest] - time) > APART:
+        if abs(times[nearest] - time) > SAME_TIME:
             recording.leave_out("depth images without a colour image")
             continue
         metres = _depth(file, scale)

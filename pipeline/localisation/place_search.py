@@ -40,7 +40,7 @@ class VoxelState(IntEnum):
     FREE = 2
 
 
-class Field(NamedTuple):
+class VoxelField(NamedTuple):
     """The states of the map's voxels, with a border of unknown ones.
 
     Attributes:
@@ -56,7 +56,7 @@ class Field(NamedTuple):
     border: NDArray[np.float64]
 
     @classmethod
-    def around(cls, metric_map: MetricMap, points: NDArray[np.float64]) -> "Field":
+    def around(cls, metric_map: MetricMap, points: NDArray[np.float64]) -> "VoxelField":
         """The field of the whole map, with a border that holds (N, 3) points, m, at any place and yaw in the map."""
         reach, height = np.linalg.norm(points[:, :2], axis=1).max(), np.abs(points[:, 2]).max()
         border = np.array([reach, reach, height])
@@ -105,7 +105,7 @@ class Guess(NamedTuple):
         return bool(np.hypot(*T[:2, 3]) < KEYFRAME_WAY and abs(yaw_of(T)) < KEYFRAME_TURN)
 
 
-def standable(elevation_map: ElevationMap, field: Field, model: RobotModel) -> NDArray[np.float64]:
+def standable(elevation_map: ElevationMap, field: VoxelField, model: RobotModel) -> NDArray[np.float64]:
     """(N, 3) places on known ground where the map has no surface in the middle of the robot, m in ``map``."""
     elevation = elevation_map.elevation[::2, ::2]
     cells = np.argwhere(~np.isnan(elevation))
@@ -117,7 +117,7 @@ def standable(elevation_map: ElevationMap, field: Field, model: RobotModel) -> N
     return places[~np.any(filled, axis=0)]
 
 
-def weigh(points: NDArray[np.float64], places: NDArray[np.float64], field: Field) -> NDArray[np.float32]:
+def weigh(points: NDArray[np.float64], places: NDArray[np.float64], field: VoxelField) -> NDArray[np.float32]:
     """What each point of a cloud is worth as evidence, by how often random poses explain it.
 
     Level ground is found almost anywhere and is worth little, a wall is worth much, a point in unknown space nothing.
@@ -144,7 +144,7 @@ def weigh(points: NDArray[np.float64], places: NDArray[np.float64], field: Field
 
 
 def search(
-    points: NDArray[np.float64], gain: NDArray[np.float32], places: NDArray[np.float64], field: Field
+    points: NDArray[np.float64], gain: NDArray[np.float32], places: NDArray[np.float64], field: VoxelField
 ) -> list[Guess]:
     """The promising poses, the best first; none if there are too many to tell them apart.
 

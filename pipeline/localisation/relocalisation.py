@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
 from pipeline.localisation.agreement import LEAST_EXPLAINED, Agreement, agreement
-from pipeline.localisation.place_search import SEARCHED, Field, Guess, VoxelState, search, standable, weigh
+from pipeline.localisation.place_search import SEARCHED, Guess, VoxelField, VoxelState, search, standable, weigh
 from pipeline.localisation.pose_graph import GRAVITY_SIGMA, spread
 from pipeline.localisation.registration import CLOUD_VOXEL, COARSE, FINE, NORMAL_NEIGHBOURS
 from pipeline.metric_map.metric_map import MetricMap
@@ -124,7 +124,7 @@ class Relocalisation:
         if len(cloud) < SEARCHED:
             return None
         patches = thinned(cloud, COARSE)
-        field = Field.around(metric_map, patches)
+        field = VoxelField.around(metric_map, patches)
         places = standable(elevation_map, field, self._model)
         if not len(places):
             return None
@@ -179,7 +179,7 @@ def judge(
     patches: NDArray[np.float64],
     gain: NDArray[np.float32],
     target: MapPoints,
-    field: Field,
+    field: VoxelField,
 ) -> RegisteredGuess:
     """How well a pose explains (P, 3) patches, m from the levelled robot; ``gain`` (P, 3) is their worth."""
     moved = transform_points(T_map_level, patches)

@@ -5,14 +5,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
 
-BACKGROUND = (38, 40, 44)
-
-SEEN_PER_METRE = (1.45, 0.8)
-"""Width and depth of the ground that the viewer's eye sees, in m per m of its distance."""
-
-TIMES = 0.0, 1000.0
-"""ms, initial range of the plot of times: the first step, which loads compiled code, would flatten the rest."""
-
 _SCENE = (
     "+ $origin/**",
     # The images have views of their own; here they would hide the map.
@@ -47,9 +39,9 @@ def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: in
     )
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Horizontal(maps, _camera(), column_shares=[3.4, 1]),
-            rrb.Horizontal(*_plots(), log, column_shares=[1, 1, 1, 1.5]),
-            row_shares=[3.2, 1],
+            rrb.Horizontal(maps, _camera(), column_shares=[3, 1]),
+            rrb.Horizontal(*_plots(), log, column_shares=[2, 2, 2, 3]),
+            row_shares=[3, 1],
         ),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
         rrb.BlueprintPanel(state="collapsed"),
@@ -62,7 +54,6 @@ def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb
         origin="world",
         name=name,
         contents=list(_SCENE),
-        background=BACKGROUND,
         line_grid=False,
         eye_controls=_eye(np.asarray(low, np.float64), np.asarray(high, np.float64)),
         overrides={f"world/{entity}": [rrb.EntityBehavior(visible=False)] for entity in hidden},
@@ -72,8 +63,7 @@ def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb
 def _eye(low: NDArray[np.float64], high: NDArray[np.float64]) -> rrb.EyeControls3D:
     """The eye at the distance at which the box fills the window, and at a steep angle, so that walls hide little."""
     middle = (low + high) / 2
-    width, depth = (high - low)[:2]
-    away = np.array([0.0, -0.45, 0.9]) * max(width / SEEN_PER_METRE[0], depth / SEEN_PER_METRE[1])
+    away = np.array([0, -1, 2]) * np.linalg.norm((high - low)[:2]) / 3
     return rrb.EyeControls3D(position=middle + away, look_target=middle)
 
 
@@ -94,7 +84,8 @@ def _camera() -> rrb.Vertical:
 def _plots() -> list[rrb.TimeSeriesView | rrb.Tabs]:
     hidden = ["navigation", *(f"correction_{part}" for part in _CORRECTED)]
     stages = (f"- $origin/time_ms/{stage}" for stage in hidden)
-    times = _plot("Time, ms", "$origin/time_ms/**", *stages, axis_y=rrb.ScalarAxis(range=TIMES))
+    # The first step, which loads compiled code, would flatten the rest.
+    times = _plot("Time, ms", "$origin/time_ms/**", *stages, axis_y=rrb.ScalarAxis(range=(0, 1e3)))
     tilt = _plot("Tilt, °", "$origin/roll_deg", "$origin/pitch_deg")
     return [
         _plot("Explored area, m²", "$origin/explored_area_m2"),

@@ -1,36 +1,42 @@
 """Maps and plans as Rerun draws them; lengths in m, everything in ``map``."""
 
 from collections.abc import Sequence
+from math import sqrt
 from typing import Any
 
 import cv2
 import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
+from PIL import ImageColor
 from scipy.spatial.transform import Rotation
 
 from pipeline.explorer import Step
-from pipeline.frame import Frame
+from pipeline.frame import Frame, jpeg
 from pipeline.labels import COLOURS, Label
 from pipeline.localisation.localisation import Loop
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.segments.cells_kernels import cells_of
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.topological_map.topological_map import TopologicalMap
 
-EDGE_COLOUR = (25, 25, 25)
-PLAN_COLOUR = (0, 220, 255)
-FRONTIER_COLOUR = (220, 0, 220)
-TRAJECTORY_COLOUR = (255, 255, 255)
-TRUE_TRACK_COLOUR = (0, 255, 120)
-KEYFRAME_COLOUR = (255, 170, 40)
-LOOP_COLOUR = (255, 60, 60)
+Colour = tuple[int, ...]
+EDGE_COLOUR = ImageColor.getrgb("black")
+PLAN_COLOUR = ImageColor.getrgb("cyan")
+FRONTIER_COLOUR = ImageColor.getrgb("magenta")
+TRAJECTORY_COLOUR = ImageColor.getrgb("white")
+TRUE_TRACK_COLOUR = ImageColor.getrgb("springgreen")
+KEYFRAME_COLOUR = ImageColor.getrgb("orange")
+LOOP_COLOUR = ImageColor.getrgb("red")
+FREE_COLOUR = ImageColor.getrgb("lightskyblue")
 
-ABOVE_GROUND = np.array([0, 0, 0.06])
+FONT = cv2.FONT_HERSHEY_SIMPLEX, 0.5  # Of pictures: its face, and its size relative to the face's own
+GRAIN = 0.04
+"""m between the drawn points of the semantic map, for all would make a large file, and of tracks; marks are twice as
+large."""
+ABOVE_GROUND = np.array([0, 0, 2 * GRAIN])
 """m; drawings on the ground are raised by this, so that points and voxels do not hide them."""
-POINT_SPACING = 0.04
-"""m between the drawn points of the semantic map: all points would make a large file."""
-JPEG_QUALITY = 80  # Of the colour images, up to 100
 
 
 def annotations() -> rr.AnnotationContext:
@@ -53,24 +59,25 @@ def pinhole(frame: Frame) -> rr.Pinhole:
         focal_length=[k.fx, k.fy],
         principal_point=[k.cx, k.cy],
         camera_xyz=rr.ViewCoordinates.RDF,
-        image_plane_distance=0.35,
     )
 
 
 def colour_image(rgb: NDArray[np.uint8]) -> rr.EncodedImage:
     """(H, W, 3) uint8 RGB as JPEG."""
-    _, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
+    return rr.EncodedImage(contents=jpeg(rgb), media_type="image/jpeg")
 
 
-def depth_image(depth: NDArray[np.float32], max_depth: float) -> rr.EncodedDepthImage:
-    """(H, W) float32 m as a PNG of whole millimetres, 0 = no return; the colour scale ends at ``max_depth`` m."""
-    millimetres = np.round(np.nan_to_num(depth, posinf=0, neginf=0) * 1000).clip(0, 65535).astype(np.uint16)
+def depth_image(frame: Frame) -> rr.EncodedDepthImage:
+    """Depth as a PNG of whole millimetres, 0 = no return; the colour scale ends at the end of the camera's range."""
     # Higher levels take five times as long and save a tenth of the size.
-    _, data = cv2.imencode(".png", millimetres, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    scale = 0, 1000 * max_depth
+    _, data = cv2.imencode(".png", frame.millimetres, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    unit = 1e-3
     return rr.EncodedDepthImage(
-        data.tobytes(), media_type="image/png", meter=0.001, colormap="turbo", depth_range=scale
+        data.tobytes(),
+        media_type="image/png",
+        meter=unit,
+        colormap="turbo",
+        depth_range=(0, frame.sensor.farthest / unit),
     )
 
 
@@ -82,13 +89,13 @@ def label_image(frame: Frame, labels: NDArray[np.uint8]) -> rr.SegmentationImage
 
 
 def occupied_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.VoxelGridMap:
-    """Voxels of the map, given by their (N, 3) centres in m, coloured by height."""
-    return _voxels(metric_map, centres, values=centres[:, 2], value_range=(-0.3, 1.5), colormap="viridis")
+    """Voxels of the map, given by their (N, 3) centres in m, coloured by height from 0 to 1 m."""
+    return _voxels(metric_map, centres, values=centres[:, 2].clip(0, 1), colormap="viridis")
 
 
 def free_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.VoxelGridMap:
     """Voxels of the map, given by their (N, 3) centres in m, nearly transparent."""
-    return _voxels(metric_map, centres, colors=[(150, 200, 255)] * len(centres), opacity=0.03)
+    return _voxels(metric_map, centres, colors=[FREE_COLOUR] * len(centres), opacity=0.03)
 
 
 def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **style: Any) -> rr.VoxelGridMap:
@@ -102,11 +109,10 @@ def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **style: Any) -
 
 
 def labelled_points(semantic_map: SemanticMap) -> rr.Points3D:
-    """The semantic map, thinned to its oldest point in every cube of side ``POINT_SPACING``."""
+    """The semantic map, thinned to its oldest point in every cube of side ``GRAIN``; points cover their cubes."""
     points = semantic_map.points()
-    x, y, z = np.floor(points / POINT_SPACING).astype(np.int64).T
-    _, oldest = np.unique((x << 42) + (y << 21) + z, return_index=True)
-    return rr.Points3D(points[oldest], class_ids=semantic_map.labels()[oldest], radii=0.75 * POINT_SPACING)
+    _, oldest = np.unique(cells_of(points, np.float32(1 / GRAIN))[0], return_index=True)
+    return rr.Points3D(points[oldest], class_ids=semantic_map.labels()[oldest], radii=GRAIN * sqrt(3) / 2)
 
 
 def segment_boxes(segments: Segments) -> rr.Boxes3D:
@@ -129,18 +135,18 @@ def nodes(topology: TopologicalMap) -> rr.Points3D:
     """The nodes, with their ids, in the colours of the segments on which they lie."""
     places = np.array([node.position for node in topology.nodes.values()]).reshape(-1, 3)
     return rr.Points3D(
-        places + 1.5 * ABOVE_GROUND,
+        places + ABOVE_GROUND,
         class_ids=[int(node.label) for node in topology.nodes.values()],
         labels=[str(n) for n in topology.nodes],
         show_labels=False,
-        radii=0.09,
+        radii=2 * GRAIN,
     )
 
 
 def edges(topology: TopologicalMap) -> rr.LineStrips3D:
     """The edges along which paths are planned."""
     ways = [topology.way(a, b) for a, b in topology.graph.edges]
-    return rr.LineStrips3D([way + ABOVE_GROUND for way in ways], colors=EDGE_COLOUR, radii=0.015)
+    return rr.LineStrips3D([way + ABOVE_GROUND for way in ways], colors=EDGE_COLOUR)
 
 
 def path(step: Step) -> rr.LineStrips3D:
@@ -150,23 +156,22 @@ def path(step: Step) -> rr.LineStrips3D:
         strips.append(np.vstack([step.keyframe.T_map_base[:3, 3], step.plan.way_points]))
     if step.plan is not None and step.viewpoint is not None:
         yaw = step.viewpoint.heading
-        heading = 0.3 * np.array([np.cos(yaw), np.sin(yaw), 0])
+        heading = np.array([np.cos(yaw), np.sin(yaw), 0]) / 3
         strips.append(step.plan.way_points[-1] + np.array([np.zeros(3), heading]))
-    return rr.LineStrips3D([strip + 1.5 * ABOVE_GROUND for strip in strips], colors=PLAN_COLOUR, radii=0.025)
+    return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=PLAN_COLOUR)
 
 
 def frontier_points(frontiers: NDArray[np.float64]) -> rr.Points3D:
     """(N, 3) m, the middles of the frontiers."""
-    return rr.Points3D(frontiers + ABOVE_GROUND, colors=FRONTIER_COLOUR, radii=0.06)
+    return rr.Points3D(frontiers + ABOVE_GROUND, colors=FRONTIER_COLOUR, radii=2 * GRAIN)
 
 
 def keyframes(poses: NDArray[np.float64]) -> rr.Arrows3D:
     """An arrow ahead at each of (K, 4, 4) poses in ``map``."""
     return rr.Arrows3D(
-        origins=poses[:, :3, 3] + 1.5 * ABOVE_GROUND,
-        vectors=0.12 * poses[:, :3, 0],
+        origins=poses[:, :3, 3] + ABOVE_GROUND,
+        vectors=3 * GRAIN * poses[:, :3, 0],
         colors=KEYFRAME_COLOUR,
-        radii=0.006,
         labels=[f"keyframe {k}" for k in range(len(poses))],
         show_labels=False,
     )
@@ -176,14 +181,13 @@ def loops(found: Sequence[Loop], poses: NDArray[np.float64]) -> rr.LineStrips3D:
     """Lines between the keyframes that loops connect, given the keyframes' (K, 4, 4) poses in ``map``."""
     ends = [(loop.first, loop.second) for loop in found]
     return rr.LineStrips3D(
-        [poses[list(pair), :3, 3] + 1.5 * ABOVE_GROUND for pair in ends],
+        [poses[list(pair), :3, 3] + ABOVE_GROUND for pair in ends],
         colors=LOOP_COLOUR,
-        radii=0.012,
         labels=[f"keyframe {first} met again by {second}" for first, second in ends],
         show_labels=False,
     )
 
 
-def trajectory(positions: Sequence[ArrayLike], colour: tuple[int, int, int]) -> rr.LineStrips3D:
+def trajectory(positions: Sequence[ArrayLike], colour: Colour) -> rr.LineStrips3D:
     """Positions, (3,) m each, as one line."""
-    return rr.LineStrips3D([np.array(positions) + ABOVE_GROUND], colors=colour, radii=0.008)
+    return rr.LineStrips3D([np.array(positions) + ABOVE_GROUND], colors=colour)

@@ -3,13 +3,14 @@
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import ImageColor
 
 from pipeline.labels import COLOURS, Label
 from pipeline.rerun import drawings
+from pipeline.rerun.drawings import FONT
 from pipeline.rerun.victim_drawings import CONFIRMED, REFUSED, UNCONFIRMED
 
-ROW, PATCH, WIDTH = 26, 34, 330  # Pixels: a line's height, a colour's width, a column's width
-PAPER, INK = 245, (20, 20, 20)
+PAPER, INK = ImageColor.getrgb("whitesmoke"), ImageColor.getrgb("black")
 MEANINGS = {
     **{f"{label.name.lower().replace('_', ' ')} (class)": tuple(COLOURS[label].tolist()) for label in Label},
     "path to the next viewpoint": drawings.PLAN_COLOUR,
@@ -27,12 +28,16 @@ MEANINGS = {
 
 
 def legend() -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB, in two columns."""
-    rows = (len(MEANINGS) + 1) // 2
-    picture = np.full((rows * ROW + 10, 2 * WIDTH, 3), PAPER, np.uint8)
+    """(H, W, 3) uint8 RGB, in two columns of lines twice as high as their text."""
+    sizes = [cv2.getTextSize(meaning, *FONT, thickness=1)[0] for meaning in MEANINGS]
+    width, height = np.max(sizes, axis=0).tolist()
+    line, rows = 2 * height, (len(MEANINGS) + 1) // 2
+    column = line + height + width + height
+    picture = np.full((rows * line + height, 2 * column + height, 3), PAPER, np.uint8)
     for k, (meaning, colour) in enumerate(MEANINGS.items()):
-        x, y = k // rows * WIDTH + 10, k % rows * ROW + 8
-        cv2.rectangle(picture, (x, y), (x + PATCH, y + ROW - 8), colour, -1)
-        cv2.rectangle(picture, (x, y), (x + PATCH, y + ROW - 8), INK, 1)
-        cv2.putText(picture, meaning, (x + PATCH + 10, y + 15), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
+        x, y = k // rows * column + height, k % rows * line + height
+        patch = (x, y), (x + line, y + height)
+        cv2.rectangle(picture, *patch, colour, cv2.FILLED)
+        cv2.rectangle(picture, *patch, INK)
+        cv2.putText(picture, meaning, (x + line + height, y + height), *FONT, INK, 1, cv2.LINE_AA)
     return picture

@@ -19,7 +19,7 @@ from pipeline.rerun import drawings, victim_drawings
 from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.legend import legend
 from pipeline.rerun.track import EstimatedTrack
-from pipeline.rerun.viewer import Viewer, start_rerun
+from pipeline.rerun.viewer import VIEWER_TIME, Viewer, start_rerun
 from pipeline.transforms import tilt_of
 from pipeline.victims.victim_map import Victims
 
@@ -27,7 +27,6 @@ Level = Literal["INFO", "WARN", "ERROR"]
 
 GROWTH = 0.05  # Share by which a cloud has to grow to be logged again; all are logged at the end
 MOTION_PERIOD = 0.2  # s between two logged poses of the moving robot
-FLUSH_TIME = 30.0  # s that a sink may take at the end for the remaining data
 
 
 class Recorder:
@@ -92,8 +91,8 @@ class Recorder:
             T_odom_base: 4×4 by the odometry; the newest keyframe's correction takes it to ``map``.
         """
         self._move(T_odom_base)
-        # Half a millisecond of tolerance: times are sums of many control periods.
-        if self._moved is not None and time - self._moved[0] < MOTION_PERIOD - 5e-4:
+        # To the millisecond: times are sums of many control periods.
+        if self._moved is not None and round(time - self._moved[0], 3) < MOTION_PERIOD:
             return False
         self._set_time(time, on_a_step=False)
         self._log_robot_pose()
@@ -110,7 +109,7 @@ class Recorder:
         self._logged_size.clear()
         ways, turns = moves.ways, moves.turns
         count = np.count_nonzero(moves.are_noticeable)
-        farthest = f"{100 * ways.max():.1f} cm and {np.rad2deg(turns.max()):.1f}°"
+        farthest = f"{ways.max():.3f} m and {np.rad2deg(turns.max()):.1f}°"
         moved = f"{count} of {len(ways)} keyframes moved by up to {farthest}; the maps were made anew"
         self.log_message("INFO", moved)
         self._log_metrics("localisation/", correction_m=ways.max())
@@ -135,7 +134,7 @@ class Recorder:
             self._log_robot_pose()
         # A window that was closed in the meantime takes no more data, but the file is still complete.
         with suppress(RuntimeError) if self.viewer else nullcontext():
-            self.stream.flush(timeout_sec=FLUSH_TIME)
+            self.stream.flush(timeout_sec=VIEWER_TIME)
         self.stream.disconnect()
         _compact(self._path)
 
@@ -173,7 +172,7 @@ class Recorder:
         log = self.stream.log
         log(camera, drawings.transform(frame.T_base_camera), drawings.pinhole(frame))
         log(f"{camera}/rgb", drawings.colour_image(frame.rgb))
-        log(f"{camera}/depth", drawings.depth_image(frame.depth, frame.sensor.farthest))
+        log(f"{camera}/depth", drawings.depth_image(frame))
         log(f"{camera}/labels", drawings.label_image(frame, keyframe.labels))
 
     def _log_maps(self, mapper: Mapper) -> None:
@@ -231,7 +230,7 @@ class Recorder:
         self._log_metrics("map/", segments=len(mapper.segments), nodes=nodes)
         for stage, seconds in mapper.stopwatch.seconds.items():
             if len(seconds) > self._times_run.get(stage, 0):
-                self._log_metrics("time_ms/", **{stage: 1000 * seconds[-1]})
+                self._log_metrics("time_ms/", **{stage: 1e3 * seconds[-1]})
             self._times_run[stage] = len(seconds)
 
     def _log_metrics(self, group: str = "", /, **values: float) -> None:

@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.localisation.localisation import Localisation
+from pipeline.rerun.drawings import GRAIN
 from pipeline.transforms import inverse
-
-SPACING = 0.05  # m between two points of a track
 
 
 class Track:
@@ -14,7 +13,7 @@ class Track:
 
     Attributes:
         distance: its length, m.
-        positions: (3,) m each, successive ones at least ``SPACING`` apart.
+        positions: (3,) m each, successive ones at least ``GRAIN`` apart.
     """
 
     def __init__(self) -> None:
@@ -27,7 +26,7 @@ class Track:
         if self._last is not None:
             self.distance += float(np.linalg.norm(position - self._last))
         self._last = position.copy()
-        if self.positions and np.linalg.norm(position - self.positions[-1]) < SPACING:
+        if self.positions and np.linalg.norm(position - self.positions[-1]) < GRAIN:
             return False
         self.positions.append(self._last)
         return True

@@ -6,6 +6,7 @@ import socket
 import time
 from contextlib import suppress
 from email.message import Message
+from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from pathlib import Path
@@ -27,7 +28,7 @@ LOCAL = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsa
 """Content security policy: the page may load only from its own server."""
 HOP_BY_HOP = ("connection", "content-length", "date", "server", "transfer-encoding", "content-security-policy")
 """Headers that are not passed on."""
-STARTING_TIME = 30.0  # s that a viewer may take until it listens
+VIEWER_TIME = 30.0  # s that a viewer may take until it listens, and at the end for the remaining data
 
 
 class Viewer:
@@ -91,7 +92,7 @@ class Viewer:
         return process
 
     def _await_port(self) -> None:
-        deadline = time.monotonic() + STARTING_TIME
+        deadline = time.monotonic() + VIEWER_TIME
         while time.monotonic() < deadline and self._process.poll() is None:
             try:
                 socket.create_connection((HOST, self._port), timeout=1).close()
@@ -132,7 +133,7 @@ class _Passing(BaseHTTPRequestHandler):
         except HTTPError as error:
             status, headers, content = error.code, error.headers, error.read()
         except OSError:
-            status, headers, content = 502, Message(), b"the viewer has ended"
+            status, headers, content = HTTPStatus.BAD_GATEWAY, Message(), b"the viewer has ended"
         self.send_response(status)
         for name, value in headers.items():
             if name.lower() not in HOP_BY_HOP:

@@ -1,6 +1,7 @@
 """Hazards of the reachable ground: slopes, drops, and low ceilings."""
 
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,29 +9,15 @@ from scipy import ndimage
 
 from pipeline.grid_map import Grid
 from pipeline.labels import RAMP_TILT
-from pipeline.rescue_report.places import Place, places
+from pipeline.rescue_report.places import ReportedPlace, places
+from pipeline.robot import RobotModel
 from pipeline.traversability.traversability import Traversability
 
 DROP = 0.1
-"""m, least height of a drop: a robot that takes stairs climbs lower steps back up."""
-EDGE = 0.06
-"""m by which the edge of a drop may differ in height from the ground in front of it; a kerb differs by more."""
-EDGE_LENGTH = 0.2
-"""m, least length of the edge of a drop; shorter edges are seams between the arena's parts."""
-BESIDE = 0.5
-"""m, greatest distance from the robot's reachable positions to a drop down which it could fall."""
-ACROSS = 0.1
-"""m, greatest width of an edge."""
-FALL = 0.6
-"""m beyond the edge within which the ground below is searched: the camera often misses its nearest part."""
-SLIT = 0.1
-"""m; no wheel falls into a narrower gap, such as that between a ramp and the wall beside it."""
-BEARINGS = 48
-"""Number of directions in which the ground below is searched."""
-LOW = 2.0
+"""m, least height of a drop: a robot that takes stairs climbs lower steps back up. The edge of a drop differs by less
+in height from the ground in front of it; a kerb differs by more."""
+UPRIGHT_ROOM = 2.0
 """m of headroom below which a person must stoop."""
-APART = 0.3
-"""m; hazards that are nearer to each other are one place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +36,13 @@ class Hazards:
     slope: NDArray[np.float64]
     is_steep: NDArray[np.bool_]
     drop: NDArray[np.float64]
-    slopes: list[Place]
-    drops: list[Place]
-    ceilings: list[Place]
+    slopes: list[ReportedPlace]
+    drops: list[ReportedPlace]
+    ceilings: list[ReportedPlace]
 
 
 def find_hazards(
-    traversability: Traversability, reachable: NDArray[np.bool_], points: NDArray[np.float32], robot_headroom: float
+    traversability: Traversability, reachable: NDArray[np.bool_], points: NDArray[np.float32], robot: RobotModel
 ) -> Hazards:
     """The hazards of the ground that the robot can reach.
 
@@ -63,55 +50,62 @@ def find_hazards(
         traversability: of the robot's map.
         reachable: (nx, ny) cells that the robot can reach.
         points: (N, 3) m, of the semantic map.
-        robot_headroom: m that the robot needs above the ground; lower points are obstacles, not ceilings.
+        robot: drops within its length are beside it, its gaps are none, points lower than its headroom are obstacles,
+            not ceilings, and hazards nearer to each other than its width are one place.
     """
     slope = np.arctan(np.linalg.norm(traversability.gradient.astype(np.float64), axis=-1))
     # Opening removes single noisy cells.
     is_steep = ndimage.binary_opening((slope > RAMP_TILT) & ~traversability.hazard, np.ones((3, 3))) & reachable
-    drop = _drops(traversability, reachable)
-    headroom = _headroom(traversability, points, robot_headroom)
-    low = reachable & (headroom < LOW)
-    lowest_first = places(traversability.grid, low, -headroom, APART)
+    drop = _drops(traversability, reachable, robot)
+    headroom = _headroom(traversability, points, robot.headroom)
+    low = reachable & (headroom < UPRIGHT_ROOM)
+    lowest_first = places(traversability.grid, low, -headroom, robot.width)
     return Hazards(
         slope=slope,
         is_steep=is_steep,
         drop=drop,
         slopes=places(traversability.grid, is_steep, slope, 0),
-        drops=places(traversability.grid, drop > 0, drop, APART),
-        ceilings=[Place(place.position, place.area, -place.value) for place in lowest_first],
+        drops=places(traversability.grid, drop > 0, drop, robot.width),
+        ceilings=[ReportedPlace(place.position, place.area, -place.value) for place in lowest_first],
     )
 
 
-def _drops(traversability: Traversability, reachable: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _drops(traversability: Traversability, reachable: NDArray[np.bool_], robot: RobotModel) -> NDArray[np.float64]:
     """(nx, ny) m that the ground falls at edges of the reachable ground; 0 elsewhere."""
     elevation, cell = traversability.elevation.astype(np.float64), traversability.grid.cell
     # Steps are not traversable, so ground above and below a step is in different pieces.
     pieces, _ = ndimage.label(~traversability.hazard & ~np.isnan(elevation))
     connected = np.isin(pieces, np.unique(pieces[reachable]))
-    highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), 1 + 2 * round(ACROSS / cell))
-    is_edge = traversability.hazard & (np.abs(elevation - highest) <= EDGE)
-    is_edge &= traversability.grid.distance_to(reachable) <= BESIDE
+    two_cells = 1 + 2 * 2  # the greatest width of an edge
+    highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), two_cells)
+    is_edge = traversability.hazard & (np.abs(elevation - highest) < DROP)
+    is_edge &= traversability.grid.distance_to(reachable) <= robot.length
     drop = np.zeros(traversability.grid.shape)
-    drop[is_edge] = elevation[is_edge] - _lowest_beyond(traversability.grid, elevation, np.argwhere(is_edge))
-    return np.where(_long(drop >= DROP, round(EDGE_LENGTH / cell)), drop, 0.0)
+    drop[is_edge] = elevation[is_edge] - _lowest_beyond(traversability.grid, elevation, np.argwhere(is_edge), robot)
+    # Shorter edges than half of the robot are seams between the arena's parts.
+    return np.where(_long(drop >= DROP, round(robot.half_width / cell)), drop, 0.0)
 
 
-def _lowest_beyond(grid: Grid, elevation: NDArray[np.float64], edges: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(E,) m, height of the lowest ground beyond each of the cells (E, 2).
+def _lowest_beyond(
+    grid: Grid, elevation: NDArray[np.float64], edges: NDArray[np.int64], robot: RobotModel
+) -> NDArray[np.float64]:
+    """(E,) m, height of the lowest ground within the robot's length beyond each of the cells (E, 2).
 
+    The camera often misses the nearest part of it, and of a gap that the robot rolls over no wheel finds the ground.
     The search in a direction ends where the map is no lower than the edge: at more of the same ground, or at a wall,
     behind which no robot falls.
     """
     height, middles = elevation[tuple(edges.T)][:, None], grid.centre_of(edges)[:, None]
-    ground = _without_slits(elevation, 1 + 2 * round(SLIT / 2 / grid.cell))
-    bearings = np.linspace(0, 2 * np.pi, BEARINGS, endpoint=False)
+    ground = _without_slits(elevation, 1 + 2 * int(robot.max_gap / 2 / grid.cell))
+    count = ceil(2 * np.pi * robot.length / grid.cell)  # one for each cell of the circle
+    bearings = np.linspace(0, 2 * np.pi, count, endpoint=False)
     ahead = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
-    is_open = np.ones((len(edges), BEARINGS), np.bool_)
+    is_open = np.ones((len(edges), count), np.bool_)
     lowest = np.broadcast_to(height, is_open.shape)
-    for distance in np.arange(grid.cell / 2, FALL, grid.cell / 2):
+    for distance in np.arange(grid.cell / 2, robot.length, grid.cell / 2):
         there = middles + distance * ahead
         has_left = (grid.cell_of(there) != edges[:, None]).any(axis=-1)
-        is_open &= ~(has_left & (grid.at(elevation, there, outside=np.nan) > height - EDGE))
+        is_open &= ~(has_left & (grid.at(elevation, there, outside=np.nan) > height - DROP))
         lowest = np.fmin(lowest, np.where(is_open, grid.at(ground, there, outside=np.nan), np.nan))
     return lowest.min(axis=1)
 

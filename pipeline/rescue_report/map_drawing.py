@@ -4,25 +4,18 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import ImageColor
 from scipy import ndimage
 
 from pipeline.labels import COLOURS, Label
-from pipeline.rescue_report.paper import Paper
+from pipeline.rescue_report.paper import SYMBOL, Paper
 from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.situation import Situation
 
-WHITE = 0.35
-"""Share of white in the colours of the classes: symbols drawn on them must stand out."""
-PALETTE = (COLOURS * (1 - WHITE) + 255 * WHITE).round().astype(np.uint8)
-"""(8, 3) uint8 RGB of the classes on the drawing."""
-KNOWN = (238, 234, 222, 255)
-"""RGBA of ground whose class is not known."""
-ARROW = 0.4, 30.0
-"""Least distance between arrows up a slope: in m, and in units of the drawing."""
-MAX_NUMBERS = 12
-"""Most numbered places of one kind on the drawing, the worst first."""
-SHARP = 2400
-"""Greatest number of pixels along the longer side of the ground's image: 300 per inch on A4."""
+KNOWN = ImageColor.getrgb("linen")
+"""RGB of ground whose class is not known."""
+MOST_NAMED = 10
+"""Most places of one kind that are numbered on the drawing and listed on the page, the worst first."""
 MIN_LINES = 6
 """Least number of lines of round coordinates along the longer side."""
 
@@ -44,29 +37,36 @@ def draw_map(situation: Situation) -> str:
         digits=0 if apart >= 1 else 1,
         drops=paper(grid.centre_of(np.argwhere(situation.hazards.drop > 0))) - paper.cell / 2,
         arrows=_arrows(paper, situation),
-        MAX_NUMBERS=MAX_NUMBERS,
+        MOST_NAMED=MOST_NAMED,
         bar=_round_length(0.25 * paper.width / paper.scale),
     )
 
 
 def pale(label: Label) -> str:
     """The colour of a class on the drawing, as #rrggbb."""
-    return "#" + bytes(PALETTE[label].tolist()).hex()
+    return "#" + bytes(paled(COLOURS[label]).tolist()).hex()
+
+
+def paled(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(..., 3) colours with a third of white: symbols drawn on them must stand out."""
+    return rgb - rgb // 3 + np.iinfo(np.uint8).max // 3
 
 
 def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
     """(H, W, 4) RGBA: the class of each cell's highest point below ceilings; transparent where the map is empty."""
     grid, points = situation.traversability.grid, situation.points
-    image = np.zeros((*grid.shape, 4), np.uint8)
-    image[~np.isnan(situation.traversability.elevation)] = KNOWN
+    known = ~np.isnan(situation.traversability.elevation)
+    image = np.zeros((*grid.shape, 3), np.uint8)
+    image[known] = KNOWN
     drawn = (situation.labels != Label.CEILING) & grid.at(np.ones(grid.shape, np.bool_), points)
     lowest_first = np.flatnonzero(drawn)[points[drawn, 2].argsort(kind="stable")]
     i, j = grid.cell_of(points[lowest_first]).T
-    image[i, j, :3] = PALETTE[situation.labels[lowest_first]]
-    image[i, j, 3] = 255
-    drawing = image[paper.window].transpose(1, 0, 2)[::-1]
-    # Printers blur images that they enlarge, so each cell gets several pixels.
-    sharp = max(1, min(8, SHARP // max(drawing.shape[:2])))
+    image[i, j] = paled(COLOURS)[situation.labels[lowest_first]]
+    known[i, j] = True
+    opaque = np.where(known, np.iinfo(np.uint8).max, 0).astype(np.uint8)
+    drawing = np.dstack([image, opaque])[paper.window].transpose(1, 0, 2)[::-1]
+    # Printers blur images that they enlarge, so each cell gets as many pixels as units.
+    sharp = max(1, round(paper.cell))
     return np.ascontiguousarray(drawing.repeat(sharp, axis=0).repeat(sharp, axis=1))
 
 
@@ -75,9 +75,9 @@ def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[NDArray[np.flo
     grid, hazards = situation.traversability.grid, situation.hazards
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]
     cells = np.argwhere(hazards.is_steep)
-    apart = max(ARROW[0], ARROW[1] / paper.scale) / grid.cell
-    for place in hazards.slopes[:MAX_NUMBERS]:  # keep free: the place's number is drawn there
-        cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > 0.8 * apart]
+    apart = 3 / 2 * SYMBOL / paper.cell
+    for place in hazards.slopes[:MOST_NAMED]:  # keep free: the place's number is drawn there
+        cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > apart]
     while len(cells):
         cell = cells[inner[tuple(cells.T)].argmax()]
         x, y = situation.traversability.gradient[tuple(cell)]

@@ -6,17 +6,15 @@ from pathlib import PurePath
 from typing import Any
 
 from pipeline.labels import Label
-from pipeline.rescue_report.map_drawing import draw_map, pale
+from pipeline.rescue_report.map_drawing import MOST_NAMED, draw_map, pale
 from pipeline.rescue_report.people import people_data
 from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.situation import Situation
 
-MAX_LISTED = 8
-"""Most places of one kind that are listed, the worst first."""
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
 """Parts of report.json on what ran and how long it took; all others except the settings need the ground truth."""
 SETTINGS = "config"
-CLASSES = {Label.INCLINED_RAMP: "slope", Label.STRAIGHT_RAMP: "raised deck", Label.TERRAIN: "ground"}
+PLAIN_NAMES = {Label.INCLINED_RAMP: "slope", Label.STRAIGHT_RAMP: "raised deck", Label.TERRAIN: "ground"}
 """Plain names of some of the classes."""
 
 
@@ -34,13 +32,13 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
         report=report,
         title=_title(str(report["arena"])),
         map=draw_map(situation),
-        classes={CLASSES.get(Label(k), Label(k).name.lower()): pale(Label(k)) for k in classes},
+        classes={PLAIN_NAMES.get(Label(k), Label(k).name.lower()): pale(Label(k)) for k in classes},
         people=people_data(situation),
         written=written,
         run=_tables({key: report[key] for key in RUN if key in report}, "run"),
         scores=_tables({key: report[key] for key in report if key not in (*RUN, SETTINGS)}, ""),
         settings=_tables(report.get(SETTINGS, {}), "command"),
-        MAX_LISTED=MAX_LISTED,
+        MOST_NAMED=MOST_NAMED,
     )
 
 

@@ -5,11 +5,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.grid_map import Grid
 
-LONGER, SHORTER = 1000.0, 800.0
-"""Units, greatest width and height of the drawing (but see LEAST); symbols are about 30 units wide."""
-LEAST, LONGEST = 30.0, 1.6
-"""Least units per m for a large arena, and greatest factor by which the drawing may grow for it."""
-MARGIN = 0.4
+EXTENT = 1000.0
+"""Units, width and height into which the drawing fits, unless the arena is so large that a metre would be narrower
+than a symbol."""
+SYMBOL = 30.0
+"""Units, the width of symbols."""
+BORDER = 0.4
 """m around the known cells."""
 
 
@@ -27,14 +28,13 @@ class Paper:
     def __init__(self, grid: Grid, known: NDArray[np.bool_]):
         """A drawing with room for the cells that are ``known`` (nx, ny), or for all cells if none is."""
         cells = np.argwhere(known) if known.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
-        margin = round(MARGIN / grid.cell)
+        margin = round(BORDER / grid.cell)
         low = np.maximum(cells.min(axis=0) - margin, 0)
         high = np.minimum(cells.max(axis=0) + 1 + margin, grid.shape)
         self.window = slice(low[0], high[0]), slice(low[1], high[1])
         self.low = grid.origin + low * grid.cell
         width, height = (high - low) * grid.cell
-        fitting = min(LONGER / width, SHORTER / height)
-        self.scale = float(max(fitting, min(LEAST, LONGEST * fitting)))
+        self.scale = float(max(EXTENT / max(width, height), SYMBOL))
         self.width, self.height = float(width * self.scale), float(height * self.scale)
         self.cell = grid.cell * self.scale
 

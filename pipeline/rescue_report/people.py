@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.files import whole_file
-from pipeline.rescue_report.rendering import encoded_jpeg
+from pipeline.frame import jpeg
 from pipeline.rescue_report.situation import Person, Situation
 
 Row = dict[str, Any]
@@ -70,7 +70,7 @@ def write_people(folder: Path, situation: Situation) -> None:
         table.writerows(_row(person) for person in data["people"])
     for person in situation.everyone:
         with whole_file(folder / photo_name(person)) as path:
-            path.write_bytes(encoded_jpeg(person.victim.photo))
+            path.write_bytes(jpeg(person.victim.photo))
 
 
 COLUMNS = (

@@ -10,7 +10,7 @@ from pipeline.grid_map import Grid
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class ReportedPlace:
     """A group of cells near each other.
 
     Attributes:
@@ -24,7 +24,7 @@ class Place:
     value: float
 
 
-def places(grid: Grid, mask: NDArray[np.bool_], values: NDArray, apart: float) -> list[Place]:
+def places(grid: Grid, mask: NDArray[np.bool_], values: NDArray, apart: float) -> list[ReportedPlace]:
     """The places formed by the cells of a mask, sorted by value, the greatest first.
 
     Args:
@@ -44,5 +44,5 @@ def places(grid: Grid, mask: NDArray[np.bool_], values: NDArray, apart: float) -
         middle = cells[np.linalg.norm(cells - cells.mean(axis=0), axis=1).argmin()]
         corner = [side.start for side in box]
         value = float(values[box][pieces[box] == piece].max())
-        found.append(Place(grid.centre_of(middle + corner), len(cells) * grid.cell**2, value))
+        found.append(ReportedPlace(grid.centre_of(middle + corner), len(cells) * grid.cell**2, value))
     return sorted(found, key=lambda place: -place.value)

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-LYING_LENGTH, LYING_HEIGHT = 1.0, 0.5
-"""m; a person at least this long and at most this high is lying."""
-UPRIGHT_HEIGHT, UPRIGHT_LENGTH = 0.6, 1.4
-"""m; a person at least this high and at most this long is sitting, kneeling or leaning."""
-OUTLIERS = 1.0
-"""Percent of the points that are left out at either end of a side."""
+LYING_LENGTH = 1.0
+"""m; a person at least this long, and twice as long as high, is lying."""
+SITTING_HEIGHT = 0.6
+"""m; a person at least this high, and at most half again as long, is sitting, kneeling or leaning."""
+OUTLIERS = 0.01
+"""Share of the points that are left out at either end of a side."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class Posture:
     @property
     def name(self) -> str:
         """How the person lies or sits; empty if the size does not determine it."""
-        if self.length >= LYING_LENGTH and self.height <= LYING_HEIGHT:
+        if self.length >= max(LYING_LENGTH, 2 * self.height):
             return "lying"
-        if self.height >= UPRIGHT_HEIGHT and self.length <= UPRIGHT_LENGTH:
+        if self.height >= max(SITTING_HEIGHT, 2 / 3 * self.length):
             return "sitting, kneeling or leaning"
         return ""
 
@@ -42,6 +42,6 @@ def posture_of(points: NDArray[np.float32]) -> Posture:
     _, _, angle = cv2.minAreaRect(np.ascontiguousarray(points[:, :2], np.float32))
     c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
     sides = np.column_stack([points[:, :2] @ np.array([[c, -s], [s, c]]), points[:, 2]])
-    low, high = np.percentile(sides, [OUTLIERS, 100 - OUTLIERS], axis=0)
+    low, high = np.quantile(sides, [OUTLIERS, 1 - OUTLIERS], axis=0)
     one, other, height = (high - low).tolist()
     return Posture(max(one, other), min(one, other), height)

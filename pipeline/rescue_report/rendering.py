@@ -1,12 +1,14 @@
 """HTML and SVG from jinja2 templates, in which all inserted text is escaped."""
 
 from base64 import b64encode
+from io import BytesIO
 
-import cv2
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
+from PIL import Image
 
+from pipeline import frame
 from pipeline.rescue_report import words
 
 
@@ -20,19 +22,14 @@ def environment(package: str) -> Environment:
 
 def png(rgba: NDArray[np.uint8]) -> str:
     """(H, W, 4) uint8 RGBA as a data URI of a PNG."""
-    _, data = cv2.imencode(".png", rgba[..., [2, 1, 0, 3]], [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    return _data_uri("png", data.tobytes())
+    content = BytesIO()
+    Image.fromarray(rgba).save(content, "PNG", optimize=True)
+    return _data_uri("png", content.getvalue())
 
 
 def jpeg(rgb: NDArray[np.uint8]) -> str:
     """(H, W, 3) uint8 RGB as a data URI of a JPEG."""
-    return _data_uri("jpeg", encoded_jpeg(rgb))
-
-
-def encoded_jpeg(rgb: NDArray[np.uint8]) -> bytes:
-    """(H, W, 3) uint8 RGB as the content of a JPEG file."""
-    _, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
-    return data.tobytes()
+    return _data_uri("jpeg", frame.jpeg(rgb))
 
 
 def _data_uri(kind: str, data: bytes) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,29 +12,23 @@ from scipy.spatial import KDTree
 from pipeline.labels import RAMP_TILT
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.path_plan import plan_path
-from pipeline.rescue_report.hazards import APART, Hazards
-from pipeline.rescue_report.places import Place, places
+from pipeline.rescue_report.hazards import Hazards
+from pipeline.rescue_report.places import ReportedPlace, places
+from pipeline.rescue_report.words import STRAIGHT
+from pipeline.robot import RobotModel
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 
-BESIDE = 1.0
+ARRIVAL = 1.0
 """m, greatest distance from the robot's middle to a person's points at which the robot is beside the person."""
-BODY_MARGIN = 0.15
-"""m around a person's points within which occupied voxels are taken for the person."""
-NEAREST, THINNED = 200, 9
-"""Cells whose line of sight to a person is checked: the nearest, then as many more, every ninth of the rest."""
-ALIKE = 0.1
-"""m; of cells whose distances to a person differ by no more, the one with the cheapest way is preferred."""
-DROP_BESIDE = 0.6
-"""m, greatest distance of a drop beside the way."""
-STRAIGHT = np.deg2rad(20)
-"""rad; only a greater bend begins a new leg."""
+VIEWS_CHECKED = 400
+"""Most cells whose line of sight to a person is checked: the nearest, and ever fewer of those farther off."""
 
 
 @dataclass(frozen=True)
-class Leg:
+class RouteLeg:
     """A straight part of a way.
 
     Attributes:
@@ -71,10 +66,10 @@ class Route:
     trace: NDArray[np.float64]
     length: float
     steepest: float
-    drops: list[Place]
+    drops: list[ReportedPlace]
     gap: float
     in_sight: bool
-    legs: list[Leg]
+    legs: list[RouteLeg]
 
     @property
     def end(self) -> NDArray[np.float64]:
@@ -84,7 +79,7 @@ class Route:
     @property
     def arrives(self) -> bool:
         """Whether the way ends beside the person."""
-        return self.in_sight and self.gap <= BESIDE
+        return self.in_sight and self.gap <= ARRIVAL
 
 
 class Router:
@@ -97,26 +92,32 @@ class Router:
         topology: TopologicalMap,
         metric_map: MetricMap,
         hazards: Hazards,
+        robot: RobotModel,
         heading: float,
         camera_height: float,
     ):
-        """Ways begin at the start of ``paths``, at a ``heading`` in rad; people are seen from ``camera_height`` m."""
+        """Ways begin at the start of ``paths``, at a ``heading`` in rad; people are seen from ``camera_height`` m.
+
+        Drops within the robot's length are beside a way; those nearer to each other than its width are one place.
+        """
         self._traversability, self._paths, self._topology = traversability, paths, topology
         self._metric_map, self._hazards = metric_map, hazards
-        self._heading, self._camera_height = heading, camera_height
+        self._robot, self._heading, self._camera_height = robot, heading, camera_height
         self._cells = np.argwhere(paths.reachable)
 
     def to(self, points: NDArray[np.float32]) -> Route | None:
         """The way to the person with (N, 3) points, m; None if the robot cannot leave the entrance."""
         if not len(self._cells):
             return None
-        centres = self._traversability.grid.centre_of(self._cells)
+        grid = self._traversability.grid
+        centres = grid.centre_of(self._cells)
         gaps, _ = KDTree(points[:, :2]).query(centres)
         person = KDTree(points)
-        order = np.lexsort((self._paths.cost[tuple(self._cells.T)], np.ceil(gaps / ALIKE)))
-        nearest = np.append(order[:NEAREST], order[NEAREST::THINNED][:NEAREST])
-        seeing = next((k for k in nearest if self._sees(centres[k], person)), None)
-        end = nearest[0] if seeing is None else seeing
+        # Of cells in a ring of two cells around the person, the one with the cheapest way is preferred.
+        order = np.lexsort((self._paths.cost[tuple(self._cells.T)], np.ceil(gaps / (2 * grid.cell))))
+        checked = order[np.unique(np.geomspace(1, len(order), VIEWS_CHECKED).astype(int)) - 1]
+        seeing = next((k for k in checked if self._sees(centres[k], person)), None)
+        end = order[0] if seeing is None else seeing
         plan = plan_path(self._topology, self._paths, centres[end])
         assert plan is not None and self._paths.start is not None
         start = self._traversability.on_ground(self._paths.start[None])
@@ -127,7 +128,8 @@ class Router:
         ground = float(self._traversability.grid.at(self._traversability.elevation, place))
         eye = np.append(place, ground + self._camera_height)
         middle = person.data.mean(axis=0)
-        return self._metric_map.is_free_along(eye, middle, person, BODY_MARGIN, may_be_unknown=True)
+        of_person = self._metric_map.voxel_size * sqrt(3)  # the person's points lie in voxels so far off at most
+        return self._metric_map.is_free_along(eye, middle, person, of_person, may_be_unknown=True)
 
     def _route(self, way: NDArray[np.float64], gap: float, in_sight: bool) -> Route:
         legs = list(self._legs(way))
@@ -143,12 +145,12 @@ class Router:
             legs=legs,
         )
 
-    def _legs(self, way: NDArray[np.float64]) -> Iterator[Leg]:
+    def _legs(self, way: NDArray[np.float64]) -> Iterator[RouteLeg]:
         heading = self._heading
         for points in straight_parts(way[:, :2]):
             first, last = np.diff(points, axis=0)[[0, -1]]
             bearing = float(np.arctan2(first[1], first[0]))
-            yield Leg(wrap_angle(bearing - heading), *self._measure(points))
+            yield RouteLeg(wrap_angle(bearing - heading), *self._measure(points))
             heading = float(np.arctan2(last[1], last[0]))
 
     def _measure(self, points: NDArray[np.float64]) -> tuple[float, float]:
@@ -170,15 +172,15 @@ class Router:
         parts = [np.linspace(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / cell))) for a, b in pairwise(way)]
         return self._traversability.on_ground(np.vstack(parts))
 
-    def _drops_beside(self, trace: NDArray[np.float64]) -> list[Place]:
+    def _drops_beside(self, trace: NDArray[np.float64]) -> list[ReportedPlace]:
         drop, grid = self._hazards.drop, self._traversability.grid
         edges = np.argwhere(drop > 0)
         if not len(edges):
             return []
-        near = KDTree(trace[:, :2]).query(grid.centre_of(edges))[0] <= DROP_BESIDE
+        near = KDTree(trace[:, :2]).query(grid.centre_of(edges))[0] <= self._robot.length
         beside = np.zeros(grid.shape, np.bool_)
         beside[tuple(edges[near].T)] = True
-        return places(grid, beside, drop, APART)
+        return places(grid, beside, drop, self._robot.width)
 
 
 def straight_parts(way: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:

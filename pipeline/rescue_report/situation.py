@@ -15,11 +15,9 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle, yaw_of
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
+from pipeline.victims.certainty import ellipsoids
 from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.victim_map import Victim
-
-CHI2_95 = 5.991
-"""95 % quantile of χ² with two degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +44,8 @@ class Person:
     @property
     def ellipse(self) -> tuple[float, float, float]:
         """Half axes, m, of the ellipse with a probability of 95 %, the longer one first, and its yaw, rad."""
-        values, vectors = np.linalg.eigh(self.victim.covariance[:2, :2])
-        shorter, longer = np.sqrt(CHI2_95 * values).tolist()
-        return longer, shorter, float(np.arctan2(vectors[1, 1], vectors[0, 1]))
+        (shorter, longer), directions = ellipsoids(self.victim.covariance[:2, :2])
+        return float(longer), float(shorter), float(np.arctan2(directions[1, 1], directions[0, 1]))
 
     @property
     def beyond_way(self) -> float:
@@ -128,9 +125,9 @@ def situation_of(
     """
     traversability = mapper.traversability
     paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
-    hazards = find_hazards(traversability, paths.reachable, points, robot.headroom)
+    hazards = find_hazards(traversability, paths.reachable, points, robot)
     maps = traversability, paths, mapper.topological_map, mapper.metric_map
-    router = Router(*maps, hazards, yaw_of(poses[0]), camera_height)
+    router = Router(*maps, hazards, robot, yaw_of(poses[0]), camera_height)
     return Situation(
         robot=robot,
         T_map_entrance=poses[0],
@@ -139,7 +136,7 @@ def situation_of(
         points=points,
         labels=mapper.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(traversability, mapper.elevation_map.measured, paths.reachable),
+        unseen=find_unseen(traversability, mapper.elevation_map.measured, paths.reachable, robot),
         people=[_person(*found, router) for found in confirmed_ids(mapper.victims)],
         sightings=[_person(*found, router) for found in unconfirmed_ids(mapper.victims)],
         searched=mapper.detector is not None,

@@ -8,12 +8,12 @@ from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 
-CHECKED = 100
+MOST_CHECKED = 100
 """Most keyframes that are compared with the map, evenly spread over the drive."""
-CONTRADICTED = 0.01
+MOST_CONTRADICTED = 0.01
 """Greatest share of the keyframes' depth that a consistent map contradicts: the share is 0.002 with poses right to
 2 cm, 0.018 with a heading that drifts by 8° in 28 m, and 0.10 with 16°."""
-UNCERTAIN = 0.3
+MOST_DEVIATION = 0.3
 """m, standard deviation at which a place may be mistaken for the next one: a robot's way is 0.6 m wide."""
 
 
@@ -34,12 +34,12 @@ class Trust:
     @property
     def is_consistent(self) -> bool:
         """Whether the map agrees with its keyframes."""
-        return self.contradicted <= CONTRADICTED
+        return self.contradicted <= MOST_CONTRADICTED
 
     @property
     def is_certain(self) -> bool:
         """Whether every keyframe's place is certain enough."""
-        return self.deviation <= UNCERTAIN
+        return self.deviation <= MOST_DEVIATION
 
     @property
     def is_good(self) -> bool:
@@ -50,7 +50,7 @@ class Trust:
 def trust_in(mapper: Mapper) -> Trust:
     """Check a mapper's map by its keyframes and its localisation."""
     kept = list(zip(mapper.keyframes.seen, mapper.keyframes.poses, strict=True))
-    checked = kept[:: 1 + len(kept) // CHECKED]
+    checked = kept[:: 1 + len(kept) // MOST_CHECKED]
     whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
     known = mapper.localisation
     deviations = known.graph.deviations() if isinstance(known, Slam) and len(known.graph) else np.zeros(1)

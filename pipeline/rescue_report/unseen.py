@@ -6,17 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.rescue_report.places import Place, places
+from pipeline.rescue_report.places import ReportedPlace, places
+from pipeline.robot import RobotModel
 from pipeline.traversability.traversability import Traversability
 
 FROM_WALL = 0.15
 """m from a wall or a step; nearer to it no ground is expected."""
-AHEAD = 1.0
+EXPECTED_AHEAD = 1.0
 """m beyond the reachable ground within which more ground is expected if no wall or step is between."""
-ROOM = 0.2
+PERSON_AREA = 0.2
 """m², least area that a person takes."""
-SIDE = 0.4
-"""m from the robot's reachable positions; within this, ground with returns counts as seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +28,7 @@ class Unseen:
         seen: m² of ground that was seen.
     """
 
-    places: list[Place]
+    places: list[ReportedPlace]
     rest: float
     seen: float
 
@@ -46,7 +45,7 @@ class Unseen:
 
 
 def find_unseen(
-    traversability: Traversability, measured: NDArray[np.float32], reachable: NDArray[np.bool_]
+    traversability: Traversability, measured: NDArray[np.float32], reachable: NDArray[np.bool_], robot: RobotModel
 ) -> Unseen:
     """The ground that was not seen: inside the map's outline, and beyond the reachable ground.
 
@@ -54,17 +53,18 @@ def find_unseen(
         traversability: of the robot's map.
         measured: (nx, ny) height of the ground measured by returns, NaN elsewhere.
         reachable: (nx, ny) cells that the robot can reach.
+        robot: ground with returns counts as seen within its length.
     """
     grid, unknown = traversability.grid, np.isnan(measured)
     outline = ndimage.binary_fill_holes(~np.isnan(traversability.elevation))
     is_clear = traversability.to_hazard >= FROM_WALL
     # A wall that was seen in part has gaps; ground extends only through wide gaps.
-    ahead = ndimage.binary_dilation(reachable, iterations=round(AHEAD / grid.cell), mask=is_clear)
+    ahead = ndimage.binary_dilation(reachable, iterations=round(EXPECTED_AHEAD / grid.cell), mask=is_clear)
     cells = unknown & (outline | ahead) & is_clear
     found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)
-    near = grid.distance_to(reachable) <= SIDE
+    near = grid.distance_to(reachable) <= robot.length
     return Unseen(
-        places=[place for place in found if place.area >= ROOM],
-        rest=sum(place.area for place in found if place.area < ROOM),
+        places=[place for place in found if place.area >= PERSON_AREA],
+        rest=sum(place.area for place in found if place.area < PERSON_AREA),
         seen=float(np.count_nonzero(near & ~unknown & ~traversability.hazard)) * grid.cell**2,
     )

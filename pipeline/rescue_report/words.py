@@ -3,14 +3,11 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.labels import RAMP_TILT
 from pipeline.transforms import wrap_angle
 
-AHEAD = np.deg2rad(20)
-"""rad; a direction at most this far to a side is straight ahead."""
-BACK = np.deg2rad(150)
-"""rad; a direction at least this far to a side is behind."""
-FLAT = np.deg2rad(3)
-"""rad; a way that is less steep everywhere is level."""
+STRAIGHT = np.deg2rad(20)
+"""rad; a direction at most this far to a side is straight ahead, one at most this far from the opposite is behind."""
 
 
 def number(value: float, digits: int = 1) -> str:
@@ -57,15 +54,15 @@ def counted(count: int, one: str, many: str = "") -> str:
 
 def slope(angle: float) -> str:
     """The steepness of a way, given its greatest inclination in rad."""
-    return f"steepest ground {degrees(angle)}" if angle >= FLAT else "level ground"
+    return f"steepest ground {degrees(angle)}" if angle >= RAMP_TILT / 2 else "level ground"
 
 
 def side(angle: float) -> str:
     """A direction ``angle`` rad to the left of straight ahead."""
     angle = wrap_angle(angle)
-    if abs(angle) <= AHEAD:
+    if abs(angle) <= STRAIGHT:
         return "straight ahead"
-    if abs(angle) >= BACK:
+    if abs(angle) >= np.pi - STRAIGHT:
         return "behind"
     return f"{degrees(abs(angle))} to the {'left' if angle > 0 else 'right'}"
 
@@ -73,9 +70,9 @@ def side(angle: float) -> str:
 def turn(angle: float) -> str:
     """The instruction to turn by ``angle`` rad to the left."""
     angle = wrap_angle(angle)
-    if abs(angle) <= AHEAD:
+    if abs(angle) <= STRAIGHT:
         return "straight on"
-    if abs(angle) >= BACK:
+    if abs(angle) >= np.pi - STRAIGHT:
         return "turn around"
     how = "turn" if abs(angle) >= np.pi / 4 else "bear"
     return f"{how} {'left' if angle > 0 else 'right'} by {5 * round(np.degrees(abs(angle)) / 5)}°"

@@ -3,18 +3,15 @@
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Literal
 
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 
 from pipeline.errors import InputError
-from pipeline.ros.messages import STORE, Message, type_of
+from pipeline.ros.messages import STORE, Message, nanoseconds, type_of
 
-VERSION: Literal[9] = 9  # Of the format: that of Jazzy
 LATCHED = ("/tf_static", "/map", "/camera/color/camera_info", "/camera/depth/camera_info", "/camera/transform")
 """Topics whose last message is also delivered to listeners that join later."""
-FOREVER = QosTime(2147483647, 4294967295)  # ROS's value for no limit
 
 
 class Bag(ExitStack):
@@ -30,7 +27,7 @@ class Bag(ExitStack):
         self.path = path
         self._connections: dict[str, Connection] = {}
         with self._writing():
-            self._writer = Writer(path, version=VERSION, storage_plugin=StoragePlugin.MCAP)
+            self._writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer.open()
         self.callback(self._finish)
@@ -40,10 +37,11 @@ class Bag(ExitStack):
         name = type_of(message)
         with self._writing():
             if topic not in self._connections:
+                profiles = [_latched()] if topic in LATCHED else []
                 self._connections[topic] = self._writer.add_connection(
-                    topic, name, typestore=STORE, offered_qos_profiles=[_qos(topic in LATCHED)]
+                    topic, name, typestore=STORE, offered_qos_profiles=profiles
                 )
-            self._writer.write(self._connections[topic], round(time * 1e9), STORE.serialize_cdr(message, name))
+            self._writer.write(self._connections[topic], nanoseconds(time), STORE.serialize_cdr(message, name))
 
     def _finish(self) -> None:
         with self._writing():
@@ -59,16 +57,17 @@ class Bag(ExitStack):
             raise InputError(f"{self.path}: cannot be written: {error.strerror or error}") from error
 
 
-def _qos(is_latched: bool) -> Qos:
-    durability = QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE
+def _latched() -> Qos:
+    """The quality of service of a topic whose last message is kept; other topics have ROS's default one."""
+    unlimited = QosTime(0, 0)
     return Qos(
         QosHistory.KEEP_LAST,
-        1 if is_latched else 10,
+        1,
         QosReliability.RELIABLE,
-        durability,
-        FOREVER,
-        FOREVER,
+        QosDurability.TRANSIENT_LOCAL,
+        unlimited,
+        unlimited,
         QosLiveliness.AUTOMATIC,
-        FOREVER,
+        unlimited,
         False,
     )

@@ -10,7 +10,7 @@ from pipeline.errors import InputError
 from pipeline.ros.messages import Message
 
 MILLIMETRES = ("16UC1", "mono16")  # Encodings of depth in mm (REP 118)
-COLOURS = {
+TO_RGB = {
     "rgb8": (3, None),
     "bgr8": (3, cv2.COLOR_BGR2RGB),
     "rgba8": (4, cv2.COLOR_RGBA2RGB),
@@ -41,11 +41,11 @@ def colour_of(message: Message) -> NDArray[np.uint8]:
     """(H, W, 3) RGB of a colour image; InputError if its encoding is unknown or it is broken."""
     if hasattr(message, "format"):
         return np.ascontiguousarray(_decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
-    if message.encoding not in COLOURS:
+    if message.encoding not in TO_RGB:
         raise InputError(
-            f"colour images in {message.encoding!r}; {', '.join(COLOURS)} and compressed ones can be read"
+            f"colour images in {message.encoding!r}; {', '.join(TO_RGB)} and compressed ones can be read"
         )
-    channels, code = COLOURS[message.encoding]
+    channels, code = TO_RGB[message.encoding]
     pixels = _pixels(message, np.dtype(np.uint8), channels)
     return pixels.copy() if code is None else np.asarray(cv2.cvtColor(pixels, code), np.uint8)
 

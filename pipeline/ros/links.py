@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from pipeline.ros.messages import BASE, Message, pose_matrix
 
 
-class Links:
+class FrameTree:
     """Transforms between frames, by their names.
 
     Attributes:

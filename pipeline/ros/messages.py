@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from PIL import ImageColor
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
@@ -22,9 +23,10 @@ Message = Any  # A message of rosbags: an instance of one of the dataclasses in 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPES = STORE.types
 CAMERA, BASE, ODOM, MAP = "camera_optical", "base_link", "odom", "map"  # Names of the frames
-UNKNOWN = np.zeros(36)  # An unknown covariance
-NOTHING = np.zeros(0, np.uint8)
-FIELD_TYPES = {np.dtype(np.float32): 7, np.dtype(np.uint8): 2}  # Of sensor_msgs/PointField
+NANO = 10**9
+NOTHING = np.array([], np.uint8)
+POINT_FIELD: Any = TYPES["sensor_msgs/msg/PointField"]
+FIELD_TYPES = {np.dtype(np.float32): POINT_FIELD.FLOAT32, np.dtype(np.uint8): POINT_FIELD.UINT8}
 
 
 def make(name: str, *values: Any, **named: Any) -> Message:
@@ -52,14 +54,19 @@ def time_of(data: bytes) -> float:
     return seconds(make("builtin_interfaces/Time", *struct.unpack_from("<iI" if data[1] else ">iI", data, 4)))
 
 
+def nanoseconds(time: float) -> int:
+    """A time in s in whole ns."""
+    return round(time * NANO)
+
+
 def stamp(time: float) -> Message:
     """A time in s as builtin_interfaces/Time, to the nanosecond."""
-    return make("builtin_interfaces/Time", *divmod(round(time * 1e9), 10**9))
+    return make("builtin_interfaces/Time", *divmod(nanoseconds(time), NANO))
 
 
 def seconds(stamp: Message) -> float:
     """The time of a stamp, s."""
-    return (stamp.sec * 10**9 + stamp.nanosec) / 1e9
+    return (stamp.sec * NANO + stamp.nanosec) / NANO
 
 
 def header(time: float, frame: str) -> Message:
@@ -85,7 +92,7 @@ def _quaternion(T: NDArray[np.float64]) -> Message:
     return make("geometry_msgs/Quaternion", *_quaternion_of(T[:3, :3].tobytes()))
 
 
-@lru_cache(maxsize=16)
+@lru_cache
 def _quaternion_of(rotation: bytes) -> list[float]:
     """Quaternion of a rotation's float64 bytes, cached: one pose is in several messages, and this takes longest."""
     return Rotation.from_matrix(np.frombuffer(rotation).reshape(3, 3)).as_quat().tolist()
@@ -150,12 +157,13 @@ def camera_info(time: float, k: Intrinsics) -> Message:
 
 def odometry(time: float, T_odom_base: NDArray[np.float64], twist: Velocity) -> Message:
     """A 4×4 pose and the velocity in ``base_link`` as nav_msgs/Odometry."""
+    unknown = np.zeros((6, 6)).ravel()  # covariance
     return make(
         "nav_msgs/Odometry",
         header(time, ODOM),
         BASE,
-        make("geometry_msgs/PoseWithCovariance", pose(T_odom_base), UNKNOWN),
-        make("geometry_msgs/TwistWithCovariance", velocity(twist), UNKNOWN),
+        make("geometry_msgs/PoseWithCovariance", pose(T_odom_base), unknown),
+        make("geometry_msgs/TwistWithCovariance", velocity(twist), unknown),
     )
 
 
@@ -183,7 +191,7 @@ def vector_of(message: Message) -> NDArray[np.float64]:
 
 def imu(motion: Motion) -> Message:
     """Gyro and accelerometer as sensor_msgs/Imu; a covariance of −1 means that there is no orientation."""
-    none = np.zeros(9)
+    none = np.zeros((3, 3)).ravel()
     return make(
         "sensor_msgs/Imu",
         header(motion.time, BASE),
@@ -215,8 +223,7 @@ def labelled_cloud(time: float, points: NDArray[np.float32], labels: NDArray[np.
     data["x"], data["y"], data["z"] = points.T
     data["label"] = labels
     fields = [
-        make("sensor_msgs/PointField", name, offset, FIELD_TYPES[kind], 1)
-        for name, (kind, offset, *_) in (layout.fields or {}).items()
+        POINT_FIELD(name, offset, FIELD_TYPES[kind], 1) for name, (kind, offset, *_) in (layout.fields or {}).items()
     ]
     size, raw = layout.itemsize, data.view(np.uint8)
     return make(
@@ -232,10 +239,8 @@ def occupancy_grid(time: float, grid: Grid, values: NDArray[np.int8]) -> Message
     return make("nav_msgs/OccupancyGrid", header(time, MAP), info, np.ascontiguousarray(values.T, np.int8).ravel())
 
 
-def marker(
-    time: float, name: str, kind: str, points: NDArray[np.float64], size: float, colour: tuple[float, float, float]
-) -> Message:
-    """A ``SPHERE_LIST`` or ``LINE_LIST`` of (N, 3) points in ``map``, m, of a size in m and a colour from 0 to 1."""
+def marker(time: float, name: str, kind: str, points: NDArray[np.float64], size: float, colour: str) -> Message:
+    """A ``SPHERE_LIST`` or ``LINE_LIST`` of (N, 3) points in ``map``, m, of a size in m and one of CSS's colours."""
     form: Any = TYPES["visualization_msgs/msg/Marker"]
     return form(
         header=header(time, MAP),
@@ -245,7 +250,7 @@ def marker(
         action=form.ADD if len(points) else form.DELETE,
         pose=pose(np.eye(4)),
         scale=_vector([size] * 3 if kind == "SPHERE_LIST" else [size, 0, 0]),
-        color=make("std_msgs/ColorRGBA", *colour, 1.0),
+        color=make("std_msgs/ColorRGBA", *(part / 255 for part in ImageColor.getrgb(colour)), 1.0),
         lifetime=make("builtin_interfaces/Duration", 0, 0),
         frame_locked=False,
         points=[make("geometry_msgs/Point", *place) for place in points.tolist()],

@@ -13,7 +13,7 @@ from pipeline.frame import Frame
 from pipeline.mapper import Keyframe
 from pipeline.robot import Motion, Robot, Velocity
 from pipeline.ros.bag import Bag
-from pipeline.ros.topics import ImageFormat, Joints, MapTopics, Odometry, RobotTopics
+from pipeline.ros.topics import ImageFormat, Joints, MapTopics, OdometrySample, RobotTopics
 
 TICK = 1e-6  # s added between frames that were taken at the same time: bags identify them by their times
 
@@ -30,7 +30,7 @@ class Listener(Protocol):
     def joints(self, time: float, joints: Joints) -> None:
         """Take the wheels' angles and speeds at a time in s."""
 
-    def odometry(self, odometry: Odometry) -> None:
+    def odometry(self, odometry: OdometrySample) -> None:
         """Take the robot's pose and velocity."""
 
 
@@ -73,7 +73,7 @@ class RecordedRobot:
     def _tell(self, time: float, T_odom_base: NDArray[np.float64], twist: Velocity) -> None:
         """Report the robot's pose, once for each time."""
         if time > self._told:
-            self._topics.odometry(Odometry(time, T_odom_base, twist, self.T_map_odom(), self.T_world_base()))
+            self._topics.odometry(OdometrySample(time, T_odom_base, twist, self.T_map_odom(), self.T_world_base()))
             self._told = time
 
 

@@ -19,12 +19,10 @@ from pipeline.semantic_map.voxels import VoxelCloud
 ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
 """Depth in whole mm or in m (REP 118), and whether colours are compressed."""
 Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and a message
-JPEG_QUALITY = 95
 STILL = 1e-6  # m by which a camera's pose may change without being sent again: a simulator's rounding moves it too
-NODES, EDGES, PEOPLE = (0.1, 0.4, 1.0), (0.7, 0.7, 0.7), (0.1, 0.9, 0.2)  # Colours of markers
 
 
-class Odometry(NamedTuple):
+class OdometrySample(NamedTuple):
     """Pose and velocity of a robot.
 
     Attributes:
@@ -68,7 +66,7 @@ class RobotTopics:
         for kind in ("color", "depth"):
             self._send(f"/camera/{kind}/camera_info", time, messages.camera_info(time, frame.intrinsics))
         if self._is_jpeg:
-            _, data = cv2.imencode(".jpg", frame.rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
+            _, data = cv2.imencode(".jpg", frame.rgb[..., ::-1])
             colour = messages.compressed_image(time, "rgb8; jpeg compressed bgr8", data.ravel())
             self._send("/camera/color/image_raw/compressed", time, colour)
         else:
@@ -76,11 +74,11 @@ class RobotTopics:
         if frame.label is not None:
             self._send("/camera/label/image_raw", time, messages.image(time, "8UC1", frame.label))
         # The depth image is sent last, so that listeners have the others when it arrives.
-        depth = np.where(frame.returns, frame.depth, 0).astype(np.float32)
-        pixels = depth if self._depth_encoding == "32FC1" else np.rint(depth.clip(max=65.535) * 1e3).astype(np.uint16)
+        metres = np.where(frame.returns, frame.depth, 0).astype(np.float32)
+        pixels = metres if self._depth_encoding == "32FC1" else frame.millimetres
         self._send("/camera/depth/image_raw", time, messages.image(time, self._depth_encoding, pixels))
 
-    def odometry(self, odometry: Odometry) -> None:
+    def odometry(self, odometry: OdometrySample) -> None:
         """Send the robot's pose by its odometry, that in ``map``, and the true one, as far as they are known."""
         time, T_odom_base, twist, T_map_odom, T_world_base = odometry
         self._send("/odom", time, messages.odometry(time, T_odom_base, twist))
@@ -135,8 +133,8 @@ class MapTopics:
         edges = np.concatenate([np.zeros((0, 3)), *(np.repeat(way, 2, axis=0)[1:-1] for way in ways)])
         people = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)
         drawn = [
-            messages.marker(time, "nodes", "SPHERE_LIST", nodes, 0.15, NODES),
-            messages.marker(time, "edges", "LINE_LIST", edges, 0.03, EDGES),
-            messages.marker(time, "people", "SPHERE_LIST", people, 0.4, PEOPLE),
+            messages.marker(time, "nodes", "SPHERE_LIST", nodes, 0.15, "royalblue"),
+            messages.marker(time, "edges", "LINE_LIST", edges, 0.03, "silver"),
+            messages.marker(time, "people", "SPHERE_LIST", people, 0.4, "limegreen"),
         ]
         return messages.make("visualization_msgs/MarkerArray", drawn)

@@ -8,10 +8,9 @@ from pipeline.frame import Frame
 from pipeline.labels import RAMP_TILT, Label
 from pipeline.semantic_map.voxels import VoxelCloud
 
-VOXEL = 0.03  # m; the cloud is thinned to one point a voxel
-NEIGHBOURS = 30  # Points to which a normal is fitted
+PATCH_POINTS = 30  # Points to which a normal is fitted
 WALL_TILT = np.radians(60)  # rad; a surface at least as steep is a wall
-ROUGHNESS = 0.03  # m, standard deviation from the fitted plane; a surface that is rougher is clutter
+CLOUD_VOXEL = 0.03  # m; the cloud is thinned to one point a voxel, and a surface that is rougher is clutter
 DECK_HEIGHT = 0.08  # m; a level surface above this is a straight ramp, not terrain
 CEILING_HEIGHT = 2.0  # m; a level surface above this is a ceiling
 
@@ -23,18 +22,18 @@ class RuleClassifier:
         self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
     ) -> NDArray[np.float32]:
         """(N, 8) float32 one-hot; a point that is not finite is unlabelled."""
-        cloud = VoxelCloud.of(points, VOXEL)
+        cloud = VoxelCloud.of(points, CLOUD_VOXEL)
         labels = np.append(_labels(cloud.points), Label.UNLABELLED)
         return np.eye(len(Label), dtype=np.float32)[labels[cloud.voxel_of_point]]
 
 
 def _labels(points: NDArray[np.float32]) -> NDArray[np.int64]:
     """(M,) labels of (M, 3) points."""
-    tilt, roughness = tilt_and_roughness(points, NEIGHBOURS)
+    tilt, roughness = tilt_and_roughness(points, PATCH_POINTS)
     # The first rule that holds decides.
     rules = [
         (tilt > WALL_TILT, Label.WALL),
-        (roughness > ROUGHNESS, Label.CLUTTER),
+        (roughness > CLOUD_VOXEL, Label.CLUTTER),
         (tilt >= RAMP_TILT, Label.INCLINED_RAMP),
         (points[:, 2] > CEILING_HEIGHT, Label.CEILING),
         (points[:, 2] > DECK_HEIGHT, Label.STRAIGHT_RAMP),
@@ -57,7 +56,7 @@ def tilt_and_roughness(
     """
     if len(points) == 0:
         return np.empty(0), np.empty(0)
-    nearest = cKDTree(points).query(points, list(range(1, 1 + min(neighbours, len(points)))))[1]
+    nearest = cKDTree(points).query(points, range(1, 1 + min(neighbours, len(points))))[1]
     patches = points[nearest].astype(np.float64)
     patches -= patches.mean(axis=1, keepdims=True)
     variances, axes = np.linalg.eigh(np.einsum("mki,mkj->mij", patches, patches) / nearest.shape[1])

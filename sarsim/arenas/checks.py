@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.labels import Label
 from pipeline.sensor import XTION
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
-from sarsim.victims.victims import Victim, victims_of
+from sarsim.victims.victims import TrueVictim, victims_of
 
 CAMERA_HEIGHT = 0.6  # m above the ground
 DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # Elevation of the lower and upper edge of its image
@@ -60,7 +60,7 @@ def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> NDArray[np.float
     return np.column_stack([ground.grid.centre_of(cells), ground.height[tuple(cells.T)] + CAMERA_HEIGHT])
 
 
-def is_visible(model: mujoco.MjModel, data: mujoco.MjData, victim: Victim, places: NDArray[np.float64]) -> bool:
+def is_visible(model: mujoco.MjModel, data: mujoco.MjData, victim: TrueVictim, places: NDArray[np.float64]) -> bool:
     """Whether enough of a victim is visible from one of the camera's positions (N, 3), m."""
     parts = data.geom_xpos[victim.geoms]
     distance = np.linalg.norm(places - parts.mean(axis=0), axis=1)

@@ -19,7 +19,7 @@ from sarsim.arenas.panels import covered_panels, numbers_of
 from sarsim.assets import asset
 from sarsim.ground_truth.shapes import rotation
 
-TILE = 1.2  # m
+TILE_SIZE = 1.2  # m
 _LIGHTS = (
     # name, direction, diffuse, whether it casts shadows
     ("sun", (-0.35, 0.5, -0.8), (0.5, 0.5, 0.48), True),

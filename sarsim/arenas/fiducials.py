@@ -16,17 +16,17 @@ from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.sensors.camera import geom_labels
 
 FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-SIDE = 0.16  # m of the black square, 8 modules
+TAG_SIDE = 0.16  # m of the black square, 8 modules
 MODULES = 8
-MOST = 50  # Largest number of tags in an arena
+MOST_TAGS = 50  # Largest number of tags in an arena
 THICK = 0.001  # m; a camera does not see the step
-HEIGHT = 0.5  # m of a tag's centre above the ground in front of it; the camera is at 0.6 m
+TAG_HEIGHT = 0.5  # m of a tag's centre above the ground in front of it; the camera is at 0.6 m
 STAND = 0.8  # m in front of a tag, where the robot must be able to stand; a lane of 1.2 m is wide enough
 MAX_STEP = 0.05  # m, largest height difference between the ground there and the ground from which the wall was found
-SPACING = 0.5  # m, least distance between tags
+TAG_SPACING = 0.5  # m, least distance between tags
 PLACES, DIRECTIONS = 2000, 8
 """Largest number of drivable places from which walls are searched for, and number of directions from each."""
-REACH = 2.5  # m, largest distance of these walls
+TAG_REACH = 2.5  # m, largest distance of these walls
 _SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # the visible groups of geoms
 
 
@@ -41,8 +41,8 @@ def hang_fiducials(arena: RescueArena, number: int, seed: int) -> NDArray[np.flo
     Raises:
         InputError: a number below 0 or above ``MOST``, or the walls have no room for so many.
     """
-    if not 0 <= number <= MOST:
-        raise InputError(f"--fiducials {number}: 0 to {MOST}")
+    if not 0 <= number <= MOST_TAGS:
+        raise InputError(f"--fiducials {number}: 0 to {MOST_TAGS}")
     poses = list(_poses(arena, number, np.random.default_rng(seed))) if number else []
     if len(poses) < number:
         raise InputError(f"--fiducials {number}: the arena's walls have room for {len(poses)}")
@@ -58,7 +58,7 @@ def picture(tag: int, module: int = 16) -> NDArray[np.uint8]:
 
 
 def _hang(root: mjcf.RootElement, tag: int, T: NDArray[np.float64]) -> None:
-    name, half = f"fiducial_{tag}", SIDE / MODULES * (MODULES / 2 + 1)
+    name, half = f"fiducial_{tag}", TAG_SIDE / MODULES * (MODULES / 2 + 1)
     png = cv2.imencode(".png", cv2.cvtColor(picture(tag), cv2.COLOR_GRAY2BGR))[1].tobytes()
     texture = root.asset.add("texture", name=name, type="2d", file=mjcf.Asset(png, ".png"))
     material = root.asset.add("material", name=name, texture=texture, texuniform=False, specular=0)
@@ -77,7 +77,7 @@ def _poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterato
     walls = _Walls(model, arena.T_world_start[:3, 3])
     point, normal = walls.hits(rng)
     to_others = np.full(len(point), np.inf)
-    while number and len(point) and to_others.max() > SPACING:
+    while number and len(point) and to_others.max() > TAG_SPACING:
         farthest = int(to_others.argmax())
         if walls.has_room(point[farthest], normal[farthest]):
             R = np.column_stack([_along(normal[farthest]), [0.0, 0.0, 1.0], normal[farthest]])
@@ -105,7 +105,7 @@ class _Walls:
         """(N, 3) points on walls at the height of tags, m, and their normals (N, 3), in random order."""
         surface = self._surface
         cells = rng.permutation(np.argwhere(surface.drivable))[:PLACES]
-        eyes = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)] + HEIGHT])
+        eyes = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)] + TAG_HEIGHT])
         angles = rng.uniform(0, 2 * np.pi, (len(eyes), 1)) + np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
         rays = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=2)
         found = [self._cast(eye, ray) for eye, ray in zip(eyes, rays, strict=True)]
@@ -117,18 +117,18 @@ class _Walls:
         geom, distance, normal = np.full(count, -1, np.int32), np.full(count, -1.0), np.zeros((count, 3))
         flat = normal.ravel()
         mujoco.mj_multiRay(
-            self._model, self._data, eye, rays.ravel(), _SEEN, 1, -1, geom, distance, flat, count, REACH
+            self._model, self._data, eye, rays.ravel(), _SEEN, 1, -1, geom, distance, flat, count, TAG_REACH
         )  # fmt: skip
-        met = (geom >= 0) & self._is_wall[geom] & (distance <= REACH) & (np.abs(normal[:, 2]) < 1e-6)
+        met = (geom >= 0) & self._is_wall[geom] & (distance <= TAG_REACH) & (np.abs(normal[:, 2]) < 1e-6)
         return eye + rays[met] * distance[met, None], normal[met]
 
     def has_room(self, point: NDArray[np.float64], normal: NDArray[np.float64]) -> bool:
         """Whether the wall behind a tag would be flat, nothing occludes the tag, and the robot can stand there."""
         eye, surface = point + STAND * normal, self._surface
-        step = surface.grid.at(surface.height, eye) + HEIGHT - eye[2]
+        step = surface.grid.at(surface.height, eye) + TAG_HEIGHT - eye[2]
         if not (surface.grid.at(surface.drivable, eye) and abs(step) < MAX_STEP):
             return False
-        half = SIDE / MODULES * (MODULES / 2 + 2)
+        half = TAG_SIDE / MODULES * (MODULES / 2 + 2)
         offsets = np.linspace(-half, half, 5)
         starts = (eye + a * _along(normal) + [0.0, 0.0, b] for a in offsets for b in offsets)
         return all(self._meets(start, -normal) for start in starts)

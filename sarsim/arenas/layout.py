@@ -10,7 +10,7 @@ Side = int  # 0 to 3: east, north, west, south, the directions +x, +y, -x, -y
 Edge = tuple[Tile, Side]
 """The edge between a tile and its neighbour; of its two names the one with side east or north."""
 
-STEP: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
+NEIGHBOUR_TILES: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 SIDES: tuple[Side, ...] = (0, 1, 2, 3)
 YAW = (270, 0, 90, 180)  # Degrees by which an element's +y, where its wall stands, is turned to each side
 
@@ -22,12 +22,12 @@ def opposite(side: Side) -> Side:
 
 def shift(front: Side, ahead: int, aside: int) -> Tile:
     """cm along x and y of ``ahead`` towards a side and ``aside`` to its left."""
-    (fx, fy), (lx, ly) = STEP[front], STEP[(front + 1) % 4]
+    (fx, fy), (lx, ly) = NEIGHBOUR_TILES[front], NEIGHBOUR_TILES[(front + 1) % 4]
     return ahead * fx + aside * lx, ahead * fy + aside * ly
 
 
 @dataclass(frozen=True)
-class Ground:
+class TileGround:
     """The ground of a tile.
 
     Attributes:
@@ -49,8 +49,8 @@ class Ground:
         return self.level if self.kind == "ramp" and side == self.uphill else 0
 
 
-FLOOR = Ground()
-BLOCKED = Ground("blocked")
+FLOOR = TileGround()
+BLOCKED = TileGround("blocked")
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Layout:
         self.walls: set[Edge] = set()
         self.reserved: set[Tile] = set()
         self.start: Tile | None = None
-        self._ground: dict[Tile, Ground] = {}
+        self._ground: dict[Tile, TileGround] = {}
 
     def tiles(self) -> list[Tile]:
         """All tiles, row by row."""
@@ -109,7 +109,7 @@ class Layout:
         """Whether a wall stands there; around the arena always."""
         return self.neighbour(tile, side) is None or self.edge(tile, side) in self.walls
 
-    def ground(self, tile: Tile) -> Ground:
+    def ground(self, tile: Tile) -> TileGround:
         """The ground of a tile."""
         return self._ground.get(tile, FLOOR)
 
@@ -165,7 +165,7 @@ class Layout:
 
     def next(self, tile: Tile, side: Side) -> Tile:
         """The tile on a side, inside the arena or not."""
-        return tile[0] + STEP[side][0], tile[1] + STEP[side][1]
+        return tile[0] + NEIGHBOUR_TILES[side][0], tile[1] + NEIGHBOUR_TILES[side][1]
 
     def run(self, tile: Tile, side: Side, length: int) -> list[Tile]:
         """``length`` tiles in a row from ``tile`` towards ``side``; fewer at the arena's border."""
@@ -174,7 +174,7 @@ class Layout:
             tiles.append(after)
         return tiles
 
-    def lay(self, grounds: Iterable[tuple[Tile, Ground]], opened: Iterable[Edge] = ()) -> bool:
+    def lay(self, grounds: Iterable[tuple[Tile, TileGround]], opened: Iterable[Edge] = ()) -> bool:
         """Change ground and remove walls, unless the robot then misses a tile; returns whether it was done."""
         before = (dict(self._ground), set(self.walls))
         self._ground.update(grounds)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from sarsim.arenas.elements import TILE, ArenaBuilder, element_library
+from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder, element_library
 from sarsim.arenas.untrusted_xml import parse_xml
 
 if TYPE_CHECKING:
@@ -117,9 +117,9 @@ def build_raf(path: Path) -> ArenaBuilder:
         builder.add_element(str(element.kind), position, -element.rotation)
     builder.drop_covered_panels()
     low, high = builder.bounds
-    tiles = TILE * np.array([(e.x, e.y) for e in known])
-    low = np.minimum(low, tiles.min(axis=0) - TILE / 2) - FLOOR_MARGIN
-    high = np.maximum(high, tiles.max(axis=0) + TILE / 2) + FLOOR_MARGIN
+    tiles = TILE_SIZE * np.array([(e.x, e.y) for e in known])
+    low = np.minimum(low, tiles.min(axis=0) - TILE_SIZE / 2) - FLOOR_MARGIN
+    high = np.maximum(high, tiles.max(axis=0) + TILE_SIZE / 2) + FLOOR_MARGIN
     builder.add_floor(low, high)
     builder.add_surroundings(low, high)
     return builder
@@ -192,7 +192,7 @@ def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray
         if len(mounts):
             walls.setdefault(element.tile, mounts)
     for element in dict.fromkeys(elements):
-        origin = np.array([TILE * element.x, TILE * element.y, 0.0])
+        origin = np.array([TILE_SIZE * element.x, TILE_SIZE * element.y, 0.0])
         yield element, origin + _shift(element, walls.get(element.tile))
 
 

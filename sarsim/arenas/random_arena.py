@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from sarsim.arenas.checks import failed_checks
-from sarsim.arenas.elements import TILE, ArenaBuilder
+from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder
 from sarsim.arenas.layout import Item, Layout, Side, Tile
 from sarsim.arenas.random_clutter import place_obstacles, scatter_clutter
 from sarsim.arenas.random_draws import RandomDraws
@@ -22,7 +22,7 @@ from sarsim.arenas.settings import SHARES, RandomArenaConfig
 
 CEILING = 2.4  # m, its height; all walls reach up to it
 FLOOR_MARGIN = 0.1  # m of floor beyond the outer walls
-ATTEMPTS = 30
+ARENA_ATTEMPTS = 30
 _BOUNDS = {"columns": (3, 20), "rows": (3, 20), "victims": (0, 100), "difficulty": (0, 3)}
 _BOUNDS |= dict.fromkeys(SHARES, (0, 1))  # lowest and highest value of each setting
 
@@ -39,7 +39,7 @@ def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBui
     config = config or RandomArenaConfig()
     _check(seed, config)
     difficulty = seed % 4 if config.difficulty is None else config.difficulty
-    for attempt in range(ATTEMPTS):
+    for attempt in range(ARENA_ATTEMPTS):
         plan = _draw(RandomDraws(np.random.default_rng([seed, attempt])), config, difficulty)
         if plan is None:
             continue
@@ -95,12 +95,12 @@ def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
     """Build the arena of a plan; its centre is the origin."""
     items, pieces, victims, tile, side = plan
     builder = ArenaBuilder(name)
-    corner = -np.array([config.columns, config.rows]) * TILE / 2
+    corner = -np.array([config.columns, config.rows]) * TILE_SIZE / 2
     for item in items:
-        xy = corner + (np.array(item.tile) + 0.5) * TILE + np.array(item.shift) / 100
+        xy = corner + (np.array(item.tile) + 0.5) * TILE_SIZE + np.array(item.shift) / 100
         builder.add_element(item.kind, [*xy, 0.0], item.yaw)
     for piece in pieces:
-        piece.add_to(builder, *(corner + (np.array(piece.tile) + 0.5) * TILE))
+        piece.add_to(builder, *(corner + (np.array(piece.tile) + 0.5) * TILE_SIZE))
     low, high = builder.bounds
     builder.add_surroundings(low, high, config.ceiling)
     builder.add_floor(low - FLOOR_MARGIN, high + FLOOR_MARGIN)
@@ -108,5 +108,5 @@ def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
         builder.add_ceiling(low, high, CEILING)
     for victim in victims:
         victim.model.add_to(builder.root, victim.position + np.append(corner, 0.0), victim.yaw)
-    builder.set_start([*(corner + (np.array(tile) + 0.5) * TILE), 0.0], side * np.pi / 2)
+    builder.set_start([*(corner + (np.array(tile) + 0.5) * TILE_SIZE), 0.0], side * np.pi / 2)
     return builder

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from sarsim.arenas.layout import FLOOR, SIDES, YAW, Ground, Item, Layout, Side, Tile, opposite, shift
+from sarsim.arenas.layout import FLOOR, SIDES, YAW, Item, Layout, Side, Tile, TileGround, opposite, shift
 from sarsim.arenas.random_draws import RandomDraws
 
-LEVELS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 stands for 25.5
+DECK_HEIGHTS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 stands for 25.5
 RIDGE = 17
 FENCED = 0.5  # Share of the sides with a drop to the floor that get a wall
 HOLED = 0.15  # Share of the inner walls with holes, if the arena has any
@@ -67,12 +67,12 @@ def _lay_run(layout: Layout, draws: RandomDraws, kind: str, most: int) -> int:
     return len(inner)
 
 
-def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[Ground]:
+def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[TileGround]:
     """The grounds of a run: a ridge, several ridges, ramps and a deck between, or a ramp up to a deck."""
-    level = draws.pick(LEVELS)
-    up, down = Ground("ramp", level, side), Ground("ramp", level, opposite(side))
-    decks = [Ground("deck", level)] * draws.number(1, 2)
-    ridges = [Ground("ridge", RIDGE, side)] * draws.number(2, 4)
+    level = draws.pick(DECK_HEIGHTS)
+    up, down = TileGround("ramp", level, side), TileGround("ramp", level, opposite(side))
+    decks = [TileGround("deck", level)] * draws.number(1, 2)
+    ridges = [TileGround("ridge", RIDGE, side)] * draws.number(2, 4)
     return {"ridge": ridges[:1], "field": ridges, "over": [up, *decks, down], "up": [up, *decks]}[kind]
 
 

@@ -53,7 +53,7 @@ def furnish(layout: Layout, draws: RandomDraws, share: float) -> list[Piece]:
         if len(pieces) >= wanted or not layout.is_free(tile) or not fronts:
             continue
         back = opposite(draws.pick(against_wall or fronts))
-        boxes = tuple(draws.pick(KINDS if against_wall else FREESTANDING)(draws))
+        boxes = tuple(draws.pick(FURNITURE if against_wall else FREESTANDING)(draws))
         colours = tuple(random_colour(draws) for _ in range(draws.number(1, 3)))
         for place in _row(layout, draws, tile, back)[: wanted - len(pieces)]:
             if layout.block([place]):
@@ -163,7 +163,7 @@ def _stairs(draws: RandomDraws) -> list[Box]:
     ]
 
 
-KINDS: tuple[Callable[[RandomDraws], list[Box]], ...] = (
+FURNITURE: tuple[Callable[[RandomDraws], list[Box]], ...] = (
     *(_cupboard,) * 5, _shelf, _shelf, _wall_shelf, *(_table,) * 4, _sofa, _bed, _stairs,
 )  # fmt: skip
 FREESTANDING = (_table, _table, _sofa, _bed, _shelf, _cupboard)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sarsim.arenas.elements import TILE
-from sarsim.arenas.layout import SIDES, STEP, Layout, Side, Tile, opposite
+from sarsim.arenas.elements import TILE_SIZE
+from sarsim.arenas.layout import NEIGHBOUR_TILES, SIDES, Layout, Side, Tile, opposite
 from sarsim.arenas.random_draws import RandomDraws
 from sarsim.victims.victims import PLACEMENTS, SUITABLE, Placement, Posture, VictimModel, make_victim
 
@@ -35,13 +35,13 @@ class _Spot:
     @property
     def back(self) -> Tile:
         """The rearmost of its tiles behind the victim."""
-        return min(self.tiles, key=lambda tile: int(np.dot(tile, STEP[self.facing])))
+        return min(self.tiles, key=lambda tile: int(np.dot(tile, NEIGHBOUR_TILES[self.facing])))
 
     @property
     def room(self) -> NDArray[np.float64]:
         """(2,) m along the direction that the victim faces, and across it."""
         count = np.ptp(self.tiles, axis=0) + 1
-        return count[[0, 1] if self.facing % 2 == 0 else [1, 0]] * TILE
+        return count[[0, 1] if self.facing % 2 == 0 else [1, 0]] * TILE_SIZE
 
 
 def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) -> PlacedVictim | None:
@@ -78,17 +78,17 @@ def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
         return False
     views = layout.views(spot.tiles)
     looks_out = any((tile, spot.facing) in views for tile in spot.tiles)
-    leans = spot.room[1] == TILE and layout.has_wall(spot.back, opposite(spot.facing))
+    leans = spot.room[1] == TILE_SIZE and layout.has_wall(spot.back, opposite(spot.facing))
     return (looks_out or victim.placement not in ("box", "hole")) and (leans or not victim.needs_wall)
 
 
 def _position(victim: VictimModel, spot: _Spot) -> NDArray[np.float64]:
     """(3,) m, the victim's origin: at the foot of its wall, or such that its footprint is centred on the tiles."""
-    forward, left = np.array(STEP[spot.facing]), np.array(STEP[(spot.facing + 1) % 4])
+    forward, left = np.array(NEIGHBOUR_TILES[spot.facing]), np.array(NEIGHBOUR_TILES[(spot.facing + 1) % 4])
     if victim.needs_wall:
         # Half the panel's thickness and a millimetre.
-        xy = (np.array(spot.back) + 0.5) * TILE - (TILE / 2 - 0.006) * forward
+        xy = (np.array(spot.back) + 0.5) * TILE_SIZE - (TILE_SIZE / 2 - 0.006) * forward
     else:
         ahead, aside = victim.footprint.mean(axis=0)
-        xy = (np.mean(spot.tiles, axis=0) + 0.5) * TILE - ahead * forward - aside * left
+        xy = (np.mean(spot.tiles, axis=0) + 0.5) * TILE_SIZE - ahead * forward - aside * left
     return np.array([*xy, 0.0])

@@ -15,14 +15,14 @@ from pipeline.labels import Label
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
 HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, of the robot at the start
-FAR = 3.0  # m; more open ground ahead makes no start better
+START_FAR = 3.0  # m; more open ground ahead makes no start better
 CLEAR = 0.6  # m; more free room around makes no start better
 HALF_WIDTH = 0.35  # m of free floor on both sides of the way ahead
-LEVEL = 0.02  # m that the floor around the start may rise or fall
+LEVEL_START = 0.02  # m that the floor around the start may rise or fall
 OUTSIDE_SHARE = 0.02  # Weight of a cell outside the arena when pieces of ground are compared by size
 MOST_PLACES = 2000  # Largest number of places that are compared
 MOST_GROUNDS = 10  # Largest number of connected grounds that are compared, those with the largest patches of floor
-MIN_AREA = 0.25  # m², least area for the robot's centre; a tile between four walls has 0.35
+START_AREA = 0.25  # m², least area for the robot's centre; a tile between four walls has 0.35
 
 
 class Start(NamedTuple):
@@ -59,7 +59,7 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
     """
     survey = Survey(model, data)
     best: tuple[float, FreeGround, NDArray[np.bool_]] | None = None
-    for ground in islice(survey.grounds(Label.TERRAIN, MIN_AREA), MOST_GROUNDS):
+    for ground in islice(survey.grounds(Label.TERRAIN, START_AREA), MOST_GROUNDS):
         for floor, size in _pieces(ground):
             if best is None or size > best[0]:
                 best = (size, ground, floor)
@@ -74,7 +74,7 @@ def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
     for piece in range(1, int(ground.pieces.max()) + 1):
         cells = ground.pieces == piece
         floor = cells & (ground.label == Label.TERRAIN)
-        if floor.any() and cells.sum() * CELL**2 > MIN_AREA:
+        if floor.any() and cells.sum() * CELL**2 > START_AREA:
             yield floor, round(float(weight[cells].sum()), 3)
 
 
@@ -116,7 +116,7 @@ def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _clearance(ground: FreeGround, level: float) -> NDArray[np.float64]:
     """(nx, ny) m from each cell to the nearest cell that is not free, level floor."""
-    free = (np.abs(ground.height - level) <= LEVEL) & (ground.to_obstacle >= CELL)
+    free = (np.abs(ground.height - level) <= LEVEL_START) & (ground.to_obstacle >= CELL)
     return ndimage.distance_transform_edt(free) * CELL
 
 
@@ -124,7 +124,7 @@ def _free_ahead(
     grid: Grid, clearance: NDArray[np.float64], cells: NDArray[np.int64], heading: float
 ) -> NDArray[np.float64]:
     """(N,) m of free floor from cells (N, 2) in a direction, at most ``FAR``."""
-    distance = np.arange(1, round(FAR / CELL) + 1) * CELL
+    distance = np.arange(1, round(START_FAR / CELL) + 1) * CELL
     way = grid.centre_of(cells)[:, None] + distance[:, None] * [np.cos(heading), np.sin(heading)]
     free = grid.at(clearance, way) >= HALF_WIDTH
     return CELL * np.logical_and.accumulate(free, axis=1).sum(axis=1)

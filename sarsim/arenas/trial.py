@@ -9,7 +9,7 @@ from dm_control import mjcf
 from pipeline.errors import InputError
 from pipeline.files import GOOD, answer_apart
 
-MEMORY = 4_000_000_000  # bytes beyond those that this process uses
+TRIAL_MEMORY = 4_000_000_000  # bytes beyond those that this process uses
 SECONDS = 20  # of processor time
 TIMESTEP = 1e-4, 0.02  # s, shortest and longest; the longest is the drive's period
 MOST_ITERATIONS = 1000  # of a solver; MuJoCo's own default is 100
@@ -23,9 +23,11 @@ def try_mjcf(path: Path) -> None:
     Raises:
         InputError: it is invalid, has a number that makes no sense, or needs too much memory or time.
     """
-    said = answer_apart(lambda: _tried(path), SECONDS, MEMORY)
+    said = answer_apart(lambda: _tried(path), SECONDS, TRIAL_MEMORY)
     if said != GOOD:
-        raise InputError(f"{path}: {said or f'more than {MEMORY / 1e9:g} GB or {SECONDS} s are needed to read it'}")
+        raise InputError(
+            f"{path}: {said or f'more than {TRIAL_MEMORY / 1e9:g} GB or {SECONDS} s are needed to read it'}"
+        )
 
 
 def _tried(path: Path) -> str:

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from pipeline.traversability.pose_paths import PosePaths, simplify
 from pipeline.traversability.traversability import Traversability, assess
-from sarsim.dataset.settings import KEYFRAMES
+from sarsim.dataset.settings import KEYFRAME_WAY
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.robots.pose import Pose
@@ -33,7 +33,7 @@ WHEEL_RADIUS = 0.1105
 """m; any value would do, because the wheel angles are computed from it as well."""
 
 
-class Drive:
+class EndlessDrive:
     """An endless drive of a robot, leg by leg, to places that it has not visited."""
 
     def __init__(
@@ -42,7 +42,7 @@ class Drive:
         wheel_contact: WheelContact,
         T_world_start: NDArray[np.float64],
         rng: np.random.Generator,
-        keyframes: tuple[float, float] = KEYFRAMES,
+        keyframes: tuple[float, float] = KEYFRAME_WAY,
         frames_per_second: float | None = None,
     ):
         """``T_world_start``: 4×4 pose of ``base_link`` on drivable ground; ``keyframes``: m and rad between two.

@@ -11,7 +11,7 @@ from typing import Any, Self
 
 from pipeline.errors import InputError
 
-PATIENCE = 10.0  # s to wait for the workers of a generator that was killed; they end by themselves
+LOCK_PATIENCE = 10.0  # s to wait for the workers of a generator that was killed; they end by themselves
 
 
 class FolderLock(ExitStack):
@@ -30,7 +30,7 @@ class FolderLock(ExitStack):
             InputError: another process holds it for longer than ``PATIENCE``.
         """
         descriptor = os.open(folder, os.O_RDONLY)
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + LOCK_PATIENCE
         while True:
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -19,7 +19,7 @@ from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import build_random
 from sarsim.dataset import image_kernels
-from sarsim.dataset.drive import Drive
+from sarsim.dataset.drive import EndlessDrive
 from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
 from sarsim.dataset.recipe import PREFIX, Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
@@ -143,12 +143,14 @@ class World(ExitStack):
         for number, victim in enumerate(self._victims):
             self._victim_of_geom[victim.geoms] = number
 
-    def drive(self, recipe: Recipe, rng: np.random.Generator) -> Drive:
+    def drive(self, recipe: Recipe, rng: np.random.Generator) -> EndlessDrive:
         """A drive from the arena's start."""
         survey = Survey(self.model, self.data, self.camera.base_body)
         surface = survey.surface_from(self._T_world_start[:3, 3])
         wheel_contact = WheelContact(survey.bodies, survey.grid)
-        return Drive(surface, wheel_contact, self._T_world_start, rng, recipe.keyframes, recipe.frames_per_second)
+        return EndlessDrive(
+            surface, wheel_contact, self._T_world_start, rng, recipe.keyframes, recipe.frames_per_second
+        )
 
     def capture(self, pose: Pose, rng: np.random.Generator) -> SceneFrame:
         """The robot's frame at a pose; ``rng`` draws the errors of its sensors."""

@@ -9,7 +9,7 @@ from tyro.conf import Fixed
 from pipeline.errors import InputError
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
 
-KEYFRAMES = (0.3, 0.6)  # m driven and rad turned from one keyframe to the next
+KEYFRAME_WAY = (0.3, 0.6)  # m driven and rad turned from one keyframe to the next
 MIN_SIZE = 16  # pixels of an image
 
 
@@ -94,7 +94,7 @@ class DatasetConfig:
     random: ArenaRange = field(default_factory=ArenaRange)
     lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
     dust: tuple[float, float] = (0.02, 0.4)
-    keyframes: tuple[float, float] = KEYFRAMES
+    keyframes: tuple[float, float] = KEYFRAME_WAY
     frames_per_second: float | None = None
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
-from pipeline.victims.detection.labelled_image import LabelledImage
+from pipeline.victims.detection.labelled_image import TrainingImage
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.scene_file import Scene
 
@@ -37,13 +37,13 @@ class VictimImages(ExitStack):
     def __len__(self) -> int:
         return len(self._frames)
 
-    def __getitem__(self, index: int) -> LabelledImage:
+    def __getitem__(self, index: int) -> TrainingImage:
         scene, frame = self._frames[index]
         area = scene.victim_area[frame]
         seen = area > 0
         boxes = scene.victim_pixels[frame][seen].astype(np.float32)
         shown = scene.label(frame) == Label.VICTIM if seen.any() else None
-        return LabelledImage(scene.rgb(frame), boxes, area[seen] < MIN_AREA, shown)
+        return TrainingImage(scene.rgb(frame), boxes, area[seen] < MIN_AREA, shown)
 
     def people(self, index: int) -> NDArray[np.floating]:
         """(N, 2) widths and heights of the people to be found in an image, as shares of the image's."""

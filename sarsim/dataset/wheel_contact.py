@@ -14,7 +14,7 @@ RADIUS = 0.110  # m; a tyre of 0.111 m sinks in by 1 mm under the robot's weight
 CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])  # (3,) m in ``base_link``
 UNDERSIDE = np.array([(x, y, 0.08) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.1, 0.0, 0.1)])
 """(N, 3) m in ``base_link``: the lowest points of the chassis."""
-REACH = 0.2  # m; a surface higher than this above the ground at the robot's centre does not count as ground
+CONTACT_REACH = 0.2  # m; a surface higher than this above the ground at the robot's centre does not count as ground
 
 
 class WheelContact:
@@ -36,7 +36,7 @@ class WheelContact:
         None if the robot cannot stand: a wheel has no ground, or the chassis would touch the ground.
         ``height``: m of the ground near (x, y).
         """
-        below = height + REACH
+        below = height + CONTACT_REACH
         z, climb, rise = kernels.stand(self._ground, x, y, yaw, below, AXLES, RADIUS, CENTRE_OF_MASS)
         if not np.isfinite(z):
             return None

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.transforms import transform_points
-from sarsim.arenas.fiducials import FAMILY, SIDE
+from sarsim.arenas.fiducials import FAMILY, TAG_SIDE
 
-CORNERS = SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
+TAG_CORNERS = TAG_SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
 """(4, 3) m, corners of the black square in OpenCV's order: x right, y up, z towards the viewer."""
 NEAR = 1.0
 """m up to which the corners give the distance within some millimetres; the depth camera sees from 0.8 m."""
@@ -48,7 +48,7 @@ def _middle(corners: NDArray[np.float32], frame: Frame) -> NDArray[np.float64] |
     if returns.size >= within.sum() / 2:
         return float(np.median(returns)) * ray
     matrix = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
-    _, _, t = cv2.solvePnP(CORNERS, corners.astype(np.float64), matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    _, _, t = cv2.solvePnP(TAG_CORNERS, corners.astype(np.float64), matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
     return float(t[2, 0]) * ray if t[2, 0] < NEAR else None
 
 

@@ -12,7 +12,7 @@ from sarsim.victims.mjcf import about_z, geom, quaternion
 PANEL = 0.02  # m thickness of boards and panels
 MAX_SLOPE = np.radians(28)  # Steepest slope of a board of the rubble
 WALL, HOLE = 1.2, (0.28, 0.24)  # m: the least size of a wall panel, and half sizes of its hole
-GAP, RIM = 0.03, 0.05  # m between a person and what surrounds it, and between a hole and the panel's edge
+COVER_GAP, RIM = 0.03, 0.05  # m between a person and what surrounds it, and between a hole and the panel's edge
 MAX_DEPTH = 0.6  # m, largest depth of a box; a person who needs more sticks out of it
 BOARDS = (("back", 0, -1), ("left", 1, 1), ("right", 1, -1), ("top", 2, 1), ("bottom", 2, -1))
 """The boards of a box: name, axis, and side of its centre."""
@@ -21,7 +21,7 @@ CONCRETE = (0.55, 0.54, 0.52)
 
 
 @dataclass(frozen=True, eq=False)
-class Cover:
+class PersonCover:
     """Geoms around a person, and points in them that show their extent.
 
     Attributes:
@@ -33,7 +33,7 @@ class Cover:
     points: NDArray[np.float64]
 
 
-def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> Cover:
+def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> PersonCover:
     """Boards that lean on the half of a person that is farther from the head, and blocks beside this half.
 
     ``person``: (N, 3) m, points on the person, whose head is towards +x; ``name``: prefix of the geoms' names.
@@ -53,9 +53,9 @@ def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> 
     return cover
 
 
-def box(name: str, person: NDArray[np.float64]) -> Cover:
+def box(name: str, person: NDArray[np.float64]) -> PersonCover:
     """A box around a person, (N, 3) points in m, that is open towards +x; legs may stick out of it."""
-    low, high = person.min(axis=0) - GAP, person.max(axis=0) + GAP
+    low, high = person.min(axis=0) - COVER_GAP, person.max(axis=0) + COVER_GAP
     high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL / 2
     middle, half = (low + high) / 2, (high - low) / 2
     cover = joined([])
@@ -67,11 +67,11 @@ def box(name: str, person: NDArray[np.float64]) -> Cover:
     return cover
 
 
-def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.float64]) -> Cover:
+def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.float64]) -> PersonCover:
     """A wall panel before a person, (N, 3) points in m, 1.2 m high, at least as wide, with a hole before the chin."""
     left = max(WALL / 2, person[:, 1].max() + RIM)
     right = min(-WALL / 2, person[:, 1].min() - RIM)
-    x = person[:, 0].max() + GAP + PANEL
+    x = person[:, 0].max() + COVER_GAP + PANEL
     wide, high = HOLE
     y = float(np.clip(chin[1], right + wide + RIM, left - wide - RIM))
     z = float(np.clip(chin[2], high, WALL - high - RIM))
@@ -90,22 +90,22 @@ def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.floa
     return cover
 
 
-def seat(name: str, half_sizes: NDArray[np.float64]) -> Cover:
+def seat(name: str, half_sizes: NDArray[np.float64]) -> PersonCover:
     """The block of ``half_sizes`` (3,), m, that a seated person sits on, with its back to the wall."""
     centre = np.array([half_sizes[0], 0, half_sizes[2]])
     return _block_of(f"{name}_seat", Label.CLUTTER, centre, half_sizes, np.eye(3), CONCRETE)
 
 
-def joined(covers: list[Cover]) -> Cover:
+def joined(covers: list[PersonCover]) -> PersonCover:
     """All covers as one."""
-    return Cover(
+    return PersonCover(
         [g for c in covers for g in c.geoms], np.concatenate([np.empty((0, 3)), *(c.points for c in covers)])
     )
 
 
 def _board(
     name: str, middle: NDArray[np.float64], yaw: float, rng: np.random.Generator, under: NDArray[np.float64]
-) -> Cover | None:
+) -> PersonCover | None:
     """A board over ``middle`` with one end on the floor that rests on the highest of the points ``under`` it.
 
     None if its slope would be too steep.
@@ -131,7 +131,9 @@ def _board(
     return _block_of(name, Label.CLUTTER, centre, half, rotation, WOOD, rng)
 
 
-def _block(name: str, person: NDArray[np.float64], others: NDArray[np.float64], rng: np.random.Generator) -> Cover:
+def _block(
+    name: str, person: NDArray[np.float64], others: NDArray[np.float64], rng: np.random.Generator
+) -> PersonCover:
     """A block on the floor close to the half of a person away from the head; nothing if there is no free place."""
     low, high = person.min(axis=0), person.max(axis=0)
     taken = np.concatenate([person, others])
@@ -154,10 +156,10 @@ def _block_of(
     rotation: NDArray[np.float64],
     colour: tuple[float, ...],
     rng: np.random.Generator | None = None,
-) -> Cover:
+) -> PersonCover:
     """A box geom and a grid of points in it, 5 cm apart or closer."""
     rgba = (*np.array(colour) * (rng.uniform(0.75, 1.15) if rng else 1), 1)
     axes = [np.linspace(-half, half, 2 + int(2 * half / 0.05)) for half in size]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     piece = geom(name, label, type="box", pos=centre, quat=quaternion(rotation), size=size, rgba=np.clip(rgba, 0, 1))
-    return Cover([piece], grid @ rotation.T + centre)
+    return PersonCover([piece], grid @ rotation.T + centre)

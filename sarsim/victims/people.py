@@ -17,7 +17,7 @@ from sarsim.assets import asset
 from sarsim.victims.mjcf import about_z
 
 UNIT = 1e-4  # m; vertices are stored as whole multiples of it
-HEIGHT = 2.01  # m, stature of the library's people
+STATURE = 2.01  # m, stature of the library's people
 NECK = np.array([0, 0.63, 0.01])  # m at rest; the point about which a child's larger head is scaled
 CHIN = np.array([[0, 0.6, 0.03]])  # m at rest; between head and chest
 AGAINST_WALL = ("sitting", "slumped", "seated")  # The postures in which a wall at x = 0 holds the person up
@@ -126,7 +126,7 @@ class People:
     def figure(self, pose: int, stature: float) -> Figure:
         """A person of ``stature`` metres in one of the poses."""
         arrays, build = self._arrays, self._build_names.index(self.builds[pose])
-        scale, head_scale = stature / HEIGHT, float(arrays["head_scales"][build])
+        scale, head_scale = stature / STATURE, float(arrays["head_scales"][build])
         rest = arrays["vertices"][build] * UNIT
         turns, offsets = bone_motions(arrays["rest"], arrays["poses"][pose])
         head = list(arrays["bones"]).index("head")

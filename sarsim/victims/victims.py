@@ -27,7 +27,7 @@ from pipeline.transforms import from_rotation
 from sarsim.ground_truth.shapes import mesh_vertices, rotation
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.body import UPPER_BODY, Outfit, person_mjcf
-from sarsim.victims.cover import Cover, box, joined, rubble, seat, wall_with_hole
+from sarsim.victims.cover import PersonCover, box, joined, rubble, seat, wall_with_hole
 from sarsim.victims.mjcf import numbers
 from sarsim.victims.people import AGAINST_WALL, CHIN, Figure, people
 
@@ -74,7 +74,7 @@ class VictimModel:
     needs_wall: bool
     figure: Figure
     outfit: Outfit
-    cover: Cover
+    cover: PersonCover
     box: NDArray[np.float64]
     footprint: NDArray[np.float64]
     height: float
@@ -95,7 +95,7 @@ class VictimModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Victim:
+class TrueVictim:
     """The true pose and extent of a victim.
 
     Attributes:
@@ -156,7 +156,7 @@ def make_victim(
     )  # fmt: skip
 
 
-def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Victim]:
+def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueVictim]:
     """The victims of a model, in the order of its bodies: bodies ``victim_<id>`` whose geoms carry label 6."""
     labels = geom_labels(model)
     victims = []
@@ -166,7 +166,7 @@ def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Victim]:
         if name.startswith(PREFIX) and geoms.size:
             pose = from_rotation(data.xmat[body].reshape(3, 3), data.xpos[body])
             box = _extremes(np.concatenate([_extent(model, int(geom)) for geom in geoms]))
-            victims.append(Victim(name.removeprefix(PREFIX), pose, box, geoms))
+            victims.append(TrueVictim(name.removeprefix(PREFIX), pose, box, geoms))
     return victims
 
 
@@ -194,7 +194,7 @@ def _cover(
     figure: Figure,
     person: NDArray[np.float64],
     rng: np.random.Generator,
-) -> Cover:
+) -> PersonCover:
     """What the person is in, under or on."""
     covers = [seat(name, people().block * figure.scale)] if posture == "seated" else []
     if placement == "rubble":

@@ -16,7 +16,7 @@ from sarsim.scripts.cli import run
 from sarsim.victims.mjcf import numbers
 from sarsim.victims.victims import make_victim
 
-SEED = 52  # of the victims' builds, clothes and poses
+PEOPLE_SEED = 52  # of the victims' builds, clothes and poses
 HALF_TILE = 0.6
 FLOOR_GRID = 0.8  # m, size of the floor's rendered squares; the lamp's light is computed at their corners
 QUADS = "2"  # per row on each face of a box; rendering spends most of its time on their vertices
@@ -40,7 +40,7 @@ TEXTURES = (
     {"name": "floor_tiles", "rgb1": "0.62 0.63 0.64", "mark": "edge", "markrgb": "0.48 0.49 0.50"},
 )
 TILES_PER_METRE = "3.3333 3.3333"
-COLOURS = {
+SURFACE_COLOURS = {
     "plaster": (0.87, 0.86, 0.81), "column": (0.76, 0.76, 0.74), "frame": (0.93, 0.93, 0.93),
     "glass": (0.66, 0.79, 0.88), "door": (0.58, 0.39, 0.22), "door_frame": (0.44, 0.29, 0.17),
     "cabinet": (0.20, 0.36, 0.60), "cabinet_door": (0.25, 0.43, 0.68), "locker_door": (0.42, 0.52, 0.60),
@@ -79,7 +79,7 @@ def people_on_the_floor() -> str:
     """MJCF of the victims, to be included."""
     root = Element("mujocoinclude")
     for number, victim in enumerate(plan.VICTIMS, 1):
-        rng = np.random.default_rng([SEED, number])
+        rng = np.random.default_rng([PEOPLE_SEED, number])
         model = make_victim(str(number), rng, victim.posture, victim.placement)
         model.add_to(root, (victim.x, victim.y, 0.0), np.radians(victim.yaw))
     indent(root, " ")
@@ -95,7 +95,7 @@ def _world(builder: ArenaBuilder) -> Element:
 def _add_materials(root: Element) -> None:
     assets = root.find("asset")
     assert assets is not None
-    for same_name in [m for m in assets.findall("material") if m.get("name") in COLOURS]:
+    for same_name in [m for m in assets.findall("material") if m.get("name") in SURFACE_COLOURS]:
         assets.remove(same_name)
     for texture in TEXTURES:
         flat = {"type": "2d", "builtin": "flat", "width": "64", "height": "64"}
@@ -103,7 +103,7 @@ def _add_materials(root: Element) -> None:
         tiled = {"texture": texture["name"], "texuniform": "true", "texrepeat": TILES_PER_METRE}
         SubElement(assets, "material", {"name": texture["name"], "specular": "0.1"} | tiled)
     SubElement(assets, "material", {"name": "lamp", "rgba": "1 1 0.97 1"})
-    for name, rgb in COLOURS.items():
+    for name, rgb in SURFACE_COLOURS.items():
         SubElement(assets, "material", {"name": name, "rgba": numbers((*rgb, 1)), "specular": "0.1"})
 
 
@@ -122,10 +122,10 @@ def _add_surroundings(root: Element) -> None:
 
 
 def _add_building(world: Element) -> None:
-    half = (building.LENGTH / 2, building.WIDTH / 2, FLOOR_GRID)
+    half = (building.LENGTH / 2, building.BUILDING_WIDTH / 2, FLOOR_GRID)
     floor = {"name": "floor", "class": "terrain", "material": "floor_tiles", "size": numbers(half)}
     SubElement(world, "geom", floor)
-    inner = building.WIDTH / 2 - building.OUTER
+    inner = building.BUILDING_WIDTH / 2 - building.OUTER
     half_wall = building.INNER / 2
     shell = {
         "outer": building.outer_walls(plan.SOUTH_ROOMS, plan.NORTH_ROOMS),

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.files import whole_file
 from sarsim.assets import asset
 from sarsim.scripts.assets.victims.parts import cut_into_parts
-from sarsim.scripts.assets.victims.ragdoll import BLOCK, RECIPES, Ragdoll, Recipe, rest_poses
+from sarsim.scripts.assets.victims.ragdoll import RECIPES, SEAT_BLOCK, Ragdoll, Setup, rest_poses
 from sarsim.scripts.assets.victims.surface import (
     HEAD_SCALE,
     Points,
@@ -87,7 +87,7 @@ def bodies() -> dict[str, NDArray]:
         "face_parts": face_parts.astype(np.uint8),
         "parts": np.array(parts),
         "hair_styles": np.array(list(HAIR)),
-        "block": np.array(BLOCK),
+        "block": np.array(SEAT_BLOCK),
     }
     for style, triangles in HAIR.items():
         vertices, faces = level_set(hair(style), triangles)
@@ -95,9 +95,7 @@ def bodies() -> dict[str, NDArray]:
     return arrays
 
 
-def set_down(
-    people: dict[str, NDArray], build: str, pose: NDArray[np.float64], recipe: Recipe
-) -> NDArray[np.float64]:
+def set_down(people: dict[str, NDArray], build: str, pose: NDArray[np.float64], recipe: Setup) -> NDArray[np.float64]:
     """The pose in the victim's own frame: head towards +x and the centre at the origin, or the back at x = 0."""
     if recipe.block:
         return pose  # wall and block are already in place

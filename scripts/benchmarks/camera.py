@@ -23,8 +23,8 @@ POSES = [
     (-2.4, -1.35, 0.0), (-1.2, -1.4, 0.2), (2.3, -1.2, 2.4), (0.0, -0.1, 0.0), (2.2, 1.2, 3.0), (-1.5, 1.3, -0.2),
 ]  # fmt: skip
 """x, y in m and yaw in rad in ``nist_6x4``: at the start, before a ramp, at a victim, on both decks, in a lane."""
-HEIGHT = 0.75  # m; the height of the robot's mast above the decks
-WARM_UP = 2  # rounds that are not counted
+CAMERA_HEIGHT = 0.75  # m; the height of the robot's mast above the decks
+UNCOUNTED_ROUNDS = 2  # rounds that are not counted
 
 
 class WithoutMultisampling(ThreePasses):
@@ -46,13 +46,13 @@ def measure(frames: int = 60, width: int = 640, height: int = 480) -> Result:
     at_least(1, frames=frames, width=width, height=height)
     times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
     workers = {name: connected(_serve, name, width, height, environment={})[1] for name in CONTENDERS}
-    for i in track(range(WARM_UP + frames), "camera", transient=True):
+    for i in track(range(UNCOUNTED_ROUNDS + frames), "camera", transient=True):
         for name, connection in workers.items():
             connection.send(POSES[i % len(POSES)])
             times[name].append(connection.recv())
     for connection in workers.values():
         connection.send(None)
-    return Result(summary({name: rows[WARM_UP:] for name, rows in times.items()}))
+    return Result(summary({name: rows[UNCOUNTED_ROUNDS:] for name, rows in times.items()}))
 
 
 def summary(times: dict[str, list[Times]]) -> dict[str, float]:
@@ -74,7 +74,7 @@ def _serve(connection: Connection, name: str, width: int, height: int) -> None:
     frame = _theirs(renderer, data) if isinstance(renderer, ThreePasses) else _ours(renderer, data)
     while (pose := connection.recv()) is not None:
         x, y, yaw = pose
-        data.mocap_pos[0] = x, y, HEIGHT
+        data.mocap_pos[0] = x, y, CAMERA_HEIGHT
         data.mocap_quat[0] = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
         mujoco.mj_forward(model, data)
         connection.send(frame())

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.render import World, arena_of
-from sarsim.dataset.settings import KEYFRAMES
+from sarsim.dataset.settings import KEYFRAME_WAY
 from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 
 
 @dataclass(frozen=True, eq=False)
-class TrueFrame:
+class PosedFrame:
     """A frame with its true pose.
 
     Attributes:
@@ -44,8 +44,8 @@ def drive_through(
     frames: int,
     seed: int,
     lighting: Lighting = Lighting.normal,
-    keyframes: tuple[float, float] = KEYFRAMES,
-) -> Iterator[TrueFrame]:
+    keyframes: tuple[float, float] = KEYFRAME_WAY,
+) -> Iterator[PosedFrame]:
     """``frames`` frames of a drive from the arena's start; the seed determines the path and the sensor's errors.
 
     ``keyframes``: m driven and rad turned from one frame to the next.
@@ -59,4 +59,4 @@ def drive_through(
         noise = recipe.rng(0, "noise")
         for pose in world.drive(recipe, recipe.rng(0, "drive")).poses(frames):
             seen = world.capture(pose, noise)
-            yield TrueFrame(seen.frame, seen.pose_true @ seen.frame.T_base_camera)
+            yield PosedFrame(seen.frame, seen.pose_true @ seen.frame.T_base_camera)

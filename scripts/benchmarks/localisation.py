@@ -26,7 +26,7 @@ REGISTERING = PEERS[1:]
 NEEDED = ("evo", "kiss_icp")  # Packages that come with ``pip install -e '.[dev]'``
 KIDNAPPED_IN = {"nist_6x4": "nist_6x4", "random": "random:1"}
 """For each group, the arena in which the robot is kidnapped."""
-ROWS: Mapping[str, str] = {
+METHOD_ROWS: Mapping[str, str] = {
     "ATE, m, median": "ate_m.median",
     "ATE, m, worst": "ate_m.worst",
     "heading, °, median": "heading_deg.median",
@@ -144,7 +144,7 @@ def sections_of(figures: Mapping[str, float]) -> list[Rows]:
     """Rows of the drives, of each method, of the kidnappings and of the ratios."""
     sections = [rows_of(figures, {"drives": "runs", "way of a drive, m, median": "way_m.median"})]
     for method in (*OURS, *PEERS):
-        rows = {f"{method.replace('_', ' ')}: {row}": f"{method}.{key}" for row, key in ROWS.items()}
+        rows = {f"{method.replace('_', ' ')}: {row}": f"{method}.{key}" for row, key in METHOD_ROWS.items()}
         sections.append(rows_of(figures, rows))
     sections.append(
         rows_of(figures, {f"carried: {name.replace('_', ' ')}": f"kidnapped.{name}" for name in OUTCOMES})

@@ -99,7 +99,7 @@ class DriveWriter(ExitStack):
             self._file[name] = np.array(values)
 
 
-class Drive(ExitStack):
+class DriveReader(ExitStack):
     """Reads a drive's file; iterating gives its frames, whose ``T_odom_base`` is by wheels and gyro.
 
     Attributes:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scoring.trajectory import write_tum
 from sarsim.scripts.benchmarks.episodes import Job, leave
-from sarsim.scripts.benchmarks.localisation_drives import Drive, drive_file
+from sarsim.scripts.benchmarks.localisation_drives import DriveReader, drive_file
 from sarsim.scripts.benchmarks.localisation_methods import METHODS, Method, is_blind
 from sarsim.scripts.benchmarks.localisation_scores import evo_ate, trajectory_scores, way_driven
 from sarsim.scripts.benchmarks.top_view import BAND, caption, ground_picture, pixels
@@ -33,14 +33,14 @@ def replay_job(job: Job, folder: Path, drives: Path, names: Sequence[str]) -> No
     """Replay a drive, and write scores as JSON, trajectories as TUM files, and a picture to a folder."""
 
     def made() -> dict[str, Any]:
-        with Drive(drive_file(job, drives)) as drive:
+        with DriveReader(drive_file(job, drives)) as drive:
             methods = {name: METHODS[name](drive.T_world_base[0]) for name in names}
             return {"report": replay(drive, methods, folder / job.name)}
 
     leave(job, folder, made)
 
 
-def replay(drive: Drive, methods: Mapping[str, Method], stem: Path) -> dict[str, Any]:
+def replay(drive: DriveReader, methods: Mapping[str, Method], stem: Path) -> dict[str, Any]:
     """Scores of every method by its name; writes ``<stem>-<name>.tum``, ``<stem>-true.tum`` and ``<stem>.png``.
 
     Raises:
@@ -66,7 +66,7 @@ def replay(drive: Drive, methods: Mapping[str, Method], stem: Path) -> dict[str,
 
 
 def follow(
-    drive: Drive, methods: Mapping[str, Method]
+    drive: DriveReader, methods: Mapping[str, Method]
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
     """By method, (N, 4, 4) poses estimated on the way, and processor time in s of each frame with enough returns."""
     poses: dict[str, list[NDArray[np.float64]]] = {name: [] for name in methods}

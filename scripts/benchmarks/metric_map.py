@@ -16,12 +16,12 @@ from rich.progress import track
 from pipeline.metric_map.metric_map import MetricMap
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.scripts.benchmarks.common import Result, at_least
-from sarsim.scripts.benchmarks.recorded_frames import Recording, record
+from sarsim.scripts.benchmarks.recorded_frames import RecordedFrames, record
 
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
 """m; sizes of the environments whose frame times are compared."""
-TILE = 8  # Frames that fill each 6 m × 4 m of an environment before frames are timed
+TILE_FRAMES = 8  # Frames that fill each 6 m × 4 m of an environment before frames are timed
 WARM_UP = 5  # Frames that are not counted
 
 
@@ -49,7 +49,7 @@ def measure(
     return Result(figures, {"sizes": sizes})
 
 
-def _speed(recording: Recording, slow: bool) -> dict[str, float]:
+def _speed(recording: RecordedFrames, slow: bool) -> dict[str, float]:
     """Milliseconds per frame and bytes of each contender, and the ratios."""
     contenders: dict[str, Callable[[], Contender]] = {
         "ours": lambda: Projective(0.1),
@@ -74,7 +74,7 @@ def _speed(recording: Recording, slow: bool) -> dict[str, float]:
     return figures
 
 
-def _frame_times(contender: "Contender", recording: Recording, name: str) -> NDArray[np.float64]:
+def _frame_times(contender: "Contender", recording: RecordedFrames, name: str) -> NDArray[np.float64]:
     """Seconds of each frame; the first ones, shown twice, let numba compile or load its kernels."""
     depth = recording.xtion
     for n in range(WARM_UP):
@@ -90,7 +90,7 @@ def _timed(action: Callable[[], object]) -> float:
     return time.thread_time() - start
 
 
-def _sizes(recording: Recording) -> list[dict[str, Any]]:
+def _sizes(recording: RecordedFrames) -> list[dict[str, Any]]:
     """Frame times in the middle of environments of several sizes that have been mapped completely before."""
     maps = [_mapped_environment(recording, size) for size in SIZES]
     times = np.array([_timed_in_all(maps, recording, n) for n in range(len(recording.xtion))])
@@ -102,17 +102,17 @@ def _sizes(recording: Recording) -> list[dict[str, Any]]:
     ]
 
 
-def _timed_in_all(maps: list[MetricMap], recording: Recording, n: int) -> list[float]:
+def _timed_in_all(maps: list[MetricMap], recording: RecordedFrames, n: int) -> list[float]:
     """Seconds of one frame in each map, in turn, so that other load on the machine affects all maps alike."""
     frame = recording.xtion[n], recording.intrinsics, recording.T_map_camera[n]
     maps[0].integrate(*frame)
     return [_timed(partial(metric_map.integrate, *frame)) for metric_map in maps]
 
 
-def _mapped_environment(recording: Recording, size: tuple[float, float]) -> MetricMap:
+def _mapped_environment(recording: RecordedFrames, size: tuple[float, float]) -> MetricMap:
     """A map that repeats the 6 m × 4 m arena side by side."""
     metric_map = MetricMap()
-    chosen = np.linspace(0, len(recording.xtion) - 1, TILE).astype(int)
+    chosen = np.linspace(0, len(recording.xtion) - 1, TILE_FRAMES).astype(int)
     columns, rows = (int(np.ceil(length / tile)) for length, tile in zip(size, SMALL, strict=True))
     for i in track(range(columns), f"filling {size[0]:g} m × {size[1]:g} m", transient=True):
         for j in range(rows):
@@ -123,7 +123,7 @@ def _mapped_environment(recording: Recording, size: tuple[float, float]) -> Metr
     return metric_map
 
 
-def _accuracy(recording: Recording) -> dict[str, float]:
+def _accuracy(recording: RecordedFrames) -> dict[str, float]:
     """The report's four figures of each map and sensor, and the agreement of the map with exact rays."""
     scored = MetricMap()
     score = VoxelScore(scored)
@@ -162,7 +162,7 @@ class Projective:
     def __init__(self, voxel_size: float):
         self._map = MetricMap(voxel_size=voxel_size)
 
-    def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
+    def prepare(self, recording: RecordedFrames, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
         """Hand over the depth image."""
         return lambda: self._map.integrate(depth[n], recording.intrinsics, recording.T_map_camera[n])
 
@@ -183,7 +183,7 @@ class Rays(Projective):
         # Images are clipped at a depth of the sensor's range; rays to this depth are longer.
         self._map = MetricMap(voxel_size=voxel_size, max_range=10)
 
-    def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
+    def prepare(self, recording: RecordedFrames, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
         """Hand over the points."""
         points = recording.points(depth, n)
         return lambda: self._map.integrate_points(points, recording.T_map_camera[n, :3, 3])
@@ -197,7 +197,7 @@ class OctoMap:
         self._discretize = discretize
         self._like = MetricMap(voxel_size=voxel_size)
 
-    def prepare(self, recording: Recording, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
+    def prepare(self, recording: RecordedFrames, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
         """Hand over the points, which it takes as a contiguous array."""
         points = np.ascontiguousarray(recording.points(depth, n) - self._like.corner)
         origin = recording.T_map_camera[n, :3, 3] - self._like.corner

@@ -21,8 +21,8 @@ from pipeline.semantic_map.networks.network import BlockClassifier
 from pipeline.semantic_map.networks.weights import NETWORKS, load_weights
 from pipeline.semantic_map.planar_vote import planar_vote
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
-from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
-from sarsim.scripts.benchmarks.semantic import KEYFRAMES, LIGHTINGS, SHARED
+from sarsim.scripts.benchmarks.labelled_drives import PosedFrame, drive_through
+from sarsim.scripts.benchmarks.semantic import LIGHTINGS, SHARED, SPARSE_KEYFRAMES
 from sarsim.scripts.benchmarks.semantic_accuracy import KINDS, Change, Scores, scores
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, classifier_of, thesis_blocks
 from sarsim.settings import WEIGHTS, LightingName
@@ -68,14 +68,14 @@ def measure(
     details: dict[str, dict[str, Scores]] = {}
     for group, arena, suffix in track(jobs if networks else [], "arenas", transient=True):
         count = raf_frames if group.endswith("_mean") else frames
-        seen = drive_through(arena, count, seed, lit[suffix], KEYFRAMES)
+        seen = drive_through(arena, count, seed, lit[suffix], SPARSE_KEYFRAMES)
         details.setdefault(group + suffix, {})[arena] = scores(seen, networks, VOTES)
     for group, of_arenas in details.items():
         figures |= group_figures(group, list(of_arenas.values()))
     return Result(figures, {"iou": details}, table(figures, list(groups)))
 
 
-def voted(frame: TrueFrame, given: NDArray[np.float32]) -> NDArray[np.float32]:
+def voted(frame: PosedFrame, given: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N, 8) probabilities of a frame's points after the vote of each plane's points, from (N, 8) ``given`` ones."""
     result = given.copy()
     result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES])
@@ -113,7 +113,7 @@ def _sizes(files: dict[str, Path]) -> dict[str, float]:
     return figures
 
 
-def _times(files: dict[str, Path], frames: list[TrueFrame], rounds: int) -> dict[str, float]:
+def _times(files: dict[str, Path], frames: list[PosedFrame], rounds: int) -> dict[str, float]:
     """ms of a block and s of a frame, with planes, the networks in turn; random weights where there is no file."""
     torch.manual_seed(0)
     written = {name: kind(CHANNELS, len(CLASSES)).eval() for name, kind in NETWORKS.items()}

@@ -33,7 +33,7 @@ NOISE = 0.003  # m, standard deviation of heights from keyframe to keyframe
 HALF_VIEW = np.deg2rad(29)  # Half the camera's horizontal field of view
 HITS = 9  # Returns of a cell in a keyframe
 WALL_TOPS = np.arange(0, 1.01, 0.1)  # m, heights of the points of walls and of the new box
-AWAY, SIDE = 1.3, 0.3  # m, distance and side of the new box
+AWAY, FLOOR_SIDE = 1.3, 0.3  # m, distance and side of the new box
 
 
 def measure(frames: int = 24, seed: int = 0, arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15")) -> Result:
@@ -90,7 +90,7 @@ class _Floor:
         ahead = (self._ground[:, :2] - T_map_base[:2, 3]) @ T_map_base[:2, :2]
         away = np.hypot(*ahead.T)
         in_view = (away > XTION.nearest) & (away < XTION.farthest) & (np.abs(np.arctan2(*ahead.T[::-1])) < HALF_VIEW)
-        is_box = np.abs(ahead - (AWAY, 0)).max(axis=1) < SIDE / 2
+        is_box = np.abs(ahead - (AWAY, 0)).max(axis=1) < FLOOR_SIDE / 2
         box = np.vstack([self._ground[is_box] + (0, 0, z) for z in WALL_TOPS])
         seen = self._ground[in_view] + self._rng.normal(0, [0, 0, NOISE], (in_view.sum(), 3))
         self._show(np.vstack([seen, box]))

@@ -18,7 +18,7 @@ STEPS = 160  # Largest number of steps of an episode
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class RecordedFrames:
     """N frames of an episode.
 
     Attributes:
@@ -41,7 +41,7 @@ class Recording:
         return rays * depth[n][returns, None] @ T[:3, :3].T + T[:3, 3]
 
 
-def record(arena: str, seed: int, frames: int) -> Recording:
+def record(arena: str, seed: int, frames: int) -> RecordedFrames:
     """Let the robot explore for an episode, and keep frames that are evenly spaced in time.
 
     Raises:
@@ -60,7 +60,7 @@ def record(arena: str, seed: int, frames: int) -> Recording:
             step = explorer.step()
     robot.close()
     ideal, xtion, poses = (np.array(column) for column in zip(*album.chosen(), strict=True))
-    return Recording(step.keyframe.frame.intrinsics, ideal, xtion, poses)
+    return RecordedFrames(step.keyframe.frame.intrinsics, ideal, xtion, poses)
 
 
 class _Album:

@@ -16,7 +16,7 @@ from sarsim.settings import WEIGHTS
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data beside the checkout
 LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By the suffix of the figures' names
-KEYFRAMES = (2.0, 0.8)
+SPARSE_KEYFRAMES = (2.0, 0.8)
 """m and rad between the frames whose labels are compared: far apart, to show more of an arena than its start."""
 
 
@@ -50,7 +50,9 @@ def measure(
     jobs += [(str(path), raf_frames) for path in sorted(raf.glob("*.raf")) if raf_frames]
     lit = [(*job, suffix) for suffix in LIGHTINGS for job in jobs]
     details = {
-        _name(arena) + suffix: accuracy(drive_through(arena, number, seed, LIGHTINGS[suffix], KEYFRAMES), network)
+        _name(arena) + suffix: accuracy(
+            drive_through(arena, number, seed, LIGHTINGS[suffix], SPARSE_KEYFRAMES), network
+        )
         for arena, number, suffix in track(lit, "arenas", transient=True)
     }
     for name, contenders in details.items():

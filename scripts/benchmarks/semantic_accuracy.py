@@ -11,9 +11,9 @@ from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.scoring.semantics import compared, confusion_matrix, label_figures
-from sarsim.scripts.benchmarks.labelled_drives import TrueFrame
+from sarsim.scripts.benchmarks.labelled_drives import PosedFrame
 
-Change = Callable[[TrueFrame, NDArray[np.float32]], NDArray[np.float32]]
+Change = Callable[[PosedFrame, NDArray[np.float32]], NDArray[np.float32]]
 """A function that changes the (N, 8) probabilities that a classifier gave the returns of a frame."""
 AS_GIVEN: Mapping[str, Change] = {"": lambda frame, given: given}
 KINDS = ("frame", "voxels", "fused")
@@ -28,7 +28,7 @@ class Tally:
         self._returns, self._voxels = np.zeros((2, len(Label), len(Label)), np.int64)
         self._map, self._truth = SemanticMap(), SemanticMap()
 
-    def add(self, frame: TrueFrame, given: NDArray[np.float32]) -> None:
+    def add(self, frame: PosedFrame, given: NDArray[np.float32]) -> None:
         """Add the (N, 8) probabilities that a classifier gave the returns of a frame."""
         points, truth = frame.points, np.eye(len(Label), dtype=np.float32)[frame.labels]
         self._returns += confusion_matrix(frame.labels, given.argmax(axis=1).astype(np.uint8))
@@ -47,7 +47,7 @@ class Tally:
 
 
 def scores(
-    frames: Iterable[TrueFrame], classifiers: Mapping[str, PointClassifier], changes: Mapping[str, Change] = AS_GIVEN
+    frames: Iterable[PosedFrame], classifiers: Mapping[str, PointClassifier], changes: Mapping[str, Change] = AS_GIVEN
 ) -> Scores:
     """The scores of every classifier in one arena, with each of the ``changes`` to its probabilities."""
     tallies = {name + change: Tally() for name in classifiers for change in changes}
@@ -59,7 +59,7 @@ def scores(
     return {name: tally.scores() for name, tally in tallies.items()}
 
 
-def accuracy(frames: Iterable[TrueFrame], network: PointClassifier | None) -> dict[str, dict[str, float]]:
+def accuracy(frames: Iterable[PosedFrame], network: PointClassifier | None) -> dict[str, dict[str, float]]:
     """Intersection over union by label, and ``miou_four``, of network, fused map and baseline in one arena.
 
     Without a network only those of the baseline.

@@ -10,7 +10,7 @@ from rich.progress import track
 from torch.nn import functional
 
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.networks.blocks import Block, BlockConfig, cut
+from pipeline.semantic_map.networks.blocks import CHANNELS, Block, BlockConfig, cut
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
@@ -21,19 +21,19 @@ from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
 from sarsim.scripts.benchmarks.common import seconds
-from sarsim.scripts.benchmarks.labelled_drives import TrueFrame
+from sarsim.scripts.benchmarks.labelled_drives import PosedFrame
 
 POINTS = 4096
 THREADS = 2
 
 
-def speed(frames: list[TrueFrame], rounds: int, classifier: NetworkClassifier | None) -> dict[str, float]:
+def speed(frames: list[PosedFrame], rounds: int, classifier: NetworkClassifier | None) -> dict[str, float]:
     """Seconds and ratios for a block, a training step and a frame; random weights of DGCNN take the same time.
 
     Blocks of the frames are timed for ``rounds`` rounds; whole frames also by the robot's ``classifier``.
     """
     torch.manual_seed(0)
-    network = Dgcnn(classes=len(CLASSES)).eval()
+    network = Dgcnn(CHANNELS, len(CLASSES)).eval()
     blocks = [block for frame in frames for block in thesis_blocks(frame)]
     figures = _block_contest(network, [blocks[i % len(blocks)].points for i in range(rounds)])
     figures |= _step_contest(network, blocks[0].points)
@@ -57,7 +57,7 @@ def agreement(folder: Path) -> dict[str, float]:
     return figures
 
 
-def thesis_blocks(frame: TrueFrame) -> list[Block]:
+def thesis_blocks(frame: PosedFrame) -> list[Block]:
     """The columns of a frame as in the thesis: each resampled to 4,096 points, whether it has more or fewer."""
     points = frame.points
     config, rng = BlockConfig(points=len(points)), np.random.default_rng(0)
@@ -106,7 +106,7 @@ def _step_contest(network: Dgcnn, block: NDArray[np.float32]) -> dict[str, float
     return {"training_step_vs_plain": theirs_s / ours_s}
 
 
-def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[TrueFrame]) -> dict[str, float]:
+def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[PosedFrame]) -> dict[str, float]:
     """Times from the cloud of a frame to its labelled points: by the robot's classifier, and by plain DGCNN.
 
     Plain DGCNN is timed with the robot's blocks and with those of the thesis.
@@ -141,7 +141,7 @@ def classifier_of(network: PointNetwork) -> NetworkClassifier:
         return NetworkClassifier(weights, threads=THREADS)
 
 
-def robot_blocks(frame: TrueFrame) -> list[Block]:
+def robot_blocks(frame: PosedFrame) -> list[Block]:
     """The blocks into which the robot cuts a frame."""
     config, rng = BlockConfig(), np.random.default_rng(0)
     cloud = VoxelCloud.of(frame.points, config.voxel_size)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
 
-WIDTH = 900  # Pixels, largest length of the arena's longer side
+PICTURE_LENGTH = 900  # Pixels, largest length of the arena's longer side
 MOST_PIXELS = 8  # per side of a cell
 BAND = 26  # Pixels, height of the line of text below
 
@@ -54,7 +54,7 @@ def top_view(
 
 def ground_picture(surface: TrueSurface, seen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
     """(H, W, 3) uint8 RGB of the ground, of which (nx, ny) cells were seen, and the pixels per side of a cell."""
-    scale = int(np.clip(WIDTH // max(surface.grid.shape), 1, MOST_PIXELS))
+    scale = int(np.clip(PICTURE_LENGTH // max(surface.grid.shape), 1, MOST_PIXELS))
     cells = _cells(surface, seen).transpose(1, 0, 2)[::-1]
     return np.ascontiguousarray(cells.repeat(scale, axis=0).repeat(scale, axis=1)), scale
 

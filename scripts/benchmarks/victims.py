@@ -12,16 +12,24 @@ from rich.progress import track
 from rich.table import Table
 
 from pipeline.semantic_map.networks.threads import torch_threads
-from pipeline.victims.detection.architectures import COCO_TINY_ANCHORS, yolov3_tiny
-from pipeline.victims.detection.darknet_cfg import DarknetCfg
+from pipeline.victims.detection.darknet_cfg import DarknetCfg, adapted
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.detection.inference import FusedNetwork, to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import load_network
+from sarsim.assets import asset
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Results, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_table import group_figures, groups_in, pairs, rich_table, rows_of
-from sarsim.scripts.benchmarks.victims_frames import DISTANCES, HIDDEN, People, ap50, ap50_by, recipe, scene_frames
+from sarsim.scripts.benchmarks.victims_frames import (
+    DISTANCES,
+    HIDDEN,
+    PeopleInFrame,
+    ap50,
+    ap50_by,
+    recipe,
+    scene_frames,
+)
 from sarsim.sensors.lighting import Lighting
 from sarsim.settings import DETECTOR, EpisodeConfig, Labels, LightingName, Odometry
 
@@ -84,17 +92,17 @@ def measure(
     return Result(figures, {"ap50_by": by, "failed": failed}, _table(figures))
 
 
-def _frames(detector: VictimDetector, scenes: int, frames: int, seed: int) -> dict[str, list[People]]:
+def _frames(detector: VictimDetector, scenes: int, frames: int, seed: int) -> dict[str, list[PeopleInFrame]]:
     """People and detections in the frames of all scenes, by lighting."""
     arenas = recipe(seed, frames)
-    result: dict[str, list[People]] = {light.name: [] for light in Lighting if scenes}
+    result: dict[str, list[PeopleInFrame]] = {light.name: [] for light in Lighting if scenes}
     for index in track(range(scenes), "frames", transient=True):
         for light in Lighting:
             result[light.name] += scene_frames(arenas, index, light, detector)
     return result
 
 
-def _precision(frames: Mapping[str, Sequence[People]]) -> tuple[dict[str, float], dict[str, Any]]:
+def _precision(frames: Mapping[str, Sequence[PeopleInFrame]]) -> tuple[dict[str, float], dict[str, Any]]:
     """Average precision in each lighting, and by distance and by hidden share."""
     figures, by = {}, {}
     for light, seen in frames.items():
@@ -179,7 +187,10 @@ def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:
 
 def tiny() -> DarknetNetwork:
     """YOLOv3-tiny for one class that finds nothing: its time does not depend on its weights."""
-    network = DarknetNetwork(DarknetCfg.parse(yolov3_tiny(416, 416, 1, COCO_TINY_ANCHORS))).eval()
+    path = asset("weights", "yolov3-tiny.cfg")
+    coco = DarknetCfg.read(path)
+    text = adapted(path.read_text(), coco.width, coco.height, 1, coco.heads[0].anchors)
+    network = DarknetNetwork(DarknetCfg.parse(text)).eval()
     for layer in network.convolutions:
         if layer.norm is None:
             torch.nn.init.zeros_(layer.conv.weight)

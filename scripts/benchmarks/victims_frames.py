@@ -23,7 +23,7 @@ HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # Occluded shares of a person, likewise
 
 
 @dataclass(frozen=True, eq=False)
-class People:
+class PeopleInFrame:
     """The people in one frame, and a detector's boxes.
 
     Attributes:
@@ -54,7 +54,7 @@ def recipe(seed: int, frames: int) -> Recipe:
     return Recipe(seed=seed, frames=frames, random=arenas, keyframes=(0.5, 0.8))
 
 
-def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[People]:
+def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[PeopleInFrame]:
     """The people and detections in each frame of a scene in one lighting; all else is the same in every lighting."""
     scene, arena = find_scene(with_lighting(recipe, lighting), index)
     noise = recipe.rng(index, "noise")
@@ -68,7 +68,7 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
             alone = world.areas_alone()[seen] if len(seen) else np.zeros(0)
             camera = (frame.pose_true @ frame.frame.T_base_camera)[:3, 3]
             detections = detector.detect(frame.frame.rgb)
-            yield People(
+            yield PeopleInFrame(
                 boxes=frame.victim_pixels[seen].astype(np.float64),
                 area=frame.victim_area[seen].astype(np.int64),
                 hidden=1 - frame.victim_area[seen] / np.maximum(alone, frame.victim_area[seen]),
@@ -78,12 +78,12 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
             )
 
 
-def ap50(frames: Sequence[People]) -> float:
+def ap50(frames: Sequence[PeopleInFrame]) -> float:
     """Average precision at an IoU of 0.5; NaN if no person is to be found."""
     return _average_precision(frames, [people.counts for people in frames])
 
 
-def ap50_by(frames: Sequence[People], attribute: str, bounds: Sequence[float]) -> dict[str, dict[str, float]]:
+def ap50_by(frames: Sequence[PeopleInFrame], attribute: str, bounds: Sequence[float]) -> dict[str, dict[str, float]]:
     """Average precision and number of people by intervals of an attribute, of people with enough pixels."""
     result = {}
     for low, high in pairwise(bounds):
@@ -94,14 +94,14 @@ def ap50_by(frames: Sequence[People], attribute: str, bounds: Sequence[float]) -
     return result
 
 
-def _between(people: People, attribute: str, low: float, high: float) -> NDArray[np.bool_]:
+def _between(people: PeopleInFrame, attribute: str, low: float, high: float) -> NDArray[np.bool_]:
     """(V,) bool, people in an interval of an attribute who are to be found, for "hidden" at any occluded share."""
     value = getattr(people, attribute)
     counts = people.area >= VISIBLE if attribute == "hidden" else people.counts
     return counts & (value >= low) & ((value < high) | (high == HIDDEN[-1]))
 
 
-def _average_precision(frames: Sequence[People], counts: Sequence[NDArray[np.bool_]]) -> float:
+def _average_precision(frames: Sequence[PeopleInFrame], counts: Sequence[NDArray[np.bool_]]) -> float:
     """Average precision for the people who count; detections of others are neither right nor wrong."""
     result = AveragePrecision()
     for people, chosen in zip(frames, counts, strict=True):

@@ -165,7 +165,7 @@ def misplace(episode: Episode, step: Step) -> None:
 
 def test_maps_that_lie_wrong_are_corrected_and_the_log_says_so(tmp_path):
     diary = Diary(room((-1.3, 2.5), (-1.3, 1.3)), tmp_path, misplace, steps=1)
-    assert diary.said("keyframes moved by up to 20.0 cm and 0.")
+    assert diary.said("keyframes moved by up to 0.200 m and 0.")
     assert np.linalg.norm(diary.episode.explorer.mapper.keyframes.poses[0, :3, 3]) < 1e-3
 
 

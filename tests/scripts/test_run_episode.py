@@ -202,12 +202,12 @@ def test_an_episode_that_was_stopped_goes_on_bit_for_bit(tmp_path, monkeypatch, 
     with pytest.raises(SystemExit):
         run_command(monkeypatch, "--steps", 3, "--out", stopped)
     assert json.loads((stopped / "report.json").read_text())["steps"] == 2
-    kept = len(list((stopped / "answers").iterdir()))
+    kept = len(list((stopped / "network_outputs").iterdir()))
     assert kept >= 4  # two of each step
     capsys.readouterr()
     run_command(monkeypatch, "--resume", stopped)
-    assert f"with {kept} answers" in capsys.readouterr().out
-    assert not (stopped / "answers").exists() and not (whole / "answers").exists()
+    assert f"with {kept} cached outputs" in capsys.readouterr().out
+    assert not (stopped / "network_outputs").exists() and not (whole / "network_outputs").exists()
     for name in ("keyframes.npz", "metric_map.npz", "topology.json", "trajectory_true.tum"):
         assert (stopped / name).read_bytes() == (whole / name).read_bytes(), name
     reports = [json.loads((folder / "report.json").read_text()) for folder in (whole, stopped)]

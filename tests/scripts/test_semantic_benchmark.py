@@ -7,12 +7,12 @@ from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.scripts.benchmarks import semantic
-from sarsim.scripts.benchmarks.labelled_drives import TrueFrame, drive_through
+from sarsim.scripts.benchmarks.labelled_drives import PosedFrame, drive_through
 from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
 
 
 @pytest.fixture(scope="module")
-def frames() -> list[TrueFrame]:
+def frames() -> list[PosedFrame]:
     return list(drive_through("nist_6x4", 2, seed=0))
 
 
@@ -26,14 +26,14 @@ class Half(TruthClassifier):
         return probabilities
 
 
-def test_the_truth_is_right_and_the_rules_are_not_quite(frames: list[TrueFrame]) -> None:
+def test_the_truth_is_right_and_the_rules_are_not_quite(frames: list[PosedFrame]) -> None:
     figures = accuracy(frames, TruthClassifier())
     assert figures["network"]["miou_four"] == 1
     assert figures["fused"]["miou_four"] == 1
     assert 0.4 < figures["baseline"]["miou_four"] < 1
 
 
-def test_errors_count_for_both_classes(frames: list[TrueFrame]) -> None:
+def test_errors_count_for_both_classes(frames: list[PosedFrame]) -> None:
     figures = accuracy(frames, Half())["network"]
     labels = np.concatenate([frame.labels for frame in frames])
     walls, terrain = (int((labels == label).sum()) for label in (Label.WALL, Label.TERRAIN))
@@ -41,7 +41,7 @@ def test_errors_count_for_both_classes(frames: list[TrueFrame]) -> None:
     assert figures["terrain"] == pytest.approx(terrain / (terrain + walls / 2), abs=0.01)
 
 
-def test_without_a_network_there_is_the_baseline_alone(frames: list[TrueFrame]) -> None:
+def test_without_a_network_there_is_the_baseline_alone(frames: list[PosedFrame]) -> None:
     assert set(accuracy(frames[:1], None)) == {"baseline"}
 
 

@@ -7,21 +7,19 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.architectures import yolov3_small
 from pipeline.victims.detection.weights import load_network, write_weights
 from sarsim.scripts.benchmarks import victims
 from sarsim.scripts.benchmarks.victims import speed, tiny
-from sarsim.scripts.benchmarks.victims_frames import People, ap50, ap50_by, recipe, scene_frames
+from sarsim.scripts.benchmarks.victims_frames import PeopleInFrame, ap50, ap50_by, recipe, scene_frames
 from sarsim.sensors.lighting import Lighting
-from tests.pipeline.victims.detection.networks import random_network
+from tests.pipeline.victims.detection.networks import OWN, random_network
 
 BOXES = np.array([(0, 0, 20, 20), (100, 0, 140, 20), (200, 0, 240, 40)], np.float64)
-ANCHORS = [(8.0 * n, 8.0 * n) for n in range(1, 10)]
 
 
-def people(found: list[int], area: int = 500) -> People:
+def people(found: list[int], area: int = 500) -> PeopleInFrame:
     """Three people, the second of whom is mostly hidden; some of them found."""
-    return People(
+    return PeopleInFrame(
         boxes=BOXES,
         area=np.full(3, area),
         hidden=np.array([0.0, 0.7, 0.5]),
@@ -93,7 +91,7 @@ def test_shares_and_errors_are_of_all_victims_and_times_of_pairs():
 @pytest.fixture
 def network(tmp_path) -> tuple[Path, Path]:
     cfg, weights = tmp_path / "a.cfg", tmp_path / "a.weights"
-    text = yolov3_small(64, 64, 1, ANCHORS)
+    text = OWN.replace("width=128", "width=64").replace("height=96", "height=64")
     cfg.write_text(text)
     write_weights(weights, random_network(text))
     assert load_network(cfg, weights)

@@ -15,16 +15,16 @@ from pipeline.ros.bag import LATCHED
 from pipeline.ros.messages import Message, encode, type_of
 
 DISCOVERY = 1.0
-"""s within which nodes of one machine discover one another."""
+"""s within which nodes of one machine discover one another, and acknowledge messages."""
 IDLE = 0.02
 """s, the longest time between two calls of a node's ``idle``."""
 QUEUE = 100
 """Messages of a topic that are queued while a program computes: odometry of some seconds."""
-FAREWELL = 0.5
-"""s that the last messages may take to be acknowledged."""
+DEPTH = 10
+"""Messages of a topic that are queued for a listener, as is ROS's default."""
 
 
-class Node:
+class RosNode:
     """Sends and receives messages until it is closed; it listens in a thread of its own.
 
     Attributes:
@@ -74,8 +74,8 @@ class Node:
             self.idle()
 
     def close(self) -> None:
-        """Leave the network, after waiting up to FAREWELL s until sent messages are acknowledged."""
-        timeout = import_module("rclpy.duration").Duration(seconds=FAREWELL)
+        """Leave the network, after waiting up to DISCOVERY s until sent messages are acknowledged."""
+        timeout = import_module("rclpy.duration").Duration(seconds=DISCOVERY)
         for publisher in self._publishers.values():
             if publisher is not None:
                 publisher.wait_for_all_acked(timeout)
@@ -96,7 +96,7 @@ class Node:
         """
         qos, kind = import_module("rclpy.qos"), message_type(name)
         durability = qos.DurabilityPolicy.TRANSIENT_LOCAL if topic in LATCHED else qos.DurabilityPolicy.VOLATILE
-        profile = qos.QoSProfile(depth=1 if topic in LATCHED else 10, durability=durability)
+        profile = qos.QoSProfile(depth=1 if topic in LATCHED else DEPTH, durability=durability)
         self._publishers[topic] = kind and self._node.create_publisher(kind, topic, profile)
 
     def listen(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:

@@ -8,29 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.frame import Frame
+from pipeline.frame import SAME_TIME, Frame
+from pipeline.navigation.progress import LEAST_JUDGED
 from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.ros import messages
-from pipeline.ros.live.node import DISCOVERY, Node
-from pipeline.ros.live.senses import APART, Senses
+from pipeline.ros.live.node import DISCOVERY, RosNode
+from pipeline.ros.live.senses import Senses
 from pipeline.ros.live.topic_names import TopicNames
 from pipeline.ros.pinhole import Pinhole
 from pipeline.transforms import angle_of, inverse
 
+LEAST_MOTION = 0.02, np.deg2rad(3)
+"""m and rad by which a robot that follows a command moves at least."""
 LEAST_PERIOD = 0.04
 """s, least control period."""
 HOLD = 0.2
-"""s of the robot's time without a new command after which it is stopped: the pipeline is computing."""
-FRESH = 0.1
-"""s that a frame may be older than the newest odometry."""
-CLOCKS = 1.0
-"""s by which stamps of images and odometry may differ."""
-LEAST_MOTION = 0.02, np.deg2rad(3)
-"""m and rad; a robot that moved less has not moved."""
-LEAST_COMMAND = 0.04, 0.15
-"""m/s and rad/s; a robot must move by a command that is greater."""
-UNHEEDED = 10.0
-"""s of commands without motion after which the robot is taken to ignore them."""
+"""s of the robot's time without a new command after which it is stopped: the pipeline is computing. A frame may be
+half as much older than the newest odometry."""
 STAMPED = "geometry_msgs/msg/TwistStamped"
 STARTING = 5
 """Messages of odometry from which its period is estimated."""
@@ -47,7 +41,7 @@ class RosRobot:
 
     def __init__(
         self,
-        node: Node,
+        node: RosNode,
         model: RobotModel,
         topics: TopicNames,
         T_base_camera: NDArray[np.float64] | None = None,
@@ -60,7 +54,7 @@ class RosRobot:
             model: its size and abilities.
             topics: their names.
             T_base_camera: 4×4; by default taken from ``/tf_static`` or ``/camera/transform``.
-            patience: s by the wall clock that a topic may be silent.
+            patience: s by the wall clock that a topic may be silent; in twice as many it must heed commands.
 
         Raises:
             InputError: a necessary topic, listener or transform is missing.
@@ -127,7 +121,7 @@ class RosRobot:
         return T
 
     def sense(self) -> Frame:
-        """The newest frame, at most ``FRESH`` older than the newest odometry.
+        """The newest frame, at most half of HOLD older than the newest odometry.
 
         A robot that drives repeats its last command meanwhile, for HOLD s at most.
 
@@ -135,7 +129,7 @@ class RosRobot:
             InputError: a topic fell silent, or its images cannot be used.
         """
         senses, start = self._senses, self._senses.time
-        after = max(start - FRESH, self._frame_time)
+        after = max(start - HOLD / 2, self._frame_time)
         while self._last != Velocity() and not self._sees(after) and senses.time - start < HOLD:
             self.drive(self._last)
         self._wait(lambda: self._sees(after))
@@ -188,11 +182,12 @@ class RosRobot:
         moved = inverse(self._anchor) @ motion.T_odom_base
         if np.linalg.norm(moved[:3, 3]) > LEAST_MOTION[0] or angle_of(moved) > LEAST_MOTION[1]:
             self._anchor, self._unheeded = motion.T_odom_base, 0.0
-        elif abs(command.v) > LEAST_COMMAND[0] or abs(command.omega) > LEAST_COMMAND[1]:
+        elif (np.abs([command.v, command.omega]) > LEAST_JUDGED).any():
             self._unheeded += elapsed
-        if self._unheeded > UNHEEDED:
+        if self._unheeded > 2 * self._patience:
             self.stop()
-            raise InputError(f"{self.topics.cmd_vel}: the robot ignores it, for it has not moved for {UNHEEDED:g} s")
+            told = f"the robot ignores it, for it has not moved for {2 * self._patience:g} s"
+            raise InputError(f"{self.topics.cmd_vel}: {told}")
 
     def _wait(self, until: Callable[[], bool]) -> None:
         """Wait for messages; if they do not come, stop the robot and raise InputError."""
@@ -207,8 +202,8 @@ class RosRobot:
         once = {"/tf_static", "/camera/transform"} | ({self.topics.camera_info} if senses.info else set())
         if silent := [topic for topic, heard in self._heard.items() if heard < last and topic not in once]:
             return f"{', '.join(silent)}: silent for {self._patience:g} s"
-        if abs(senses.image_time - senses.time) > CLOCKS:
+        if abs(senses.image_time - senses.time) > self._patience / 2:
             times = f"images are of {senses.image_time:.2f} s, the odometry of {senses.time:.2f} s"
             return f"the robot's clocks differ: {times}"
-        told = f"no newer odometry, or no depth image with a colour image {1e3 * APART:g} ms near"
+        told = f"no newer odometry, or no depth image with a colour image {SAME_TIME:g} s near"
         return f"the robot's stamps make no sense: for {self._patience:g} s {told}"

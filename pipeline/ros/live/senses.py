@@ -7,18 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import g
 
-from pipeline.frame import Frame
+from pipeline.frame import SAME_TIME, Frame
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.robot import Motion
 from pipeline.ros.images import colour_of, depth_of
-from pipeline.ros.links import Links
+from pipeline.ros.links import FrameTree
+from pipeline.ros.live.node import DEPTH, QUEUE
 from pipeline.ros.messages import Message, decode, pose_matrix, seconds, time_of, vector_of
 from pipeline.ros.pinhole import Pinhole
-
-APART = 0.02
-"""s, greatest difference between the times of a depth image and its colour image."""
-IMAGES, POSES = 10, 100
-"""Numbers of the newest images of a kind, and of the newest poses, that are kept."""
 
 
 class Senses:
@@ -32,13 +28,13 @@ class Senses:
 
     def __init__(self, half_width: float):
         """``half_width``: m from the robot's middle to its wheels."""
-        self.links = Links()
+        self.links = FrameTree()
         self.info: Message | None = None
         self.imu_frame = ""
         self._half_width = half_width
-        self._depth: deque[tuple[float, str, bytes]] = deque(maxlen=IMAGES)
-        self._colour: deque[tuple[float, str, bytes]] = deque(maxlen=IMAGES)
-        self._poses: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=POSES)
+        self._depth: deque[tuple[float, str, bytes]] = deque(maxlen=DEPTH)
+        self._colour: deque[tuple[float, str, bytes]] = deque(maxlen=DEPTH)
+        self._poses: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=QUEUE)
         self._twist = np.zeros(2)
         self._felt: list[NDArray[np.float64]] = []
         self._inertial: NDArray[np.float64] | None = None
@@ -115,7 +111,7 @@ class Senses:
         for time, *_ in reversed(self._depth):
             if time <= after or not len(colours):
                 return None
-            if np.abs(colours - time).min() <= APART and self._pose(time) is not None:
+            if np.abs(colours - time).min() <= SAME_TIME and self._pose(time) is not None:
                 return time
         return None
 

@@ -93,4 +93,5 @@ def channels(
 
 def coloured(cloud: VoxelCloud, colours: NDArray[np.uint8]) -> NDArray[np.float32]:
     """(M, 6) float32 points of a cloud and their mean colours from 0 to 1, given (N, 3) RGB of all returns."""
-    return np.concatenate([cloud.points, cloud.means(colours.astype(np.float32)) / 255], axis=1)
+    whole = np.iinfo(colours.dtype).max
+    return np.concatenate([cloud.points, cloud.means(colours.astype(np.float32)) / whole], axis=1)

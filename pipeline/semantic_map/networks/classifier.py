@@ -21,10 +21,9 @@ from pipeline.semantic_map.voxels import VoxelCloud
 
 GRIDS = 3
 """Number of grids of columns, each shifted against the others, over which class probabilities are averaged."""
-SEED = 0
-"""Of sampling and of the grids' positions, which differ by frame, so that seams do too."""
-LIMITS = {"voxel_size": (0.005, 1), "size": (0.1, 100), "points": (64, 2**16), "reach": (0.1, 1000)}
-"""Least and greatest values of a file's :class:`BlockConfig`; with others a frame could take hours or all memory."""
+MOST_FACTOR = 16
+"""Greatest factor between the settings of a file's :class:`BlockConfig` and the default ones; with others a frame
+could take hours or all memory."""
 _CLASS_NAMES = ",".join(label.name.lower() for label in CLASSES)
 
 
@@ -54,7 +53,8 @@ class NetworkClassifier:
     ) -> NDArray[np.float32]:
         """(N, 8) float32 class probabilities; points that are not finite are unlabelled."""
         cloud = VoxelCloud.of(points, self._blocks.voxel_size)
-        rng = np.random.default_rng([SEED, int(np.float64(frame.time).view(np.uint64))])
+        # Sampling and the grids' positions differ by frame, so that seams do too.
+        rng = np.random.default_rng([0, int(np.float64(frame.time).view(np.uint64))])
         seen = coloured(cloud, frame.rgb[frame.returns]) if self._has_colours else cloud.points
         of_voxels = segment(self._network, seen, T_map_camera[:3, 3], self._blocks, GRIDS, rng)
         unknown = np.full((1, len(CLASSES)), 1 / len(CLASSES), np.float32)
@@ -96,7 +96,7 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
 
     Raises:
         InputError: as :func:`load_weights`, or the network has other classes or other channels, or its block settings
-            are missing or out of ``LIMITS``.
+            are missing or far from the default ones.
     """
     network, metadata = load_weights(path, only)
     if metadata.get("labels") != _CLASS_NAMES or network.classes != len(CLASSES):
@@ -106,7 +106,8 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
         raise InputError(f"{path}: a network for {network.channels} channels a point, not {CHANNELS} or {COLOURED}")
     try:
         blocks = BlockConfig(**json.loads(metadata["blocks"]))
-        for name, (least, most) in LIMITS.items():
+        for name, usual in asdict(BlockConfig()).items():
+            least, most = usual / MOST_FACTOR, usual * MOST_FACTOR
             if not least <= getattr(blocks, name) <= most:
                 raise InputError(f"{path}: {name} = {getattr(blocks, name)}: from {least:g} to {most:g}")
         return network, replace(blocks, points=int(blocks.points))

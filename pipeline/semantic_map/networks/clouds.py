@@ -44,7 +44,7 @@ class LabelledCloud:
         size = (len(cloud.points) + 1) * len(CLASSES)  # the last row has the returns without a voxel
         counts = np.bincount(cells, minlength=size).reshape(-1, len(CLASSES))[:-1]
         points = coloured(cloud, frame.rgb[frame.returns][known]) if colours else cloud.points
-        return cls(points, counts.clip(max=65535).astype(np.uint16), T_map_camera[:3, 3])
+        return cls(points, counts.clip(max=np.iinfo(np.uint16).max).astype(np.uint16), T_map_camera[:3, 3])
 
     @property
     def classes(self) -> NDArray[np.int64]:

@@ -1,19 +1,24 @@
 """DGCNN for semantic segmentation, as published: one column of points in, the logits of every point out."""
 
+import re
 from collections.abc import Mapping
 from typing import Self, cast
 
 import torch
 from torch import Tensor, nn
 
-from pipeline.semantic_map.networks.network import MOST_CHANNELS, MOST_CLASSES, PointNetwork
+from pipeline.semantic_map.networks.network import MOST_CHANNELS, PointNetwork, whole
 
 SLOPE = 0.2
 """Of LeakyReLU below 0."""
-GRAPH_CHANNELS = 3
-"""Number of channels, the last ones (normalized x, y, z), on which the first neighbour graph is built."""
 MOST_NEIGHBOURS = 64
 """Greatest k that ``dgcnn_cpu`` supports."""
+EDGE_FEATURES, GLOBAL = 64, 1024
+"""Features of a point after each EdgeConv, and of a block."""
+NEAREST_POINTS = 20
+"""Of a point, itself included, unless a file has another k."""
+GRAPH_CHANNELS = 3
+"""Number of channels, the last ones (normalized x, y, z), on which the first neighbour graph is built."""
 
 
 class EdgeConv(nn.Module):
@@ -42,18 +47,19 @@ class Dgcnn(PointNetwork):
 
     NAME = "dgcnn"
 
-    def __init__(self, channels: int = 6, classes: int = 6, k: int = 20) -> None:
+    def __init__(self, channels: int, classes: int, k: int = NEAREST_POINTS) -> None:
         """Random weights; ``channels`` of a point are x, y, z and more, the last three normalized x, y, z."""
         super().__init__(channels, classes)
         self.k = k
-        self.edge_conv1 = EdgeConv(channels, 64, 64)
-        self.edge_conv2 = EdgeConv(64, 64, 64)
-        self.edge_conv3 = EdgeConv(64, 64)
-        self.embedding = _layer(nn.Conv1d, 192, 1024)
-        self.head1 = _layer(nn.Conv1d, 1024 + 192, 512)
-        self.head2 = _layer(nn.Conv1d, 512, 256)
-        self.dropout = nn.Dropout(0.5)
-        self.classifier = nn.Conv1d(256, classes, kernel_size=1, bias=False)
+        self.edge_conv1 = EdgeConv(channels, EDGE_FEATURES, EDGE_FEATURES)
+        self.edge_conv2 = EdgeConv(EDGE_FEATURES, EDGE_FEATURES, EDGE_FEATURES)
+        self.edge_conv3 = EdgeConv(EDGE_FEATURES, EDGE_FEATURES)
+        local, half, last = 3 * EDGE_FEATURES, GLOBAL // 2, GLOBAL // 4
+        self.embedding = _layer(nn.Conv1d, local, GLOBAL)
+        self.head1 = _layer(nn.Conv1d, GLOBAL + local, half)
+        self.head2 = _layer(nn.Conv1d, half, last)
+        self.dropout = nn.Dropout()
+        self.classifier = nn.Conv1d(last, classes, kernel_size=1, bias=False)
 
     @property
     def fewest(self) -> int:
@@ -63,16 +69,16 @@ class Dgcnn(PointNetwork):
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
         """A network of the size of published weights, with the metadata's k; ValueError if they are of no DGCNN."""
-        k = metadata.get("k", "20")
-        if not (k.isdecimal() and len(k) < 5 and 1 <= int(k) <= MOST_NEIGHBOURS):
-            raise ValueError(f"k = {k:.20}: a point has 1 to {MOST_NEIGHBOURS} neighbours")
+        k = whole(metadata.get("k", str(NEAREST_POINTS)))
+        if not 1 <= k <= MOST_NEIGHBOURS:
+            raise ValueError(f"k = {metadata['k']:.20}: a point has 1 to {MOST_NEIGHBOURS} neighbours")
         first, last = (tuple(tensors[n].shape) if n in tensors else () for n in ("conv1.0.weight", "conv9.weight"))
         # Shapes need bounds: a tensor with a 0 in its shape takes no bytes of a file, whatever its other sizes.
-        if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != 64:
+        if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != EDGE_FEATURES:
             raise ValueError(f"not a DGCNN for segmentation: conv1.0.weight is {first}")
-        if len(last) != 3 or not 1 <= last[0] <= MOST_CLASSES:
+        if len(last) != 3 or not 1 <= last[0] <= MOST_CHANNELS:
             raise ValueError(f"not a DGCNN for segmentation: conv9.weight is {last}")
-        return cls(first[1] // 2, last[0], int(k))
+        return cls(first[1] // 2, last[0], k)
 
     def about(self) -> dict[str, str]:
         """The number of neighbours, which no tensor's shape gives."""
@@ -80,7 +86,7 @@ class Dgcnn(PointNetwork):
 
     def file_names(self, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
         """The tensors without the batch norms that the published code registers twice, as bn1 and as conv1.1."""
-        return {name: t for name, t in tensors.items() if not (name[:4] == "conv" and name[5:8] == ".1.")}
+        return {name: t for name, t in tensors.items() if not re.match(r"conv\d\.1\.", name)}
 
     def published(self) -> dict[str, Tensor]:
         """All parameters and running statistics by their names in published files (antao97/dgcnn.pytorch)."""

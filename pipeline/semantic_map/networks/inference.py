@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 from torch import nn
 from torch.nn.utils.fusion import fuse_linear_bn_eval
 
+from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
 from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork, RowNetwork, check_block
 from pipeline.semantic_map.networks.threads import Threads
-
-TOGETHER = 4000
-"""Points that a thread computes at once: fewer let threads wait for Python's lock, more do not fit into the cache."""
 
 
 def for_inference(network: PointNetwork, threads: int | None = None) -> BlockClassifier:
@@ -67,11 +65,14 @@ class AsWritten:
 
 
 def _together(blocks: Iterable[NDArray[np.float32]]) -> Iterator[list[NDArray[np.float32]]]:
-    """Successive blocks that have ``TOGETHER`` points or more in sum."""
+    """Successive blocks that have as many points in sum as a block may have, or more.
+
+    Fewer points at once let threads wait for Python's lock, more do not fit into the cache.
+    """
     some: list[NDArray[np.float32]] = []
     for block in blocks:
         some.append(block)
-        if sum(map(len, some)) >= TOGETHER:
+        if sum(map(len, some)) >= BlockConfig.points:
             yield some
             some = []
     if some:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 import torch
@@ -13,7 +14,7 @@ from pipeline.semantic_map.networks.neighbourhood_kernels import farthest_points
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class PointFeatures:
     """Points of blocks, concatenated, with their features.
 
     Attributes:
@@ -27,9 +28,9 @@ class Cloud:
     sizes: Sequence[int]
 
 
-def farthest(cloud: Cloud, share: float) -> tuple[Tensor, list[int]]:
+def farthest(cloud: PointFeatures, share: float) -> tuple[Tensor, list[int]]:
     """(Q,) int64 indices of a ``share`` of each block's points by farthest point sampling; their number per block."""
-    counts = [max(1, int(np.ceil(size * share - 1e-9))) for size in cloud.sizes]
+    counts = [max(1, ceil(size * share)) for size in cloud.sizes]
 
     def choose(points: NDArray[np.float32], block: int) -> NDArray[np.int64]:
         chosen = np.empty(counts[block], np.int64)
@@ -39,7 +40,7 @@ def farthest(cloud: Cloud, share: float) -> tuple[Tensor, list[int]]:
     return _by_block(cloud, choose), counts
 
 
-def in_ball(cloud: Cloud, centres: Cloud, radius: float, k: int) -> Tensor:
+def in_ball(cloud: PointFeatures, centres: PointFeatures, radius: float, k: int) -> Tensor:
     """Ball query: (Q, k) int64 indices of the block's points within ``radius``, m, of every centre, at most k.
 
     If there are more, the k nearest are taken; if fewer, the nearest is repeated, as in the code of PointNet++'s
@@ -48,7 +49,7 @@ def in_ball(cloud: Cloud, centres: Cloud, radius: float, k: int) -> Tensor:
     return _query(cloud, centres, lambda tree, points: _nearest(tree, points, k, radius))
 
 
-def nearest(cloud: Cloud, centres: Cloud, k: int) -> Tensor:
+def nearest(cloud: PointFeatures, centres: PointFeatures, k: int) -> Tensor:
     """(Q, k) int64 indices of the k points of the same block that are nearest to every centre, the nearest first.
 
     If a block has fewer than k points, they are repeated in the same order.
@@ -56,7 +57,7 @@ def nearest(cloud: Cloud, centres: Cloud, k: int) -> Tensor:
     return _query(cloud, centres, lambda tree, points: _nearest(tree, points, k))
 
 
-def interpolated(cloud: Cloud, places: Cloud) -> Tensor:
+def interpolated(cloud: PointFeatures, places: PointFeatures) -> Tensor:
     """(Q, C) features at other places: the mean of the three nearest points', weighted by inverse square distance.
 
     PointNet++, equation 2, with p = 2 and k = 3.
@@ -75,12 +76,14 @@ def _nearest(tree: cKDTree, points: NDArray[np.float32], k: int, radius: float =
     return index[:, np.arange(k) % found]
 
 
-def _query(cloud: Cloud, centres: Cloud, find: Callable[[cKDTree, NDArray[np.float32]], NDArray[np.int64]]) -> Tensor:
+def _query(
+    cloud: PointFeatures, centres: PointFeatures, find: Callable[[cKDTree, NDArray[np.float32]], NDArray[np.int64]]
+) -> Tensor:
     of_block = [points.cpu().numpy() for points in centres.positions.detach().split(list(centres.sizes))]
     return _by_block(cloud, lambda points, block: find(cKDTree(points), of_block[block]))
 
 
-def _by_block(cloud: Cloud, choose: Callable[[NDArray[np.float32], int], NDArray[np.int64]]) -> Tensor:
+def _by_block(cloud: PointFeatures, choose: Callable[[NDArray[np.float32], int], NDArray[np.int64]]) -> Tensor:
     """Indices of rows of the cloud, chosen block by block."""
     rows, start = [], 0
     for block, size in enumerate(cloud.sizes):

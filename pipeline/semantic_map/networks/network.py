@@ -10,8 +10,8 @@ from torch import Tensor, nn
 
 from pipeline.errors import InputError
 
-MOST_CHANNELS, MOST_CLASSES = 64, 1000
-"""Greatest sizes of weights from files; published weights have 9 channels and 13 classes."""
+MOST_CHANNELS = 64
+"""Greatest number of channels, and of classes, of weights from files; published ones have 9 and 13."""
 
 
 class PointNetwork(nn.Module, ABC):
@@ -41,8 +41,8 @@ class PointNetwork(nn.Module, ABC):
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
         """A network of the size in a file's ``tensors`` or ``metadata``; ValueError if it is missing or too large."""
         sizes = [metadata.get(name, "") for name in ("channels", "classes")]
-        channels, classes = (int(size) if size.isdecimal() and len(size) < 5 else 0 for size in sizes)
-        if not (3 < channels <= MOST_CHANNELS and 1 <= classes <= MOST_CLASSES):
+        channels, classes = map(whole, sizes)
+        if not (3 < channels <= MOST_CHANNELS and 1 <= classes <= MOST_CHANNELS):
             raise ValueError(f"{sizes[0]!r:.20} channels and {sizes[1]!r:.20} classes are none of a {cls.NAME}")
         return cls(channels, classes)
 
@@ -58,6 +58,14 @@ class PointNetwork(nn.Module, ABC):
     def file_names(self, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
         """A file's ``tensors`` without duplicates."""
         return tensors
+
+
+def whole(text: str) -> int:
+    """A whole number of a file's metadata; 0 if it is none, or has so many digits that it takes long to read."""
+    try:
+        return int(text) if text.isdecimal() else 0
+    except ValueError:
+        return 0
 
 
 class RowNetwork(PointNetwork):

@@ -9,7 +9,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 
 @dataclass(frozen=True)
-class Worker:
+class TrainingWorker:
     """This process among those that train together.
 
     Attributes:
@@ -23,7 +23,7 @@ class Worker:
     device: torch.device
 
     @classmethod
-    def join(cls) -> "Worker":
+    def join(cls) -> "TrainingWorker":
         """This process with the rank that torchrun gave it, else the only one; on its own GPU if there are GPUs."""
         rank, count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
         device = torch.device("cpu")

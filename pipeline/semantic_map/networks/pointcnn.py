@@ -11,15 +11,19 @@ from math import ceil
 import torch
 from torch import Tensor, nn
 
-from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, nearest
+from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, farthest, nearest
 from pipeline.semantic_map.networks.network import RowNetwork
 
-WIDTH = 4
-"""The "x" of the authors' settings: levels have 32, 32, 64 and 128 times as many features."""
-LEVELS = ((8, 1, 1.0, 32), (12, 2, 768 / 2048, 32), (16, 2, 384 / 768, 64), (16, 6, 128 / 384, 128))
-"""K neighbours, dilation D (every D-th of the nearest), share of the previous level's points, features / WIDTH."""
-BACK = ((16, 6, 3, 2), (12, 6, 2, 1), (8, 6, 1, 0), (8, 4, 0, 0))
+LEVEL_FEATURES = 128
+"""Features of a point of the first two levels: 32 times the "x" of the authors' settings; each further level doubles
+them."""
+ENCODER = ((8, 1, 1, 1), (12, 2, 3 / 8, 1), (16, 2, 1 / 2, 2), (16, 6, 1 / 3, 4))
+"""K neighbours, dilation D (every D-th of the nearest), share of the previous level's points, features over
+LEVEL_FEATURES."""
+DECODER = ((16, 6, 3, 2), (12, 6, 2, 1), (8, 6, 1, 0), (8, 4, 0, 0))
 """K, D, level from which, level to which features go."""
+LIFTED = 4
+"""One in so many features is computed from coordinates; the first level has so many of each channel."""
 
 
 def dense(inputs: int, outputs: int) -> nn.Sequential:
@@ -34,7 +38,7 @@ class Depthwise(nn.Module):
         """Each channel gives ``depth`` features."""
         super().__init__()
         self.weight = nn.Parameter(torch.empty(channels, k, depth))
-        nn.init.normal_(self.weight, std=(k * 1.0) ** -0.5)
+        nn.init.normal_(self.weight, std=(1 / k) ** 0.5)
 
     def forward(self, x: Tensor) -> Tensor:
         """(P, K, C) to (P, C · depth)."""
@@ -77,7 +81,7 @@ class XConv(nn.Module):
             dense((lifted + channels) * depth, outputs),
         )
 
-    def forward(self, cloud: Cloud, centres: Cloud) -> Tensor:
+    def forward(self, cloud: PointFeatures, centres: PointFeatures) -> Tensor:
         """(Q, outputs) features of the centres."""
         near = nearest(cloud, centres, self.k * self.dilation)[:, :: self.dilation]
         offsets = cloud.positions[near] - centres.positions[:, None]
@@ -96,48 +100,48 @@ class PointCnn(RowNetwork):
 
     NAME = "pointcnn"
 
-    def __init__(self, channels: int = 6, classes: int = 6, width: int = WIDTH) -> None:
+    def __init__(self, channels: int, classes: int) -> None:
         """Random weights; the first three channels are x, y, z in m, the others features."""
         super().__init__(channels, classes)
-        widths = [width * level[3] for level in LEVELS]
-        inputs = [widths[0] // 2, *widths]
+        widths = [LEVEL_FEATURES * level[-1] for level in ENCODER]
+        lifted = [width // LIFTED for width in widths]
+        inputs = [LEVEL_FEATURES // 2, *widths]
         self.features = dense(channels - 3, inputs[0])
         self.down = nn.ModuleList(
-            XConv(k, d, c, (widths[0] if level == 0 else c) // 4, out, 4 if level == 0 else ceil(out / c))
-            for level, ((k, d, _, _), c, out) in enumerate(zip(LEVELS, inputs, widths, strict=False))
+            XConv(k, d, c, few, out, LIFTED if c < LEVEL_FEATURES else ceil(out / c))
+            for (k, d, _, _), c, few, out in zip(ENCODER, inputs, [lifted[0], *lifted], widths, strict=False)
         )
-        self.where = nn.Sequential(dense(3, widths[-1] // 4), dense(widths[-1] // 4, widths[-1] // 4))
-        own = [*widths[:-1], widths[-1] + widths[-1] // 4]
-        known = [own[-1], *(widths[to] for _, _, _, to in BACK)]
+        self.where = nn.Sequential(dense(3, lifted[-1]), dense(lifted[-1], lifted[-1]))
+        own = [*widths[:-1], widths[-1] + lifted[-1]]
+        known = [own[-1], *(widths[to] for _, _, _, to in DECODER)]
         self.up = nn.ModuleList(
-            XConv(k, d, c, widths[level] // 4, widths[to], 1)
-            for (k, d, level, to), c in zip(BACK, known, strict=False)
+            XConv(k, d, c, lifted[level], widths[to], 1) for (k, d, level, to), c in zip(DECODER, known, strict=False)
         )
-        self.fuse = nn.ModuleList(dense(widths[to] + own[to], widths[to]) for _, _, _, to in BACK)
-        self.head = nn.Sequential(dense(widths[0], 32 * width), dense(32 * width, 32 * width))
-        self.dropout = nn.Dropout(0.5)
-        self.classifier = nn.Linear(32 * width, classes)
+        self.fuse = nn.ModuleList(dense(widths[to] + own[to], widths[to]) for _, _, _, to in DECODER)
+        self.head = nn.Sequential(dense(LEVEL_FEATURES, LEVEL_FEATURES), dense(LEVEL_FEATURES, LEVEL_FEATURES))
+        self.dropout = nn.Dropout()
+        self.classifier = nn.Linear(LEVEL_FEATURES, classes)
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
         """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
-        levels = self._levels(Cloud(points[:, :3], self.features(points[:, 3:]), sizes))
+        levels = self._levels(PointFeatures(points[:, :3], self.features(points[:, 3:]), sizes))
         x = levels[-1]
-        for (_, _, _, to), convolution, fuse in zip(BACK, self.up, self.fuse, strict=True):
+        for (_, _, _, to), convolution, fuse in zip(DECODER, self.up, self.fuse, strict=True):
             fine = levels[to]
             features = fuse(torch.cat((convolution(x, fine), fine.features), dim=1))
-            x = Cloud(fine.positions, features, fine.sizes)
+            x = PointFeatures(fine.positions, features, fine.sizes)
         return self.classifier(self.dropout(self.head(x.features)))
 
-    def _levels(self, cloud: Cloud) -> list[Cloud]:
-        levels: list[Cloud] = []
-        for (_, _, share, _), convolution in zip(LEVELS, self.down, strict=True):
+    def _levels(self, cloud: PointFeatures) -> list[PointFeatures]:
+        levels: list[PointFeatures] = []
+        for (_, _, share, _), convolution in zip(ENCODER, self.down, strict=True):
             positions, sizes = cloud.positions, cloud.sizes
             if share < 1:
                 index, sizes = farthest(cloud, share)
                 positions = positions[index]
-            features = convolution(cloud, Cloud(positions, positions[:, :0], sizes))
-            if len(levels) == len(LEVELS) - 1:
+            features = convolution(cloud, PointFeatures(positions, positions[:, :0], sizes))
+            if len(levels) == len(ENCODER) - 1:
                 features = torch.cat((self.where(positions), features), dim=1)
-            cloud = Cloud(positions, features, sizes)
+            cloud = PointFeatures(positions, features, sizes)
             levels.append(cloud)
         return levels

@@ -11,6 +11,8 @@ from pipeline.semantic_map.networks.network import RowNetwork
 
 PENALTY = 1e-3
 """Weight of the regularization that keeps the feature transform near orthogonal (the paper's section 3.3)."""
+LOCAL, GLOBAL = 64, 1024
+"""Features of a point by itself, and of a block."""
 
 
 class TransformNet(nn.Module):
@@ -20,9 +22,10 @@ class TransformNet(nn.Module):
         """From ``channels`` features of a point to a ``size`` × ``size`` matrix."""
         super().__init__()
         self.size = size
-        self.points = mlp(channels, 64, 128, 1024)
-        self.block = mlp(1024, 512, 256)
-        self.matrix = nn.Linear(256, size * size)
+        last = GLOBAL // 4
+        self.points = mlp(channels, LOCAL, 2 * LOCAL, GLOBAL)
+        self.block = mlp(GLOBAL, 2 * last, last)
+        self.matrix = nn.Linear(last, size * size)
         nn.init.zeros_(self.matrix.weight)
         nn.init.eye_(self.matrix.bias.data.view(size, size))
 
@@ -37,16 +40,17 @@ class PointNet(RowNetwork):
 
     NAME = "pointnet"
 
-    def __init__(self, channels: int = 6, classes: int = 6) -> None:
+    def __init__(self, channels: int, classes: int) -> None:
         """Random weights; the first three channels are x, y, z, to which the first transform is applied."""
         super().__init__(channels, classes)
         self.turn = TransformNet(channels, 3)
-        self.points1 = mlp(channels, 64, 64)
-        self.transform = TransformNet(64, 64)
-        self.points2 = mlp(64, 64, 128, 1024)
-        self.head = mlp(1024 + 64, 512, 256, 128, 128)
-        self.dropout = nn.Dropout(0.5)
-        self.classifier = nn.Linear(128, classes)
+        self.points1 = mlp(channels, LOCAL, LOCAL)
+        self.transform = TransformNet(LOCAL, LOCAL)
+        last = 2 * LOCAL
+        self.points2 = mlp(LOCAL, LOCAL, last, GLOBAL)
+        self.head = mlp(GLOBAL + LOCAL, GLOBAL // 2, GLOBAL // 4, last, last)
+        self.dropout = nn.Dropout()
+        self.classifier = nn.Linear(last, classes)
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
         """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""

@@ -1,22 +1,31 @@
 """PointNet++ for semantic segmentation, single scale (Qi et al., NeurIPS 2017): PointNets on ever larger balls."""
 
 from collections.abc import Sequence
-from typing import cast
+from typing import TypeVar, cast
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear
 
 from pipeline.semantic_map.networks.layers import largest, mlp
-from pipeline.semantic_map.networks.neighbourhoods import Cloud, farthest, in_ball, interpolated
+from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, farthest, in_ball, interpolated
 from pipeline.semantic_map.networks.network import RowNetwork
 
+T = TypeVar("T", int, float)
+ABSTRACTIONS = 4
 SHARE = 0.25
 """Share of a cloud's points that become centres of balls, the points of the next level: 4,096, 1,024, 256, 64, 16."""
-RADII = (0.1, 0.2, 0.4, 0.8)
-"""m, of the balls of each level."""
-NEIGHBOURS = 32
+RADIUS = 0.1
+"""m, of the balls of the first level; they double from level to level, and so do the features."""
+BALL_FEATURES = 32
+"""Features within a ball of the first level."""
+BALL_POINTS = 32
 """Most points of a ball."""
+
+
+def doubled(first: T) -> list[T]:
+    """The values of the levels, and of one more: twice as much at each."""
+    return [first * 2**level for level in range(ABSTRACTIONS + 1)]
 
 
 class SetAbstraction(nn.Module):
@@ -28,20 +37,20 @@ class SetAbstraction(nn.Module):
         self.radius = radius
         self.layers = mlp(3 + channels, *widths)
 
-    def forward(self, cloud: Cloud) -> Cloud:
+    def forward(self, cloud: PointFeatures) -> PointFeatures:
         """The centres, with the features of their balls."""
         centres, edges = balls(cloud, self.radius, cast(nn.Linear, self.layers[0]))
-        return Cloud(centres.positions, largest(edges, self.layers[1:]), centres.sizes)
+        return PointFeatures(centres.positions, largest(edges, self.layers[1:]), centres.sizes)
 
 
-def balls(cloud: Cloud, radius: float, layer: nn.Linear, unit: float = 1.0) -> tuple[Cloud, Tensor]:
+def balls(cloud: PointFeatures, radius: float, layer: nn.Linear, unit: float = 1.0) -> tuple[PointFeatures, Tensor]:
     """Centres of balls of ``radius``, m, and (Q, K, C) ``layer`` of the edges [(x_j − x_i) / ``unit``, features_j].
 
     The layer is linear, so it is applied to points and centres, which are fewer than the edges.
     """
     index, sizes = farthest(cloud, SHARE)
-    centres = Cloud(cloud.positions[index], cloud.features[index], sizes)
-    near = in_ball(cloud, centres, radius, NEIGHBOURS)
+    centres = PointFeatures(cloud.positions[index], cloud.features[index], sizes)
+    near = in_ball(cloud, centres, radius, BALL_POINTS)
     of_points = layer(torch.cat((cloud.positions / unit, cloud.features), dim=1))
     of_centres = linear(centres.positions / unit, layer.weight[:, :3])
     return centres, of_points[near] - of_centres[:, None]
@@ -55,10 +64,10 @@ class FeaturePropagation(nn.Module):
         super().__init__()
         self.layers = mlp(channels, *widths)
 
-    def forward(self, coarse: Cloud, fine: Cloud) -> Cloud:
+    def forward(self, coarse: PointFeatures, fine: PointFeatures) -> PointFeatures:
         """The fine cloud with new features."""
         features = torch.cat((interpolated(coarse, fine), fine.features), dim=1)
-        return Cloud(fine.positions, self.layers(features), fine.sizes)
+        return PointFeatures(fine.positions, self.layers(features), fine.sizes)
 
 
 class PointNet2(RowNetwork):
@@ -66,30 +75,28 @@ class PointNet2(RowNetwork):
 
     NAME = "pointnet2"
 
-    def __init__(self, channels: int = 6, classes: int = 6) -> None:
+    def __init__(self, channels: int, classes: int) -> None:
         """Random weights; the first three channels are x, y, z in m."""
         super().__init__(channels, classes)
-        widths = ((32, 32, 64), (64, 64, 128), (128, 128, 256), (256, 256, 512))
-        inputs = (channels, *(w[-1] for w in widths))
-        self.down = nn.ModuleList(map(SetAbstraction, inputs, widths, RADII))
-        # As in the published code, the last one uses no features of the points themselves.
-        self.up = nn.ModuleList(
-            map(
-                FeaturePropagation,
-                (512 + 256, 256 + 128, 256 + 64, 128),
-                ((256,) * 2, (256,) * 2, (256, 128), (128,) * 3),
-            )
-        )
-        self.head = mlp(128, 128)
-        self.dropout = nn.Dropout(0.5)
-        self.classifier = nn.Linear(128, classes)
+        inner = doubled(BALL_FEATURES)[:-1]
+        outputs = [2 * width for width in inner]
+        widths = [(width, width, 2 * width) for width in inner]
+        self.down = nn.ModuleList(map(SetAbstraction, (channels, *outputs), widths, doubled(RADIUS)))
+        wide, narrow = outputs[2], outputs[1]
+        coarse = outputs[-1], wide, wide, narrow
+        fine = *reversed(outputs[:-1]), 0  # as in the published code, the last one uses no features of the points
+        back = (wide, wide), (wide, wide), (wide, narrow), (narrow, narrow, narrow)
+        self.up = nn.ModuleList(FeaturePropagation(a + b, w) for a, b, w in zip(coarse, fine, back, strict=True))
+        self.head = mlp(narrow, narrow)
+        self.dropout = nn.Dropout()
+        self.classifier = nn.Linear(narrow, classes)
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
         """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
-        clouds = [Cloud(points[:, :3], points, sizes)]
+        clouds = [PointFeatures(points[:, :3], points, sizes)]
         for down in self.down:
             clouds.append(down(clouds[-1]))
-        clouds[0] = Cloud(points[:, :3], points[:, :0], sizes)
+        clouds[0] = PointFeatures(points[:, :3], points[:, :0], sizes)
         x = clouds.pop()
         for up in self.up:
             x = up(x, clouds.pop())

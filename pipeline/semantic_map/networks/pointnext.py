@@ -13,15 +13,15 @@ from torch import Tensor, nn
 from torch.nn.functional import relu
 
 from pipeline.semantic_map.networks.layers import largest, mlp
-from pipeline.semantic_map.networks.neighbourhoods import Cloud
+from pipeline.semantic_map.networks.neighbourhoods import PointFeatures
 from pipeline.semantic_map.networks.network import RowNetwork
-from pipeline.semantic_map.networks.pointnet2 import RADII, FeaturePropagation, balls
+from pipeline.semantic_map.networks.pointnet2 import BALL_FEATURES, RADIUS, FeaturePropagation, balls, doubled
 
-WIDTHS = (32, 64, 128, 256, 512)
+WIDTHS = doubled(BALL_FEATURES)
 """Features of a point at each level."""
 
 
-class SetAbstraction(nn.Module):
+class ResidualSetAbstraction(nn.Module):
     """Two layers on the balls around a few centres, added to the centres' own features."""
 
     def __init__(self, channels: int, outputs: int, radius: float) -> None:
@@ -32,11 +32,11 @@ class SetAbstraction(nn.Module):
         self.layers = nn.Sequential(*mlp(3 + channels, outputs // 2), *last)
         self.own = nn.Linear(channels, outputs)
 
-    def forward(self, cloud: Cloud) -> Cloud:
+    def forward(self, cloud: PointFeatures) -> PointFeatures:
         """The centres, with the features of their balls."""
         centres, edges = balls(cloud, self.radius, cast(nn.Linear, self.layers[0]), self.radius)
         features = relu(largest(edges, self.layers[1:]) + self.own(centres.features))
-        return Cloud(centres.positions, features, centres.sizes)
+        return PointFeatures(centres.positions, features, centres.sizes)
 
 
 class PointNeXt(RowNetwork):
@@ -44,24 +44,24 @@ class PointNeXt(RowNetwork):
 
     NAME = "pointnext"
 
-    def __init__(self, channels: int = 6, classes: int = 6) -> None:
+    def __init__(self, channels: int, classes: int) -> None:
         """Random weights; the first three channels are x, y, z in m."""
         super().__init__(channels, classes)
         self.stem = nn.Linear(channels, WIDTHS[0])
         self.down = nn.ModuleList(
-            SetAbstraction(fine, coarse, radius)
-            for (fine, coarse), radius in zip(pairwise(WIDTHS), RADII, strict=True)
+            ResidualSetAbstraction(fine, coarse, radius)
+            for (fine, coarse), radius in zip(pairwise(WIDTHS), doubled(RADIUS), strict=False)
         )
         self.up = nn.ModuleList(
             FeaturePropagation(fine + coarse, (fine, fine)) for coarse, fine in pairwise(reversed(WIDTHS))
         )
         self.head = mlp(WIDTHS[0], WIDTHS[0])
-        self.dropout = nn.Dropout(0.5)
+        self.dropout = nn.Dropout()
         self.classifier = nn.Linear(WIDTHS[0], classes)
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
         """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
-        clouds = [Cloud(points[:, :3], self.stem(points), sizes)]
+        clouds = [PointFeatures(points[:, :3], self.stem(points), sizes)]
         for down in self.down:
             clouds.append(down(clouds[-1]))
         x = clouds.pop()

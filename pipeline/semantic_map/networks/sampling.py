@@ -15,15 +15,12 @@ from pipeline.semantic_map.networks.clouds import LabelledCloud
 RARE = 0.5
 """Share of the blocks that are cut around a point of a class drawn evenly from the frame's classes; the others are
 cut around any point."""
-JITTER = 0.002
-"""m, standard deviation of the noise added to every coordinate."""
-HEIGHT = 0.005
-"""m, standard deviation of the vertical shift of the whole cloud."""
-TILT = 0.003
-"""rad, standard deviation of the cloud's roll and pitch about the camera."""
-BRIGHTNESS, DARK = (0.3, 1.3), 0.2
-"""Limits of the factor of a cloud's colours, which is drawn uniformly, and the share of clouds that are black."""
-FEWEST_KEPT = 0.6
+JITTER = 0.003
+"""m, standard deviation of the noise of every coordinate and of the height of the whole cloud; rad, that of its roll
+and pitch about the camera."""
+DARK = 0.2
+"""Share of the clouds that are black; the colours of the others are multiplied by a random factor of at most 1."""
+THINNEST = 0.5
 """Density: the share of a block's points that is kept is drawn uniformly between this and 1."""
 
 
@@ -81,21 +78,20 @@ class BlockSampler:
             candidates = np.flatnonzero(classes == rng.choice(np.unique(classes)))
         centre = points[rng.choice(candidates), :2] + rng.uniform(-0.5, 0.5, 2) * self._blocks.size
         index = np.flatnonzero((np.abs(points[:, :2] - centre) <= self._blocks.size / 2).all(axis=1))
-        share = rng.uniform(FEWEST_KEPT, 1)
+        share = rng.uniform(THINNEST, 1)
         most = min(max(round(share * len(index)), 1), self._blocks.points)
         index = rng.permutation(index)[:most]
         return np.append(index, rng.choice(index, max(self._fewest - most, 0))), centre
 
 
 def augmented(cloud: LabelledCloud, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """The points of the cloud, turned, mirrored, shifted and jittered at random; (3,) m, the camera position."""
-    yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, TILT, 2)
+    """The points of the cloud, turned, mirrored, jittered and darkened at random; (3,) m, the camera position."""
+    yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, JITTER, 2)
     turn = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
     turn[:, 1] *= rng.choice([-1, 1])
-    camera = cloud.camera * [0, 0, 1] + [0, 0, rng.normal(0, HEIGHT)]
+    camera = cloud.camera * [0, 0, 1] + [0, 0, rng.normal(0, JITTER)]
     xyz, colours = np.split(cloud.points, [3], axis=1)
     points = (xyz - cloud.camera) @ turn.T + camera
     points += rng.normal(0, JITTER, points.shape)
-    if colours.size:
-        colours = colours * rng.uniform(*BRIGHTNESS) * (rng.random() >= DARK)
-    return np.concatenate([points, colours], axis=1).astype(np.float32), camera
+    light = rng.uniform() * (rng.random() >= DARK)
+    return np.concatenate([points, colours * light], axis=1).astype(np.float32), camera

@@ -18,7 +18,7 @@ from pipeline.semantic_map.networks.classifier import save_classifier, segment
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.inference import for_inference, for_training
 from pipeline.semantic_map.networks.network import PointNetwork
-from pipeline.semantic_map.networks.parallel import Worker
+from pipeline.semantic_map.networks.parallel import TrainingWorker
 from pipeline.semantic_map.networks.sampling import Batch, BlockSampler
 from pipeline.semantic_map.networks.scores import confusion_of, iou, mean_iou
 from pipeline.semantic_map.networks.threads import torch_threads
@@ -26,18 +26,8 @@ from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.semantic_map.networks.training_loop import TrainingLoop
 from pipeline.semantic_map.networks.weights import NETWORKS
 
-WEIGHT_DECAY = 1e-3
-"""Of AdamW."""
-DROPOUT = 0.0
-"""Probability before the last layer; the published 0.5 suits longer trainings."""
-BALANCE = 0.5
-"""The weight of a class is its share of the points to the power of minus this; 0 is no balance, 1 full balance."""
 
-FEWEST_BLOCKS = 2
-"""Least number of blocks of a batch: batch norm over features of blocks, as in PointNet, needs two."""
-
-
-class Trainer(TrainingLoop[Batch]):
+class PointTrainer(TrainingLoop[Batch]):
     """The training of a network on points; its score is the mean IoU over the thesis's four classes."""
 
     SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
@@ -48,7 +38,7 @@ class Trainer(TrainingLoop[Batch]):
         validation: Sequence[LabelledCloud],
         config: TrainingConfig,
         out: Path,
-        worker: Worker,
+        worker: TrainingWorker,
         about: dict[str, Any],
         initial: PointNetwork | str,
         blocks: BlockConfig | None = None,
@@ -74,16 +64,16 @@ class Trainer(TrainingLoop[Batch]):
         self._validation, self._blocks = validation, blocks or BlockConfig()
         channels = 3 + training[0].points.shape[1]
         network = NETWORKS[initial](channels, len(CLASSES)) if isinstance(initial, str) else initial
-        if config.batch < FEWEST_BLOCKS:
-            raise InputError(f"--batch {config.batch}: at least {FEWEST_BLOCKS}, for batch norm over blocks")
+        if config.batch < 2:
+            raise InputError(f"--batch {config.batch}: at least 2, for batch norm over blocks")
         self.network = network.to(worker.device).train()
         for layer in network.modules():
             if isinstance(layer, nn.Dropout):
-                layer.p = DROPOUT
+                layer.p = 0.0  # the published 0.5 suits longer trainings
         self._parallel = worker.share(for_training(network))
         sampler = BlockSampler(training, self._blocks, config.batch, network.fewest, config.seed)
-        self._weights = class_weights(training, BALANCE).to(worker.device)
-        optimizer = torch.optim.AdamW(self.network.parameters(), config.learning_rate, weight_decay=WEIGHT_DECAY)
+        self._weights = class_weights(training).to(worker.device)
+        optimizer = torch.optim.AdamW(self.network.parameters(), config.learning_rate)
 
         def draw(step: int) -> Batch:
             return sampler.batch(step * worker.count + worker.rank)
@@ -130,8 +120,8 @@ def cross_entropy(logits: Tensor, shares: Tensor, weights: Tensor) -> Tensor:
     return -(weighted * log_softmax(logits, dim=1)).sum() / weighted.sum()
 
 
-def class_weights(clouds: Sequence[LabelledCloud], balance: float) -> Tensor:
-    """(C,) float32: a class's share of the points to the power of ``-balance``; 1 for one that does not occur."""
+def class_weights(clouds: Sequence[LabelledCloud]) -> Tensor:
+    """(C,) float32: 1 over the root of a class's share of the points; 1 for one that does not occur."""
     points = sum(np.bincount(cloud.classes, minlength=len(CLASSES)) for cloud in clouds)
-    share = points / np.sum(points)
-    return torch.from_numpy(np.where(share > 0, np.maximum(share, 1e-4) ** -balance, 1)).float()
+    share = torch.from_numpy(points / np.sum(points)).float()
+    return torch.where(share > 0, share.rsqrt(), 1)

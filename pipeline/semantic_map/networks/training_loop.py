@@ -18,10 +18,10 @@ from torch import Tensor
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
-from pipeline.semantic_map.networks.parallel import Worker
+from pipeline.semantic_map.networks.parallel import TrainingWorker
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 
-WARM_UP = 0.05
+WARM_UP_SHARE = 0.05
 """Share of the training in which the learning rate rises."""
 SAVE_EVERY = 50
 """Steps between checkpoints, apart from those at validations: a killed process loses no more steps."""
@@ -48,7 +48,7 @@ class TrainingLoop(ABC, Generic[Batch]):
         self,
         config: TrainingConfig,
         out: Path,
-        worker: Worker,
+        worker: TrainingWorker,
         about: dict[str, Any],
         draw: Callable[[int], Batch],
         optimizer: torch.optim.Optimizer,
@@ -179,7 +179,7 @@ class TrainingLoop(ABC, Generic[Batch]):
             raise InputError(f"{self._checkpoint} is of a training with other settings or data: {remedy}")
 
 
-def schedule(progress: float, warm_up: float = WARM_UP) -> float:
+def schedule(progress: float, warm_up: float = WARM_UP_SHARE) -> float:
     """The learning rate, as a share of the highest, at a progress of 0 to 1: a linear rise, then half a cosine."""
     if progress < warm_up:
         return progress / warm_up

@@ -8,31 +8,28 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.boxes import areas
 from pipeline.victims.detection.input_image import GREY, evenly_exposed, scaled
-from pipeline.victims.detection.labelled_image import LabelledImage, LabelledImages
+from pipeline.victims.detection.labelled_image import TrainingImage, TrainingImages
 
-EMPTY = 0.3  # Share of the images drawn that show no people
-MOSAIC = 0.5  # Share of canvases that are a mosaic of four images (Bochkovskiy et al., YOLOv4, arXiv:2004.10934)
-PASTE = 0.4  # Share of canvases onto which people of one more image are pasted
-SCALE, MOSAIC_SCALE, PASTE_SCALE = (0.7, 1.5), (0.4, 1.0), (0.4, 1.2)
-"""Smallest and largest size of an image relative to the size that just fits the canvas: alone, in a mosaic, and of
-the image whose people are pasted."""
-HUE = 0.05  # Largest shift of the hue, as a share of the circle, as Darknet's ``hue``
-SATURATION, EXPOSURE = 1.5, 1.5
-"""Largest factors of saturation and brightness; the smallest are their inverses, as in Darknet."""
-KEPT = 0.3  # Least share of a box that must be left at an edge for its person to count
-HIDDEN = 0.6  # Share of a box that is pasted over, above which its person is ignored
+ODDS = 0.5
+"""Probability of each thing that may be done: drawing an image without people, a mosaic of four images (Bochkovskiy
+et al., YOLOv4, arXiv:2004.10934), pasting the people of one more image, and mirroring."""
+VARIATION = 1.5
+"""Largest factor of an image's size relative to that which just fits its part of the canvas, of its saturation and of
+its brightness; the smallest is its inverse. Darknet's ``saturation`` and ``exposure`` are the same."""
+HUE = 13  # Largest shift of the hue: 5 % of the circle of 256
+VISIBLE = 0.3  # Least share of a box that an edge or a person pasted over it must leave for its person to count
 Region = tuple[int, int, int, int]  # x0, y0, x1, y1 of the canvas, pixels
 
 
 class CanvasSampler:
     """Draws canvases; a canvas depends only on its number and the seed."""
 
-    def __init__(self, images: LabelledImages, size: tuple[int, int], batch: int, seed: int) -> None:
+    def __init__(self, images: TrainingImages, size: tuple[int, int], batch: int, seed: int) -> None:
         """Draw from ``images``, in batches of ``batch`` canvases of ``size`` (width, height) pixels.
 
         Raises:
@@ -44,66 +41,67 @@ class CanvasSampler:
         if len(self._shown) == 0:
             raise InputError("the images to train with show no people")
 
-    def batch(self, number: int) -> list[LabelledImage]:
+    def batch(self, number: int) -> list[TrainingImage]:
         """Batch ``number`` of the training."""
         return [self._canvas(number * self._batch + i) for i in range(self._batch)]
 
-    def _canvas(self, number: int) -> LabelledImage:
+    def _canvas(self, number: int) -> TrainingImage:
         rng = np.random.default_rng([self._seed, number])
-        count = 4 if rng.random() < MOSAIC else 1
+        count = 4 if rng.random() < ODDS else 1
         images = [self._image(self._draw(rng)) for _ in range(count)]
-        pasted = [rng.choice(self._shown)] if rng.random() < PASTE else []
+        pasted = [rng.choice(self._shown)] if rng.random() < ODDS else []
         donors = [self._image(int(index)) for index in pasted]
         return augmented(images, donors, self._size, rng)
 
-    def _image(self, index: int) -> LabelledImage:
+    def _image(self, index: int) -> TrainingImage:
         """An image with its light compensated, as the detector passes it to the network."""
         image = self._images[index]
         return replace(image, rgb=evenly_exposed(image.rgb))
 
     def _draw(self, rng: np.random.Generator) -> int:
-        empty = len(self._empty) > 0 and rng.random() < EMPTY
+        empty = len(self._empty) > 0 and rng.random() < ODDS
         return int(rng.choice(self._empty if empty else self._shown))
 
 
 def augmented(
-    images: Sequence[LabelledImage], donors: Sequence[LabelledImage], size: tuple[int, int], rng: np.random.Generator
-) -> LabelledImage:
+    images: Sequence[TrainingImage], donors: Sequence[TrainingImage], size: tuple[int, int], rng: np.random.Generator
+) -> TrainingImage:
     """A canvas of ``size`` (width, height) with one image, or with four, and the donors' people pasted onto it."""
     canvas = np.full((size[1], size[0], 3), GREY, np.uint8)
     boxes, ignored = [np.zeros((0, 4), np.float32)], [np.zeros(0, bool)]
-    scale = SCALE if len(images) == 1 else MOSAIC_SCALE
     for image, region in zip(images, regions(len(images), size, rng), strict=True):
-        ratio = _ratio(image, size, scale, rng)
+        ratio = _ratio(image, np.subtract(region[2:], region[:2]), rng)
         placed = place(recoloured(image, rng), canvas, region, ratio, rng)
         boxes.append(placed.boxes)
         ignored.append(placed.ignored)
-    whole = LabelledImage(canvas, np.concatenate(boxes), np.concatenate(ignored))
+    whole = TrainingImage(canvas, np.concatenate(boxes), np.concatenate(ignored))
     for donor in donors:
-        ratio = _ratio(donor, size, PASTE_SCALE, rng)
-        whole = pasted(whole, recoloured(donor, rng), ratio, rng)
-    return mirrored(whole) if rng.random() < 0.5 else whole
+        whole = pasted(whole, recoloured(donor, rng), _ratio(donor, size, rng), rng)
+    return mirrored(whole) if rng.random() < ODDS else whole
 
 
-def _ratio(
-    image: LabelledImage, size: tuple[int, int], scale: tuple[float, float], rng: np.random.Generator
-) -> float:
-    """A random factor of size, relative to the one that makes the image just fit."""
-    return float(np.exp(rng.uniform(*np.log(scale))) * min(np.divide(size, image.rgb.shape[1::-1])))
+def _factor(rng: np.random.Generator) -> float:
+    """A random factor between 1 / VARIATION and VARIATION."""
+    return float(VARIATION ** rng.uniform(-1, 1))
+
+
+def _ratio(image: TrainingImage, room: ArrayLike, rng: np.random.Generator) -> float:
+    """A random factor of size, relative to the one that makes the image just fit into ``room``, (2,) pixels."""
+    return _factor(rng) * float(min(np.divide(room, image.rgb.shape[1::-1])))
 
 
 def regions(count: int, size: tuple[int, int], rng: np.random.Generator) -> list[Region]:
     """The whole canvas for one image; for four images, the four parts that meet near the middle."""
     if count == 1:
         return [(0, 0, *size)]
-    x, y = (int(extent * rng.uniform(0.3, 0.7)) for extent in size)
+    x, y = (int(rng.uniform(extent / 3, 2 * extent / 3)) for extent in size)
     width, height = size
     return [(0, 0, x, y), (x, 0, width, y), (0, y, x, height), (x, y, width, height)]
 
 
 def place(
-    image: LabelledImage, canvas: NDArray[np.uint8], region: Region, ratio: float, rng: np.random.Generator
-) -> LabelledImage:
+    image: TrainingImage, canvas: NDArray[np.uint8], region: Region, ratio: float, rng: np.random.Generator
+) -> TrainingImage:
     """Draw an image, ``ratio`` times as large, somewhere in a region of a canvas (H, W, 3); returns its boxes."""
     x0, y0, x1, y1 = region
     drawn = scaled(image.rgb, ratio)
@@ -118,39 +116,35 @@ def place(
     canvas[v0:v1, u0:u1] = drawn[v0 - top : v1 - top, u0 - left : u1 - left]
     factors = np.tile(np.divide((columns, rows), image.rgb.shape[1::-1]), 2)
     moved = image.boxes * factors + np.tile([left, top], 2)
-    return cut(LabelledImage(canvas, moved.astype(np.float32), image.ignored), (u0, v0, u1, v1))
+    return cut(TrainingImage(canvas, moved.astype(np.float32), image.ignored), (u0, v0, u1, v1))
 
 
-def cut(image: LabelledImage, region: Region) -> LabelledImage:
-    """The image with its boxes clipped to a region; a box is ignored if less than KEPT of it is left."""
+def cut(image: TrainingImage, region: Region) -> TrainingImage:
+    """The image with its boxes clipped to a region; a box is ignored if less than VISIBLE of it is left."""
     low, high = np.tile(region[:2], 2), np.tile(region[2:], 2)
     boxes = np.clip(image.boxes, low, high).astype(np.float32)
     left = areas(boxes)
-    ignored = image.ignored | (left < KEPT * areas(image.boxes))
-    return LabelledImage(image.rgb, boxes[left > 0], ignored[left > 0])
+    ignored = image.ignored | (left < VISIBLE * areas(image.boxes))
+    return TrainingImage(image.rgb, boxes[left > 0], ignored[left > 0])
 
 
-def mirrored(image: LabelledImage) -> LabelledImage:
+def mirrored(image: TrainingImage) -> TrainingImage:
     """The image with left and right exchanged."""
     width = image.rgb.shape[1]
     boxes = image.boxes.copy()
     boxes[:, [0, 2]] = width - boxes[:, [2, 0]]
-    return LabelledImage(np.ascontiguousarray(image.rgb[:, ::-1]), boxes, image.ignored)
+    return TrainingImage(np.ascontiguousarray(image.rgb[:, ::-1]), boxes, image.ignored)
 
 
-def recoloured(image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
+def recoloured(image: TrainingImage, rng: np.random.Generator) -> TrainingImage:
     """The image with its hue shifted, its saturation and brightness multiplied by random factors."""
-    hue = rng.uniform(-HUE, HUE) * 180  # units of 2°, as OpenCV stores hue
-    saturation, exposure = (np.exp(rng.uniform(-1, 1) * np.log(most)) for most in (SATURATION, EXPOSURE))
-    steps = np.arange(256)
-    tables = (steps + hue) % 180, np.clip(steps * saturation, 0, 255), np.clip(steps * exposure, 0, 255)
-    table = np.stack(tables, axis=1).astype(np.uint8)[None]
-    changed = cv2.LUT(cv2.cvtColor(image.rgb, cv2.COLOR_RGB2HSV), table)
-    rgb = cv2.cvtColor(changed, cv2.COLOR_HSV2RGB).astype(np.uint8, copy=False)
-    return replace(image, rgb=rgb)
+    hsv = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2HSV_FULL)
+    hsv[..., 0] += rng.integers(-HUE, HUE, endpoint=True).astype(np.uint8)  # the circle wraps as uint8 does
+    changed = cv2.multiply(hsv, np.array([1, _factor(rng), _factor(rng), 1]))
+    return replace(image, rgb=np.asarray(cv2.cvtColor(changed, cv2.COLOR_HSV2RGB_FULL), np.uint8))
 
 
-def pasted(canvas: LabelledImage, donor: LabelledImage, ratio: float, rng: np.random.Generator) -> LabelledImage:
+def pasted(canvas: TrainingImage, donor: TrainingImage, ratio: float, rng: np.random.Generator) -> TrainingImage:
     """The canvas with the donor's people, ``ratio`` times as large, at a random place; unchanged if they do not fit.
 
     Edges are hard, as the renderer's are.
@@ -172,8 +166,8 @@ def pasted(canvas: LabelledImage, donor: LabelledImage, ratio: float, rng: np.ra
     rgb[over] = people[cut_out]
     factors = np.tile([width / (x1 - x0), height / (y1 - y0)], 2)
     moved = (donor.boxes - np.tile([x0, y0], 2)) * factors + np.tile([left, top], 2)
-    hidden = np.array([_covered(over, box) > HIDDEN for box in canvas.boxes], np.bool_)
-    return LabelledImage(
+    hidden = np.array([_covered(over, box) > 1 - VISIBLE for box in canvas.boxes], np.bool_)
+    return TrainingImage(
         rgb,
         np.concatenate([canvas.boxes, moved]).astype(np.float32),
         np.concatenate([canvas.ignored | hidden, donor.ignored]),

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from pipeline.victims.detection.boxes import overlaps
 
-OVERLAP = 0.5  # Least intersection over union of a detection with its true box
+MATCHING_IOU = 0.5  # Least intersection over union of a detection with its true box
 
 
 class AveragePrecision:
-    """Average precision, at an overlap of OVERLAP, of detections that are added image by image."""
+    """Average precision, at an overlap of MATCHING_IOU, of detections that are added image by image."""
 
     def __init__(self) -> None:
         self._scores: list[float] = []
@@ -28,7 +28,7 @@ class AveragePrecision:
     ) -> None:
         """Add an image: (N, 4) detections with their (N,) scores and (M, 4) true boxes, some of them ignored."""
         order = np.argsort(-scores, kind="stable")
-        found = match(overlaps(boxes[order], truths), ignored, OVERLAP)
+        found = match(overlaps(boxes[order], truths), ignored, MATCHING_IOU)
         counts = (found < 0) | ~np.append(ignored, False)[found]
         self._scores += scores[order][counts].tolist()
         self._right += (found >= 0)[counts].tolist()

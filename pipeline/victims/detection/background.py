@@ -6,20 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.segments.plane import facing_camera
+from pipeline.segments.plane import Moments, facing_camera
 from pipeline.sensor import SensorModel
 
-MARGIN, MIN_MARGIN = 1.0, 60.0
-"""Margin around a box in which planes are searched: a share of its size, which counts as MIN_MARGIN px at least."""
-SAMPLES = 3000  # Approximate number of pixels sampled from the box and its margin
-MAX_PLANES, TRIALS = 6, 200  # Most planes, and RANSAC's random draws for each of them
+MOST_SAMPLES = 3000  # Approximate number of pixels sampled from the box and its margin
+TRIALS = 200  # RANSAC's random draws for each plane
 MIN_SHARE = 0.02  # Least share of the samples on a plane
 BEYOND = 0.25  # Least ratio of a plane's samples outside the box to those inside for it to be background
 TOLERANCE = 0.012  # m from a plane, in addition to twice the sensor's noise, within which a point belongs to it
 FLAT, FLAT_AREA, SURFACE_NOISE = 0.6, 0.04, 0.002
 """A plane is flatter than any person if the share FLAT of its samples is nearer to it than the sensor's noise plus
 SURFACE_NOISE, m, and they cover at least FLAT_AREA, m² across the line of sight."""
-NEIGHBOURS = 12
+CANDIDATES = 12
 """Random samples of which the nearest in the image to a first sample is taken: planes are small, and far apart."""
 
 
@@ -48,15 +46,13 @@ class _Samples:
 def background_planes(
     frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator
 ) -> list[NDArray[np.float64]]:
-    """(4,) planes [n, d] in and around a box, in ``camera_optical``: see :mod:`pipeline.segments.plane`.
+    """(4,) planes [n, d] in a box and around it, in ``camera_optical``: see :mod:`pipeline.segments.plane`.
 
     A plane that RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
     samples, planes = _samples(frame, box), []
     enough = max(3, MIN_SHARE * len(samples.points))
-    for _ in range(MAX_PLANES):
-        if len(samples.points) < enough:
-            break
+    while len(samples.points) >= enough:
         plane = _plane(samples, rng)
         near = near_plane(samples.points, plane, samples.sensor)
         if np.count_nonzero(near) < enough:
@@ -82,13 +78,13 @@ def near_plane(points: NDArray[np.float32], plane: NDArray[np.float64], sensor: 
 
 
 def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
-    """Pixels with depth of a grid over the box and its margin."""
+    """Pixels with depth of a grid over the box and a margin as wide as its longer side."""
     low, high = np.array(box[:2]), np.array(box[2:])
-    margin = MARGIN * np.maximum(high - low, MIN_MARGIN)
+    margin = (high - low).max()
     size = (frame.intrinsics.width, frame.intrinsics.height)
     first = np.clip(low - margin, 0, size).astype(int)
     last = np.clip(high + margin, 0, size).astype(int)
-    stride = max(1, int(np.sqrt(np.prod(last - first) / SAMPLES)))
+    stride = max(1, int(np.sqrt(np.prod(last - first) / MOST_SAMPLES)))
     v, u = (axis.ravel() for axis in np.mgrid[first[1] : last[1] : stride, first[0] : last[0] : stride])
     seen = frame.returns[v, u]
     v, u = v[seen], u[seen]
@@ -106,18 +102,17 @@ def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
     distance = np.abs(points @ planes[:, :3].T.astype(np.float32) - planes[:, 3].astype(np.float32))
     near = distance < (TOLERANCE + 2 * samples.sensor.sigma(points[:, 2]))[:, None]
     best = planes[near.sum(axis=0).argmax()]
-    members = samples.points[near_plane(samples.points, best, samples.sensor)].astype(np.float64)
+    members = samples.points[near_plane(samples.points, best, samples.sensor)]
     if len(members) < 3:
         return best
-    centre = members.mean(axis=0)
-    normal = np.linalg.svd(members - centre, full_matrices=False)[2][2]
-    return facing_camera(np.append(normal, normal @ centre)[None])[0]
+    plane, _ = Moments.of(members).fit(best[:3])
+    return np.append(plane.normal, plane.offset)
 
 
 def _triples(samples: _Samples, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(count, 3, 3) triples of a random point and two points near it in the image."""
     first = rng.integers(len(samples.points), size=count)
-    others = rng.integers(len(samples.points), size=(count, 2, NEIGHBOURS))
+    others = rng.integers(len(samples.points), size=(count, 2, CANDIDATES))
     apart = np.abs(samples.pixels[others] - samples.pixels[first, None, None]).max(axis=-1)
     nearest = np.where(apart > 0, apart, np.iinfo(np.int64).max).argmin(axis=-1)
     near = np.take_along_axis(others, nearest[..., None], axis=-1)[..., 0]
@@ -125,10 +120,9 @@ def _triples(samples: _Samples, count: int, rng: np.random.Generator) -> NDArray
 
 
 def _planes_of(triples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 4) planes through three points each; for three points on a line, a plane far from all points."""
+    """(N, 4) planes through three points each; for three points on a line NaN, to which no point is near."""
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = normals / np.maximum(lengths, 1e-12)
+    with np.errstate(invalid="ignore"):
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     offsets = np.sum(normals * triples[:, 0], axis=1, keepdims=True)
-    planes = np.where(lengths > 1e-9, np.concatenate([normals, offsets], axis=1), (0, 0, 0, -1e3))
-    return facing_camera(planes)
+    return facing_camera(np.concatenate([normals, offsets], axis=1))

@@ -2,20 +2,20 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
 from scipy.special import expit, logit
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.darknet_cfg import Yolo
+from pipeline.victims.detection.darknet_cfg import OBJECTNESS, YoloHead
 
 LARGEST_EXPONENT = 20.0
 """Bound of the exponent that scales an anchor: no box in an image is so large, and its square still fits float32."""
 MOST_BOXES = 3000
 """Most boxes that are compared; a network that sees a person in every cell would otherwise take minutes an image."""
-ROUNDS = 300  # Most rounds of fitting anchors
 
 
 def decode(
-    head: NDArray[np.float32], yolo: Yolo, width: int, height: int, threshold: float
+    head: NDArray[np.float32], yolo: YoloHead, width: int, height: int, threshold: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Boxes of one scale, by the equations of section 2.1 of YOLOv3.
 
@@ -29,14 +29,14 @@ def decode(
         (N, 4) boxes in the network's input, pixels, and (N, classes) objectness times class probability.
     """
     rows, columns = head.shape[1:]
-    cells = head.reshape(len(yolo.mask), 5 + yolo.classes, rows, columns)
-    anchor, y, x = np.nonzero(cells[:, 4] >= logit(threshold))
+    cells = head.reshape(len(yolo.mask), -1, rows, columns)
+    anchor, y, x = np.nonzero(cells[:, OBJECTNESS] >= logit(threshold))
     found = cells[anchor, :, y, x]
     middle = (expit(found[:, :2]) + np.stack([x, y], axis=1)) * (width / columns, height / rows)
     sizes = np.array(yolo.anchors)[list(yolo.mask)][anchor]
-    half = np.exp(np.minimum(found[:, 2:4], LARGEST_EXPONENT)) * sizes / 2
+    half = np.exp(np.minimum(found[:, 2:OBJECTNESS], LARGEST_EXPONENT)) * sizes / 2
     boxes = np.concatenate([middle - half, middle + half], axis=1)
-    return boxes.astype(np.float32), expit(found[:, 5:]) * expit(found[:, 4:5])
+    return boxes.astype(np.float32), expit(found[:, OBJECTNESS + 1 :]) * expit(found[:, OBJECTNESS, None])
 
 
 def areas(boxes: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -76,7 +76,8 @@ def size_overlaps(sizes: NDArray[np.floating], anchors: NDArray[np.floating]) ->
 def fit_anchors(sizes: NDArray[np.floating], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(count, 2) widths and heights, px, from small to large, that overlap (N, 2) sizes well.
 
-    By k-means on overlap (Redmon and Farhadi, YOLO9000, arXiv:1612.08242, section 2), with medians instead of means.
+    By k-means, as in YOLO9000 (Redmon and Farhadi, arXiv:1612.08242, section 2), of the sizes' logarithms: boxes
+    overlap well whose sizes have a ratio near 1.
 
     Raises:
         InputError: fewer different sizes than anchors.
@@ -84,12 +85,5 @@ def fit_anchors(sizes: NDArray[np.floating], count: int, rng: np.random.Generato
     different = np.unique(sizes, axis=0)
     if len(different) < count:
         raise InputError(f"{len(different)} boxes of different size: too few to fit {count} anchors to")
-    anchors = rng.choice(different, count, replace=False).astype(np.float64)
-    nearest = np.full(len(sizes), -1)
-    for _ in range(ROUNDS):
-        before, nearest = nearest, size_overlaps(sizes, anchors).argmax(axis=1)
-        if (nearest == before).all():
-            break
-        for index in np.unique(nearest):
-            anchors[index] = np.median(sizes[nearest == index], axis=0)
+    anchors = np.exp(kmeans2(np.log(sizes), count, minit="++", rng=rng)[0])
     return anchors[np.argsort(anchors.prod(axis=1), kind="stable")]

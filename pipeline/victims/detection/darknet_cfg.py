@@ -3,6 +3,7 @@
 The text consists of sections: ``[kind]``, and under it lines of ``key=value``.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf
@@ -12,7 +13,9 @@ from typing import TypeVar
 from pipeline.errors import InputError
 
 N = TypeVar("N", int, float)
-MOST_BYTES, MOST_LAYERS = 1_000_000, 1000  # Of a network's text; YOLOv3 has 107 layers
+MOST_CFG_BYTES = 1_000_000  # Of a network's text; that of YOLOv3, of 107 layers, has 8,000
+OBJECTNESS = 4
+"""Place among the numbers that a [yolo] reads for an anchor of a cell: after x, y, width, height, before classes."""
 WIDEST = 64  # Greatest size, stride or padding of a window
 
 
@@ -45,7 +48,7 @@ class Upsample:
 
 
 @dataclass(frozen=True)
-class Route:
+class RouteLayer:
     """The outputs of the layers with these numbers, concatenated along the channels."""
 
     layers: tuple[int, ...]
@@ -59,7 +62,7 @@ class Shortcut:
 
 
 @dataclass(frozen=True)
-class Yolo:
+class YoloHead:
     """Boxes at one scale, for the ``anchors`` (width, height in pixels of the input) with the numbers in ``mask``."""
 
     anchors: tuple[tuple[float, float], ...]
@@ -69,10 +72,10 @@ class Yolo:
     @property
     def channels(self) -> int:
         """Numbers in each cell: x, y, width, height, objectness and the classes of every anchor."""
-        return len(self.mask) * (5 + self.classes)
+        return len(self.mask) * (OBJECTNESS + 1 + self.classes)
 
 
-Layer = Convolutional | Maxpool | Upsample | Route | Shortcut | Yolo
+Layer = Convolutional | Maxpool | Upsample | RouteLayer | Shortcut | YoloHead
 
 
 @dataclass(frozen=True)
@@ -96,8 +99,8 @@ class DarknetCfg:
     def read(cls, path: Path) -> "DarknetCfg":
         """Read a file. InputError if it cannot be read, and as :meth:`parse`."""
         try:
-            if path.stat().st_size > MOST_BYTES:
-                raise InputError(f"{path}: too large for a Darknet .cfg, at most {MOST_BYTES} bytes are read")
+            if path.stat().st_size > MOST_CFG_BYTES:
+                raise InputError(f"{path}: too large for a Darknet .cfg, at most {MOST_CFG_BYTES} bytes are read")
             return cls.parse(path.read_text(), str(path))
         except UnicodeDecodeError as error:
             raise InputError(f"{path}: not a text: not a Darknet .cfg") from error
@@ -111,19 +114,17 @@ class DarknetCfg:
         if not sections or sections[0].kind not in ("net", "network"):
             raise InputError(f"{name}: a Darknet .cfg begins with [net]")
         width, height, channels = (sections[0].whole(key) for key in ("width", "height", "channels"))
-        if len(sections) > MOST_LAYERS:
-            raise InputError(f"{name}: {len(sections) - 1} layers, at most {MOST_LAYERS - 1} are built")
         layers = tuple(section.layer() for section in sections[1:])
-        classes = {layer.classes for layer in layers if isinstance(layer, Yolo)}
+        classes = {layer.classes for layer in layers if isinstance(layer, YoloHead)}
         if len(classes) != 1:
             what = "several numbers of classes" if classes else "no [yolo] section"
             raise InputError(f"{name}: {what}: not a YOLOv3 network")
         return cls(width, height, channels, layers, name)
 
     @property
-    def heads(self) -> list[Yolo]:
+    def heads(self) -> list[YoloHead]:
         """The [yolo] layers, one per scale, in order."""
-        return [layer for layer in self.layers if isinstance(layer, Yolo)]
+        return [layer for layer in self.layers if isinstance(layer, YoloHead)]
 
     @property
     def classes(self) -> int:
@@ -206,6 +207,24 @@ class _Section:
         return text
 
 
+def adapted(text: str, width: int, height: int, classes: int, anchors: Sequence[tuple[float, float]]) -> str:
+    """The text with another input, ``width`` × ``height`` pixels, and other ``classes`` and ``anchors``, in pixels.
+
+    The convolution before each [yolo] gets as many filters as that asks for; all other layers stay.
+    """
+
+    def with_filters(match: re.Match[str]) -> str:
+        mask = tuple(map(int, match["mask"].split(",")))
+        return f"{match['head']}{YoloHead(tuple(anchors), mask, classes).channels}{match['tail']}"
+
+    listed = ", ".join(f"{w:g},{h:g}" for w, h in anchors)
+    settings = {"width": width, "height": height, "classes": classes, "anchors": listed, "num": len(anchors)}
+    for key, value in settings.items():
+        text = re.sub(rf"^{key}=.*", f"{key}={value}", text, flags=re.MULTILINE)
+    head = r"(?P<head>filters=)\d+(?P<tail>[^[]*\[yolo\][^[]*mask=(?P<mask>[\d,]+))"
+    return re.sub(head, with_filters, text)
+
+
 def _read_sections(text: str, name: str) -> list[_Section]:
     """All sections of a text; ``name`` is its name in error messages.
 
@@ -248,9 +267,9 @@ def _upsample(section: _Section) -> Upsample:
     return Upsample(section.whole("stride", 2, most=WIDEST))
 
 
-def _route(section: _Section) -> Route:
+def _route(section: _Section) -> RouteLayer:
     section.refuse_others(groups="1")
-    return Route(section.sources("layers"))
+    return RouteLayer(section.sources("layers"))
 
 
 def _shortcut(section: _Section) -> Shortcut:
@@ -262,7 +281,7 @@ def _shortcut(section: _Section) -> Shortcut:
     return Shortcut(sources[0])
 
 
-def _yolo(section: _Section) -> Yolo:
+def _yolo(section: _Section) -> YoloHead:
     section.refuse_others(scale_x_y="1", new_coords="0")
     numbers = section.numbers("anchors", float)
     anchors = tuple(zip(numbers[::2], numbers[1::2], strict=False))
@@ -271,7 +290,7 @@ def _yolo(section: _Section) -> Yolo:
     mask = tuple(section.numbers("mask", int))
     if len(set(mask)) != len(mask) or not all(0 <= number < len(anchors) for number in mask):
         raise section.error(f"mask: numbers of anchors, 0 to {len(anchors) - 1}")
-    return Yolo(anchors, mask, section.whole("classes"))
+    return YoloHead(anchors, mask, section.whole("classes"))
 
 
 _READERS: dict[str, Callable[[_Section], Layer]] = {

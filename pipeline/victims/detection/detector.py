@@ -18,8 +18,8 @@ from pipeline.victims.detection.weights import load_network
 PERSON = {1: 0, 20: 14, 80: 0}
 """Number of the class ``person`` by the number of classes: victims alone, Pascal VOC, COCO."""
 CONFIDENCE = 0.25  # Least confidence of a detection; one this low only helps to find a known victim again
-OVERLAP = 0.45  # Intersection over union above which the less confident of two boxes is dropped
-SMALLER, NEAR = 0.6, 0.15
+SUPPRESSING_IOU = 0.45  # Intersection over union above which the less confident of two boxes is dropped
+SMALLER, LARGE_BOX = 0.6, 0.15
 """Size of a second input relative to the network's own, for people who are so near that they are too large for the
 network; and least length of the longer side of a box found in it, relative to the image's longer side."""
 
@@ -60,7 +60,7 @@ class VictimDetector:
             InputError: the image is grey, empty, or of another type.
         """
         check_image(rgb)
-        image, least = evenly_exposed(rgb), NEAR * max(rgb.shape)
+        image, least = evenly_exposed(rgb), LARGE_BOX * max(rgb.shape)
         boxes, scores = self._find(self._networks[0], image)
         for network in self._networks[1:]:
             more, their_scores = self._find(network, image)
@@ -84,7 +84,7 @@ class VictimDetector:
     def _best(self, boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> list[Detection]:
         good = (scores >= self._confidence) & (areas(boxes) > 0)
         boxes, scores = boxes[good], scores[good]
-        kept = suppress(boxes, scores, OVERLAP)
+        kept = suppress(boxes, scores, SUPPRESSING_IOU)
         return [Detection(tuple(boxes[i].tolist()), float(scores[i])) for i in kept]
 
 
@@ -112,5 +112,6 @@ def _person(network: DarknetNetwork) -> int:
     if network.cfg.channels != 3:
         raise InputError(f"{name}: a network for {network.cfg.channels} channels, not for colour images")
     if classes not in PERSON:
-        raise InputError(f"{name}: which of its {classes} classes is a person? Known are networks of 1, 20 and 80")
+        known = ", ".join(map(str, PERSON))
+        raise InputError(f"{name}: which of its {classes} classes is a person? Known are networks of {known}")
     return PERSON[classes]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledImage:
+class TrainingImage:
     """An image and the people in it.
 
     Attributes:
@@ -24,14 +24,14 @@ class LabelledImage:
     shown: NDArray[np.bool_] | None = None
 
 
-class LabelledImages(Protocol):
+class TrainingImages(Protocol):
     """Labelled images that are read one at a time."""
 
     def __len__(self) -> int:
         """Number of images."""
         ...
 
-    def __getitem__(self, index: int, /) -> LabelledImage:
+    def __getitem__(self, index: int, /) -> TrainingImage:
         """One image."""
         ...
 

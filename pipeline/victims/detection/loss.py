@@ -15,15 +15,14 @@ from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, logsigmoid
 
 from pipeline.victims.detection.boxes import LARGEST_EXPONENT, size_overlaps
-from pipeline.victims.detection.darknet_cfg import DarknetCfg, Yolo
-from pipeline.victims.detection.labelled_image import LabelledImage
+from pipeline.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead
+from pipeline.victims.detection.labelled_image import TrainingImage
 
-ALIKE = 0.3  # Least overlap of an anchor's size with a person's for the anchor to be assigned to that person
-NEAR = 0.7
+ASSIGNED_IOU = 0.3  # Least overlap of an anchor's size with a person's for the anchor to be assigned to that person
+IGNORED_IOU = 0.7
 """Least overlap of a predicted box with a person's for its objectness not to be penalized, as Darknet's
 ``ignore_thresh``."""
-BOX_WEIGHT, OBJECTNESS_WEIGHT = 2.0, 1.0  # Weights of the boxes' and objectness' loss; that of the class has 1
-
+TINY = torch.finfo(torch.float32).eps  # Least divisor: an area or a length of a box that is all but 0
 
 Index = tuple[Tensor, ...]
 """Four of (P,) int64: image in the batch, anchor in the scale's mask, row and column of the cell."""
@@ -35,8 +34,8 @@ class YoloLoss:
     def __init__(self, cfg: DarknetCfg) -> None:
         self.cfg = cfg
 
-    def __call__(self, heads: Sequence[Tensor], batch: Sequence[LabelledImage]) -> Tensor:
-        """() loss of a network's heads, (N, anchors · (5 + classes), H, W) each, for a batch of N canvases."""
+    def __call__(self, heads: Sequence[Tensor], batch: Sequence[TrainingImage]) -> Tensor:
+        """() sum of three losses of a network's heads, (N, anchors · (5 + classes), H, W) each, for N canvases."""
         boxes = objectness = classes = heads[0].new_zeros(())
         asked = 0
         for head, yolo in zip(heads, self.cfg.heads, strict=True):
@@ -45,29 +44,31 @@ class YoloLoss:
             predicted = self._boxes(cells, yolo)
             boxes = boxes + (1 - ciou(predicted[index], truths)).sum()
             objectness = objectness + self._objectness(cells, predicted.detach(), index, batch)
-            classes = classes - logsigmoid(cells[..., 5][index]).sum()  # the only class is person
+            classes = classes - logsigmoid(cells[..., OBJECTNESS + 1][index]).sum()  # the only class is person
             asked += len(truths)
-        return (BOX_WEIGHT * boxes + OBJECTNESS_WEIGHT * objectness + classes) / max(1, asked)
+        return (boxes + objectness + classes) / max(1, asked)
 
-    def _objectness(self, cells: Tensor, predicted: Tensor, index: Index, batch: Sequence[LabelledImage]) -> Tensor:
+    def _objectness(self, cells: Tensor, predicted: Tensor, index: Index, batch: Sequence[TrainingImage]) -> Tensor:
         """Cross entropy of objectness over all cells except those near a person but not assigned to it."""
-        wanted = torch.zeros_like(cells[..., 4])
+        wanted = torch.zeros_like(cells[..., OBJECTNESS])
         wanted[index] = 1
         counted = torch.stack([self._far(boxes, image) for boxes, image in zip(predicted, batch, strict=True)])
         counted[index] = True
-        return binary_cross_entropy_with_logits(cells[..., 4][counted], wanted[counted], reduction="sum")
+        return binary_cross_entropy_with_logits(cells[..., OBJECTNESS][counted], wanted[counted], reduction="sum")
 
-    def _far(self, predicted: Tensor, image: LabelledImage) -> Tensor:
-        """(anchors, H, W) bool: boxes that do not overlap a person by NEAR or have their middle in an ignored one."""
+    def _far(self, predicted: Tensor, image: TrainingImage) -> Tensor:
+        """(anchors, H, W) bool: boxes that overlap no person by IGNORED_IOU and have no middle in an ignored one."""
         far = torch.ones(predicted.shape[:-1], dtype=torch.bool, device=predicted.device)
         middle = (predicted[..., :2] + predicted[..., 2:]) / 2
         for box, ignored in zip(torch.from_numpy(image.boxes).to(far.device), image.ignored, strict=True):
             if ignored:
                 far &= ~((middle >= box[:2]) & (middle <= box[2:])).all(dim=-1)
-            far &= iou(predicted, box) < NEAR
+            far &= iou(predicted, box) < IGNORED_IOU
         return far
 
-    def _targets(self, batch: Sequence[LabelledImage], yolo: Yolo, rows: int, columns: int) -> tuple[Index, Tensor]:
+    def _targets(
+        self, batch: Sequence[TrainingImage], yolo: YoloHead, rows: int, columns: int
+    ) -> tuple[Index, Tensor]:
         """Cells of one scale that are assigned to people, and these people's (P, 4) boxes in pixels of the input."""
         anchors = np.array(yolo.anchors)
         parts = [np.zeros((0, 2), int)]
@@ -90,20 +91,20 @@ class YoloLoss:
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Pairs of a person and an assigned anchor of the mask: the best one and all of about the person's size."""
         overlap = size_overlaps(boxes[:, 2:] - boxes[:, :2], anchors)
-        asked = overlap >= ALIKE
+        asked = overlap >= ASSIGNED_IOU
         if len(boxes):
             asked[np.arange(len(boxes)), overlap.argmax(axis=1)] = True
         person, anchor = np.nonzero(asked[:, list(mask)])
         return person, anchor
 
-    def _boxes(self, cells: Tensor, yolo: Yolo) -> Tensor:
+    def _boxes(self, cells: Tensor, yolo: YoloHead) -> Tensor:
         """(N, anchors, H, W, 4) boxes in pixels of the input; see :func:`pipeline.victims.detection.boxes.decode`."""
         rows, columns = cells.shape[2:4]
         y, x = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")
         stride = torch.tensor([self.cfg.width / columns, self.cfg.height / rows], device=cells.device)
         middle = (cells[..., :2].sigmoid() + torch.stack([x, y], dim=-1).to(cells.device)) * stride
         sizes = torch.tensor(yolo.anchors, device=cells.device)[list(yolo.mask)][None, :, None, None]
-        half = cells[..., 2:4].clamp(max=LARGEST_EXPONENT).exp() * sizes / 2
+        half = cells[..., 2:OBJECTNESS].clamp(max=LARGEST_EXPONENT).exp() * sizes / 2
         return torch.cat([middle - half, middle + half], dim=-1)
 
 
@@ -112,7 +113,7 @@ def iou(a: Tensor, b: Tensor) -> Tensor:
     common = (torch.minimum(a[..., 2:], b[..., 2:]) - torch.maximum(a[..., :2], b[..., :2])).clamp(min=0)
     inter = common.prod(dim=-1)
     union = (a[..., 2:] - a[..., :2]).prod(dim=-1) + (b[..., 2:] - b[..., :2]).prod(dim=-1) - inter
-    return inter / union.clamp(min=1e-9)
+    return inter / union.clamp(min=TINY)
 
 
 def ciou(a: Tensor, b: Tensor) -> Tensor:
@@ -120,8 +121,8 @@ def ciou(a: Tensor, b: Tensor) -> Tensor:
     hull = torch.maximum(a[:, 2:], b[:, 2:]) - torch.minimum(a[:, :2], b[:, :2])
     apart = ((a[:, :2] + a[:, 2:] - b[:, :2] - b[:, 2:]) / 2).square().sum(dim=1)
     overlap = iou(a, b)
-    angles = [torch.atan2(*(box[:, 2:] - box[:, :2]).clamp(min=1e-6).unbind(dim=1)) for box in (a, b)]
-    shape = 4 / pi**2 * (angles[0] - angles[1]).square()
+    angles = [torch.atan2(*(box[:, 2:] - box[:, :2]).clamp(min=TINY).unbind(dim=1)) for box in (a, b)]
+    shape = (2 / pi * (angles[0] - angles[1])).square()
     with torch.no_grad():
-        weight = shape / (1 - overlap + shape).clamp(min=1e-9)
-    return overlap - apart / hull.square().sum(dim=1).clamp(min=1e-9) - weight * shape
+        weight = shape / (1 - overlap + shape).clamp(min=TINY)
+    return overlap - apart / hull.square().sum(dim=1).clamp(min=TINY) - weight * shape

@@ -14,16 +14,16 @@ from pipeline.victims.detection.darknet_cfg import (
     DarknetCfg,
     Layer,
     Maxpool,
-    Route,
+    RouteLayer,
     Shortcut,
     Upsample,
-    Yolo,
+    YoloHead,
 )
 
 BATCH_NORM_EPSILON = 1e-6  # as Darknet's batchnorm_layer.c on a processor, and OpenCV's reader
 LEAKY_SLOPE = 0.1  # as Darknet's activations.h
-MOST_WEIGHTS, MOST_OUTPUTS = 2**27, 2**29
-"""Most weights of a network, and most numbers that it computes for an image, 4 bytes each; YOLOv3 has 62 million
+MOST_NUMBERS = 2**29
+"""Most weights of a network, and most numbers that it computes for an image: 2 GB each; YOLOv3 has 62 million
 weights, and computes 345 million numbers for an image of 1024 × 1024 pixels."""
 
 
@@ -47,7 +47,7 @@ class DarknetNetwork(nn.Module):
         _check_size(cfg, self.shapes)
         inputs = [(cfg.channels, cfg.height, cfg.width), *self.shapes]
         self.layers = nn.ModuleList(_module(layer, inputs[i]) for i, layer in enumerate(cfg.layers))
-        self._kept = {i for layer in cfg.layers if isinstance(layer, Route) for i in layer.layers}
+        self._kept = {i for layer in cfg.layers if isinstance(layer, RouteLayer) for i in layer.layers}
         self._kept |= {layer.layer for layer in cfg.layers if isinstance(layer, Shortcut)}
 
     def forward(self, images: Tensor) -> list[Tensor]:
@@ -56,12 +56,12 @@ class DarknetNetwork(nn.Module):
         heads: list[Tensor] = []
         x = images
         for index, (layer, module) in enumerate(zip(self.cfg.layers, self.layers, strict=True)):
-            if isinstance(layer, Route):
+            if isinstance(layer, RouteLayer):
                 sources = [kept[i] for i in layer.layers]
                 x = torch.cat(sources, dim=1) if sources[1:] else sources[0]
             elif isinstance(layer, Shortcut):
                 x = x + kept[layer.layer]
-            elif isinstance(layer, Yolo):
+            elif isinstance(layer, YoloHead):
                 heads.append(x)
             else:
                 x = module(x)
@@ -145,11 +145,15 @@ def _shapes(cfg: DarknetCfg) -> list[tuple[int, int, int]]:
     shapes: list[tuple[int, int, int]] = []
     before = (cfg.channels, cfg.height, cfg.width)
     for index, layer in enumerate(cfg.layers):
-        before = _shape(layer, before, shapes, f"{cfg.name}: layer {index} ({type(layer).__name__.lower()})")
+        before = _shape(layer, before, shapes, f"{cfg.name}: layer {index} ({_kind(layer)})")
         if min(before) < 1:
             raise InputError(f"{cfg.name}: nothing is left after layer {index}: make the input larger")
         shapes.append(before)
     return shapes
+
+
+def _kind(layer: Layer) -> str:
+    return type(layer).__name__.removesuffix("Layer").removesuffix("Head").lower()
 
 
 def _shape(
@@ -164,7 +168,7 @@ def _shape(
             return channels, _pooled(layer, height), _pooled(layer, width)
         case Upsample():
             return channels, height * layer.stride, width * layer.stride
-        case Route():
+        case RouteLayer():
             sources = [shapes[i] for i in layer.layers]
             if len({shape[1:] for shape in sources}) != 1:
                 raise InputError(f"{where}: layers of other sizes: {_sizes(sources)}")
@@ -172,7 +176,7 @@ def _shape(
         case Shortcut():
             if shapes[layer.layer] != before:
                 raise InputError(f"{where}: layers of other sizes: {_sizes([shapes[layer.layer], before])}")
-        case Yolo():
+        case YoloHead():
             if channels != layer.channels:
                 raise InputError(f"{where}: needs filters={layer.channels} before it, not {channels}")
     return before
@@ -186,9 +190,11 @@ def _check_size(cfg: DarknetCfg, shapes: Sequence[tuple[int, int, int]]) -> None
     ]
     weights = sum(layer.filters * n * layer.size**2 for layer, n in convolutions)
     outputs = cfg.channels * cfg.height * cfg.width + sum(map(prod, shapes))
-    for count, most, what in ((weights, MOST_WEIGHTS, "weights"), (outputs, MOST_OUTPUTS, "numbers for an image")):
-        if count > most:
-            raise InputError(f"{cfg.name}: too large: {count:.2g} {what}, at most {most:.2g} are computed with")
+    for count, what in ((weights, "weights"), (outputs, "numbers for an image")):
+        if count > MOST_NUMBERS:
+            raise InputError(
+                f"{cfg.name}: too large: {count:.2g} {what}, at most {MOST_NUMBERS:.2g} are computed with"
+            )
 
 
 def _sizes(shapes: Sequence[tuple[int, int, int]]) -> str:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from pipeline.errors import InputError
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 
 
@@ -13,8 +12,9 @@ class YoloTrainingConfig(TrainingConfig):
 
     Attributes:
         network: architecture; larger ones find more victims and take longer per frame.
-        width: input width of the network, pixels, a multiple of 32; larger ones find smaller people and take longer.
-        height: input height of the network, pixels, a multiple of 32.
+        width: input width of the network, pixels, a multiple of its stride of 32; larger ones find smaller people and
+            take longer.
+        height: input height of the network, pixels, a multiple of its stride.
     """
 
     network: Literal["yolov3-small", "yolov3-tiny", "yolov3"] = "yolov3-small"
@@ -23,8 +23,3 @@ class YoloTrainingConfig(TrainingConfig):
     steps: int = 6000
     batch: int = 16
     validate_every: int = 500
-
-    def __post_init__(self) -> None:
-        if min(self.width, self.height) < 32 or self.width % 32 or self.height % 32:
-            raise InputError(f"--width {self.width} --height {self.height}: multiples of 32")
-        super().__post_init__()

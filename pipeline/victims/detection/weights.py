@@ -5,6 +5,7 @@ Each convolution has, in the order in which Darknet's ``parser.c`` reads them, i
 normalization, scales, means and variances, and then its kernel (filters, channels, size, size).
 """
 
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +18,8 @@ from pipeline.files import whole_file
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.network import DarknetNetwork
 
-VERSION = (0, 2, 5)  # as the Darknet that published YOLOv3 writes
+WRITTEN_VERSION = (0, 2, 5)  # as the Darknet that published YOLOv3 writes
+NUMBER = np.dtype("<f4")
 
 
 def load_network(cfg: Path, weights: Path) -> DarknetNetwork:
@@ -43,11 +45,11 @@ def read_weights(path: Path, network: DarknetNetwork) -> int:
         raise InputError(f"{path}: {error.strerror or error}") from error
     seen, start = _read_header(content, path)
     tensors = list(_tensors(network))
-    needed = start + 4 * sum(tensor.numel() for tensor in tensors)
+    needed = start + NUMBER.itemsize * sum(tensor.numel() for tensor in tensors)
     if len(content) != needed:
         which, name = "short" if len(content) < needed else "long", network.cfg.name
         raise InputError(f"{path}: {len(content)} bytes, too {which} for {name}, which needs {needed}")
-    numbers = np.frombuffer(content, "<f4", offset=start)
+    numbers = np.frombuffer(content, NUMBER, offset=start)
     if not np.isfinite(numbers).all():
         raise InputError(f"{path}: holds numbers that are not finite")
     ends = np.cumsum([tensor.numel() for tensor in tensors])
@@ -63,9 +65,9 @@ def read_weights(path: Path, network: DarknetNetwork) -> int:
 def write_weights(path: Path, network: DarknetNetwork, seen: int = 0) -> None:
     """Write a network's weights, trained on ``seen`` images. InputError if the file cannot be written."""
     with whole_file(path) as partial, partial.open("wb") as file:
-        file.write(np.array(VERSION, "<i4").tobytes() + np.array(seen, "<i8").tobytes())
+        file.write(np.array(WRITTEN_VERSION, "<i4").tobytes() + np.array(seen, "<i8").tobytes())
         for tensor in _tensors(network):
-            file.write(tensor.detach().cpu().contiguous().numpy().astype("<f4").tobytes())
+            file.write(tensor.detach().cpu().contiguous().numpy().astype(NUMBER).tobytes())
 
 
 def _tensors(network: DarknetNetwork) -> Iterator[Tensor]:
@@ -83,10 +85,12 @@ def _tensors(network: DarknetNetwork) -> Iterator[Tensor]:
 
 def _read_header(content: bytes, path: Path) -> tuple[int, int]:
     """Number of images that the network has seen in training, and number of bytes of the header."""
-    if len(content) < 20:
-        raise InputError(f"{path}: {len(content)} bytes, too short for Darknet weights")
-    major, minor = (int(number) for number in np.frombuffer(content, "<i4", 2))
-    if not (0 <= major < 1000 and 0 <= minor < 1000):
-        raise InputError(f"{path}: not Darknet weights: version {major}.{minor}")
-    seen = np.frombuffer(content, "<i8" if 10 * major + minor >= 2 else "<i4", 1, offset=12)
-    return int(seen[0]), 12 + seen.nbytes
+    try:
+        major, minor, revision = struct.unpack_from("<iii", content)
+        header = struct.Struct("<iiiq" if (major, minor) >= (0, 2) else "<iiii")
+        seen = header.unpack_from(content)[-1]
+    except struct.error as error:
+        raise InputError(f"{path}: {len(content)} bytes, too short for Darknet weights") from error
+    if not all(0 <= part < 1000 for part in (major, minor)):  # as Darknet's parser.c
+        raise InputError(f"{path}: not Darknet weights: version {major}.{minor}.{revision}")
+    return seen, header.size

@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.robot import Velocity
 from pipeline.ros.bag import Bag
-from pipeline.ros.topics import Odometry, RobotTopics
+from pipeline.ros.topics import OdometrySample, RobotTopics
 from sarsim.dataset.exports.export import Export, room
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
@@ -26,5 +26,5 @@ class Mcap(Export):
             for index, frame in enumerate(scene):
                 # The robot's velocity between two frames is unknown.
                 unknown = Velocity(np.nan, np.nan)
-                topics.odometry(Odometry(frame.time, frame.T_odom_base, unknown, None, scene.pose_true[index]))
+                topics.odometry(OdometrySample(frame.time, frame.T_odom_base, unknown, None, scene.pose_true[index]))
                 topics.frame(frame)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame, Intrinsics
 from pipeline.robot import Motion, Velocity
-from pipeline.ros.topics import Joints, Odometry
+from pipeline.ros.topics import Joints, OdometrySample
 from sarsim.dataset.exports.export import Export, describe, room, whole_folder, write_image
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
@@ -123,7 +123,7 @@ class TumDrive(ExitStack):
     def joints(self, time: float, joints: Joints) -> None:
         """Ignored, because the benchmark has no file for wheels."""
 
-    def odometry(self, odometry: Odometry) -> None:
+    def odometry(self, odometry: OdometrySample) -> None:
         """Add the robot's pose by odometry, and its true pose if it is known."""
         self._poses.append(("odometry", odometry.time, odometry.T_odom_base))
         if odometry.T_world_base is not None:

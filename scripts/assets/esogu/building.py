@@ -10,7 +10,7 @@ from sarsim.scripts.assets.esogu.parts import Part, moved
 
 Pair = tuple[float, float]
 
-LENGTH, WIDTH, HEIGHT = 52.0, 15.0, 2.7  # m, outer length along x and y, and from floor to ceiling
+LENGTH, BUILDING_WIDTH, CEILING = 52.0, 15.0, 2.7  # m, outer length along x and y, and from floor to ceiling
 OUTER, INNER = 0.2, 0.12  # m, thickness of the outer walls and of those between rooms
 SOUTH_WALL, NORTH_WALL = -0.66, 2.06  # y in m, the centres of the corridor's walls
 DOOR, DOOR_HEIGHT = 1.0, 2.05  # m, clear opening
@@ -44,13 +44,13 @@ class Room:
 
 def outer_walls(south: tuple[Room, ...], north: tuple[Room, ...]) -> Iterator[Part]:
     """The four outer walls; the long ones have windows."""
-    x, y = (LENGTH - OUTER) / 2, (WIDTH - OUTER) / 2
+    x, y = (LENGTH - OUTER) / 2, (BUILDING_WIDTH - OUTER) / 2
     for end in (-x, x):
         for low, high in _cut(-y + OUTER / 2, y - OUTER / 2):
-            yield _wall((end, (low + high) / 2), (OUTER, high - low), 0, HEIGHT)
+            yield _wall((end, (low + high) / 2), (OUTER, high - low), 0, CEILING)
     for side, rooms in ((-1, south), (1, north)):
         for low, high in _cut(-LENGTH / 2, LENGTH / 2):
-            yield _wall(((low + high) / 2, side * y), (high - low, OUTER), 0, HEIGHT)
+            yield _wall(((low + high) / 2, side * y), (high - low, OUTER), 0, CEILING)
         for window in (w for room in rooms for w in room.windows):
             yield from moved(_window(), window, side * (y - OUTER / 2), -90 * side)
 
@@ -68,9 +68,9 @@ def corridor_wall(y: float, inward: int, rooms: tuple[Room, ...]) -> Iterator[Pa
     ends = [-LENGTH / 2 + OUTER, *np.ravel([(d - half, d + half) for d in doors]), LENGTH / 2 - OUTER]
     for low, high in zip(ends[::2], ends[1::2], strict=True):
         for a, b in _cut(float(low), float(high)):
-            yield _wall(((a + b) / 2, y), (b - a, INNER), 0, HEIGHT)
+            yield _wall(((a + b) / 2, y), (b - a, INNER), 0, CEILING)
     for door in doors:
-        yield _wall((door, y), (2 * half, INNER), DOOR_HEIGHT + FRAME, HEIGHT)
+        yield _wall((door, y), (2 * half, INNER), DOOR_HEIGHT + FRAME, CEILING)
         yield from moved(_door_frame(), door, y, 0)
     for room in rooms:
         for door, hinge in zip(room.doors, room.hinges, strict=True):
@@ -84,24 +84,24 @@ def partitions(rooms: tuple[Room, ...], low: float, high: float) -> Iterator[Par
     """The walls between the rooms on one side, from y = ``low`` to ``high`` m."""
     for room in rooms[:-1]:
         for a, b in _cut(low, high):
-            yield _wall((room.east, (a + b) / 2), (INNER, b - a), 0, HEIGHT)
+            yield _wall((room.east, (a + b) / 2), (INNER, b - a), 0, CEILING)
 
 
 def columns(places: tuple[Pair, ...]) -> Iterator[Part]:
     """Square columns from floor to ceiling."""
     for place in places:
-        yield _wall(place, (COLUMN, COLUMN), 0, HEIGHT, "column")
+        yield _wall(place, (COLUMN, COLUMN), 0, CEILING, "column")
 
 
 def ceiling() -> Iterator[Part]:
     """The ceiling in pieces, with lamps over rooms and corridor."""
     xs = np.linspace(-LENGTH / 2, LENGTH / 2, 14)
-    ys = np.array([-WIDTH / 2, SOUTH_WALL, NORTH_WALL, WIDTH / 2])
+    ys = np.array([-BUILDING_WIDTH / 2, SOUTH_WALL, NORTH_WALL, BUILDING_WIDTH / 2])
     for west, east in pairwise(xs):
         for low, high in pairwise(ys):
             x, y = (west + east) / 2, (low + high) / 2
-            yield Part("ceiling", "ceiling", (x, y, HEIGHT + 0.02), (east - west, high - low, 0.04))
-            yield Part("ceiling", "lamp", (x, y, HEIGHT - 0.015), (1.2, 0.3, 0.03))
+            yield Part("ceiling", "ceiling", (x, y, CEILING + 0.02), (east - west, high - low, 0.04))
+            yield Part("ceiling", "lamp", (x, y, CEILING - 0.015), (1.2, 0.3, 0.03))
 
 
 def _cut(low: float, high: float) -> list[Pair]:

@@ -10,7 +10,7 @@ import numpy as np
 from sarsim.victims.mjcf import numbers
 
 Point = tuple[float, float, float]
-MARGIN = 1e-9  # deg; a yaw nearer to 0 counts as 0
+ROUNDING = 1e-9  # deg; a yaw nearer to 0 counts as 0
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Part:
         half = np.radians(self.yaw) / 2
         if self.shape == "lying_cylinder":  # its axis, z, is turned to y first
             return numbers(np.sqrt(0.5) * np.array([np.cos(half), -np.cos(half), -np.sin(half), np.sin(half)]))
-        if abs(self.yaw) < MARGIN or self.shape == "cylinder":
+        if abs(self.yaw) < ROUNDING or self.shape == "cylinder":
             return None
         return numbers([np.cos(half), 0, 0, np.sin(half)])
 

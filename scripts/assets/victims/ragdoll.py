@@ -17,11 +17,11 @@ TIMESTEP = 0.003
 FALL, REST = 1.5, 2.0
 """s with muscles that hold the posture, and s without, after which the ragdoll must be at rest."""
 DENSITY = 500.0  # kg/m³; the primitives overlap, so that half of a body's density makes 75 kg
-BLOCK = (0.26, 0.3, 0.25)  # m; half sizes of the block to sit on
+SEAT_BLOCK = (0.26, 0.3, 0.25)  # m; half sizes of the block to sit on
 
 
 @dataclass(frozen=True)
-class Recipe:
+class Setup:
     """How to produce a posture, and the conditions that must hold at rest.
 
     Attributes:
@@ -59,19 +59,19 @@ class Recipe:
 
 
 RECIPES = {
-    "lying": Recipe((-90, 0, 0), (8, 10, 8), 0.3, (0, 40), (5, 60), ((35, 105), (-5, 30)), 0, 1, 1,
+    "lying": Setup((-90, 0, 0), (8, 10, 8), 0.3, (0, 40), (5, 60), ((35, 105), (-5, 30)), 0, 1, 1,
                     chest_up=(-0.4, 0.4), chest_forward=(0.8, 1)),
-    "straight": Recipe((-90, 0, 0), (2, 3, 2), 0.05, (0, 12), (0, 15), ((77, 82), (-3, 6)), 0, 2, 2,
+    "straight": Setup((-90, 0, 0), (2, 3, 2), 0.05, (0, 12), (0, 15), ((77, 82), (-3, 6)), 0, 2, 2,
                        elbows=(0, 8), closed=(18, 21), width=0.82, chest_up=(-0.4, 0.4), chest_forward=(0.8, 1)),
-    "prone": Recipe((90, 0, 0), (8, 10, 8), 0.3, (0, 30), (5, 50), ((-80, 70), (-10, 40)), 0, 1, 1,
+    "prone": Setup((90, 0, 0), (8, 10, 8), 0.3, (0, 30), (5, 50), ((-80, 70), (-10, 40)), 0, 1, 1,
                     chest_up=(-0.4, 0.4), chest_forward=(-1, -0.8)),
-    "side": Recipe((0, 0, 90), (8, 10, 5), 0.3, (40, 80), (50, 100), ((20, 80), (40, 90)), 0, 3, 2,
+    "side": Setup((0, 0, 90), (8, 10, 5), 0.3, (40, 80), (50, 100), ((20, 80), (40, 90)), 0, 3, 2,
                    chest_up=(-0.45, 0.45), chest_forward=(-0.6, 0.6)),
-    "sitting": Recipe((-12, 0, 0), (3, 8, 3), 0.2, (74, 86), (15, 120), ((65, 90), (0, 45)), 0.5, 40, 40, wall=0.27,
+    "sitting": Setup((-12, 0, 0), (3, 8, 3), 0.2, (74, 86), (15, 120), ((65, 90), (0, 45)), 0.5, 40, 40, wall=0.27,
                       chest_up=(0.85, 1), chest_forward=(-0.5, 0.5)),
-    "slumped": Recipe((-12, 0, 10), (3, 20, 8), 0.2, (70, 86), (5, 60), ((65, 90), (0, 45)), 0.5, 20, 3, wall=0.27,
+    "slumped": Setup((-12, 0, 10), (3, 20, 8), 0.2, (70, 86), (5, 60), ((65, 90), (0, 45)), 0.5, 20, 3, wall=0.27,
                       chest_up=(0.3, 0.85), chest_forward=(-0.8, 0.8)),
-    "seated": Recipe((-8, 0, 0), (3, 8, 3), 0.66, (88, 98), (75, 95), ((65, 90), (0, 40)), 0, 40, 25, wall=0.27,
+    "seated": Setup((-8, 0, 0), (3, 8, 3), 0.66, (88, 98), (75, 95), ((65, 90), (0, 40)), 0, 40, 25, wall=0.27,
                      block=True, chest_up=(0.6, 1), chest_forward=(-0.8, 0.5)),
 }  # fmt: skip
 
@@ -79,7 +79,7 @@ RECIPES = {
 class Ragdoll:
     """The humanoid without actuators, with the shapes of a person's primitives."""
 
-    def __init__(self, primitives: list[Primitive], recipe: Recipe):
+    def __init__(self, primitives: list[Primitive], recipe: Setup):
         scene, self._root = _scene(recipe)
         bodies = _dress(self._root, primitives)
         self.physics = mjcf.Physics.from_mjcf_model(scene)
@@ -119,7 +119,7 @@ class Ragdoll:
 
     def _is_on_block(self) -> bool:
         x, _, z = self.physics.data.qpos[:3]
-        return bool(x < 1.5 * BLOCK[0] and z > 2 * BLOCK[2])
+        return bool(x < 1.5 * SEAT_BLOCK[0] and z > 2 * SEAT_BLOCK[2])
 
     def _pose(self, rng: np.random.Generator) -> None:
         recipe, qpos = self._recipe, self.physics.data.qpos
@@ -185,7 +185,7 @@ def rest_poses(bones: tuple[str, ...]) -> NDArray[np.float64]:
     return np.concatenate([data.xpos[ids], data.xquat[ids]], axis=1)
 
 
-def _scene(recipe: Recipe) -> tuple[mjcf.RootElement, mjcf.RootElement]:
+def _scene(recipe: Setup) -> tuple[mjcf.RootElement, mjcf.RootElement]:
     scene = mjcf.RootElement()
     scene.option.timestep = TIMESTEP
     scene.option.integrator = "implicitfast"
@@ -195,7 +195,7 @@ def _scene(recipe: Recipe) -> tuple[mjcf.RootElement, mjcf.RootElement]:
     if recipe.wall:
         scene.worldbody.add("geom", type="box", size=(0.1, 3, 2), pos=(-0.1, 0, 2))
     if recipe.block:
-        scene.worldbody.add("geom", type="box", size=BLOCK, pos=(BLOCK[0], 0, BLOCK[2]))
+        scene.worldbody.add("geom", type="box", size=SEAT_BLOCK, pos=(SEAT_BLOCK[0], 0, SEAT_BLOCK[2]))
     root = cmu_humanoid.CMUHumanoidPositionControlledV2020().mjcf_model
     for unwanted in ("actuator", "sensor", "geom", "site", "camera", "light", "tendon"):
         for element in root.find_all(unwanted):

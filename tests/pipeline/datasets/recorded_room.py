@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
 from pipeline.ros.bag import Bag
-from pipeline.ros.topics import ImageFormat, Odometry, RobotTopics
+from pipeline.ros.topics import ImageFormat, OdometrySample, RobotTopics
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA, drifting, drive, seen
 from tests.pipeline.localisation.painted_room import painted
 
@@ -80,7 +80,7 @@ def write_bag(path: Path, images: ImageFormat = "32FC1", change: Change = unchan
         topics = RobotTopics(send, images)
         for frame, T_world_base in zip(frames(), WAY, strict=True):
             twist = Velocity(1.0, 0.0)
-            topics.odometry(Odometry(frame.time, frame.T_odom_base, twist, None, T_world_base))
+            topics.odometry(OdometrySample(frame.time, frame.T_odom_base, twist, None, T_world_base))
             up = frame.T_odom_base[2, :3] * 9.81
             topics.motion(Motion(frame.time, frame.T_odom_base, np.zeros(3), up, np.zeros(2)), Velocity())
             topics.frame(frame)

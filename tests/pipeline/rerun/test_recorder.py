@@ -275,8 +275,8 @@ def corrected(tmp_path_factory):
 def test_a_correction_is_told(corrected):
     _, rows = corrected
     assert [row["TextLog:text"] for row in rows["/log"]] == [
-        ["2 of 2 keyframes moved by up to 20.0 cm and 0.0°; the maps were made anew"],
-        ["3 of 3 keyframes moved by up to 30.0 cm and 0.0°; the maps were made anew"],
+        ["2 of 2 keyframes moved by up to 0.200 m and 0.0°; the maps were made anew"],
+        ["3 of 3 keyframes moved by up to 0.300 m and 0.0°; the maps were made anew"],
     ]
     sizes = components(rows["/metrics/localisation/correction_m"], "Scalars:scalars")
     np.testing.assert_allclose(np.ravel(sizes), [0.2, 0.3])
@@ -326,7 +326,7 @@ def test_a_correction_moves_the_robot_and_its_way_but_drives_nowhere(corrected):
     np.testing.assert_allclose(places[0], [0, 0, 0], atol=1e-6)
     np.testing.assert_allclose(places[-1], [0.2, 0.3, 0], atol=1e-6)
     way = np.array(rows["/world/trajectory/estimated"][-1]["LineStrips3D:strips"][0])
-    np.testing.assert_allclose(way, [[0.2, 0.3, 0.06]] * 2, atol=1e-6)
+    np.testing.assert_allclose(way, [[0.2, 0.3, 0.08]] * 2, atol=1e-6)
     assert max(np.ravel(components(rows["/metrics/distance_m"], "Scalars:scalars"))) == 0
 
 

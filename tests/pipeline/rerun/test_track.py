@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.localisation.odometry import OdometryLocalisation
-from pipeline.rerun.track import SPACING, EstimatedTrack, Track
+from pipeline.rerun.track import GRAIN, EstimatedTrack, Track
 from pipeline.transforms import from_yaw
 
 
@@ -14,7 +14,7 @@ def test_a_track_keeps_the_whole_distance_and_few_points():
     assert track.distance == pytest.approx(1.0)
     gaps = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
     assert sum(kept) == len(track.positions) >= 17
-    assert gaps.min() >= SPACING - 1e-9
+    assert gaps.min() >= GRAIN - 1e-9
 
 
 def pose(x=0.0, y=0.0, yaw=0.0):

@@ -17,7 +17,7 @@ NO_POINTS = np.zeros((0, 3), np.float32)
 def hazards_of(*clouds: NDArray[np.float32], start=(-1.0, 0.0), above: NDArray[np.float32] = NO_POINTS) -> Hazards:
     traversability = assess_map(surface_of(*clouds))
     reachable = PosePaths(traversability, start).reachable
-    return find_hazards(traversability, reachable, np.vstack([*clouds, above]), PIONEER.headroom)
+    return find_hazards(traversability, reachable, np.vstack([*clouds, above]), PIONEER)
 
 
 def terrace(x: NDArray, y: NDArray) -> NDArray:

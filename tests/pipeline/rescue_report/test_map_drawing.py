@@ -11,7 +11,7 @@ import pytest
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
 from pipeline.rescue_report.map_drawing import draw_map, pale
-from pipeline.rescue_report.paper import LONGER, MARGIN, Paper
+from pipeline.rescue_report.paper import BORDER, EXTENT, Paper
 from tests.pipeline.rescue_report.html_page import read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
 
@@ -26,16 +26,16 @@ def known(low: tuple[int, int], high: tuple[int, int]):
 
 def test_x_goes_right_and_y_goes_up() -> None:
     paper = Paper(GRID, known((20, 20), (120, 60)))  # 5 × 2 m from (0, −1)
-    assert paper.scale == pytest.approx(LONGER / (5 + 2 * MARGIN))
-    assert paper.height == pytest.approx((2 + 2 * MARGIN) * paper.scale)
-    margin = MARGIN * paper.scale
+    assert paper.scale == pytest.approx(EXTENT / (5 + 2 * BORDER))
+    assert paper.height == pytest.approx((2 + 2 * BORDER) * paper.scale)
+    margin = BORDER * paper.scale
     assert paper((0, -1)) == pytest.approx([margin, paper.height - margin], abs=0.06)
     assert paper((5, 1, 7)) == pytest.approx([paper.width - margin, margin], abs=0.06)
 
 
 def test_a_high_room_fits_too() -> None:
     paper = Paper(GRID, known((20, 8), (40, 112)))
-    assert paper.height == pytest.approx(800)
+    assert paper.height == pytest.approx(1000)
     assert paper.width < 400
 
 
@@ -47,7 +47,7 @@ def test_a_large_arena_gets_more_units() -> None:
 
 
 def test_an_empty_map_can_be_drawn() -> None:
-    assert Paper(GRID, known((0, 0), (0, 0))).width == pytest.approx(LONGER)
+    assert Paper(GRID, known((0, 0), (0, 0))).width == pytest.approx(EXTENT)
 
 
 def test_round_coordinates_stand_at_the_edges_where_they_are() -> None:

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from pipeline.labels import Label
-from pipeline.rescue_report.page import MAX_LISTED, page
+from pipeline.rescue_report.map_drawing import MOST_NAMED
+from pipeline.rescue_report.page import page
 from pipeline.rescue_report.people import people_data
-from pipeline.rescue_report.places import Place
+from pipeline.rescue_report.places import ReportedPlace
 from pipeline.rescue_report.trust import Trust
 from tests.pipeline.rescue_report.html_page import Tag, read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
@@ -215,12 +216,12 @@ def test_the_same_episode_gives_the_same_page(html: str) -> None:
 
 
 def test_the_worst_places_are_listed_and_the_others_counted() -> None:
-    places = [Place(np.array([1.0, -2.0]), 0.5, 0.1 * (20 - k)) for k in range(MAX_LISTED + 2)]
+    places = [ReportedPlace(np.array([1.0, -2.0]), 0.5, 0.1 * (20 - k)) for k in range(MOST_NAMED + 2)]
     situation = before_a_wall(None)
     hazards = replace(situation.hazards, slopes=places, drops=places[:1], ceilings=places[:1])
     text = read(page(replace(situation, hazards=hazards), {"arena": "a"})).text
     assert "115° at (1.0, −2.0) m, 0.5 m²" in text
-    assert text.count(" at (1.0, −2.0) m, 0.5 m²") == MAX_LISTED
+    assert text.count(" at (1.0, −2.0) m, 0.5 m²") == MOST_NAMED
     assert "and 2 more" in text
     assert "200 cm deep at (1.0, −2.0) m" in text
     assert "Low ceilings: the lowest leaves 2.0 m." in text

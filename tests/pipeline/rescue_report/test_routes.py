@@ -23,9 +23,9 @@ def route(
 ) -> Route | None:
     traversability = assess_map(surface_of(*clouds))
     paths = PosePaths(traversability, start)
-    hazards = find_hazards(traversability, paths.reachable, np.vstack(clouds), PIONEER.headroom)
+    hazards = find_hazards(traversability, paths.reachable, np.vstack(clouds), PIONEER)
     metric_map = metric_map or MetricMap()
-    router = Router(traversability, paths, TopologicalMap(), metric_map, hazards, 0.0, HEIGHT)
+    router = Router(traversability, paths, TopologicalMap(), metric_map, hazards, PIONEER, 0.0, HEIGHT)
     return router.to(person)
 
 

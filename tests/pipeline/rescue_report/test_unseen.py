@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.rescue_report.unseen import AHEAD, Unseen, find_unseen
+from pipeline.rescue_report.unseen import EXPECTED_AHEAD, Unseen, find_unseen
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import assess_map
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 ROOM = (-2.0, 2.0), (-1.5, 1.5)
@@ -21,7 +22,7 @@ def unseen(*clouds: NDArray[np.float32]) -> Unseen:
     elevation_map = surface_of(*clouds, *WALLS)
     traversability = assess_map(elevation_map)
     reachable = PosePaths(traversability, (-1.5, 0.0)).reachable
-    return find_unseen(traversability, elevation_map.measured, reachable)
+    return find_unseen(traversability, elevation_map.measured, reachable, PIONEER)
 
 
 def without(low: float, high: float) -> NDArray[np.float32]:
@@ -55,7 +56,7 @@ def test_a_small_hole_is_a_patch() -> None:
 
 def test_ground_is_expected_ahead_where_no_wall_is() -> None:
     (place,) = unseen(ground_points(flat, *ROOM)).places
-    reach = AHEAD - 0.25  # the robot's middle keeps off unknown ground
+    reach = EXPECTED_AHEAD - 0.25  # the robot's middle keeps off unknown ground
     assert 2 < place.position[0] < 2 + reach
     assert 2.4 * reach < place.area < 4 * reach  # as wide as the robot's middle can go, or as the room and more
 

@@ -27,7 +27,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "/map": messages.occupancy_grid(9.5, Grid(np.array([-2, 4]), 0.5, (2, 3)), np.arange(6).reshape(2, 3)),
         "/semantic_cloud": messages.labelled_cloud(9.5, POINTS, np.array([1, 6], np.uint8)),
         "/path": messages.path(9.5, POINTS.astype(float)),
-        "/nodes": messages.marker(9.5, "nodes", "SPHERE_LIST", POINTS.astype(float), 0.1, (1.0, 0.0, 0.0)),
+        "/nodes": messages.marker(9.5, "nodes", "SPHERE_LIST", POINTS.astype(float), 0.1, "red"),
         "/joint_states": messages.joint_states(9.5, ["a", "b"], np.zeros(2), np.ones(2)),
     }
     written = dict(others)

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from sarsim.arenas.arena import RescueArena
-from sarsim.arenas.fiducials import FAMILY, MOST, SIDE, SPACING, STAND, THICK, hang_fiducials, picture
+from sarsim.arenas.fiducials import FAMILY, MOST_TAGS, STAND, TAG_SIDE, TAG_SPACING, THICK, hang_fiducials, picture
 from sarsim.arenas.load import load_arena
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.sensors.camera import geom_labels
@@ -39,7 +39,7 @@ def compiled(arena: RescueArena) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 def test_pictures_are_tags_with_a_white_margin():
     detector = cv2.aruco.ArucoDetector(FAMILY)
-    for tag in range(MOST):
+    for tag in range(MOST_TAGS):
         image = picture(tag)
         assert image.shape == (160, 160) and (image[:16] == 255).all() and (image[16:32, 16:-16] == 0).all()
         (corners,), ids, _ = detector.detectMarkers(np.pad(image, 40, constant_values=128))
@@ -59,14 +59,14 @@ def test_tags_hang_on_bare_walls_before_drivable_ground(name):
         assert_allclose(T[:3, 1], [0, 0, 1])
         eye, geom, normal = T[:3, 3] + (STAND - THICK) * T[:3, 2], np.zeros(1, np.int32), np.zeros(3)
         assert before.grid.at(before.drivable, eye)
-        for right, up in SIDE / 2 * np.array([(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]):
+        for right, up in TAG_SIDE / 2 * np.array([(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]):
             start = eye + right * T[:3, 0] + up * T[:3, 1]
             distance = mujoco.mj_ray(model, data, start, -T[:3, 2], None, 1, -1, geom, normal)
             assert model.geom(geom[0]).name == f"fiducial_{tag}"
             assert distance == pytest.approx(STAND - THICK, abs=1e-6)
     places = poses[:, :3, 3]
     apart = np.linalg.norm(places[:, None] - places, axis=2)[np.triu_indices(8, 1)]
-    assert apart.min() > SPACING
+    assert apart.min() > TAG_SPACING
     assert (geom_labels(model)[[model.geom(f"fiducial_{tag}").id for tag in range(8)]] == Label.WALL).all()
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sarsim.arenas.layout import BLOCKED, FLOOR, SIDES, Ground, Layout, opposite
+from sarsim.arenas.layout import BLOCKED, FLOOR, SIDES, Layout, TileGround, opposite
 from sarsim.arenas.random_draws import RandomDraws
 from sarsim.arenas.random_ground import choose_start, lay_ramps, make_maze
 
@@ -27,17 +27,17 @@ def test_walls_stand_around_the_arena_and_where_they_are_put():
 
 
 def test_a_ramp_is_entered_over_its_ends_alone_and_at_their_height():
-    ramp = Ground("ramp", 17, EAST)
+    ramp = TileGround("ramp", 17, EAST)
     assert [ramp.level_at(side) for side in SIDES] == [17, None, 0, None]
-    assert [Ground("ridge", 17, NORTH).level_at(side) for side in SIDES] == [None, 0, None, 0]
-    assert [Ground("deck", 25).level_at(side) for side in SIDES] == [25] * 4
+    assert [TileGround("ridge", 17, NORTH).level_at(side) for side in SIDES] == [None, 0, None, 0]
+    assert [TileGround("deck", 25).level_at(side) for side in SIDES] == [25] * 4
     assert [BLOCKED.level_at(side) for side in SIDES] == [None] * 4
 
 
 def test_decks_are_reached_over_ramps_of_their_height():
     for level, expected in ((17, True), (25, False)):
         layout = Layout(3, 1)
-        laid = layout.lay([((1, 0), Ground("ramp", 17, EAST)), ((2, 0), Ground("deck", level))])
+        laid = layout.lay([((1, 0), TileGround("ramp", 17, EAST)), ((2, 0), TileGround("deck", level))])
         assert laid is expected
         assert (layout.ground((2, 0)) == FLOOR) is not expected
 
@@ -78,10 +78,10 @@ def test_mazes_with_ramps_hang_together_and_have_a_start_on_the_floor(columns, r
 def test_before_a_ramp_two_tiles_in_a_line_are_needed():
     narrow = Layout(3, 1)
     narrow.start = (0, 0)
-    assert not narrow.lay([((1, 0), Ground("ridge", 17, EAST))])
+    assert not narrow.lay([((1, 0), TileGround("ridge", 17, EAST))])
     wide = Layout(4, 1)
     wide.start = (0, 0)
-    assert wide.lay([((2, 0), Ground("ridge", 17, EAST))])
+    assert wide.lay([((2, 0), TileGround("ridge", 17, EAST))])
 
 
 def test_a_perfect_maze_has_one_way_between_any_two_tiles():

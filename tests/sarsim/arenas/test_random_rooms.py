@@ -12,7 +12,7 @@ from sarsim.arenas.checks import failed_checks
 from sarsim.arenas.layout import BLOCKED, Layout
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
 from sarsim.arenas.random_draws import RandomDraws
-from sarsim.arenas.random_rooms import BACK, KINDS, furnish
+from sarsim.arenas.random_rooms import BACK, FURNITURE, furnish
 from sarsim.dataset.settings import ArenaRange
 from sarsim.sensors.camera import geom_labels
 
@@ -23,7 +23,9 @@ def draws(seed):
     return RandomDraws(np.random.default_rng(seed))
 
 
-@pytest.mark.parametrize("kind", sorted(set(KINDS), key=lambda kind: kind.__name__), ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize(
+    "kind", sorted(set(FURNITURE), key=lambda kind: kind.__name__), ids=lambda kind: kind.__name__
+)
 def test_a_piece_stays_on_its_tile_and_is_no_deck(kind) -> None:
     for seed in range(200):
         boxes = np.array(kind(draws(seed)))

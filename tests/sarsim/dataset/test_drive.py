@@ -8,8 +8,8 @@ from pipeline.errors import InputError
 from pipeline.transforms import from_yaw, inverse, tilt_of
 from sarsim.arenas.load import load_arena
 from sarsim.dataset import drive
-from sarsim.dataset.drive import PERIOD, SPEED, DeadReckoning, Drive
-from sarsim.dataset.settings import KEYFRAMES
+from sarsim.dataset.drive import PERIOD, SPEED, DeadReckoning, EndlessDrive
+from sarsim.dataset.settings import KEYFRAME_WAY
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.columns import convex_bodies
 from sarsim.ground_truth.true_surface import Survey, TrueSurface
@@ -34,7 +34,7 @@ class Nist:
     def poses(self, seed: int, count: int = COUNT) -> list[Pose]:
         """A drive from the start."""
         rng = np.random.default_rng(seed)
-        return Drive(self.surface, self.wheel_contact, self.start, rng).poses(count)
+        return EndlessDrive(self.surface, self.wheel_contact, self.start, rng).poses(count)
 
 
 @pytest.fixture(scope="module")
@@ -83,9 +83,9 @@ def test_keyframes_are_apart_as_wanted(nist: Nist, monkeypatch: pytest.MonkeyPat
     moved = np.linalg.norm(np.diff(T[:, :2, 3], axis=0), axis=1)
     between = inverse(T[0])[None] @ T  # headings relative to the first
     yaw = np.unwrap(np.arctan2(between[:, 1, 0], between[:, 0, 0]))
-    far, turned = moved >= KEYFRAMES[0] - 1e-9, np.abs(np.diff(yaw)) >= KEYFRAMES[1] - 1e-6
+    far, turned = moved >= KEYFRAME_WAY[0] - 1e-9, np.abs(np.diff(yaw)) >= KEYFRAME_WAY[1] - 1e-6
     assert (far | turned).all()
-    assert moved.max() < KEYFRAMES[0] + 2 * SPEED * PERIOD
+    assert moved.max() < KEYFRAME_WAY[0] + 2 * SPEED * PERIOD
 
 
 def test_it_visits_most_of_the_arena(nist: Nist, keyframes: list[Pose]) -> None:
@@ -123,6 +123,6 @@ def test_a_longer_drive_begins_like_a_shorter_one(nist: Nist) -> None:
 
 def test_a_robot_that_cannot_stand_is_an_input_error(nist: Nist) -> None:
     nowhere = from_yaw(-2.9, -1.9, 3.0, 0.0)
-    lost = Drive(nist.surface, nist.wheel_contact, nowhere, np.random.default_rng(0))
+    lost = EndlessDrive(nist.surface, nist.wheel_contact, nowhere, np.random.default_rng(0))
     with pytest.raises(InputError, match=r"neither turn nor drive at \(-2.90, -1.90\) m"):
         lost.poses(3)

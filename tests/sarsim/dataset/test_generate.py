@@ -214,7 +214,7 @@ def test_scenes_of_another_version_of_the_program_are_not_mixed(tmp_path: Path) 
 
 def test_one_generator_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     toys(tmp_path)
-    monkeypatch.setattr("sarsim.dataset.folder_lock.PATIENCE", 0.1)
+    monkeypatch.setattr("sarsim.dataset.folder_lock.LOCK_PATIENCE", 0.1)
     with FolderLock.take(tmp_path), pytest.raises(InputError, match="another process is generating here"):
         toys(tmp_path)
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from pipeline.frame import Frame, Intrinsics
 from pipeline.transforms import from_yaw, inverse, transform_points
 from sarsim.arenas.arena import RescueArena
-from sarsim.arenas.fiducials import SIDE, hang_fiducials, picture
+from sarsim.arenas.fiducials import TAG_SIDE, hang_fiducials, picture
 from sarsim.scoring.fiducials import FiducialScore, read_fiducials
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -164,4 +164,4 @@ def test_the_side_is_what_hangs_on_the_wall():
     arena = RescueArena(mjcf.from_xml_string(HALL))
     hang_fiducials(arena, 1, seed=0)
     geom = arena.mjcf_model.find("geom", "fiducial_0")
-    assert_allclose(geom.size[:2], SIDE / 2 * 10 / 8)
+    assert_allclose(geom.size[:2], TAG_SIDE / 2 * 10 / 8)

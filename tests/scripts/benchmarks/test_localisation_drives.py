@@ -8,7 +8,14 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.transforms import from_yaw, inverse
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scripts.benchmarks.localisation_drives import SPACING, TURN, Drive, DriveJob, DriveWriter, record_job
+from sarsim.scripts.benchmarks.localisation_drives import (
+    SPACING,
+    TURN,
+    DriveJob,
+    DriveReader,
+    DriveWriter,
+    record_job,
+)
 from sarsim.settings import EpisodeConfig
 
 SURFACE = TrueSurface(
@@ -34,7 +41,7 @@ def test_a_drive_is_read_as_it_was_written(tmp_path):
     with DriveWriter(tmp_path / "drive.h5", {"group": "g"}, SURFACE) as writer:
         for n in range(3):
             writer.write(frame_of(n), true[n])
-    with Drive(tmp_path / "drive.h5") as drive:
+    with DriveReader(tmp_path / "drive.h5") as drive:
         assert len(drive) == 3
         assert drive.settings == {"group": "g"}
         assert (drive.T_world_base == true).all()
@@ -54,17 +61,17 @@ def test_a_drive_is_read_as_it_was_written(tmp_path):
 
 def test_what_is_no_drive_is_refused(tmp_path):
     with pytest.raises(InputError, match="no such file"):
-        Drive(tmp_path / "drive.h5")
+        DriveReader(tmp_path / "drive.h5")
     with DriveWriter(tmp_path / "empty.h5", {}, SURFACE):
         pass
     with pytest.raises(InputError, match=r"empty\.h5: not a recorded drive"):
-        Drive(tmp_path / "empty.h5")
+        DriveReader(tmp_path / "empty.h5")
 
 
 def test_a_recorded_drive_has_the_wheels_poses_beside_the_true_ones(tmp_path):
     record_job(JOB, tmp_path)
     told = JOB.result(tmp_path)
-    with Drive(tmp_path / f"{JOB.name}.h5") as drive:
+    with DriveReader(tmp_path / f"{JOB.name}.h5") as drive:
         assert told["frames"] == len(drive)
         assert JOB.frames <= len(drive) < 60  # the drive to the viewpoint under way is finished
         assert (np.diff(drive.time) > 0).all()

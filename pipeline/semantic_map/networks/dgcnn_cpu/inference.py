@@ -11,12 +11,12 @@ from torch import Tensor, nn
 from torch.nn.functional import leaky_relu
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, SLOPE, Dgcnn
+from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, MOST_NEIGHBOURS, SLOPE, Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels as kernels
 from pipeline.semantic_map.networks.network import check_block
 from pipeline.semantic_map.networks.threads import Threads
 
-TILE = 64
+TILE_ROWS = 64
 """Points per tile: their data, above all 1 MB of distances from 4,096 points, stay in the cache."""
 SLOPE32 = np.float32(SLOPE)
 
@@ -42,8 +42,8 @@ class FastDgcnn:
         Raises:
             InputError: k is too large.
         """
-        if network.k > kernels.BOUNDS:
-            raise InputError(f"DGCNN with k = {network.k}: at most {kernels.BOUNDS} neighbours are selected")
+        if network.k > MOST_NEIGHBOURS:
+            raise InputError(f"DGCNN with k = {network.k}: at most {MOST_NEIGHBOURS} neighbours are selected")
         self._network, self.k = network, network.k
         self.classes, self.fewest = network.classes, network.fewest
         self._threads = Threads(threads or torch.get_num_threads())
@@ -148,8 +148,8 @@ def neighbour_finder(x: Tensor, k: int) -> Callable[[slice], Neighbours]:
 
 
 def tiles(count: int) -> list[slice]:
-    """Slices of TILE rows."""
-    return [slice(start, min(start + TILE, count)) for start in range(0, count, TILE)]
+    """Slices of TILE_ROWS rows."""
+    return [slice(start, min(start + TILE_ROWS, count)) for start in range(0, count, TILE_ROWS)]
 
 
 def linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:

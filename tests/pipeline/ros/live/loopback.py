@@ -9,7 +9,7 @@ from pipeline.frame import Frame
 from pipeline.robot import Velocity
 from pipeline.ros.bag import LATCHED
 from pipeline.ros.messages import command_of, decode, encode, type_of
-from pipeline.ros.topics import Odometry, RobotTopics
+from pipeline.ros.topics import OdometrySample, RobotTopics
 from pipeline.transforms import from_yaw
 from tests.pipeline.kinematic_robot import KinematicRobot
 from tests.pipeline.localisation.driving_robot import seen
@@ -118,7 +118,7 @@ class RoomRobot:
         motion = self.body.drive(self._command)
         self._topics.motion(motion)
         twist = Velocity(self._command.v, float(motion.gyro[2]))
-        self._topics.odometry(Odometry(motion.time, motion.T_odom_base, twist))
+        self._topics.odometry(OdometrySample(motion.time, motion.T_odom_base, twist))
         if self._periods % 4 == 0:
             frame = replace(painted(seen(self.body.T, self.body.T), self.body.T), time=motion.time)
             self.frames[motion.time] = frame

@@ -9,7 +9,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from pipeline.ros import messages
-from pipeline.ros.live.node import Node
+from pipeline.ros.live.node import RosNode
 from pipeline.ros.messages import decode, type_of
 
 pytest.importorskip("rclpy", reason="there is no ROS 2 here; make ros adds it")
@@ -18,15 +18,15 @@ LONG = 20.0
 
 
 @pytest.fixture
-def pair(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Node, Node]]:
+def pair(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[RosNode, RosNode]]:
     monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    nodes = Node("test_robot"), Node("test_explorer")
+    nodes = RosNode("test_robot"), RosNode("test_explorer")
     yield nodes
     for node in nodes:
         node.close()
 
 
-def test_messages_arrive_as_they_were_sent(pair: tuple[Node, Node]) -> None:
+def test_messages_arrive_as_they_were_sent(pair: tuple[RosNode, RosNode]) -> None:
     robot, explorer = pair
     pixels = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
     sent = {
@@ -53,7 +53,7 @@ def test_messages_arrive_as_they_were_sent(pair: tuple[Node, Node]) -> None:
         assert messages.encode(decode(got[topic][0], type_of(sent[topic]))) == messages.encode(sent[topic])
 
 
-def test_a_late_listener_gets_the_map(pair: tuple[Node, Node]) -> None:
+def test_a_late_listener_gets_the_map(pair: tuple[RosNode, RosNode]) -> None:
     robot, explorer = pair
     robot.send("/camera/transform", 0.0, messages.transform(0.0, "base_link", "camera", np.eye(4)))
     assert explorer.wait(lambda: explorer.senders("/camera/transform") == ["test_robot"], LONG)
@@ -62,8 +62,8 @@ def test_a_late_listener_gets_the_map(pair: tuple[Node, Node]) -> None:
     assert explorer.wait(lambda: bool(got), LONG)
 
 
-def test_of_two_nodes_with_one_name_the_second_is_refused(pair: tuple[Node, Node]) -> None:
+def test_of_two_nodes_with_one_name_the_second_is_refused(pair: tuple[RosNode, RosNode]) -> None:
     with pytest.raises(InputError, match="there is a node 'test_robot' on the network already; --name"):
-        Node("test_robot")
+        RosNode("test_robot")
     with pytest.raises(InputError, match="--name a b: letters, digits and _"):
-        Node("a b")
+        RosNode("a b")

@@ -141,10 +141,10 @@ def test_points_that_are_nowhere_are_unlabelled(weights: Path) -> None:
         ({"blocks": '{"colour": 3}'}, "another version"),
         ({"blocks": "[" * 100_000}, "another version"),
         ({"blocks": '{"size": "wide"}'}, "another version"),
-        ({"blocks": '{"voxel_size": 0}'}, "voxel_size = 0: from 0.005 to 1"),
+        ({"blocks": '{"voxel_size": 0}'}, "voxel_size = 0: from 0.001875 to 0.48"),
         ({"blocks": '{"voxel_size": NaN}'}, "voxel_size = nan"),
-        ({"blocks": '{"size": 1e-9}'}, "size = 1e-09: from 0.1 to 100"),
-        ({"blocks": '{"points": 1}'}, "points = 1: from 64 to 65536"),
+        ({"blocks": '{"size": 1e-9}'}, "size = 1e-09: from 0.0625 to 16"),
+        ({"blocks": '{"points": 1}'}, "points = 1: from 256 to 65536"),
         ({"blocks": '{"reach": Infinity}'}, "reach = inf"),
     ],
 )

@@ -27,7 +27,7 @@ def cloud():
 @pytest.fixture(autouse=True)
 def no_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks are turned and reflected, but not blurred or thinned."""
-    for name, value in {"JITTER": 0, "HEIGHT": 0, "TILT": 0, "FEWEST_KEPT": 1}.items():
+    for name, value in {"JITTER": 0, "THINNEST": 1}.items():
         monkeypatch.setattr(sampling, name, value)
 
 
@@ -94,7 +94,7 @@ def test_augmentation_is_a_rigid_motion_about_the_vertical(cloud) -> None:
     )
 
 
-def test_clouds_have_the_mean_colours_of_their_voxels_and_become_brighter_or_dark() -> None:
+def test_clouds_have_the_mean_colours_of_their_voxels_and_become_darker() -> None:
     frame = look([floor(-5, 5, -5, 5)], EYE)
     frame = replace(frame, rgb=np.broadcast_to(np.uint8([255, 51, 0]), (*frame.depth.shape, 3)))
     cloud = LabelledCloud.of(frame, EYE, 0.1, colours=True)
@@ -104,14 +104,13 @@ def test_clouds_have_the_mean_colours_of_their_voxels_and_become_brighter_or_dar
     factors = np.array([colours[0, 0] for colours in light])
     assert all(colours == pytest.approx(f * cloud.points[:, 3:]) for f, colours in zip(factors, light, strict=True))
     assert 0.05 < (factors == 0).mean() < 0.4
-    assert factors[factors > 0].min() >= 0.3
-    assert factors.max() <= 1.3
+    assert 0.9 < factors.max() <= 1
     assert sampler([cloud]).batch(0).points.shape[1] == 9
 
 
 def test_points_are_dropped_and_small_blocks_filled_up(cloud, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = sampler([cloud], blocks=30).batch(0)
-    monkeypatch.setattr(sampling, "FEWEST_KEPT", 0.3)
+    monkeypatch.setattr(sampling, "THINNEST", 0.3)
     thinned = sampler([cloud], blocks=30).batch(0)
     assert 0.5 < sum(thinned.sizes) / sum(whole.sizes) < 0.8
     lonely = LabelledCloud(cloud.points[:1], cloud.counts[:1], cloud.camera)

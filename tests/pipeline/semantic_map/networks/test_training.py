@@ -16,13 +16,13 @@ from pipeline.semantic_map.networks import training as training_module
 from pipeline.semantic_map.networks import training_loop
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, load_classifier
 from pipeline.semantic_map.networks.clouds import LabelledCloud
-from pipeline.semantic_map.networks.parallel import Worker
-from pipeline.semantic_map.networks.training import Trainer, class_weights, cross_entropy
+from pipeline.semantic_map.networks.parallel import TrainingWorker
+from pipeline.semantic_map.networks.training import PointTrainer, class_weights, cross_entropy
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.semantic_map.networks.training_loop import schedule
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
-ALONE = Worker(0, 1, torch.device("cpu"))
+ALONE = TrainingWorker(0, 1, torch.device("cpu"))
 CONFIG = TrainingConfig(steps=12, validate_every=6, batch=4)
 POSES = [pose(0.3 * i, 0.1 * i, 0.6, 0.5 * i, 0.25) for i in range(4)]
 SCENE = [floor(-5, 5, -5, 5), wall((2, -5), (2, 5)), wall((-2, -5), (-2, 5)), wall((-5, 2), (5, 2))]
@@ -44,7 +44,7 @@ def at(step):
 
 
 def trainer(clouds, out, config=CONFIG):
-    return Trainer(clouds[:3], clouds[3:], config, out, ALONE, {"data": "walls"}, "dgcnn")
+    return PointTrainer(clouds[:3], clouds[3:], config, out, ALONE, {"data": "walls"}, "dgcnn")
 
 
 def test_floor_and_walls_are_learned(clouds, tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> 
     losses = {}
     for name, initial in (("random", "dgcnn"), ("trained", load_classifier(first)[0])):
         out = tmp_path / f"{name}.safetensors"
-        training = Trainer(clouds[:3], clouds[3:], CONFIG, out, ALONE, {}, initial)
+        training = PointTrainer(clouds[:3], clouds[3:], CONFIG, out, ALONE, {}, initial)
         with pytest.raises(KeyboardInterrupt):
             training.run(at(6))
         losses[name] = training.rows[0][1]
@@ -120,12 +120,12 @@ def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> 
 @pytest.mark.parametrize("name", ["pointnet", "pointnext"])
 def test_another_network_learns_and_goes_on_where_it_was_left(name: str, clouds, tmp_path: Path) -> None:
     config = replace(CONFIG, steps=16, validate_every=8)
-    whole = Trainer(clouds[:3], clouds[3:], config, tmp_path / "whole.safetensors", ALONE, {}, name)
+    whole = PointTrainer(clouds[:3], clouds[3:], config, tmp_path / "whole.safetensors", ALONE, {}, name)
     whole.run()
     assert whole.rows[1][1] < whole.rows[0][1]  # the loss
     with pytest.raises(KeyboardInterrupt):
-        Trainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name).run(at(5))
-    again = Trainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name)
+        PointTrainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name).run(at(5))
+    again = PointTrainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name)
     assert again.step == 5
     again.run()
     assert (tmp_path / "whole.csv").read_text() == (tmp_path / "left.csv").read_text()
@@ -172,7 +172,7 @@ def test_a_checkpoint_of_other_settings_is_refused(clouds, tmp_path: Path) -> No
         trainer(clouds, out)
     for other in ((clouds[:2], "dgcnn"), (clouds[:3], "pointnext")):
         with pytest.raises(InputError, match="other settings or data"):
-            Trainer(other[0], clouds[3:], replace(CONFIG, steps=1), out, ALONE, {}, other[1])
+            PointTrainer(other[0], clouds[3:], replace(CONFIG, steps=1), out, ALONE, {}, other[1])
 
 
 @pytest.mark.parametrize("content", [b"", b"no checkpoint", torch.zeros(3), {"settings": 1}])
@@ -191,18 +191,17 @@ def test_settings_that_no_training_can_have_are_refused(change: dict) -> None:
 
 def test_nothing_to_learn_from_is_refused(clouds, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="to train with"):
-        Trainer([], clouds, CONFIG, tmp_path / "w.safetensors", ALONE, {}, "dgcnn")
+        PointTrainer([], clouds, CONFIG, tmp_path / "w.safetensors", ALONE, {}, "dgcnn")
     with pytest.raises(InputError, match="to validate with"):
-        Trainer(clouds, [], CONFIG, tmp_path / "w.safetensors", ALONE, {}, "dgcnn")
+        PointTrainer(clouds, [], CONFIG, tmp_path / "w.safetensors", ALONE, {}, "dgcnn")
 
 
 def test_rare_classes_weigh_more(clouds) -> None:
-    wall, terrain, *absent = class_weights(clouds, 1.0).tolist()
+    wall, terrain, *absent = class_weights(clouds).tolist()
     of_wall = np.mean(np.concatenate([cloud.classes for cloud in clouds]) == Label.WALL - 1)
-    assert wall == pytest.approx(1 / of_wall)
-    assert terrain == pytest.approx(1 / (1 - of_wall))
+    assert wall == pytest.approx(of_wall**-0.5)
+    assert terrain == pytest.approx((1 - of_wall) ** -0.5)
     assert absent == [1, 1, 1, 1]
-    assert class_weights(clouds, 0.0).tolist() == [1] * 6
 
 
 def test_cross_entropy_by_hand() -> None:

@@ -1,19 +1,16 @@
 """Networks for tests."""
 
+from pathlib import Path
+
 import torch
 
-from pipeline.victims.detection.architectures import (
-    COCO_ANCHORS,
-    COCO_CLASSES,
-    COCO_TINY_ANCHORS,
-    yolov3,
-    yolov3_tiny,
-)
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.network import DarknetNetwork
 
-TINY = yolov3_tiny(416, 416, COCO_CLASSES, COCO_TINY_ANCHORS)
-FULL = yolov3(160, 128, COCO_CLASSES, COCO_ANCHORS)
+SHIPPED = Path(__file__).parents[4] / "assets" / "weights"
+TINY = (SHIPPED / "yolov3-tiny.cfg").read_text()
+FULL = (SHIPPED / "yolov3.cfg").read_text().replace("width=416", "width=160").replace("height=416", "height=128")
+OWN = (SHIPPED / "victims.cfg").read_text().replace("width=512", "width=128").replace("height=384", "height=96")
 SMALL = """
 [net]
 width=16

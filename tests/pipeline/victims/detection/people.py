@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.victims.detection.labelled_image import LabelledImage
+from pipeline.victims.detection.labelled_image import TrainingImage
 
 
 @dataclass(frozen=True)
@@ -23,15 +23,15 @@ class WhiteBoxes:
     def __len__(self) -> int:
         return self.count
 
-    def __getitem__(self, index: int) -> LabelledImage:
+    def __getitem__(self, index: int) -> TrainingImage:
         rng = np.random.default_rng([self.seed, index])
         rgb = rng.integers(0, 60, (48, 64, 3), np.uint8)
         width, height = (int(extent) for extent in rng.integers((10, 10), (28, 24)))
         x, y = int(rng.integers(0, 64 - width)), int(rng.integers(0, 48 - height))
         if index % 3 == 2:
-            return LabelledImage(rgb, np.zeros((0, 4), np.float32), np.zeros(0, bool))
+            return TrainingImage(rgb, np.zeros((0, 4), np.float32), np.zeros(0, bool))
         rgb[y : y + height, x : x + width] = 255
-        return LabelledImage(rgb, np.array([[x, y, x + width, y + height]], np.float32), np.zeros(1, bool))
+        return TrainingImage(rgb, np.array([[x, y, x + width, y + height]], np.float32), np.zeros(1, bool))
 
     def people(self, index: int) -> NDArray[np.floating]:
         """(N, 2) widths and heights as shares of the image's."""

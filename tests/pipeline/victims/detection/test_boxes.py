@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.boxes import decode, fit_anchors, overlaps, size_overlaps, suppress
-from pipeline.victims.detection.darknet_cfg import Yolo
+from pipeline.victims.detection.darknet_cfg import YoloHead
 
 
 def random_boxes(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -18,7 +18,7 @@ def random_boxes(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_cell_is_decoded_by_hand() -> None:
-    yolo = Yolo(((10, 20), (30, 40)), (1,), classes=2)
+    yolo = YoloHead(((10, 20), (30, 40)), (1,), classes=2)
     head = np.full((7, 3, 4), -9, np.float32)
     head[:, 1, 2] = np.log([1, 1, 2, 1, 3, 1, 1 / 3])  # σ = ½ ½, twice as wide, ¾, ½, ¼
     boxes, scores = decode(head, yolo, width=40, height=60, threshold=0.5)
@@ -28,7 +28,7 @@ def test_a_cell_is_decoded_by_hand() -> None:
 
 def test_what_is_far_out_stays_finite() -> None:
     head = np.full((6, 1, 1), 1e4, np.float32)
-    boxes, scores = decode(head, Yolo(((10.0, 20.0),), (0,), 1), 40, 60, 0.5)
+    boxes, scores = decode(head, YoloHead(((10.0, 20.0),), (0,), 1), 40, 60, 0.5)
     assert np.isfinite(boxes).all()
     assert scores.tolist() == [[1.0]]
 

@@ -46,7 +46,7 @@ def test_a_smaller_input_finds_those_who_are_larger(near: float, widths: set[int
     image = np.zeros((32, 64, 3), np.uint8)
     image[8:24, 24:40] = 255
     # Boxes have 4 × 6 pixels, of an input of 16 × 8 and of one of 8 × 4, where they are higher than the image.
-    with constants(detector, SMALLER=0.5, NEAR=near, OVERLAP=0.99):
+    with constants(detector, SMALLER=0.5, LARGE_BOX=near, SUPPRESSING_IOU=0.99):
         found = VictimDetector(bright_spot_network()).detect(image)
     assert {round(d.box[2] - d.box[0]) for d in found} == widths
 

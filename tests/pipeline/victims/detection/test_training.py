@@ -1,6 +1,7 @@
 """Training: the loss, and that a small network learns to find white boxes."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,20 +15,21 @@ from pipeline.victims.detection import augmentation, loss, training
 from pipeline.victims.detection.boxes import overlaps
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.detection.labelled_image import LabelledImage
+from pipeline.victims.detection.labelled_image import TrainingImage
 from pipeline.victims.detection.loss import YoloLoss, ciou, iou
-from pipeline.victims.detection.training import Trainer, new_network, validate
+from pipeline.victims.detection.training import YoloTrainer, new_network, validate
 from pipeline.victims.detection.training_config import YoloTrainingConfig
 from tests.pipeline.victims.constants import constants
-from tests.pipeline.victims.detection.networks import SMALL
+from tests.pipeline.victims.detection.networks import SHIPPED, SMALL
 from tests.pipeline.victims.detection.people import WhiteBoxes
 
+OWN = SHIPPED / "victims.cfg"
 CONFIG = YoloTrainingConfig(width=64, height=64, steps=6, validate_every=3, batch=2)
 
 
-def labelled(*boxes: Sequence[float], ignored: bool = False) -> LabelledImage:
+def labelled(*boxes: Sequence[float], ignored: bool = False) -> TrainingImage:
     rows = np.array(boxes, np.float32).reshape(-1, 4)
-    return LabelledImage(np.zeros((8, 16, 3), np.uint8), rows, np.full(len(rows), ignored))
+    return TrainingImage(np.zeros((8, 16, 3), np.uint8), rows, np.full(len(rows), ignored))
 
 
 def head(objectness: float) -> torch.Tensor:
@@ -60,7 +62,7 @@ def test_a_box_that_is_near_is_let_alone() -> None:
     box = [3, 0, 7, 6]
     cfg = DarknetCfg.parse(SMALL)
     for near, cost in ((0.55, pytest.approx(0, abs=1e-4)), (0.65, pytest.approx(30, abs=0.1))):
-        with constants(loss, NEAR=near):
+        with constants(loss, IGNORED_IOU=near):
             assert float(YoloLoss(cfg)([answer], [labelled(box)])) == cost
 
 
@@ -89,15 +91,15 @@ def test_a_new_network_expects_no_people() -> None:
 
 def test_a_training_that_was_left_ends_with_the_same_weights(tmp_path: Path) -> None:
     whole, parts = tmp_path / "whole.weights", tmp_path / "parts.weights"
-    Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, whole, {}).run()
+    YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, whole, {}, OWN).run()
 
-    def leave(trainer: Trainer) -> None:
+    def leave(trainer: YoloTrainer) -> None:
         if trainer.step == 4:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts, {}).run(leave)
-    resumed = Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts, {})
+        YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts, {}, OWN).run(leave)
+    resumed = YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts, {}, OWN)
     assert resumed.step == 4
     resumed.run()
     assert whole.read_bytes() == parts.read_bytes()
@@ -107,30 +109,33 @@ def test_a_training_that_was_left_ends_with_the_same_weights(tmp_path: Path) -> 
 
 def test_another_training_does_not_take_it_up(tmp_path: Path) -> None:
     out = tmp_path / "w.weights"
-    Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out, {}).run()
+    YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out, {}, OWN).run()
     with pytest.raises(InputError, match="other settings or data"):
-        Trainer(WhiteBoxes(40), WhiteBoxes(6, 1), CONFIG, out, {})
+        YoloTrainer(WhiteBoxes(40), WhiteBoxes(6, 1), CONFIG, out, {}, OWN)
     out.with_suffix(".checkpoint").write_bytes(b"nothing")
     with pytest.raises(InputError, match="not a checkpoint"):
-        Trainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out, {})
+        YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out, {}, OWN)
 
 
 def test_it_learns(tmp_path: Path) -> None:
     config = YoloTrainingConfig(width=64, height=64, steps=60, validate_every=60, batch=8)
-    trainer = Trainer(WhiteBoxes(60), WhiteBoxes(30, 1), config, tmp_path / "w.weights", {})
+    trainer = YoloTrainer(WhiteBoxes(60), WhiteBoxes(30, 1), config, tmp_path / "w.weights", {}, OWN)
     before = validate(trainer.average, WhiteBoxes(30, 1))
-    with constants(augmentation, MOSAIC=0), constants(training, AVERAGE=0.9):
+    with constants(augmentation, ODDS=0), constants(training, AVERAGE=0.9):
         trainer.run()
     assert before < 0.1
     assert trainer.score > 0.35
 
 
 def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
-    for wrong in ({"width": 100}, {"height": 0}, {"steps": 0}, {"batch": 0}):
+    for wrong in ({"steps": 0}, {"batch": 0}):
         with pytest.raises(InputError):
             YoloTrainingConfig(**wrong)
+    for wrong in ({"width": 100}, {"height": 0}):
+        with pytest.raises(InputError, match="multiples of 32"):
+            YoloTrainer(WhiteBoxes(30), WhiteBoxes(6), replace(CONFIG, **wrong), tmp_path / "w.weights", {}, OWN)
     with pytest.raises(InputError, match="images to validate with show no people"):
-        Trainer(WhiteBoxes(30), WhiteBoxes(0), CONFIG, tmp_path / "w.weights", {})
+        YoloTrainer(WhiteBoxes(30), WhiteBoxes(0), CONFIG, tmp_path / "w.weights", {}, OWN)
 
 
 def test_the_learning_rate_rises_and_falls() -> None:

@@ -44,7 +44,7 @@ def test_points_that_cannot_be_classified_are_refused(points: np.ndarray) -> Non
 
 def test_more_neighbours_than_can_be_selected_are_refused() -> None:
     with pytest.raises(InputError, match="64"):
-        FastDgcnn(Dgcnn(k=65), threads=1)
+        FastDgcnn(Dgcnn(6, 6, k=65), threads=1)
 
 
 @pytest.mark.parametrize("points", [20, 21, 64, 255, 256, 257, 700])

@@ -1,0 +1,238 @@
+"""Run the benchmarks of the pages of results, and write these pages: ``results.py [PAGE ...]``."""
+
+import json
+import re
+import resource
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+import yaml
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from sarsim.scripts.benchmark import machine
+from sarsim.scripts.settings import run_with_settings
+from sarsim.scripts.tables import figures as flat
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "docs" / "results"
+README = ROOT / "README.md"
+MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
+CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements.txt", ":!*.md", ":!scripts/results.py")
+"""What figures depend on, as git names it: a change elsewhere leaves them valid."""
+DIGITS = 5  # Significant digits of a figure that is kept
+
+Record = Mapping[str, Any]
+"""Figures, by name, and for what they hold: date, commit, command, version, machine, processor_s."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """Which pages are measured and written.
+
+    Attributes:
+        pages: names in docs/results/pages.yaml; by default all.
+        again: measure again even if there are figures of this state of the code.
+        write: only write the pages of the figures that are there.
+        flags: further flags of the benchmark in one word, such as "--frames 8"; the page names them.
+    """
+
+    pages: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
+    again: bool = False
+    write: bool = False
+    flags: str = ""
+
+
+def results(settings: Results) -> None:
+    """Measure each page that has no figures of this state of the code yet, and write all pages and README's table."""
+    known = plan()["pages"]
+    if unknown := set(settings.pages) - known.keys():
+        raise InputError(f"{', '.join(sorted(unknown))}: no page of results; there are {', '.join(known)}")
+    for name in () if settings.write else settings.pages or known:
+        renew(name, known[name], settings)
+        write_pages()
+    write_pages()
+
+
+def plan() -> dict[str, Any]:
+    """The pages: title, command, minutes of processor time, and tables of figures of each, and README's rows."""
+    content: dict[str, Any] = yaml.safe_load((FOLDER / "pages.yaml").read_text())
+    return content
+
+
+def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
+    """Measure a page unless its figures are of this state of the code."""
+    commit, old = state_of_code(), record_of(name)
+    if old and old["commit"] == commit and not commit.endswith("+") and not settings.again:
+        print(f"{name}: measured on {commit} already")
+        return
+    print(f"{name}: takes about {minutes(old['processor_s'] if old else 60 * page['minutes'])}", flush=True)
+    command = " ".join([page["command"].format(commit=commit), settings.flags]).strip()
+    record = measured(command, ROOT / "runs" / "results" / name) | {"commit": commit}
+    with whole_file(FOLDER / f"{name}.json") as part:
+        part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
+    print(f"{name}: took {minutes(record['processor_s'])}", flush=True)
+
+
+def state_of_code() -> str:
+    """The commit that changed the code last, with a + if changes are not committed.
+
+    Raises:
+        InputError: this is no checkout of git.
+    """
+    found = _git("log", "-1", "--format=%h", "--", *CODE)
+    changed = _git("status", "--porcelain", "--untracked-files=no", "--", *CODE)
+    return found + "+" * bool(changed)
+
+
+def _git(*words: str) -> str:
+    try:
+        return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise InputError(f"{ROOT}: results need a checkout with git: {error}") from error
+
+
+def measured(command: str, folder: Path) -> dict[str, Any]:
+    """The record of a command, without the commit: of a benchmark, or of an episode by its report.
+
+    Raises:
+        InputError: the command failed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    benchmark = command.startswith("benchmark.py")
+    output = ["--json", str(folder / "figures.json")] if benchmark else ["--out", str(folder)]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    script, *flags = shlex.split(command)
+    if status := subprocess.call([sys.executable, str(ROOT / "scripts" / script), *flags, *output], cwd=ROOT):
+        raise InputError(f"{command}: ended with status {status}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    content = json.loads((folder / ("figures.json" if benchmark else "report.json")).read_text())
+    return {
+        "command": command,
+        "date": date.today().isoformat(),
+        "processor_s": round(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime),
+        "version": content["version"],
+        "machine": content.get("machine") or machine(),
+        "figures": kept(content["figures"] if benchmark else dict(flat("", content))),
+    }
+
+
+def kept(figures: Mapping[str, Any]) -> dict[str, float]:
+    """The figures that are numbers, rounded to ``DIGITS``, with names that do not begin with a dot."""
+    numbers = {name.lstrip("."): value for name, value in figures.items() if isinstance(value, int | float)}
+    return {name: float(f"{value:.{DIGITS}g}") for name, value in numbers.items() if not name.startswith("config")}
+
+
+def record_of(name: str) -> Record | None:
+    """What was measured for a page, if anything was."""
+    file = FOLDER / f"{name}.json"
+    return json.loads(file.read_text()) if file.exists() else None
+
+
+def write_pages() -> None:
+    """Write every page of results and README's table from the figures that are there."""
+    for file, text in texts().items():
+        with whole_file(file) as part:
+            part.write_text(text)
+
+
+def texts() -> dict[Path, str]:
+    """The text of every file that is written from figures."""
+    content = plan()
+    records = {name: record_of(name) for name in content["pages"]}
+    pages = {FOLDER / f"{name}.md": text_of(name, page, records[name]) for name, page in content["pages"].items()}
+    before, _, rest = README.read_text().partition(MARKERS[0])
+    after = rest.partition(MARKERS[1])[2]
+    rows = [readme_row(row, records[row["page"]]) for row in content["readme"]]
+    table = "\n".join(["| what | result | measured |", "|---|---|---|", *rows])
+    return pages | {README: f"{before}{MARKERS[0]}\n\n{table}\n\n{MARKERS[1]}{after}"}
+
+
+def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
+    """A page as Markdown."""
+    make = f"make results PAGE={name}"
+    parts = [
+        f"# Results: {page['title']}",
+        f"<!-- Written by `{make}` from {name}.json and pages.yaml. -->",
+        f"```sh\n{make}   # about {minutes(record['processor_s'] if record else 60 * page['minutes'])}\n```",
+        page["about"].strip(),
+    ]
+    if record is None:
+        return (
+            "\n\n".join([*parts, f"Not measured on this state yet: `{shown(page['command'])}` measures it."]) + "\n"
+        )
+    parts.append(f"{origin(record)} `{shown(record['command'])}`.")
+    if shown(record["command"]) != shown(page["command"]):
+        parts.append(f"This is a part of `{shown(page['command'])}`.")
+    parts += [text for table in page["tables"] if (text := table_of(table, record["figures"]))]
+    return "\n\n".join([*parts, f"[{name}.json]({name}.json) has every figure."]) + "\n"
+
+
+def origin(record: Record) -> str:
+    """When, on what code and on what machine the figures were measured."""
+    machine = record["machine"]
+    on = f"{machine['cores']} cores of {machine['processor']} ({machine['instructions']})"
+    return f"Measured on {record['date']}, commit {record['commit']}, version {record['version']}, on {on} by"
+
+
+def shown(command: str) -> str:
+    """A command as a page shows it: without the folder of unfinished runs."""
+    return re.sub(r" --runs \S+", "", command)
+
+
+def table_of(table: Mapping[str, Any], figures: Mapping[str, float]) -> str:
+    """A table of the rows that have a figure, empty without such rows.
+
+    A figure's name is ``cell`` with the parts of its name that row and column stand for.
+    """
+    columns, cell = table.get("columns", {table.get("unit", "figure"): ""}), table.get("cell", "{row}")
+    rows = []
+    for label, row in table["rows"].items():
+        names = [cell.format(row=row, column=column) for column in columns.values()]
+        if any(name in figures for name in names):
+            rows.append(line([label, *(number(figures[name]) if name in figures else "–" for name in names)]))
+    heads = [line([table.get("title", ""), *columns]), "|---" * (1 + len(columns)) + "|"]
+    return "\n".join([*heads, *rows]) if rows else ""
+
+
+def line(cells: Iterable[str]) -> str:
+    """A row of a table in Markdown."""
+    return f"| {' | '.join(cells)} |"
+
+
+def readme_row(row: Mapping[str, str], record: Record | None) -> str:
+    """A row of README's table: ``text`` with the figures that stand in braces."""
+    link = f"[{row['page']}](docs/results/{row['page']}.md)"
+    try:
+        figures = record["figures"] if record else {}
+        told = re.sub(r"\{([^:{}]+):([^{}]*)\}", lambda field: format(figures[field[1]], field[2]), row["text"])
+        when = f"{record['date']}, {record['commit']}" if record else ""
+    except KeyError:
+        told, when = "not measured on this state yet", f"`make results PAGE={row['page']}`"
+    return line([row["what"], told, f"{link}, {when}"])
+
+
+def number(value: float) -> str:
+    """A figure in four digits."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+def minutes(seconds: float) -> str:
+    """A duration to be read."""
+    return f"{seconds:.0f} s of processor time" if seconds < 100 else f"{seconds / 60:.0f} min of processor time"
+
+
+def main() -> None:
+    """Entry point."""
+    run_with_settings(results, Results)
+
+
+if __name__ == "__main__":
+    main()

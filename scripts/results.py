@@ -27,6 +27,8 @@ README = ROOT / "README.md"
 MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
 CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements.txt", ":!*.md", ":!scripts/results.py")
 """What figures depend on, as git names it: a change elsewhere leaves them valid."""
+WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
+NOT_MEASURED = "not measured on this state yet"
 DIGITS = 5  # Significant digits of a figure that is kept
 
 Record = Mapping[str, Any]
@@ -73,12 +75,12 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
     if old and old["commit"] == commit and not commit.endswith("+") and not settings.again:
         print(f"{name}: measured on {commit} already")
         return
-    print(f"{name}: takes about {minutes(old['processor_s'] if old else 60 * page['minutes'])}", flush=True)
+    print(f"{name}: takes about {duration(page, old)}", flush=True)
     command = " ".join([page["command"].format(commit=commit), settings.flags]).strip()
     record = measured(command, ROOT / "runs" / "results" / name) | {"commit": commit}
     with whole_file(FOLDER / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
-    print(f"{name}: took {minutes(record['processor_s'])}", flush=True)
+    print(f"{name}: took {duration(page, record)}", flush=True)
 
 
 def state_of_code() -> str:
@@ -146,33 +148,41 @@ def write_pages() -> None:
 def texts() -> dict[Path, str]:
     """The text of every file that is written from figures."""
     content = plan()
-    records = {name: record_of(name) for name in content["pages"]}
-    pages = {FOLDER / f"{name}.md": text_of(name, page, records[name]) for name, page in content["pages"].items()}
+    pages, records = content["pages"], {name: record_of(name) for name in content["pages"]}
+    written = {FOLDER / f"{name}.md": text_of(name, page, records[name]) for name, page in pages.items()}
     before, _, rest = README.read_text().partition(MARKERS[0])
-    after = rest.partition(MARKERS[1])[2]
     rows = [readme_row(row, records[row["page"]]) for row in content["readme"]]
     table = "\n".join(["| what | result | measured |", "|---|---|---|", *rows])
-    return pages | {README: f"{before}{MARKERS[0]}\n\n{table}\n\n{MARKERS[1]}{after}"}
+    readme = f"{before}{MARKERS[0]}\n\n{table}\n\n{MARKERS[1]}{rest.partition(MARKERS[1])[2]}"
+    return written | {FOLDER / "index.md": index_of(pages, records), README: readme}
+
+
+def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> str:
+    """The page that lists all pages of results, as Markdown."""
+    rows = ["| results | measured | takes |", "|---|---|---|"]
+    for name, page in pages.items():
+        when = f"{record['date']}, {record['commit']}" if (record := records[name]) else NOT_MEASURED
+        rows.append(line([f"[{page['title']}]({name}.md)", when, duration(page, record)]))
+    about = "[Earlier states](earlier.md) have older figures, [what was tried](../tried.md) those of ideas left out."
+    return markdown("Results", "make results   # measure all", "\n".join(rows), about)
 
 
 def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
     """A page as Markdown."""
-    make = f"make results PAGE={name}"
-    parts = [
-        f"# Results: {page['title']}",
-        f"<!-- Written by `{make}` from {name}.json and pages.yaml. -->",
-        f"```sh\n{make}   # about {minutes(record['processor_s'] if record else 60 * page['minutes'])}\n```",
-        page["about"].strip(),
-    ]
+    command = f"make results PAGE={name}   # about {duration(page, record)}"
+    parts = [f"Results: {page['title']}", command, page["about"]]
     if record is None:
-        return (
-            "\n\n".join([*parts, f"Not measured on this state yet: `{shown(page['command'])}` measures it."]) + "\n"
-        )
-    parts.append(f"{origin(record)} `{shown(record['command'])}`.")
-    if shown(record["command"]) != shown(page["command"]):
-        parts.append(f"This is a part of `{shown(page['command'])}`.")
-    parts += [text for table in page["tables"] if (text := table_of(table, record["figures"]))]
-    return "\n\n".join([*parts, f"[{name}.json]({name}.json) has every figure."]) + "\n"
+        return markdown(*parts, f"{NOT_MEASURED.capitalize()}.")
+    whole, done = shown(page["command"]), shown(record["command"])
+    part = [f"This is a part of `{whole}`."] if done != whole else []
+    tables = [text for table in page["tables"] if (text := table_of(table, record["figures"]))]
+    every = f"[{name}.json]({name}.json) has every figure."
+    return markdown(*parts, f"{origin(record)} `{done}`.", *part, *tables, every)
+
+
+def markdown(title: str, command: str, *parts: str) -> str:
+    """A page with a title, the command that makes it, and paragraphs or tables."""
+    return "\n\n".join([f"# {title}", f"<!-- {WRITTEN} -->", f"```sh\n{command}\n```", *parts]) + "\n"
 
 
 def origin(record: Record) -> str:
@@ -192,13 +202,13 @@ def table_of(table: Mapping[str, Any], figures: Mapping[str, float]) -> str:
 
     A figure's name is ``cell`` with the parts of its name that row and column stand for.
     """
-    columns, cell = table.get("columns", {table.get("unit", "figure"): ""}), table.get("cell", "{row}")
+    columns, cell = table.get("columns", {table.get("unit", "value"): ""}), table.get("cell", "{row}")
     rows = []
     for label, row in table["rows"].items():
         names = [cell.format(row=row, column=column) for column in columns.values()]
         if any(name in figures for name in names):
             rows.append(line([label, *(number(figures[name]) if name in figures else "–" for name in names)]))
-    heads = [line([table.get("title", ""), *columns]), "|---" * (1 + len(columns)) + "|"]
+    heads = [line([table.get("title", "figure"), *columns]), "|---" * (1 + len(columns)) + "|"]
     return "\n".join([*heads, *rows]) if rows else ""
 
 
@@ -215,7 +225,7 @@ def readme_row(row: Mapping[str, str], record: Record | None) -> str:
         told = re.sub(r"\{([^:{}]+):([^{}]*)\}", lambda field: format(figures[field[1]], field[2]), row["text"])
         when = f"{record['date']}, {record['commit']}" if record else ""
     except KeyError:
-        told, when = "not measured on this state yet", f"`make results PAGE={row['page']}`"
+        told, when = NOT_MEASURED, f"`make results PAGE={row['page']}`"
     return line([row["what"], told, f"{link}, {when}"])
 
 
@@ -224,8 +234,9 @@ def number(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
-def minutes(seconds: float) -> str:
-    """A duration to be read."""
+def duration(page: Mapping[str, Any], record: Record | None) -> str:
+    """How long a page takes: by its last measurement, else as it is planned."""
+    seconds = record["processor_s"] if record else 60 * page["minutes"]
     return f"{seconds:.0f} s of processor time" if seconds < 100 else f"{seconds / 60:.0f} min of processor time"
 
 

@@ -36,7 +36,7 @@ benchmark: setup ## measure against peers: make benchmark SUBJECT=camera
 	$(PYTHON) scripts/benchmark.py $(SUBJECT)
 
 results: setup ## measure all pages of results and write them, or one: make results PAGE=metric-map FLAGS="--frames 8" AGAIN=1
-	$(PYTHON) scripts/results.py $(PAGE) $(if $(FLAGS),--flags "$(FLAGS)") $(if $(AGAIN),--again)
+	$(PYTHON) scripts/results.py $(PAGE) $(if $(FLAGS),--flags="$(FLAGS)") $(if $(AGAIN),--again)
 
 docs: setup .venv/docs-installed ## build the documentation's site in build/site
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet

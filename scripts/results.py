@@ -43,7 +43,7 @@ class Results:
         pages: names in docs/results/pages.yaml; by default all.
         again: measure again even if there are figures of this state of the code.
         write: only write the pages of the figures that are there.
-        flags: further flags of the benchmark in one word, such as "--frames 8"; the page names them.
+        flags: further flags of the benchmark, such as --flags="--frames 8"; the page names them.
     """
 
     pages: Annotated[tuple[str, ...], tyro.conf.Positional] = ()

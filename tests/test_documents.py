@@ -60,6 +60,13 @@ def test_links_lead_somewhere(document: Path) -> None:
 
 
 @document
+def test_tables_are_whole(document: Path) -> None:
+    """A blank line among the rows would end a table."""
+    tables = re.findall(r"(?:^ *\|.*\n)+", FENCED.sub("", document.read_text()), re.MULTILINE)
+    assert not [table for table in tables if not re.fullmatch(r" *\|[-|]+\|", table.split("\n")[1])]
+
+
+@document
 def test_paths_that_are_named_are_there(document: Path) -> None:
     assert not [path for path in NAMED.findall(document.read_text()) if not (ROOT / path).exists()]
 
